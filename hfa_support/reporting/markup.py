@@ -9,7 +9,7 @@ from typing import Any
 
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.rows import Group
-from hfa_support.reporting.text import Cell, Table, printable
+from hfa_support.reporting.text import Cell, Table, are_words, flowing, printable
 
 #: Style sheet of a report in HTML, on a screen and on paper.
 _STYLE = (
@@ -41,7 +41,7 @@ def report_as_markdown(
     source: the provenance
     level: level of the heading
     """
-    first, *others = printable(title).split("\n")
+    first, *others = printable(flowing(title)).split("\n")
     heading = [f"{'#' * level} {first}"] if first else []
     last = (printable(f"Note: {note}") for note in notes)
     return "\n\n".join(filter(None, [*heading, *others, *shown, *last, source]))
@@ -75,7 +75,7 @@ def report_as_html(
     source: the provenance
     level: level of the heading
     """
-    first, *others = title.split("\n")
+    first, *others = flowing(title).split("\n")
     heading = [f"<h{level}>{escaped(first)}</h{level}>"] if first else []
     last = [f"Note: {note}" for note in notes]
     last += filter(None, source.split("\n"))
@@ -101,10 +101,10 @@ def as_html(part: str | Table | Group | tuple[str | Table, ...] | Picture) -> st
 def html_table(table: Table) -> str:
     """Return a table as HTML, in a box that is scrolled by pointer or keyboard.
 
-    The class of a cell is its tone. Columns of words have the class `words` (`_are_words`).
+    The class of a cell is its tone. Columns of words have the class `words` (`are_words`).
     """
     columns = [
-        ["words"] if _are_words([row[i] for row in table.rows]) else []
+        ["words"] if are_words([row[i] for row in table.rows]) else []
         for i in range(len(table.header))
     ]
     head = "".join(
@@ -147,14 +147,6 @@ def group_html(group: Group) -> str:
     table = f"<table>\n{head}\n<tbody>\n" + "\n".join(rows) + "\n</tbody>\n</table>"
     lines = [paragraph(line) for line in group.lines]
     return "\n".join(['<section class="rows">', *([table] if rows else []), *lines, "</section>"])
-
-
-def _are_words(cells: Sequence[Any]) -> bool:
-    """Return whether a table column consists of words rather than numbers."""
-    # The result is True if fewer than half of the nonempty cells begin with a digit, sign, point or
-    # ∞.
-    texts = [text for cell in cells if (text := str(cell)) not in ("", "-")]
-    return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in texts) * 2 < len(texts)
 
 
 def _td(cell: Any, column: list[str]) -> str:

@@ -1,55 +1,281 @@
-"""Reports as PDF files: pages of text in columns, and a page for each picture."""
+"""Reports as PDF documents: a sheet on a page, and books of sheets behind a cover."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import io
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from reportlab.lib.pagesizes import A4, landscape
+from reportlab.pdfgen.canvas import Canvas
+from reportlab.platypus import (
+    BaseDocTemplate,
+    Flowable,
+    Frame,
+    NextPageTemplate,
+    PageBreak,
+    PageTemplate,
+    Spacer,
+    Table as Grid,
+)
 
 from hfa_support.files import written_whole
 from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.pdf_parts import (
+    BOLD,
+    CELL,
+    FRAME,
+    GAP,
+    NOTE,
+    SANS,
+    Drawing,
+    columns_of,
+    labelled,
+    paragraph,
+    register_fonts,
+    tables,
+    text_width,
+)
+from hfa_support.reporting.rows import Group
+from hfa_support.reporting.text import Table, flowing, printable
 
-#: Width and height of a page, inches (A4), its margin, and size and spacing of the text, points.
-_PAGE = (8.27, 11.69)
-_MARGIN = 0.5
-_POINTS = 9.0
-_SPACING = 1.25
-#: Width of a character of the monospaced font, relative to its size.
-_ADVANCE = 0.603
+if TYPE_CHECKING:
+    from hfa_support.reporting.report import Report
+
+#: Margin of a page, and distance of its footer from the edge, points.
+_MARGIN, _FOOT = 34.0, 18.0
+#: Name of a page -> width and height, points.
+_PAGES = {"high": A4, "wide": landscape(A4)}
+#: Sizes of headings by level, points.
+_HEADINGS = (13.0, 11.0, 10.0)
+#: Who signs a book, and what is left blank to sign.
+SIGNERS = ("author", "checked", "approved")
+BLANKS = ("name", "date", "signature")
+#: Width of a label of a cover, and height of a line to sign, points.
+_LABEL, _LINE = 90.0, 26.0
+#: Number of characters above which an entry of a head is wrapped.
+_LONGEST = 48
+_IN_FRAMES = [("GRID", (0, 0), (-1, -1), 0.5, FRAME), ("VALIGN", (0, 0), (-1, -1), "TOP")]
 
 
-def write_pdf(sheets: Iterable[tuple[str, Iterable[Picture]]], path: Path) -> None:
-    """Write sheets of a text and its pictures as PDF, each sheet on pages of its own, completely or
-    not at all.
+def write_pdf(report: Report, path: Path) -> None:
+    """Write a report as PDF, completely or not at all.
+
+    A sheet has one page if it fits. A report of reports has its head as cover, its tables on wide
+    pages, and each report on pages of its own.
     """
-    from matplotlib.backends.backend_pdf import PdfPages
+    register_fonts()
+    stream = io.BytesIO()
+    document = BaseDocTemplate(
+        stream,
+        pageTemplates=[*map(_page_template, _PAGES)],
+        title=printable(report.title.partition("\n")[0], lines=False),
+        creator="hfa",
+        invariant=True,  # equal results give equal files
+    )
+    names = (report.head.get(label, "") for label in ("document", "aircraft"))
 
-    with written_whole(path) as stream, PdfPages(stream, metadata={"Creator": "hfa"}) as pages:
-        for text, pictures in sheets:
-            for page in _pages(text):
-                pages.savefig(page)
-            for picture in pictures:
-                pages.savefig(picture.figure)
+    class Numbered(_NumberedPages):
+        footer = printable(", ".join(filter(None, names)), lines=False)
+
+    document.build([*_story(report, 0)], canvasmaker=Numbered)
+    with written_whole(path) as file:
+        file.write(stream.getvalue())
 
 
-def _pages(text: str) -> Iterator[object]:
-    """Yield a figure for each page of a text."""
-    from hfa_support.reporting.figure import new_figure
+def _page_template(name: str) -> PageTemplate:
+    frame = Frame(_MARGIN, _MARGIN, *_area(name), *(0.0,) * 4)
+    return PageTemplate(name, [frame], pagesize=_PAGES[name])
 
-    lines = text.split("\n")
-    width = 72.0 * (_PAGE[0] - 2.0 * _MARGIN) / _ADVANCE
-    points = min(_POINTS, width / max(map(len, lines)))
-    most = int(72.0 * (_PAGE[1] - 2.0 * _MARGIN) / (points * _SPACING))
-    for first in range(0, len(lines), most):
-        figure = new_figure(*_PAGE)
-        figure.set_layout_engine("none")
-        figure.text(
-            _MARGIN / _PAGE[0],
-            1.0 - _MARGIN / _PAGE[1],
-            "\n".join(lines[first : first + most]),
-            family="monospace",
-            fontsize=points,
-            linespacing=_SPACING,
-            verticalalignment="top",
-            parse_math=False,
-        )
-        yield figure
+
+def _area(name: str) -> tuple[float, float]:
+    """Return width and height within the margins of a page, points."""
+    width, height = _PAGES[name]
+    return width - 2.0 * _MARGIN, height - 2.0 * _MARGIN
+
+
+class _NumberedPages(Canvas):
+    """Canvas that keeps its pages until it can number them, "3 of 14"."""
+
+    footer = ""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.pages: list[dict[str, Any]] = []
+
+    def showPage(self) -> None:
+        """Keep a page."""
+        self.pages.append({**self.__dict__})
+        self._startPage()
+
+    def save(self) -> None:
+        """Write the pages with their numbers."""
+        for number, page in enumerate(self.pages, start=1):
+            self.__dict__.update(page)
+            right = self._pagesize[0] - _MARGIN
+            count = f"{number} of {len(self.pages)}"
+            self.setFont(SANS, CELL)
+            self.setFillColor(NOTE)
+            self.drawRightString(right, _FOOT, count)
+            room = right - text_width(count) - GAP - _MARGIN
+            self.drawString(_MARGIN, _FOOT, _beginning(self.footer, room))
+            super().showPage()
+        super().save()
+
+
+def _beginning(text: str, room: float) -> str:
+    """Return a text, or as much of its beginning as fits, with "…"."""
+    if text_width(text) <= room:
+        return text
+    while text and text_width(f"{text}…") > room:
+        text = text[:-1]
+    return f"{text}…"
+
+
+def _story(report: Report, level: int) -> Iterator[Flowable]:
+    """Yield the parts of a report in reading order.
+
+    level: 0 for the document, 1 for a report in it
+    """
+    yield from _heading(report.title, level)
+    after = [f"Note: {note}" for note in report.notes]
+    after += filter(None, report.source.split("\n"))
+    nested = [part for part in report.parts if isinstance(part, type(report))]
+    others = [part for part in report.parts if not isinstance(part, type(report))]
+    if nested:
+        yield from _book(report.head, others, after)
+        for each in nested:
+            yield PageBreak()
+            yield from _story(each, level + 1)
+        return
+    if report.head:
+        yield _framed(report.head)
+        if level == 0:
+            yield _framed(dict.fromkeys(BLANKS, ""), _LINE)
+        yield Spacer(0.0, 6.0)
+    if any(isinstance(part, Group) for part in others):
+        yield from _sheet(others, after, is_alone=level == 0)
+    else:
+        for part in others:
+            yield from _part(part, "high")
+        yield from _small(after)
+
+
+def _heading(title: str, level: int) -> Iterator[Flowable]:
+    """Yield the first line of a title as heading and in the outline, and the others below it."""
+    first, _, others = flowing(title).partition("\n")
+    if first:
+        yield _Entry(printable(first, lines=False), level)
+        size = _HEADINGS[min(level, len(_HEADINGS) - 1)]
+        yield paragraph(first, size, BOLD, spaceAfter=0.3 * size, keepWithNext=1)
+    yield from _lines(others)
+
+
+class _Entry(Flowable):
+    """Entry of the outline of a document, without a size on the page."""
+
+    def __init__(self, title: str, level: int) -> None:
+        super().__init__()
+        self.title = title
+        self.level = level
+
+    def draw(self) -> None:
+        """Add the entry."""
+        key = f"{self.canv.getPageNumber()} {self.title}"
+        self.canv.bookmarkPage(key)
+        self.canv.addOutlineEntry(self.title, key, self.level)
+
+
+def _lines(text: str) -> Iterator[Flowable]:
+    for line in filter(str.strip, text.split("\n")):
+        yield paragraph(line, spaceAfter=2.0)
+
+
+def _small(lines: Sequence[str]) -> Iterator[Flowable]:
+    for line in lines:
+        yield paragraph(line, CELL, textColor=NOTE, spaceBefore=3.0)
+
+
+def _framed(entries: Mapping[str, str], height: float | None = None) -> Grid:
+    """Return entries, label -> text, in frames beside each other. Long ones are wider."""
+    lengths = [max(len(label), min(len(text), _LONGEST)) for label, text in entries.items()]
+    share = _area("high")[0] / sum(lengths)
+    cells = [labelled(*entry) for entry in entries.items()]
+    return Grid([cells], [share * length for length in lengths], height, style=_IN_FRAMES)
+
+
+def _book(
+    head: Mapping[str, str], parts: Sequence[Any], after: Sequence[str]
+) -> Iterator[Flowable]:
+    """Yield the first pages of a report of reports: the cover, and the other parts on wide pages.
+
+    after: notes and provenance, which are on the cover
+    """
+    if head:
+        yield Spacer(0.0, 12.0)
+        width = _area("high")[0]
+        entries = [[paragraph(k, font=BOLD), paragraph(text)] for k, text in head.items()]
+        yield Grid(entries, [_LABEL, width - _LABEL], style=_IN_FRAMES)
+        yield Spacer(0.0, 18.0)
+        columns = (width - _LABEL) / len(BLANKS)
+        signed = [["", *BLANKS], *([signer, "", "", ""] for signer in SIGNERS)]
+        heights = [None, *[_LINE] * len(SIGNERS)]
+        bold = [*_IN_FRAMES, ("FONT", (0, 0), (-1, -1), BOLD, 8.0)]
+        yield Grid(signed, [_LABEL, *[columns] * len(BLANKS)], heights, style=bold)
+        yield Spacer(0.0, 12.0)
+    yield from _small(after)
+    if parts:
+        yield NextPageTemplate("wide")
+        if head:
+            yield PageBreak()
+        for part in parts:
+            yield from _part(part, "wide")
+        yield NextPageTemplate("high")
+
+
+def _part(part: Any, page: str) -> Iterator[Flowable]:
+    """Yield a paragraph, a table with sentences below it, a tuple of such parts, or a picture."""
+    width, height = _area(page)
+    if isinstance(part, Picture):
+        yield Drawing(part, height, is_optional=False)
+    elif isinstance(part, str):
+        yield from _lines(flowing(part))
+        yield Spacer(0.0, 4.0)
+    elif isinstance(part, Table):
+        yield from _part((part,), page)
+    elif part and isinstance(part[0], Table) and all(isinstance(each, str) for each in part[1:]):
+        for table in tables(part[0], part[1:], width):
+            yield table
+            yield Spacer(0.0, 8.0)
+    else:
+        for each in part:
+            yield from _part(each, page)
+
+
+def _sheet(parts: Sequence[Any], after: Sequence[str], is_alone: bool) -> Iterator[Flowable]:
+    """Yield a sheet: its rows and sentences in two columns, then other tables and pictures.
+
+    after: notes and provenance
+    is_alone: whether a picture that does not fit has a page of its own
+    """
+    groups: list[Group] = []
+    rest = []
+    for part in parts:
+        lines = part if isinstance(part, tuple) and not isinstance(part, Table) else (part,)
+        if isinstance(part, Group):
+            groups.append(part)
+        elif all(isinstance(line, str) for line in lines):
+            groups.append(Group("", (), lines))
+        else:
+            rest.append(part)
+    if after:
+        groups.append(Group("", (), tuple(after)))
+    width, height = _area("high")
+    yield columns_of(groups, width, height)
+    for part in rest:
+        yield Spacer(0.0, 6.0)
+        if isinstance(part, Picture):
+            yield Drawing(part, height, is_optional=not is_alone)
+        else:
+            yield from _part(part, "high")

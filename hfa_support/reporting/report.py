@@ -148,7 +148,7 @@ class Report:
 
         - .json, .npz, .mat: `data`
         - .csv: `records`
-        - .html, .md, .pdf: the text, in HTML and PDF with pictures
+        - .html, .md, .pdf: the text, in HTML and PDF with pictures. PDF requires reportlab
         - .tex: the tables alone, with the rules of booktabs. Requires pandas and Jinja2
 
         Raises BadInputError for another suffix.
@@ -161,31 +161,12 @@ class Report:
         if suffix in texts:
             write_text(path, texts[suffix]())
         elif suffix == ".pdf":
+            imported("reportlab", "PDF files require")
             from hfa_support.reporting.pdf import write_pdf
 
-            write_pdf(
-                ((sheet._signed_text(), sheet.pictures()) for sheet in self._sheets()), Path(path)
-            )
+            write_pdf(self, Path(path))
         else:
             save_data(Path(path), self.data, self.records)
-
-    def _signed_text(self) -> str:
-        """Return the text, with the head of a sheet that is signed above it."""
-        if not self.head:
-            return self.text()
-        from hfa_support.reporting.rows import side_by_side
-
-        head = [f"{label}: {text}" for label, text in self.head.items()]
-        head.append("name: ____________________  date: ____________  signature: ____________")
-        groups = [part for part in self.parts if isinstance(part, Group)]
-        others = [part for part in self.parts if not isinstance(part, Group)]
-        rest = replace(self, title="", parts=others, head={}).text()
-        return "\n".join([self.title, "", *head, "", side_by_side(groups), "", rest])
-
-    def _sheets(self) -> Sequence[Report]:
-        """Return the nested reports of a report that consists of them, or the report itself."""
-        nested = [part for part in self.parts if isinstance(part, Report)]
-        return nested if nested and len(nested) == len(self.parts) else [self]
 
     def pictures(self) -> Iterator[Picture]:
         """Yield all pictures of this report and of nested reports."""

@@ -26,8 +26,6 @@ COLUMNS = ("group", "name", "value", "unit", "note")
 #: Gap between two columns, and least width of the column of notes.
 _GAP = "  "
 _LEAST_NOTE = 24
-#: Number of characters in each of two columns, more where a row needs them.
-_COLUMN = 64
 
 
 @dataclass(frozen=True)
@@ -214,23 +212,6 @@ class Sheet(ByName[Row]):
                 for name, value in numbers_of(row):
                     rows.append((group.title, name, value, row.unit, row.note))
         return Table(COLUMNS, rows)
-
-
-def side_by_side(groups: Sequence[Group]) -> str:
-    """Return groups as text in two columns of about equal length, in reading order."""
-    blocks = [[*group.text(width=_COLUMN).split("\n"), ""] for group in groups]
-    half = sum(map(len, blocks)) / 2
-    left: list[str] = []
-    right: list[str] = []
-    for block in blocks:
-        is_left = not right and len(left) + len(block) / 2 <= half
-        (left if is_left else right).extend(block)
-    height = max(len(left), len(right))
-    pairs = zip(
-        left + [""] * (height - len(left)), right + [""] * (height - len(right)), strict=True
-    )
-    width = max(map(len, left), default=0) + 2
-    return "\n".join(f"{one.ljust(width)}{other}".rstrip() for one, other in pairs)
 
 
 def numbers_of(row: Row) -> Iterator[tuple[str, Any]]:

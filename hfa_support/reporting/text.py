@@ -312,6 +312,19 @@ def _columns_that_fit(widths: list[int], labels: int, width: int | None) -> list
     return blocks
 
 
+def are_words(cells: Sequence[Any]) -> bool:
+    """Return whether a table column consists of words rather than numbers."""
+    # The result is True if fewer than half of the nonempty cells begin with a digit, sign, point or
+    # ∞.
+    texts = [text for cell in cells if (text := str(cell)) not in ("", "-")]
+    return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in texts) * 2 < len(texts)
+
+
+def flowing(text: str) -> str:
+    """Return a text whose lines that end with a comma or semicolon continue on the same line."""
+    return re.sub(r"(?<=[,;])\n", " ", text)
+
+
 def wrapped(text: str, width: int | None) -> str:
     """Return a text with its lines wrapped between words.
 

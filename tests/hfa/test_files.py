@@ -138,7 +138,7 @@ def test_two_runs_write_the_same_bytes(tmp_path, monkeypatch, name, suffix):
     ("suffix", "opening"),
     [
         ("html", b"<!doctype html>"),
-        pytest.param("pdf", b"%PDF", marks=pytest.mark.slow),
+        ("pdf", b"%PDF"),
         ("md", b"# HFA"),
     ],
 )

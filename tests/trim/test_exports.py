@@ -32,6 +32,7 @@ EXPORTS: dict[str, Callable[[Any], Any]] = {
     "linear model to pandas": lambda point: point.linearize().to_pandas(),
     "modes to pandas": lambda point: point.modes.to_pandas(),
     "flight to pandas": lambda point: hfa.fly(point.model, point, None, duration=0.01).to_pandas(),
+    "a sheet by reportlab": lambda point: point.save("sheet.pdf"),
 }
 
 
@@ -39,7 +40,7 @@ EXPORTS: dict[str, Callable[[Any], Any]] = {
 def test_a_missing_package_is_named(
     name: str, point: hfa.OperatingPoint, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without pandas or xarray an export is refused in one line with the command that installs it."""
+    """Without pandas, xarray or reportlab an export is refused in one line with the command that installs it."""
     package = name.split()[-1]
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(BadInputError) as caught:

@@ -17,7 +17,6 @@ from hfa_support.reporting.text import (
     digits_with_unit,
     is_zero,
     shown_value,
-    wrapped,
 )
 from trim.linear.modes import Mode
 from trim.point.margins import Margin
@@ -56,7 +55,7 @@ def first_line(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str
         lines.append(_unstable([*modes], model.time_unit))
     lines += [*stalled_at(trimmed), *uniqueness_lines(trimmed.given)]
     lines += [f"Check: {doubt}" for doubt in doubts_of(trimmed)]
-    return wrapped("\n".join(lines), WIDTH)
+    return "\n".join(lines)
 
 
 def title_of(trimmed: Trimmed) -> str:

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.text import beside_unit, shown_value
+from hfa_support.reporting.text import WIDTH, beside_unit, shown_value, wrapped
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
 from trim.reports.first_lines import title_of
@@ -69,4 +69,4 @@ def _draw_variables(axes: Axes, point: OperatingPoint) -> None:
     labels = [f"{each.name} {shown_value(each.value, each.unit)}" for each in limited]
     axes.set_yticks(rows, map(beside_unit, labels, [each.unit for each in limited]))
     axes.set_xlabel("share of the range between the limits, %; at a limit red")
-    axes.set_title(title_of(Trimmed(point)), fontsize=10)
+    axes.set_title(wrapped(title_of(Trimmed(point)), WIDTH), fontsize=10)

@@ -1,0 +1,125 @@
+"""PDF documents: every row of a report is on its pages, which are numbered and not almost empty."""
+
+import dataclasses
+from pathlib import Path
+
+import pypdf
+import pytest
+
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.rows import Group, Row
+from hfa_support.reporting.text import Cell, Table
+
+WORDS = "that no table of the aircraft states the limit of this control surface at this speed"
+
+
+def sheet(count: int, title: str = "UAV trimmed: level, 35 m/s") -> Report:
+    """Return a sheet with groups of `count` rows."""
+    groups = []
+    for name in ("condition", "trim", "performance", "modes and levels"):
+        rows = [Row(f"{name} {i}", 0.5 + i, "rad/s", WORDS[: 3 * i]) for i in range(count)]
+        groups.append(Group(name, tuple(rows), (f"{name}: {WORDS}",)))
+    head = {"aircraft": "UAV", "data": "uav.toml (SHA-256 7a161f847917)", "condition": "level"}
+    return Report(title, groups, ["a note"], source="hfa 0.4.0", head=head)
+
+
+def pages(report: Report, path: Path) -> list[str]:
+    """Return the texts of the pages of a report, without blanks and line breaks."""
+    report.save(path / "report.pdf")
+    read = pypdf.PdfReader(path / "report.pdf").pages
+    return ["".join(page.extract_text().split()) for page in read]
+
+
+def lost(report: Report, text: str) -> list[str]:
+    """Return the cells and sentences of a report that are not in a text without blanks."""
+    expected = [*report.title.split("\n"), *report.notes, *report.head.values()]
+    for part in report.parts:
+        if isinstance(part, Report):
+            expected += lost(part, text)
+        elif isinstance(part, Group):
+            expected += [part.title, *part.lines]
+            expected += [cell for row in part.rows for cell in row.cells()]
+        elif isinstance(part, Table):
+            expected += [*part.header, *(str(cell) for row in part.rows for cell in row)]
+    return [each for each in expected if "".join(each.split()) not in text]
+
+
+@pytest.mark.parametrize(("count", "expected"), [(3, 1), (16, 1), (24, 2), (50, 4)])
+def test_a_sheet_has_all_rows_and_as_few_pages_as_they_need(count, expected, tmp_path: Path):
+    """The pages are numbered "1 of 2", and each has rows of both columns."""
+    report = sheet(count)
+    texts = pages(report, tmp_path)
+    assert len(texts) == expected
+    assert not lost(report, "".join(texts))
+    for number, text in enumerate(texts, start=1):
+        assert f"{number}of{len(texts)}" in text
+        assert len(text) > 400
+
+
+def test_a_row_that_is_not_on_the_page_is_seen(tmp_path: Path) -> None:
+    report = sheet(3)
+    (text,) = pages(report, tmp_path)
+    first = report.parts[0]
+    planted = first._replace(rows=(*first.rows, Row("planted", 17.25)))
+    assert lost(dataclasses.replace(report, parts=[planted]), text) == ["planted", "17.25"]
+
+
+def test_a_long_name_and_long_cells_are_wrapped(tmp_path: Path) -> None:
+    """Nothing is cut at the edge; control characters and markup are text."""
+    title = f"{'Very long name of an aircraft ' * 8}\nCheck: a < b & <c>\x1b[31m"
+    report = dataclasses.replace(sheet(3, title), head={"aircraft": title[:200]})
+    (text,) = pages(report, tmp_path)
+    escaped = dataclasses.replace(report, title=title.replace("\x1b", "\\x1b"))
+    assert not lost(escaped, text)
+
+
+def book(count: int) -> Report:
+    rows = [(f"condition {i}", Cell("stalled", "bad"), f"{i}.5", WORDS) for i in range(count)]
+    matrix = Table(("condition", "results", "alpha [deg]", "doubts"), rows)
+    sheets = [sheet(10, f"condition {i}: level") for i in range(min(count, 3))]
+    return Report("60 conditions", [(matrix, f"3: {WORDS}"), *sheets], head={"document": "12, B"})
+
+
+@pytest.mark.parametrize("count", [1, 60, 66])
+def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path: Path) -> None:
+    """A page of the matrix has at least four rows, each sheet a page of its own."""
+    texts = pages(book(count), tmp_path)
+    assert not lost(book(count), "".join(texts))
+    sheets = min(count, 3)
+    assert "signature" in texts[0]
+    assert "condition0" not in texts[0]
+    for index, text in enumerate(texts[-sheets:]):
+        assert f"condition{index}:level" in text
+        assert "12,B" in text
+    for text in texts[1:-sheets]:
+        assert text.count("stalled") >= min(count, 4)
+
+
+def test_a_table_wider_than_the_page_continues_in_blocks(tmp_path: Path) -> None:
+    """Each block begins with the first column."""
+    header = tuple(f"column{i}" for i in range(30))
+    table = Table(header, [tuple(f"{row}.{i}25" for i in range(30)) for row in range(3)])
+    (text,) = pages(Report("wide", [table]), tmp_path)
+    assert not lost(Report("wide", [table]), text)
+    assert text.count("column0") > 1
+
+
+def test_a_picture_has_a_page_where_it_does_not_fit(tmp_path: Path) -> None:
+    """A sheet in a book leaves its picture out there, and nothing else."""
+    picture = Picture("a.png", "a figure", lambda: new_figure(7.0, 9.0))
+    report = sheet(16)
+    alone = dataclasses.replace(report, parts=[*report.parts, picture])
+    assert len(pages(alone, tmp_path)) == 2
+    nested = Report("book", [alone, sheet(3)])
+    assert len(pages(nested, tmp_path)) == 3
+
+
+def test_equal_reports_give_equal_files(tmp_path: Path) -> None:
+    contents = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        pages(sheet(3), tmp_path / name)
+        contents.append((tmp_path / name / "report.pdf").read_bytes())
+    assert contents[0] == contents[1]
