@@ -62,6 +62,7 @@ def verdict_report(
         f"{critic} on {names.origin}, against the exact {solution_words(verdict.exact.game)}"
     ]
     heading += about or (weights_line(verdict.exact.game),)
+    heading += verdict.critic.stated.notes
     if verdict.reason:
         where = "" if verdict.nonlinear is None else f", on the {game_words(verdict.exact.game)}"
         heading.append(f"Reason{where}: {verdict.reason}")

@@ -124,7 +124,7 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
     notes = stated.notes
     if stated.observations not in ((), game.names.states):
         notes += (f"observations {', '.join(stated.observations)}, taken as the states",)
-    critic = from_functions(game, z, outputs, "; ".join([origin, *notes]), stored.precision)
+    critic = from_functions(game, z, outputs, origin, stored.precision)
     return replace(critic, stated=stated._replace(notes=notes))
 
 

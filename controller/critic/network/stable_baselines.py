@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -139,14 +140,13 @@ def _stated(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> State
     words = [
         word for word in of_class.network.split("+") if any(has_word(n, word) for n in tensors)
     ]
-    steps = data.get("num_timesteps")
     return Stated(
         algorithm=_algorithm(of_class, data, settings),
         network="+".join(words),
         activation=of_class.activation if activation is None else activation_named(kind),
-        action=ActionBox(squash, low, high, clip_mean or float("inf")),
+        action=ActionBox(squash, low, high, clip_mean or math.inf),
         is_normalized=of_class.algorithm == "A2C" and _is_normalized(data),
-        steps=steps if isinstance(steps, int) else None,
+        seen=_seen(data, of_class.algorithm),
         observations=names,
         inputs=lowest.size,
     )
@@ -210,6 +210,20 @@ def _is_normalized(data: Mapping[str, Any]) -> bool:
         return False
     are_arrays = isinstance(seen, np.ndarray) and isinstance(original, np.ndarray)
     return are_arrays and seen.shape == original.shape and bool(np.any(seen != original))
+
+
+def _seen(data: Mapping[str, Any], algorithm: str) -> tuple[float, float]:
+    """Return the least and largest number of observations that a VecNormalize of a training saw.
+
+    It sees those of the steps, of the first reset of each environment (not in old versions), and of
+    all trials of ARS.
+    """
+    steps, environments = data.get("num_timesteps"), data.get("n_envs")
+    if not isinstance(steps, int) or steps == 0:
+        return 0.0, math.inf
+    if algorithm == "ARS" or not isinstance(environments, int):
+        return steps, math.inf
+    return steps, steps + environments
 
 
 def _stored(data: Mapping[str, Any], name: str) -> Any:
@@ -288,9 +302,9 @@ def _ends(space: Any, what: str) -> tuple[np.ndarray, np.ndarray]:
 def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
     """Return the normalizer in a file of `VecNormalize.save`, and how many observations it saw.
 
-    The normalizer is None if the VecNormalize does not normalize observations. Raises a
-    BadInputError that names the file and the fault if the file contains no normalizer of an array
-    of observations.
+    That of a dictionary of observations is one of its entries, in the order of its space. The
+    normalizer is None if the VecNormalize does not normalize observations. Raises a BadInputError
+    that names the file and the fault if the file contains no normalizer of all observations.
     """
     with prefix_errors(path), file_faults(path):
         stored = unpickled(regular_file(path).read_bytes())
@@ -299,29 +313,33 @@ def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
                 "the file does not contain a VecNormalize object; give a file written by "
                 "VecNormalize.save"
             )
-        statistics = getattr(stored, "obs_rms", None)
         if getattr(stored, "norm_obs", True) is False:
             return None, 0
-        if isinstance(statistics, dict):
-            raise BadInputError(
-                "the VecNormalize object normalizes a dictionary of observations, which is not "
-                "supported; give mean and variance in the deployment file"
-            )
-        if statistics is None:
-            raise BadInputError(
-                "the VecNormalize object contains no obs_rms; give mean and variance in the "
-                "deployment file"
-            )
-        seen = vars(statistics) if isinstance(statistics, Inert) else {}
-        normalizer = Normalizer(
-            mean=numbers_in("its mean", seen.get("mean")),
-            variance=numbers_in("its var", seen.get("var")),
-            epsilon=_number_in("epsilon", vars(stored)),
-            clip=_number_in("clip_obs", vars(stored)),
-            origin=Path(path).name,
+        parts = _statistics(stored)
+        mean, variance = (
+            np.concatenate([np.ravel(numbers_in(f"its {name}", each.get(name))) for each in parts])
+            for name in ("mean", "var")
         )
-        count = seen.get("count")
-        return normalizer, int(count) if isinstance(count, (int, float)) else 0
+        epsilon, clip = (_number_in(name, vars(stored)) for name in ("epsilon", "clip_obs"))
+        count = parts[0].get("count")
+        seen = int(count) if isinstance(count, (int, float)) else 0
+        return Normalizer(mean, variance, epsilon, clip, Path(path).name), seen
+
+
+def _statistics(stored: Inert) -> list[dict[str, Any]]:
+    """Return the attributes of each running mean of a VecNormalize object, in order."""
+    running = getattr(stored, "obs_rms", None)
+    if not isinstance(running, dict):
+        running = {"observations": running}
+    names = getattr(getattr(stored, "observation_space", None), "spaces", running)
+    missing = [name for name in names if not isinstance(running.get(name), Inert)]
+    if missing or not running:
+        listed = shortened(", ".join(map(str, missing)))
+        raise BadInputError(
+            f"the VecNormalize object contains no obs_rms of {listed}; give mean and variance in "
+            "the deployment file, 0 and 1 where nothing is normalized"
+        )
+    return [vars(running[name]) for name in names]
 
 
 def _number_in(name: str, attributes: Mapping[str, Any]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,14 +11,11 @@ import numpy as np
 
 from hfa_aircraft.march.march import saturated
 from hfa_support.errors import BadInputError, is_finite, numbers_in
-
-#: Defaults of VecNormalize.
-EPSILON = 1e-8
-CLIP = 10.0
+from hfa_support.reporting.results import Result, Vector
 
 
 @dataclass(frozen=True, eq=False)
-class Normalizer:
+class Normalizer(Result):
     """Normalizer o -> clip((o - mean) / sqrt(variance + epsilon), -clip, clip).
 
     mean: (k,)
@@ -27,10 +25,10 @@ class Normalizer:
     origin: name of the file or description of the source, for messages
     """
 
-    mean: np.ndarray
-    variance: np.ndarray
-    epsilon: float = EPSILON
-    clip: float = CLIP
+    mean: Vector
+    variance: Vector
+    epsilon: float = 1e-8  # as in VecNormalize
+    clip: float = 10.0
     origin: str = "mean and variance"
 
     def __post_init__(self) -> None:
@@ -82,7 +80,7 @@ class ActionBox(NamedTuple):
     squash: str = ""
     low: np.ndarray | None = None
     high: np.ndarray | None = None
-    clip_mean: float = float("inf")
+    clip_mean: float = math.inf
 
     def of(self, output: Any) -> Any:
         """Return the expression of the actions, (m,)."""
@@ -114,7 +112,7 @@ class Stated(NamedTuple):
     action: way from the network's output to the action
     normalizer: of the observations, or None
     is_normalized: whether the policy was trained behind a normalizer that the file lacks
-    steps: number of samples of the training, or None
+    seen: least and largest number of observations that a normalizer of this training saw
     observations: names of the observations, () if the file has none
     inputs: number of observations, or 0 if the file does not state it
     notes: sentences on what the file contains and the policy does not use
@@ -126,7 +124,7 @@ class Stated(NamedTuple):
     action: ActionBox = ActionBox()
     normalizer: Normalizer | None = None
     is_normalized: bool = False
-    steps: int | None = None
+    seen: tuple[float, float] = (0.0, math.inf)
     observations: tuple[str, ...] = ()
     inputs: int = 0
     notes: tuple[str, ...] = ()

@@ -131,6 +131,7 @@ class Assessment(Result, Reported):
             "dt": self.deployed.deployment.dt,
             "delay": self.deployed.deployment.delay,
             "network": self.deployed.deployment.actor.chain,
+            "stated": self.deployed.deployment.actor.stated,
             "commanded": self.deployed.commanded,
             "states": self.deployed.model.linear,
             "points": self.points,

@@ -24,7 +24,9 @@ _CONVERGES = (
 
 def report_parts(deployed: Deployed, points: Sequence[AssessedPoint]) -> list[Any]:
     """Return the parts of the report of an assessment, in reading order."""
-    parts: list[Any] = [deployed.deployment.actor.chain]
+    actor = deployed.deployment.actor
+    unused = [note for note in actor.stated.notes if note not in actor.notes]  # those are findings
+    parts: list[Any] = ["; ".join([actor.chain, *unused])]
     if any(point.costs is not None for point in points):
         parts += [_weights_text(deployed, points[0]), f"{_CONVERGES} {RULE}"]
     elif any(point.flights is not None for point in points):

@@ -171,10 +171,10 @@ class Flights:
         z = symbols_for([function], len(problem.states))
         u = type(z).zeros(len(problem.model.inputs))
         u[problem.moved] = function(z)
-        limits = [np.zeros(len(problem.model.inputs)) for _ in range(2)]
-        for whole, moved in zip(limits, problem.input_limits, strict=True):
-            whole[problem.moved] = moved
-        return self.compiled(FunctionPolicy(name, ca.Function("policy", [z], [u]), *limits))
+        lowest, highest = (np.zeros(len(problem.model.inputs)) for _ in range(2))
+        lowest[problem.moved], highest[problem.moved] = problem.input_limits
+        policy = FunctionPolicy(name, ca.Function("policy", [z], [u]), lowest, highest)
+        return self.compiled(policy)
 
     def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:
         """Return the compiled closed loop of a policy and the aircraft at the trim.

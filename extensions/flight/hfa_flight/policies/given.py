@@ -69,7 +69,7 @@ def policy_and_scenario(
     if isinstance(given, Mapping):
         return open_loop(command_steps(given), inputs), scenario
     if isinstance(given, Critic) and not given.has_linear_policy:
-        return function_policy(given.origin, given.policy, point), scenario
+        return function_policy(given.origin, given.policy, point, given.stated), scenario
     if isinstance(given, Tracking):
         policy = GainPolicy("tracking", given.K, given.inputs)
         return policy, scenario.following(given.exact.reference, policy.name)

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import casadi as ca
 import numpy as np
 
+from controller.critic.network.stated import NOTHING, Stated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
@@ -19,6 +20,7 @@ from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.report import Reported
+from hfa_support.reporting.results import plain
 from trim.point.operating_point import OperatingPoint
 
 #: Times that differ by less are equal, s.
@@ -167,11 +169,13 @@ class FunctionPolicy(Policy):
 
     function: π as a CasADi Function, z (k,) -> u (m,)
     lowest, highest: (m,), limits of the inputs as deviations from trim
+    stated: what the file of the policy states
     """
 
     function: ca.Function
     lowest: np.ndarray
     highest: np.ndarray
+    stated: Stated = NOTHING
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs π(z), (m,), clipped to the limits."""
@@ -198,23 +202,34 @@ class FunctionPolicy(Policy):
         z = ca.SX.sym("z", self.function.numel_in(0))
         return ca.Function("policy", [z], [self.expression(z)], {"never_inline": True})
 
+    def notes(self) -> tuple[str, ...]:
+        """Return what the file of the policy contains and the policy does not use."""
+        return self.stated.notes
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """Return the JSON data on the policy: its name, and what its file states."""
+        stated = {} if self.stated is NOTHING else {"stated": plain(self.stated)}
+        return {"law": self.name, **stated}
+
     def expression(self, z: ca.SX) -> ca.SX:
         """Return u = sat(π(z), lowest, highest) as an expression of z, (m,)."""
         u = saturated(self.function(z), ca.DM(self.lowest), ca.DM(self.highest))
         return ca.densify(u)
 
 
-def function_policy(name: str, function: ca.Function, point: OperatingPoint) -> FunctionPolicy:
+def function_policy(
+    name: str, function: ca.Function, point: OperatingPoint, stated: Stated = NOTHING
+) -> FunctionPolicy:
     """Return the policy π(z) about a trim, saturated at the control limits of the model.
 
     function: π, z (k,) -> u (m,)
+    stated: what the file of the policy states
     """
     limits = Limits.of(point.model, tuple(point.model.inputs))
     trim = point.u
     identity = {"function": hashlib.sha256(function.serialize().encode()).hexdigest()}
-    return FunctionPolicy(
-        name, function, limits.lowest - trim, limits.highest - trim, identity=identity
-    )
+    lowest, highest = limits.lowest - trim, limits.highest - trim
+    return FunctionPolicy(name, function, lowest, highest, stated, identity=identity)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -64,7 +64,7 @@ def policy_of_file(
     if game is None:
         _refuse_value(path, critic)
     if not critic.has_linear_policy:
-        return function_policy(f"critic of {path}", critic.policy, point)
+        return function_policy(f"critic of {path}", critic.policy, point, critic.stated)
     kind = "gain" if critic.slope_gain is None else "weights"
     return GainPolicy(f"{kind} of {path}", critic.K)
 

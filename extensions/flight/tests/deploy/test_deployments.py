@@ -336,7 +336,7 @@ def test_a_deployment_has_the_actions_that_verify_judges(name):
     observed = 2.0 * np.random.default_rng(2).normal(size=(50, 3))
     actions = np.array(Deployed(deployment, model_of(GTM)).act(observed.T)).T
     np.testing.assert_array_equal(actions, hfa.read_critic(file, game).u(observed))
-    assert all(note in deployment.actor.chain for note in hfa.read_critic(file, game).stated.notes)
+    assert deployment.actor.stated.notes == hfa.read_critic(file, game).stated.notes
     for policy, box, said in (
         ({}, [-1.0, 1.0], "contains the box"),
         ({"squash": name in ("ppo", "a2c")}, [-1.0, 2.0], "remove policy.squash"),
@@ -366,6 +366,38 @@ def test_the_normalizer_of_a_checkpoint_is_that_of_the_deployment(tmp_path):
     np.testing.assert_allclose(np.array(act(o)).ravel(), expected, rtol=1e-12)
     with pytest.raises(BadInputError, match="the policy's file contains a normalizer"):
         _ = gtm_deployment({"file": path, "normalizer": NORMALIZED}).actor
+
+
+def test_a_normalizer_of_a_dictionary_is_in_the_order_of_its_space():
+    """As `VecNormalize.normalize_obs` of Stable-Baselines3 normalizes it, with its clip at 1.5."""
+    stored = json.loads((ZIPS / "actions.json").read_text())
+    observed, normalized = stored["observations"], stored["normalized by sac_dict.pkl"]
+    tables = {"observation": {each: {} for each in ("speed", "alpha", "pitch")}}
+    acts = [
+        Deployed(gtm_deployment({"file": ZIPS / "sac_dict.zip", **entry}, **tables), model_of(GTM))
+        for entry in ({"normalizer": ZIPS / "sac_dict.pkl"}, {})
+    ]
+    behind, alone = (
+        np.array(each.act(np.transpose(o)))
+        for each, o in zip(acts, (observed, normalized), strict=True)
+    )
+    np.testing.assert_allclose(behind, alone, atol=1e-6)
+    assert np.abs(behind - np.array(acts[1].act(np.transpose(observed)))).max() > 0.1
+
+
+def test_a_normalizer_that_saw_more_than_the_training_is_noted(folder):
+    """Of PPO: those of its steps and of one reset of each environment; `verify` says it too."""
+    steps = json.loads(zipfile.ZipFile(FOLDER / "ppo_gtm.zip").read("data"))["num_timesteps"]
+    (folder / "deployment.toml").write_text(DEPLOYMENT)
+    point = hfa.trim(model_of(GTM), at=45.0)
+    linear = hfa.linearize(model_of(GTM), point)
+    for less, environments, is_told in ((0, 16, False), (2000, 16, True), (2000, 5000, False)):
+        rewrite_zip(folder, {"num_timesteps": steps - less, "n_envs": environments})
+        critic = hfa.read_critic(folder / "deployment.toml", hfa.game(linear), linear=linear)
+        told = hfa.verify(hfa.game(linear), critic, flights=0).report()
+        noted = f"but the policy was trained with {steps - less}: it was not saved with this policy"
+        assert (noted in " ".join(told.text().split())) == is_told
+        assert any(noted in each for each in told.data["network"]["stated"]["notes"]) == is_told
 
 
 def test_a_missing_and_another_normalizer_are_noted():

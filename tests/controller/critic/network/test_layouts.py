@@ -52,7 +52,12 @@ def test_a_zip_gives_the_actions_of_stable_baselines(name: str) -> None:
     assert critic.stated.algorithm == name.partition("_")[0].upper()
     assert critic.stated.action.low == pytest.approx([-1.0, -0.5])
     assert ("ars" in name) == (critic.stated.notes == ())
-    assert all(note in critic.origin for note in critic.stated.notes)
+    told = hfa.verify(GAME, critic, flights=0).report()
+    assert all(note in " ".join(told.text().split()) for note in critic.stated.notes)
+    stated = told.data["network"]["stated"]
+    assert stated["algorithm"] == critic.stated.algorithm
+    assert stated["notes"] == list(critic.stated.notes)
+    assert stated["action"]["high"] == pytest.approx([2.0, 0.25])
 
 
 def test_a_value_beside_a_policy_is_read_with_the_activation_of_the_zip() -> None:

@@ -14,7 +14,7 @@ from controller.critic.critic_file import entries_in, is_network, matrix_of_gain
 from controller.critic.network.network_file import SUFFIXES, Asked, NetworkFile, network_in
 from controller.critic.network.row_network import RowNetwork
 from controller.critic.network.stable_baselines import read_normalizer
-from controller.critic.network.stated import ActionBox, Normalizer
+from controller.critic.network.stated import NOTHING, ActionBox, Normalizer, Stated
 from hfa_aircraft.readers.matrices_file import NAME_KEYS, sample_time, words
 from hfa_support.errors import BadInputError, prefix_errors, shown
 from hfa_support.files import MATRIX_FILES
@@ -25,9 +25,9 @@ class Actor:
     """Policy of a deployment, a function of its observations.
 
     function: normalized observations (k,) -> output of the network (m,)
-    chain: description of the layers, of squash and box in the file, and of what is not used
-    action: way from the output to the action, with the box of the file or the deployment
-    normalizer: of the observations, or None
+    chain: description of the layers, and of squash and box in the file
+    stated: what the file states, with the box and the normalizer of the file or the deployment, and
+        with notes on contradictions between the two
     rows: version of `function` for many rows, or None
     of_gain: what the file of a gain K says about it: names and units of states and inputs, and dt
     notes: sentences on contradictions between the files and the deployment
@@ -35,8 +35,7 @@ class Actor:
 
     function: ca.Function
     chain: str
-    action: ActionBox = ActionBox()
-    normalizer: Normalizer | None = None
+    stated: Stated = NOTHING
     rows: RowNetwork | None = None
     of_gain: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -77,14 +76,14 @@ def read_actor(wanted: Wanted) -> Actor:
         )
     ((name, function),) = stored.functions.items()
     _refuse_sizes(function, what, wanted)
+    stated = stored.stated
     with prefix_errors(what):
-        action = _action(stored.stated.action, wanted)
-    normalizer, notes = _normalizer(stored, wanted)
+        action = _action(stated.action, wanted)
+    normalizer, notes = _normalizer(stated, wanted)
     return Actor(
         function,
-        "; ".join([stored.chain, *filter(None, [str(stored.stated.action)]), *stored.stated.notes]),
-        action,
-        normalizer,
+        "; ".join(filter(None, [stored.chain, str(stated.action)])),
+        stated._replace(action=action, normalizer=normalizer, notes=(*notes, *stated.notes)),
         stored.rows.get(name),
         of_gain,
         notes,
@@ -170,12 +169,12 @@ def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
     return made
 
 
-def _normalizer(stored: NetworkFile, wanted: Wanted) -> tuple[Normalizer | None, tuple[str, ...]]:
+def _normalizer(stated: Stated, wanted: Wanted) -> tuple[Normalizer | None, tuple[str, ...]]:
     """Return the normalizer of the file or the deployment, and notes on contradictions.
 
     Raises BadInputError if both have one, or if its size is not that of the observations.
     """
-    entry, stated = wanted.policy.get("normalizer"), stored.stated
+    entry = wanted.policy.get("normalizer")
     if stated.normalizer is not None and entry is not None:
         raise BadInputError("the policy's file contains a normalizer; remove policy.normalizer")
     if entry is None:
@@ -192,12 +191,15 @@ def _normalizer(stored: NetworkFile, wanted: Wanted) -> tuple[Normalizer | None,
             f"{normalizer.origin} normalizes {normalizer.mean.size} observations, but the "
             f"deployment file lists {wanted.observations}; give the normalizer of this policy"
         )
-    steps = stated.steps or 0
-    if not 0 < seen < steps:
+    least, most = stated.seen
+    if seen == 0 or least <= seen <= most:
         return normalizer, ()
+    reason = "it was not saved with this policy"
+    if seen > most:
+        reason += ", unless learn() was called several times"
     return normalizer, (
-        f"policy.normalizer saw {seen} observations, but the policy was trained with {steps}: it "
-        "was not saved with this policy",
+        f"policy.normalizer saw {seen} observations, but the policy was trained with {least}: "
+        f"{reason}",
     )
 
 

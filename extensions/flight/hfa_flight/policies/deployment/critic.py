@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -59,14 +60,15 @@ def _critic(path: str | Path, deployment: Deployment, game: Game, reading: Readi
     deployed.refuse_undefined_at([linear.point])
     z = symbols_for([deployed.act], len(game.A))
     u = _inputs(deployed, linear, z, game.names.inputs)
-    normalizer = deployment.normalizer
-    parts = [f"policy {Path(path).name}: {deployment.actor.chain}"]
+    actor, normalizer = deployment.actor, deployment.normalizer
+    parts = [f"policy {Path(path).name}: {actor.chain}"]
     if normalizer is not None:
         parts.append(f"normalizer {normalizer.origin}")
     parts.append(
         f"with its action boxes, without sample time ({deployment.dt:g} s), delay and input limits"
     )
-    return from_functions(game, z, {"policy": u}, ", ".join(parts))
+    critic = from_functions(game, z, {"policy": u}, ", ".join(parts))
+    return replace(critic, stated=actor.stated)
 
 
 def _refuse_other_inputs(deployed: Deployed, game: Game) -> None:

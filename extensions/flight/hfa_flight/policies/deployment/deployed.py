@@ -237,7 +237,9 @@ class Deployed:
         It maps the outputs (m,) to the action a (m,).
         """
         raw = ca.SX.sym("raw", len(self.commanded))
-        return ca.Function("action", [raw], [ca.densify(self.deployment.actor.action.of(raw))])
+        return ca.Function(
+            "action", [raw], [ca.densify(self.deployment.actor.stated.action.of(raw))]
+        )
 
     @cached_property
     def stages(self) -> ca.Function:

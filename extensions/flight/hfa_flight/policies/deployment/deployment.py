@@ -274,13 +274,13 @@ class Deployment(Reported):
     @property
     def normalizer(self) -> Normalizer | None:
         """Normalizer of the observations before the network, or None if the policy has none."""
-        return self.actor.normalizer
+        return self.actor.stated.normalizer
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest action, (m,) each, infinite without a box."""
         boxes = {name: entry.get("box") for name, entry in self.action.items()}
-        action = self.actor.action if "file" in self.policy else box_of(boxes)
+        action = self.actor.stated.action if "file" in self.policy else box_of(boxes)
         assert action.low is not None  # of the policy's file, or else of the deployment
         assert action.high is not None
         return action.low, action.high

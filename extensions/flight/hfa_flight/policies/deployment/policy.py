@@ -21,8 +21,9 @@ from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
 from hfa_flight.policies.deployment.sampled_loop import chain_of
 from hfa_flight.policies.policy import Policy
-from hfa_support.errors import BadInputError, warn
+from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
+from hfa_support.reporting.results import plain
 from trim.point.operating_point import OperatingPoint
 
 #: Longest step of a flight, s, and of one in moving air or with actuators.
@@ -133,6 +134,10 @@ class DeployedPolicy(Policy):
         values = np.linalg.eigvals(chain_of(equilibrium, timing.dt, timing.delay).closed)
         return np.log(values[values != 0.0].astype(complex)) / timing.dt
 
+    def notes(self) -> tuple[str, ...]:
+        """Return contradictions between the policy's files, and what it does not use of them."""
+        return self.deployed.deployment.actor.stated.notes
+
     def data(self, model: Model) -> dict[str, Any]:
         """Return the policy's name, deployment file and network, for the JSON output."""
         deployment = self.deployed.deployment
@@ -140,13 +145,14 @@ class DeployedPolicy(Policy):
             "law": self.name,
             "deployment_file": deployment.origin,
             "network": deployment.actor.chain,
+            "stated": plain(deployment.actor.stated),
         }
 
 
 def flown_deployment(given: Deployment | Path, point: OperatingPoint) -> DeployedPolicy:
     """Return the policy of a deployment, or of the deployment file with this path, about a trim.
 
-    Warns of contradictions between the policy's files. Raises the errors of `Deployment.load`, and
+    Raises the errors of `Deployment.load`, and
     BadInputError if the deployment does not fit the aircraft or has a filter, or if an observation,
     the policy or a map is not finite at the trim.
     """
@@ -157,8 +163,6 @@ def flown_deployment(given: Deployment | Path, point: OperatingPoint) -> Deploye
             "applies; remove [filter]"
         )
     deployed.refuse_undefined_at([point])
-    for note in deployed.deployment.actor.notes:
-        warn(note)
     name = "deployment" if isinstance(given, Deployment) else f"of {given}"
     return policy_about(deployed, point, name)
 
