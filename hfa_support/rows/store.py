@@ -58,7 +58,7 @@ class RowJob(NamedTuple):
     @property
     def chunk(self) -> int:
         """Number of rows in each chunk. The last chunk may have fewer."""
-        return int(self.template.chunksizes[self.row][0])
+        return int(self.template[self.arrays[0]].encoding["chunks"][0])
 
     @property
     def arrays(self) -> list[str]:
@@ -84,7 +84,7 @@ def array_of_rows(
     chunk: int,
     attributes: Mapping[str, Any],
 ) -> Any:
-    """Return a lazy `xarray.Variable` for the template of a job.
+    """Return an `xarray.Variable` without memory for the template of a job.
 
     axes: names of the axes; the axis of rows is the first
     shape: length of each axis
@@ -93,12 +93,11 @@ def array_of_rows(
     attributes: units and description
     """
     _require_xarray()
-    import dask.array
     import xarray
 
-    kind = np.asarray(fill).dtype
-    values = dask.array.full(shape, fill, dtype=kind, chunks=(chunk, *shape[1:]))
-    return xarray.Variable(axes, values, attributes, {"fill_value": fill})
+    values = np.broadcast_to(np.asarray(fill), shape)
+    encoding = {"fill_value": fill, "chunks": (chunk, *shape[1:])}
+    return xarray.Variable(axes, values, attributes, encoding)
 
 
 def fill_store(
@@ -232,9 +231,8 @@ def _template(job: RowJob, provenance: Mapping[str, Any] | None) -> dict[str, An
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
     encoding = {name: variable.encoding | codecs for name, variable in template.variables.items()}
     files: dict[str, Any] = {}
-    template.to_zarr(
-        MemoryStore(files), encoding=encoding, compute=False, consolidated=False, zarr_format=3
-    )
+    # Zarr writes no chunk of fill values.
+    template.to_zarr(MemoryStore(files), encoding=encoding, consolidated=False, zarr_format=3)
     return files
 
 
@@ -374,7 +372,6 @@ def _is_written(folder: Path, array: Any, number: int) -> bool:
 
 def _require_xarray() -> None:
     try:
-        import dask.array  # noqa: F401
         import xarray  # noqa: F401
 
         _zarr()
