@@ -81,7 +81,10 @@ def _plan(points: GivenPoints, stored: bool) -> SweepPlan:
     axes: dict[str, Any] = dict(points.axes)
     if not stored:
         axes = {name: array_of(name, each, MOST_POINTS) for name, each in axes.items()}
-    return SweepPlan(axes, model, condition, points.trims.start, points.listed)
+    names = tuple(row.name for row in points.trims.rows)
+    return SweepPlan(
+        axes, model, condition, points.trims.start, points.listed, names if any(names) else ()
+    )
 
 
 def _in_memory(request: SweepRequest, points: GivenPoints) -> Outcome:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import one_of
 from hfa.options.command import Outcome, Request, command, output_option, picture_option
-from hfa.options.conditions import FREE, LIMIT, RESULTS, ListedCondition
+from hfa.options.conditions import ListedCondition
 from hfa.options.option import option
 from hfa.options.points import GivenPoints, PointOptions, given_points
 from hfa.options.trims import TrimInput
@@ -19,11 +19,13 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.rows import Row, Sheet, matrix_of
-from hfa_support.reporting.text import Table, shown_values
+from hfa_support.reporting.rows import Row, Sheet
+from hfa_support.reporting.text import Table
 from trim.hfa.trim_report import trim_figure, trim_report
 from trim.point.solve import TrimError
+from trim.point.status import DOUBTED, RESULTS, STALLED, TRIMMED, UNTRIMMED
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
+from trim.reports.matrix import asked_sheet, matrix, result_of
 from trim.reports.point_figure import with_range
 
 if TYPE_CHECKING:
@@ -80,10 +82,16 @@ def trim(request: TrimRequest, points: GivenPoints) -> Outcome:
     if not points.listed:
         points.trims.refuse_unscheduled()
     if points.trims.is_single and (request.row is not None or not points.listed):
+        row = next(points.conditions(1))
         given = points.trims.single()
         point = trimmed(given)
-        report = _sheet(request, point)
-        return Outcome(report=report, source=given.source, figure=partial(trim_figure, point))
+        report = _named(_sheet(request, point), row.name)
+        records = matrix([_asked(points.trims, row)], [report.sheet])
+        return Outcome(
+            report=replace(report, records=records),
+            source=given.source,
+            figure=partial(trim_figure, point),
+        )
     if request.picture is not None:
         raise BadInputError("--picture requires a single trim; -o FILE.html contains all pictures")
     source = points.source()
@@ -122,30 +130,19 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> Report:
             refused.append(error)
     if len(refused) == len(reports):
         raise refused[0]
-    results = [_result(report) for report in reports]
-    count, failed = len(reports), results.count(NO_TRIM)
+    sheets = [report.sheet for report in reports]
+    results = [result_of(sheet) for sheet in sheets]
+    count, failed = len(reports), results.count(UNTRIMMED)
     others = [f"{results.count(each)} {each}" for each in (STALLED, DOUBTED) if each in results]
     plainly = f"{results.count(TRIMMED)} of {count} conditions are trimmed"
     return Report(
         title=", ".join([plainly, *others, *([f"{failed} without a trim"] if failed else [])]),
         parts=[_overview(asked, results, reports), *reports],
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
-        records=_matrix(asked, results, [report.sheet for report in reports]),
+        records=matrix(asked, sheets),
         failure=f"{failed} of {count} conditions have no trim" if failed else "",
         notes=_repeated(points),
     )
-
-
-#: What a trim of several is counted as.
-TRIMMED, STALLED, DOUBTED, NO_TRIM = "trimmed", "stalled", "doubted", "no trim"
-
-
-def _result(report: Report) -> str:
-    """Return as what a trim is counted."""
-    if report.failure:
-        return NO_TRIM
-    names = {row.name for row in report.sheet}
-    return STALLED if "stalled" in names else DOUBTED if "doubts" in names else TRIMMED
 
 
 def _repeated(points: GivenPoints) -> tuple[str, ...]:
@@ -177,22 +174,7 @@ def _asked(trims: TrimInput, row: ListedCondition) -> Sheet:
         given = trims.for_row(row)
         at = {} if given.at is None else {model.schedule: given.at[0]}
         held = {**at, **{name: each[0] for name, each in given.hold.items()}}
-    rows = [Row("name", row.name)] if row.name else []
-    rows += [Row(name, value, model.unit(name)) for name, value in held.items()]
-    if given.free:
-        rows.append(Row(FREE, " ".join(given.free)))
-    if given.limits:
-        limits = [
-            f"{name}={':'.join(_typed(model, name, end) for end in ends)}"
-            for name, ends in given.limits.items()
-        ]
-        rows.append(Row(LIMIT, " ".join(limits)))
-    return Sheet.of([("", rows, ())])
-
-
-def _typed(model: Model, name: str, value: float) -> str:
-    """Return a value as the command line reads it, in degrees for an angle."""
-    return repr(float(shown_values(value, model.unit(name))))
+    return asked_sheet(model, held, given.free, given.limits, row.name)
 
 
 #: Column of the overview -> name of its figure on a sheet.
@@ -217,34 +199,6 @@ def _overview(asked: Sequence[Sheet], results: Sequence[str], reports: Sequence[
         called = str(names["name"].value) if "name" in names else str(number)
         rows.append((called, result, *cells))
     return Table(("condition", RESULTS, *_OVERVIEW), rows)
-
-
-def _matrix(asked: Sequence[Sheet], results: Sequence[str], sheets: Sequence[Sheet]) -> Table:
-    """Return the table of conditions: what was asked, the column `results`, and what was found.
-
-    A file of conditions may be this table: its columns before `results` state the conditions. A
-    value that only some conditions state has a second column, "NAME (trim) [UNIT]".
-    """
-    typed, found = matrix_of(asked), matrix_of(sheets)
-    header: list[str] = []
-    new = []
-    for index, heading in enumerate(found.header):
-        called = heading
-        if heading in typed.header:
-            stated = [row[typed.header.index(heading)] for row in typed.rows]
-            if all(
-                cell != "" or row[index] == "" for cell, row in zip(stated, found.rows, strict=True)
-            ):
-                continue  # each condition states this value
-            name, bracket, unit = heading.partition(" [")
-            called = f"{name} (trim){bracket}{unit}"
-        header.append(called)
-        new.append(index)
-    rows = [
-        (*of_asked, result, *(of_found[index] for index in new))
-        for of_asked, result, of_found in zip(typed.rows, results, found.rows, strict=True)
-    ]
-    return Table((*typed.header, RESULTS, *header), rows)
 
 
 def _failed(

@@ -14,11 +14,8 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, choice_of, shown
 from hfa_support.files import regular_file
 from hfa_support.units import split_unit
+from trim.point.status import FREE, LIMIT, NAME, RESULTS
 
-#: Columns that are not a variable, rate or parameter.
-NAME, FREE, LIMIT = "name", "free", "limit"
-#: First column of what a trim found; it and the columns behind it are not read.
-RESULTS = "results"
 #: What separates names in a cell.
 _SEPARATORS = re.compile(r"[;\s]+")
 

@@ -21,8 +21,6 @@ from hfa_support.reporting.text import (
     wrapped,
 )
 
-#: Columns of rows in a CSV file.
-COLUMNS = ("group", "name", "value", "unit", "note")
 #: Gap between two columns, and least width of the column of notes.
 _GAP = "  "
 _LEAST_NOTE = 24
@@ -203,15 +201,6 @@ class Sheet(ByName[Row]):
             for group in self.groups
             for row in group.rows
         }
-
-    def records(self) -> Table:
-        """Return the rows for CSV, with numbers in full precision and angles in rad."""
-        rows: list[tuple[Any, ...]] = []
-        for group in self.groups:
-            for row in group.rows:
-                for name, value in numbers_of(row):
-                    rows.append((group.title, name, value, row.unit, row.note))
-        return Table(COLUMNS, rows)
 
 
 def numbers_of(row: Row) -> Iterator[tuple[str, Any]]:

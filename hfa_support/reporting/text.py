@@ -161,6 +161,11 @@ def beside_unit(text: str, unit: str, between: str = " ") -> str:
     return text if unit in ("", "1") else f"{text}{between}{shown_unit(unit)}"
 
 
+def with_shown_unit(name: str, unit: str) -> str:
+    """Return the heading of a column of numbers in the unit that reports print: "alpha [deg]"."""
+    return name if unit in ("", "1") else f"{name} [{shown_unit(unit)}]"
+
+
 def shown_values(values: Any, unit: str) -> Any:
     """Return a number or an array in the unit that reports print (`shown_unit`)."""
     return np.degrees(values) if unit.startswith("rad") else values

@@ -1,6 +1,7 @@
 """A file of conditions: each row is its own trim, and the file that comes out runs again."""
 
 import csv
+import dataclasses
 import json
 import math
 import tomllib
@@ -151,6 +152,65 @@ def test_a_stall_is_said_by_linearize_too(book):
     assert "STALLED: CL" in run.out.partition("\n\n")[0]
     run = command(*words, str(book / "conditions.csv"), "--row", "turn", "-q")
     assert "load_factor 1.3" in run.out.partition("\n\n")[0]
+
+
+def test_a_sweep_of_named_conditions_counts_stalls_as_their_trims_do(book, tmp_path):
+    """Its CSV file has names, degrees and results, and runs again as conditions of `hfa trim`."""
+    (tmp_path / "slow.csv").write_text("name,KCAS [kt],altitude\na,35,100\nb,36,100\nc,60,100\n")
+    words = ("--aircraft", str(book / "uav.toml"), "--conditions")
+    swept = command("sweep", *words, str(tmp_path / "slow.csv"), "-o", str(tmp_path / "swept.csv"))
+    assert swept.out.startswith("Sweep, Aerosonde: trimmed at 1 of 3 points, STALLED at 2\n")
+    trims = command("trim", *words, str(tmp_path / "swept.csv"), "-o", str(tmp_path / "trims.csv"))
+    assert trims.out.startswith("1 of 3 conditions are trimmed, 2 stalled\n")
+    found, of_trims = (rows_of(tmp_path / name) for name in ("swept.csv", "trims.csv"))
+    for name, cells in found.items():
+        assert cells["results"] == of_trims[name]["results"]
+        for heading in ("alpha [deg]", "elevator [deg]", "speed [m/s]"):
+            kind = "input" if heading.startswith("elevator") else "state"
+            assert float(cells[f"{kind} {heading}"]) == pytest.approx(
+                float(of_trims[name][heading]), rel=1e-9
+            )
+    typed = (
+        "--hold",
+        "kcas=60",
+        "--hold",
+        "altitude=100",
+        "--free",
+        "gamma",
+        "--hold",
+        "thrust=5:9:4",
+    )
+    command("sweep", *words[:2], *typed, "-o", str(tmp_path / "glides.csv"))
+    again = command("trim", *words, str(tmp_path / "glides.csv"), "--json")
+    swept_again = list(csv.DictReader((tmp_path / "glides.csv").read_text("utf-8").splitlines()))
+    for cells, sheet in zip(swept_again, json.loads(again.out)["sheets"], strict=True):
+        gamma = sheet["operating_point"]["states"]["pitch"]
+        assert math.degrees(gamma) == pytest.approx(float(cells["state pitch [deg]"]), rel=1e-9)
+
+
+def test_the_file_of_one_sheet_is_its_condition(book, tmp_path):
+    """It states what was typed, has degrees, and its trim is the same; so does the file of Python."""
+    words = ("trim", "--aircraft", str(book / "uav.toml"))
+    typed = ("--hold", "load_factor=1.2", "--free", "turn_rate", "--limit", "elevator=-9:9")
+    paths = [tmp_path / name for name in ("one.csv", "again.csv", "python.csv")]
+    command(*words, *typed, "--hold", "mass=14", "-o", str(paths[0]))
+    command(*words, "--conditions", str(paths[0]), "-o", str(paths[1]))
+    model = hfa.load_model(str(book / "uav.toml")).with_parameters(mass=14.0)
+    condition = hfa.trim(model, load_factor=1.2, free="turn_rate").trim_problem.asked
+    condition = dataclasses.replace(
+        condition, limits={"elevator": (-math.radians(9), math.radians(9))}
+    )
+    hfa.trim(model, condition).save(paths[2])
+    sheets = [list(csv.DictReader(path.read_text("utf-8").splitlines())) for path in paths]
+    for ((cells),) in sheets:
+        assert float(cells["load_factor"]) == 1.2
+        assert cells["limit"] == "elevator=-9.0:9.0"
+        assert cells["free"] == "turn_rate"
+        assert float(cells["mass [kg]"]) == 14.0
+        assert float(cells["turn_rate [deg/s]"]) > 0.0
+        assert float(cells["roll [deg]"]) == pytest.approx(
+            float(sheets[0][0]["roll [deg]"]), rel=1e-9
+        )
 
 
 REFUSED = [

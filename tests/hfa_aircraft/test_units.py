@@ -225,11 +225,10 @@ def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed):
     np.testing.assert_allclose(linear.A, linear_twin.A, atol=1e-9)
     np.testing.assert_allclose(linear.B, linear_twin.B, atol=1e-9)
     np.testing.assert_allclose(linear.poles(), linear_twin.poles(), rtol=1e-7)
-    rows, rows_of_twin = (each.sheet.records().rows for each in (point, of_twin))
-    for row, row_of_twin in zip(rows, rows_of_twin, strict=True):
-        assert (*row[:2], row[3]) == (*row_of_twin[:2], row_of_twin[3])
-        if not isinstance(row[2], str):  # a bound of rounding
-            assert row[2] == pytest.approx(row_of_twin[2], rel=1e-6, abs=1e-9), row
+    for row, row_of_twin in zip(point.sheet, of_twin.sheet, strict=True):
+        assert (row.name, row.unit) == (row_of_twin.name, row_of_twin.unit)
+        if not isinstance(row.value, str):  # a bound of rounding
+            assert row.value == pytest.approx(row_of_twin.value, rel=1e-6, abs=1e-9), row.name
     declared = math.radians(1.0) / 60.0  # deg/min, of a disturbance of the rate of alpha
     np.testing.assert_allclose(hfa.game(linear).E, [[0.0], [declared], [0.0], [0.0]])
     games = [hfa.game(each, delta=40.0, E=np.eye(4)) for each in (linear, linear_twin)]

@@ -56,8 +56,8 @@ def test_a_missing_package_is_named(
 def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(
     file: str, variable: str, value: float, folder: Path
 ) -> None:
-    """Name, value, unit and level of each row are those of the data, of the records and, in
-    degrees, of the matrix of conditions, which have no other rows.
+    """Name, value, unit and level of each row are those of the data and, in degrees, of the CSV
+    files of the trim and of a matrix of conditions, which have no other rows.
     """
     name = f"{ROOT}/examples/{file}"
     model = hfa.load_model(name) if file else hfa.aircraft()
@@ -68,9 +68,10 @@ def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(
     words = ("trim", *(("--aircraft", name) if file else ()), "--conditions", "conditions.csv")
     assert command(*words, "-o", "matrix.csv").code == 0
     (cells,) = csv.DictReader(Path("matrix.csv").read_text("utf-8").splitlines())
-    records = {name: (value, unit) for _, name, value, unit, _ in report.records.rows}
+    records = dict(zip(report.records.header, report.records.rows[0], strict=True))
     data = dict(report.data["sheet"])
-    del cells["about"], cells["results"]
+    assert records.pop("results") == cells.pop("results")
+    del cells["about"]
     for row in point.sheet:
         entry = data.pop(row.name)
         stored = complex(*entry["value"]) if isinstance(row.value, complex) else entry["value"]
@@ -78,6 +79,7 @@ def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(
         assert found == (row.value, row.unit, row.level)
         level = cells.pop(f"{row.name} level", None)
         assert level == (None if row.level is None else str(row.level))
+        assert records.pop(f"{row.name} level", None) == row.level
         parts = {row.name: row.value}
         if isinstance(row.value, complex):
             parts = {
@@ -85,14 +87,15 @@ def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(
                 f"{row.name} imaginary": row.value.imag,
             }
         for part, number in parts.items():
-            assert records.pop(part) == (number, row.unit)
             unit = row.cells()[2]
-            cell = cells.pop(f"{part} [{unit}]" if unit else part)
+            heading = f"{part} [{unit}]" if unit else part
+            cell, record = cells.pop(heading), records.pop(heading)
             if isinstance(number, str):
-                assert cell == number
+                assert cell == number == record
             else:
                 shown = math.degrees(number) if "deg" in unit != row.unit else number
                 assert float(cell) == pytest.approx(shown, rel=1e-12, abs=1e-13)
+                assert record == pytest.approx(shown, rel=1e-12, abs=1e-13)
     assert (data, records, cells) == ({}, {}, {})
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.public_arguments import check_fields
+from hfa_support.reporting.text import shown_values
 
 
 @dataclass(frozen=True)
@@ -319,6 +320,56 @@ def release(
         limits={**condition.limits, **(limits or {})},
         begin=begin,
         freed=(*condition.freed, *(name for name in free if name in condition.model.variables)),
+    )
+
+
+class StatedValues(NamedTuple):
+    """What a condition states beside the trim that the model declares.
+
+    held: variable or rate -> value
+    free: variables and rates that are set free
+    limits: variable -> (lowest, highest)
+    """
+
+    held: Mapping[str, float]
+    free: tuple[str, ...]
+    limits: Mapping[str, tuple[float, float]]
+
+
+def stated_values(condition: TrimCondition, varied: Sequence[str] = ()) -> StatedValues:
+    """Return what a condition states, without tables over the scheduling variable.
+
+    varied: variables, outputs and rates that are also imposed, in place of the condition's
+    """
+    model = condition.model
+    values = condition.changes.get("imposed", {})
+    held = {
+        name: value
+        for name, value in model.without_alternatives(values, varied).items()
+        if name not in varied and not isinstance(value, list)
+    }
+    held |= {
+        f"{name}_dot": rate
+        for name, rate in condition.rates.items()
+        if rate and f"{name}_dot" not in varied
+    }
+    imposed = {*condition.imposed, *varied}
+    replaced = {
+        name for group in model.alternatives if not imposed.isdisjoint(group) for name in group
+    }
+    free = [name for name in condition.set_free if name not in imposed | replaced]
+    free += [f"{name}_dot" for name in model.steady if name not in condition.rates]
+    return StatedValues(held, tuple(free), condition.limits)
+
+
+def typed_limits(model: Model, limits: Mapping[str, tuple[float, float]]) -> str:
+    """Return limits as a file of conditions states them: "elevator=-10.0:10.0 thrust=0.0:30.0".
+
+    limits: name -> (lowest, highest)
+    """
+    return " ".join(
+        f"{name}={':'.join(repr(float(shown_values(end, model.unit(name)))) for end in ends)}"
+        for name, ends in limits.items()
     )
 
 

@@ -6,6 +6,12 @@ from enum import StrEnum
 
 #: An equation balances if its scaled residual is at most this.
 BALANCE = 1e-10
+#: First column of what trims found, in a table of conditions. A file of conditions ends before it.
+RESULTS = "results"
+#: Columns of a table of conditions that are neither a variable nor a parameter.
+NAME, FREE, LIMIT = "name", "free", "limit"
+#: As what one of several trims is counted.
+TRIMMED, STALLED, DOUBTED, UNTRIMMED = "trimmed", "stalled", "doubted", "no trim"
 
 
 class Status(StrEnum):

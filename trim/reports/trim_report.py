@@ -11,7 +11,7 @@ from hfa_support.provenance import Change
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import plain, without_empty
 from hfa_support.reporting.rows import Group, Row, Sheet
-from hfa_support.reporting.text import Table, degrees
+from hfa_support.reporting.text import Table, degrees, shown_unit, shown_values
 from trim.linear.modes import modes_table
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
@@ -29,6 +29,7 @@ from trim.reports.flight import flight_rows, same_as_the_table
 from trim.reports.handling_qualities import mode_rows
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane
 from trim.reports.limits import ASSUMED, limit_rows, named_nearest, nearest_first, variable_rows
+from trim.reports.matrix import asked_of, matrix
 from trim.reports.performance import performance_rows, stalled
 from trim.reports.search import balance_row, equations_of, equations_table, search_of
 from trim.reports.stability import stability_rows
@@ -153,7 +154,15 @@ def report_of(
         "data": _revision(point.model),
         "condition": ", ".join(condition_words(trimmed)),
     }
-    return Report(title, parts, notes, data, sheet.records(), head=head, sheet=sheet)
+    return Report(
+        title,
+        parts,
+        notes,
+        data,
+        matrix([asked_of(trimmed.given)], [sheet]),
+        head=head,
+        sheet=sheet,
+    )
 
 
 def _revision(model: Model) -> str:
@@ -177,7 +186,7 @@ def _revision(model: Model) -> str:
 
 def saved_report(point: OperatingPoint) -> Report:
     """Return a report of the states and inputs of a point that was not found by a search. Its
-    records have the residuals too, and angles in rad.
+    records have the residuals too.
     """
     unit = point.model.unit
     rows: list[tuple[str, str, float, str]] = []
@@ -187,6 +196,10 @@ def saved_report(point: OperatingPoint) -> Report:
     for name, value in point.residuals.items():
         rows.append(("residual", name, value, point.equation_unit(name)))
     header = ("kind", "name", "value", "unit")
+    records = [
+        (kind, name, float(shown_values(value, unit)), shown_unit(unit))
+        for kind, name, value, unit in rows
+    ]
     notes = without_lines(point.warnings)
     title = title_of(Trimmed(point))
-    return Report(title, [Table(header, shown)], notes, plain(point), Table(header, rows))
+    return Report(title, [Table(header, shown)], notes, plain(point), Table(header, records))

@@ -19,7 +19,8 @@ from hfa_support.rows.store import RowJob, array_of_rows, fill_store
 from trim.linear.modes import fastest_first
 from trim.point.condition import TrimCondition
 from trim.point.system import TrimSystem
-from trim.sweeps.points import STATUS, TRIMMED
+from trim.sweeps.points import STATUS, TRIMMED, parameters_at
+from trim.sweeps.stalls import stalled
 from trim.sweeps.sweep import run_points, slow_note, trimmed_words
 from trim.sweeps.sweep_arrays import arrays_of, at_limit, labels_of, limited
 from trim.sweeps.sweep_plan import SweepPlan
@@ -76,6 +77,7 @@ class StoredSweep(Result, Reported):
     store: path of the store.
     counts: status -> number of points; "missing" counts points that are not computed yet.
     warnings: limits of the result.
+    stalled: number of trimmed points beyond the largest lift.
     """
 
     schema = "hfa.sweep-summary/1"
@@ -84,6 +86,7 @@ class StoredSweep(Result, Reported):
     store: str
     counts: Mapping[str, int]
     warnings: Sequence[str]
+    stalled: int = 0
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -94,14 +97,15 @@ class StoredSweep(Result, Reported):
             "store": self.store,
             "counts": self.counts,
             "warnings": self.warnings,
-        }
+        } | ({"stalled": self.stalled} if self.stalled else {})
 
     def report(self) -> Report:
         """Return the report with the number of points of each status."""
         rows = [(status, str(count)) for status, count in self.counts.items()]
         return Report(
             title=f"Sweep over {', '.join(self.plan.variables)}, {self.plan.model.title}: "
-            f"{trimmed_words(self.counts['trimmed'], self.plan.count)}, in {self.store}",
+            f"{trimmed_words(self.counts['trimmed'], self.stalled, self.plan.count)}, "
+            f"in {self.store}",
             parts=(Table(("status", "points"), rows),),
             notes=self.warnings,
             data=plain(self),
@@ -118,8 +122,8 @@ def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
 
 
 def _stored_points(*task: Any) -> dict[str, Any]:
-    """Return the results of `run_points`, the eigenvalues of A, fastest first, and the limits
-    reached.
+    """Return the results of `run_points`, the eigenvalues of A, fastest first, the limits reached,
+    and stalls.
     """
     rows = run_points(*task)
     condition: TrimCondition = task[3]
@@ -127,7 +131,14 @@ def _stored_points(*task: Any) -> dict[str, Any]:
     eigenvalues = np.full(rows["states"].shape, np.nan, dtype=complex)
     eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(rows["A"][trimmed]))
     reached = at_limit(condition, rows["states"], rows["inputs"])
-    return rows | {"eigenvalues": eigenvalues, "at_limit": reached * trimmed[:, None]}
+    model, variables, values, *_ = task
+    parameters = parameters_at(model, variables, values)
+    stalls = stalled(model, rows["states"], rows["inputs"], parameters) & trimmed
+    return rows | {
+        "eigenvalues": eigenvalues,
+        "at_limit": reached * trimmed[:, None],
+        "stalled": stalls.astype(np.int8),
+    }
 
 
 def reported_sweep(
@@ -198,11 +209,13 @@ def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
     totals = np.zeros(len(STATUS) + 1, dtype=int)
     kinks = 0
     one_by_one = 0
+    stalls = 0
     for start in range(0, plan.count, CHUNK):
         part = dataset.isel({_POINT: slice(start, start + CHUNK)})
         totals += np.bincount(part.status.values - MISSING, minlength=len(totals))
         kinks += int(np.count_nonzero(part.kinks.values > 0))
         one_by_one += int(np.count_nonzero(part.one_by_one.values))
+        stalls += int(np.count_nonzero(part.stalled.values))
     notes = [*plan.warnings, *slow_note(one_by_one, plan.count)]
     if kinks:
         notes.append(
@@ -210,4 +223,4 @@ def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
             "kinks contains their numbers)"
         )
     counts = dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
-    return StoredSweep(plan, str(path), counts, notes)
+    return StoredSweep(plan, str(path), counts, notes, stalls)

@@ -27,6 +27,8 @@ from hfa_support.reporting.text import (
     is_zero,
     shown_unit,
     shown_value,
+    shown_values,
+    with_shown_unit,
 )
 from trim.linear.kinks import mean_at_kinks
 from trim.linear.linear_model import LinearModel
@@ -35,7 +37,7 @@ from trim.point.condition import TrimCondition, usual_condition
 from trim.point.diagnosis import beyond_limits
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
-from trim.point.status import Status
+from trim.point.status import NAME, RESULTS, STALLED, UNTRIMMED, Status
 from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import (
     BEYOND_LIMITS,
@@ -45,6 +47,7 @@ from trim.sweeps.points import (
     parameters_at,
     trim_points,
 )
+from trim.sweeps.stalls import stalled
 from trim.sweeps.sweep_arrays import arrays_of, at_limit, labels_of, limited
 from trim.sweeps.sweep_plan import SweepPlan
 from trim.tables import draw_curves, write_netcdf
@@ -65,7 +68,7 @@ _LOCUS_INCHES = (10.0, 5.2)
 _THIN, _THICK, _USUAL = 0.7, 2.7, 1.5
 #: A mode is slow if its eigenvalue is always below this fraction of the fastest.
 _SLOW = 0.15
-#: Column of the variables at a limit.
+#: Column of the variables at a limit in a printed table.
 _AT_LIMIT = "at limit"
 #: Number of points above which only the first and last rows are printed.
 _LONGEST = 200
@@ -116,11 +119,16 @@ def run_points(
     }
 
 
-def trimmed_words(trimmed: int, count: int) -> str:
-    """Return the verdict on a sweep as text: "trimmed at 5 of 6 points"."""
+def trimmed_words(trimmed: int, stalls: int, count: int) -> str:
+    """Return the verdict on a sweep as text: "trimmed at 5 of 6 points, STALLED at 1".
+
+    trimmed: number of points with a trim, also those that are stalled
+    stalls: number of stalled points
+    """
     if not trimmed:
         return f"no trim at any of {count:,} points" if count > 1 else "no trim"
-    return f"trimmed at {trimmed:,} of {count:,} points"
+    stalled_too = f", STALLED at {stalls:,}" if stalls else ""
+    return f"trimmed at {trimmed - stalls:,} of {count:,} points{stalled_too}"
 
 
 def slow_note(one_by_one: int, count: int) -> list[str]:
@@ -215,6 +223,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def trimmed(self) -> np.ndarray:
         """Mask of the points with a trim, (N,)."""
         return np.array([reason == "" for reason in self.reasons])
+
+    @cached_property
+    def stalled(self) -> np.ndarray:
+        """Mask of the trims beyond the largest lift, (N,): `trim.sweeps.stalls.stalled`."""
+        parameters = parameters_at(self.model, self.variables, self.values)
+        return stalled(self.model, self.states, self.inputs, parameters)
 
     @cached_property
     def eigenvalues(self) -> RootTable:
@@ -372,11 +386,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             "inputs": self.input_names,
             "input_units": self.input_units,
             "warnings": self.warnings,
-        }
+        } | ({"stalled": self.stalled} if self.stalled.any() else {})
 
     def report(self) -> Report:
-        """Return a report with the values, eigenvalues, alpha, inputs and limits reached at each
-        point, or the reason for a missing trim.
+        """Return a report with the values, eigenvalues, alpha, inputs, stalls and limits reached at
+        each point, or the reason for a missing trim.
 
         For a long sweep, only the first and last lines are printed. A conjugate pair has one
         column. If the modes of two columns become a conjugate pair, each column contains one member
@@ -396,8 +410,9 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         if self.mode_names and count > 1:
             text = f"Eigenvalues over {self.variables[-1]}"
             parts.append(Picture("root_locus.png", text, self.figure))
+        words = trimmed_words(count - len(failed), int(self.stalled.sum()), count)
         return Report(
-            title=f"Sweep, {self.model.title}: {trimmed_words(count - len(failed), count)}",
+            title=f"Sweep, {self.model.title}: {words}",
             parts=tuple(parts),
             notes=self.warnings,
             data=plain(self),
@@ -413,8 +428,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         )
 
     def _trims(self) -> Table:
-        """Return a table of alpha, of the inputs that are not 0 at all points, and of the variables
-        at a limit."""
+        """Return a table of alpha, of the inputs that are not 0 at all points, and of stalls and
+        the variables at a limit."""
         model = self.model
         nominal = np.array([signal.nominal for signal in model.inputs.values()])
         moved = ~is_zero(np.nan_to_num(self.inputs), nominal).all(axis=0)
@@ -426,7 +441,9 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         def row(i: int) -> tuple[str, ...]:
             numbers = [shown_value(values[name][i], units[name], ".4g") for name in names]
-            return *numbers, self._at_limit_words(i)
+            stall = ["STALLED"] if self.stalled[i] else []
+            reached = [*stall, *self._limits_reached(i)]
+            return *numbers, ", ".join(reached) or "none"
 
         header = [f"{name} {shown_unit(unit)}".removesuffix(" 1") for name, unit in units.items()]
         return self._over_points([*header, _AT_LIMIT], row)
@@ -436,12 +453,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Which free states and inputs are at their lowest (-1) or highest (1) limit, (N, k)."""
         return at_limit(self.plan.condition, self.states, self.inputs)
 
-    def _at_limit_words(self, i: int) -> str:
-        """Return the variables at a limit at a point with a trim, "thrust highest", or "none"."""
+    def _limits_reached(self, i: int) -> list[str]:
+        """Return the variables at a limit at a point with a trim, as in "thrust highest"."""
         names = limited(self.plan.condition)
         ends = {-1: "lowest", 1: "highest"}
         sides = zip(names, self.at_limit[i].tolist(), strict=True)
-        return ", ".join(f"{name} {ends[side]}" for name, side in sides if side) or "none"
+        return [f"{name} {ends[side]}" for name, side in sides if side]
 
     def _over_points(self, names: Sequence[str], cells: Callable[[int], tuple[str, ...]]) -> Table:
         """Return a table with a row of the swept values and of some cells for each point.
@@ -453,7 +470,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         cells: function from the number of a point with a trim to its cells
         """
         varied = zip(self.variables, self.plan.units, strict=True)
-        header = (*(f"{name} {shown_unit(unit)}" for name, unit in varied), *names)
+        called = ["condition"] if self.plan.names else []
+        header = (*called, *(f"{name} {shown_unit(unit)}" for name, unit in varied), *names)
 
         def row(i: int) -> tuple[str, ...]:
             made = tuple("-" for _ in names) if self.reasons[i] else cells(i)
@@ -461,55 +479,72 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         count = len(self.reasons)
         if count <= _LONGEST:
-            return Table(header, RowsMade(count, row), len(self.variables))
+            return Table(header, RowsMade(count, row), len(header) - len(names))
         between = (f"({count - 2 * _SHOWN:,} more)", *("..." for _ in header[1:]))
         head = [row(i) for i in range(_SHOWN)]
         tail = [row(i) for i in range(count - _SHOWN, count)]
-        return Table(header, [*head, between, *tail], len(self.variables))
+        return Table(header, [*head, between, *tail], len(header) - len(names))
 
     def _varied(self, i: int) -> tuple[str, ...]:
-        """Return the values of the swept variables at point i as text, one for each variable."""
-        return tuple(map(shown_value, self.values[i], self.plan.units))
+        """Return the name of point i, if it has one, and the values of the swept variables there as
+        text.
+        """
+        called = (self.plan.names[i],) if self.plan.names else ()
+        return *called, *map(shown_value, self.values[i], self.plan.units)
 
     def records(self) -> Table:
-        """Return a table in full precision with one row for each point.
+        """Return a table in full precision with one row for each point, a file of conditions.
 
-        A row contains the swept values, status, reason, variables at a limit, operating point,
-        eigenvalues, and the entries of A and B.
+        A row contains the condition, the result, the reason or the limits reached, the operating
+        point, the eigenvalues, and the entries of A and B. Angles are in degrees, but those of A
+        and B in radians.
         """
         model = self.model
-        varied = zip(self.variables, self.plan.units, strict=True)
-        header = [f"{name} [{unit}]" for name, unit in varied]
-        header += ["status", "reason", _AT_LIMIT]
-        header += [f"state {name} [{signal.unit}]" for name, signal in model.states.items()]
-        header += [f"input {name} [{signal.unit}]" for name, signal in model.inputs.items()]
+        units = (*self.plan.units, *model.units((*model.states, *model.inputs)))
+        names = [*self.variables, *(f"state {name}" for name in model.states)]
+        names += [f"input {name}" for name in model.inputs]
+        headings = [with_shown_unit(*each) for each in zip(names, units, strict=True)]
+        stated = self.plan.stated()
+        count = len(self.variables)
+        header = [NAME] if self.plan.names else []
+        header += [
+            *headings[:count],
+            *stated,
+            RESULTS,
+            "failure",
+            "limits reached",
+            *headings[count:],
+        ]
         for number in range(1, len(model.linear) + 1):
             header += [
                 f"{part} eigenvalue {number} [1/{model.time_unit}]"
                 for part in ("real", "imaginary")
             ]
-        for matrix, names in (("A", model.linear), ("B", tuple(model.inputs))):
+        for matrix, columns in (("A", model.linear), ("B", tuple(model.inputs))):
             for row_name in model.linear:
                 header += [
                     f"{matrix}({row_name}, {column}) [{model.entry_unit(row_name, column)}]"
-                    for column in names
+                    for column in columns
                 ]
+        point = np.hstack([self.values, self.states, self.inputs])
+        shown = np.transpose(
+            [shown_values(column, unit) for column, unit in zip(point.T, units, strict=True)]
+        )
 
         def row(i: int) -> tuple[Any, ...]:
             reason = self.reasons[i]
-            outcome = (
-                (str(Status.FAILED), reason, "")
-                if reason
-                else (str(Status.TRIMMED), "", self._at_limit_words(i))
+            result = UNTRIMMED if reason else STALLED if self.stalled[i] else Status.TRIMMED
+            reached = "" if reason else ", ".join(self._limits_reached(i))
+            matrices = (self.eigenvalues[i].view(float), self.A[i].ravel(), self.B[i].ravel())
+            return (
+                *self.plan.names[i : i + 1],
+                *shown[i, :count].tolist(),
+                *stated.values(),
+                str(result),
+                reason,
+                reached,
+                *np.concatenate([shown[i, count:], *matrices]).tolist(),
             )
-            numbers = (
-                self.states[i],
-                self.inputs[i],
-                self.eigenvalues[i].view(float),
-                self.A[i].ravel(),
-                self.B[i].ravel(),
-            )
-            return *self.values[i], *outcome, *np.concatenate(numbers).tolist()
 
         return Table(tuple(header), RowsMade(len(self.reasons), row))
 

@@ -48,6 +48,7 @@ def arrays_of(model: Model) -> dict[str, SweepArray]:
             {"long_name": "-1 at the lowest limit, 1 at the highest, 0 between and without a trim"},
             np.int8(0),
         ),
+        "stalled": SweepArray((), {"long_name": "1 beyond the largest lift"}, np.int8(0)),
     }
 
 

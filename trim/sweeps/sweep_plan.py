@@ -14,8 +14,11 @@ import numpy as np
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, numbers_in, shown
-from trim.point.condition import TrimCondition, usual_condition
+from hfa_support.reporting.results import without_empty
+from hfa_support.reporting.text import shown_values, with_shown_unit
+from trim.point.condition import TrimCondition, stated_values, typed_limits, usual_condition
 from trim.point.operating_point import OperatingPoint, beyond_range
+from trim.point.status import FREE, LIMIT
 from trim.sweeps.points import condition_at
 
 #: Largest number of points of a grid, which is never stored as a whole.
@@ -52,6 +55,7 @@ class SweepPlan:
     condition: condition of all other variables; by default the trim that the model declares.
     start: initial point of the search at each point, or None for the default.
     listed: whether the axes are columns of equal length, with one row for each point.
+    names: name of each point of a list, or ().
 
     Raises BadInputError if a name or a range is wrong.
     """
@@ -61,6 +65,7 @@ class SweepPlan:
     condition: TrimCondition = None  # type: ignore[assignment]  # replaced below
     start: OperatingPoint | None = None
     listed: bool = False
+    names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check all fields, including the condition at the extreme values of a grid.
@@ -198,7 +203,18 @@ class SweepPlan:
             "variable_units": self.units,
             "grid": self.grid,
             "condition": self.condition.changes,
+        } | without_empty(names=self.names)
+
+    def stated(self) -> dict[str, Any]:
+        """Return what all points impose, as columns of a file of conditions, heading -> cell."""
+        held, free, limits = stated_values(self.condition, self.variables)
+        units = {name: self.model.unit(name) for name in held}
+        stated: dict[str, Any] = {
+            with_shown_unit(name, units[name]): float(shown_values(value, units[name]))
+            for name, value in held.items()
         }
+        texts = {FREE: " ".join(free), LIMIT: typed_limits(self.model, limits)}
+        return stated | {name: text for name, text in texts.items() if text}
 
     def values(self, start: int, stop: int) -> np.ndarray:
         """Return the values of the swept variables at the points start .. stop - 1.

@@ -307,8 +307,8 @@ def test_a_long_sweep_prints_its_ends(published_aircraft: Model) -> None:
     assert "3 more points have no trim" in text
     records = result.records()
     kept, failed = (dict(zip(records.header, records.rows[i], strict=True)) for i in (7, 100))
-    assert (kept["status"], failed["reason"]) == ("trimmed", result.reasons[100])
-    assert kept["input throttle [1]"] == result.inputs[7, 0]
+    assert (kept["results"], failed["failure"]) == ("trimmed", result.reasons[100])
+    assert kept["input throttle"] == result.inputs[7, 0]
     assert kept["A(speed, pitch_rate) [(ft/s^2)/(rad/s)]"] == result.A[7, 0, 3]
 
 
@@ -345,8 +345,8 @@ def test_a_sweep_prints_trim_values_and_limits_reached() -> None:
     text = swept.report().text(width=None).partition("alpha deg")[2]
     rows = [line.split() for line in text.splitlines()[1:3]]
     records = swept.records()
-    column = records.header.index("at limit")
-    assert [row[column] for row in records.rows] == ["none", "thrust highest"]
+    column = records.header.index("limits reached")
+    assert [row[column] for row in records.rows] == ["", "thrust highest"]
     reached = swept.to_xarray().at_limit[0]
     assert reached.sel(limited="thrust").values.tolist() == [0, 1]
     assert abs(reached).sum() == 1

@@ -1,0 +1,41 @@
+"""Which of many trims are beyond the largest lift."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.layout import components
+from hfa_aircraft.model import Model, recognized
+
+#: Outputs with which the lift is compared with a declared largest lift coefficient.
+_LARGEST = ("dynamic_pressure", "reference_area", "largest_lift_coefficient")
+
+
+def stalled(
+    model: Model, states: np.ndarray, inputs: np.ndarray, parameters: np.ndarray
+) -> np.ndarray:
+    """Return which of N trims are stalled, (N,): the lift L is above q S CL_max, or without a
+    declared CL_max, ∂L/∂α < 0.
+
+    A model without the state alpha or the output lift is never stalled.
+
+    states: (N, n); nan without a trim, which is not stalled
+    inputs: (N, m)
+    parameters: (N, number of parameters)
+    """
+    alpha = recognized(model.states).get("alpha", "")
+    if not alpha or "lift" not in model.outputs:
+        return np.zeros(len(states), dtype=bool)
+    is_declared = {*_LARGEST} <= {*model.outputs}
+    symbols = model.layout.symbols("x", "u", "p")
+    names = ("lift", *(_LARGEST if is_declared else ()))
+    _, found = model.layout.expressions([components(vector) for vector in symbols], names)
+    lift = found[0]
+    if is_declared:
+        left = found[1] * found[2] * found[3] - lift
+    else:
+        left = ca.jacobian(lift, symbols[0][model.state_places([alpha])[0]])
+    values = ca.Function("left", symbols, [left])(states.T, inputs.T, parameters.T)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(values.full()[0] < 0.0)
