@@ -1,7 +1,9 @@
 """Estimate of a Kalman filter over one sample, as CasADi expressions.
 
-Flights, exported C and FMUs evaluate these expressions. The covariance P is carried through the
-samples, so that gain and gate follow the values that a sample has.
+Flights, exported C and FMUs evaluate these expressions. Two covariances are carried through the
+samples: that of the errors, for the gate, and one from which the gains follow. A fast policy that
+learns a large error within one sample leaves its limits, even if what it learns is true. Therefore
+an estimate returns after missing values as fast as the stationary filter, and no faster.
 """
 
 from __future__ import annotations
@@ -31,37 +33,52 @@ class Estimate(NamedTuple):
 
     x: deviations from the trim, (n,)
     P: covariance of their errors, (n, n)
+    G: covariance from which the gains follow, (n, n): P without the samples that have no value
     missed: number of samples in a row with impossible values, (1,)
     is_begun: 1 once a sample was taken, (1,)
     """
 
     x: ca.SX
     P: ca.SX
+    G: ca.SX
     missed: ca.SX
     is_begun: ca.SX
 
     def packed(self) -> ca.SX:
         """Return the memory of the filter, (memory_size,)."""
-        rows, columns = np.tril_indices(self.x.numel())
-        entries = [self.P[i, j] for i, j in zip(rows.tolist(), columns.tolist(), strict=True)]
+        pairs = _lower_triangle(self.x.numel())
+        entries = [covariance[i, j] for covariance in (self.P, self.G) for i, j in pairs]
         return ca.vertcat(self.x, self.missed, self.is_begun, *entries)
 
 
+def _lower_triangle(n: int) -> list[tuple[int, int]]:
+    """Return the places of the lower triangle of an (n, n) matrix."""
+    rows, columns = np.tril_indices(n)
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
+
+
 def memory_size(known: KalmanFilter) -> int:
-    """Return the number of entries of the memory: x, two counts, and the lower triangle of P."""
+    """Return the number of entries of the memory: x, two counts, lower triangles of P and G."""
     n = len(known.Phi)
-    return n + 2 + n * (n + 1) // 2
+    return n + 2 + n * (n + 1)
 
 
 def unpacked(known: KalmanFilter, memory: ca.SX) -> Estimate:
-    """Return the estimate in a memory, with the stationary P before the first sample."""
+    """Return the estimate in a memory, with the stationary P and G before the first sample."""
     n = len(known.Phi)
-    x, missed, is_begun, triangle = ca.vertsplit(memory, [0, n, n + 1, n + 2, memory.numel()])
-    P = ca.SX(n, n)
-    pairs = zip(*(each.tolist() for each in np.tril_indices(n)), strict=True)
-    for place, (i, j) in enumerate(pairs):
-        P[i, j] = P[j, i] = ca.if_else(is_begun, triangle[place], float(known.P[i, j]))
-    return Estimate(x, P, missed, is_begun)
+    x, missed, is_begun, entries = ca.vertsplit(memory, [0, n, n + 1, n + 2, memory.numel()])
+    P, G = (_symmetric(known.P, is_begun, each) for each in ca.vertsplit(entries, n * (n + 1) // 2))
+    return Estimate(x, P, G, missed, is_begun)
+
+
+def _symmetric(stationary: np.ndarray, is_begun: ca.SX, triangle: ca.SX) -> ca.SX:
+    """Return the covariance with this lower triangle, or the stationary one before the first."""
+    n = len(stationary)
+    covariance = ca.SX(n, n)
+    for place, (i, j) in enumerate(_lower_triangle(n)):
+        entry = ca.if_else(is_begun, triangle[place], float(stationary[i, j]))
+        covariance[i, j] = covariance[j, i] = entry
+    return covariance
 
 
 class Updated(NamedTuple):
@@ -78,8 +95,9 @@ def updated(
 
     A value that is not finite or impossible is left out. The estimate begins at the finite values
     if one is impossible at the first sample, or most are at the end of LOST such samples in a row.
-    For the linear model, a measured speed is taken without what the predicted wind across the path
-    adds to it.
+    With the linear model, a value corrects its own state at most as in the stationary filter, and
+    a measured speed is taken without what the predicted wind across the path adds to it, if all
+    values on which this depends are used.
 
     is_extended: whether the nonlinear model predicts the states
     """
@@ -94,30 +112,47 @@ def updated(
         is_finite.append(finite)
         is_used.append(used)
         is_impossible.append(ca.logic_and(finite, ca.logic_not(used)))
-    seen = y
-    if not is_extended:
-        states = ca.SX(before.x[: len(known.states)])
-        for place, (row, used) in enumerate(zip(rows, is_used, strict=True)):
-            states[row] = ca.if_else(used, y[place], states[row])
-        seen = y - _added_speed(known, states, winds_in(known, before.x))[rows]
-    x, P = before.x, before.P
+    seen = y if is_extended else y - _added_speed(known, y, winds_in(known, before.x), is_used)
+    x, P, G = before.x, before.P, before.P if is_extended else before.G
+    is_blind = ca.logic_not(ca.logic_or(sum(is_used, ca.SX(0)) > 0, is_extended))
+    largest = [np.inf] * len(rows) if is_extended else _own_gains(known, rows)
     for place, (row, used) in enumerate(zip(rows, is_used, strict=True)):
-        gain = ca.if_else(used, 1.0 / (P[row, row] + float(noise[place])), 0.0) * P[:, row]
-        x = x + gain * ca.if_else(used, seen[place] - x[row], 0.0)
-        P = P - ca.mtimes(gain, P[row, :])
+        variance = float(noise[place])
+        own = G[row, row] / (G[row, row] + variance)
+        gain = ca.fmin(1.0, largest[place] / own) * G[:, row] / (G[row, row] + variance)
+        applied = ca.if_else(used, gain, 0.0)
+        x = x + applied * ca.if_else(used, seen[place] - x[row], 0.0)
+        P = _corrected(P, applied, row, variance)
+        G = _corrected(G, ca.if_else(ca.logic_or(used, is_blind), gain, 0.0), row, variance)
     impossible, finite = sum(is_impossible, ca.SX(0)), sum(is_finite, ca.SX(0))
     missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(finite > 0, 0, before.missed))
     is_lost = ca.logic_and(missed >= LOST, 2 * impossible > finite)
     begins = ca.logic_and(impossible > 0, ca.logic_or(ca.logic_not(before.is_begun), is_lost))
     new_x, new_P = _at_values(before, rows, seen, noise, is_finite)
-    estimate = Estimate(
-        ca.if_else(begins, new_x, x),
-        ca.if_else(begins, new_P, P),
-        ca.if_else(begins, 0, missed),
-        ca.SX(1),
-    )
+    x, P = ca.if_else(begins, new_x, x), ca.if_else(begins, new_P, P)
+    estimate = Estimate(x, P, P if is_extended else G, ca.if_else(begins, 0, missed), ca.SX(1))
     left_out = ca.if_else(begins, 0, sum(is_used) < len(rows))
     return Updated(estimate, left_out)
+
+
+def _own_gains(known: KalmanFilter, rows: list[int]) -> list[float]:
+    """Return by how much each value corrects its own state in the stationary filter, in turn."""
+    P, gains = ca.SX(ca.DM(known.P)), []
+    for row, variance in zip(rows, np.diag(known.R).tolist(), strict=True):
+        gain = P[:, row] / (P[row, row] + variance)
+        gains.append(float(gain[row]))
+        P = _corrected(P, gain, row, variance)
+    return gains
+
+
+def _corrected(P: ca.SX, gain: ca.SX, row: int, variance: float) -> ca.SX:
+    """Return the covariance after the correction by a value of the state `row`, with any gain.
+
+    variance: that of the value's noise
+    """
+    of_row = P[:, row]
+    both = ca.mtimes(gain, of_row.T)
+    return P - both - both.T + (P[row, row] + variance) * ca.mtimes(gain, gain.T)
 
 
 def _at_values(
@@ -157,19 +192,35 @@ def seen_from_air(known: KalmanFilter, z: ca.SX, winds: ca.SX) -> ca.SX:
     return ca.vertcat(*every)
 
 
-def _added_speed(known: KalmanFilter, z: ca.SX, winds: ca.SX) -> ca.SX:
-    """Return what winds across the path add to the measured values of the speed alone, (k,).
+def _added_speed(known: KalmanFilter, y: ca.SX, winds: ca.SX, is_used: list[ca.SX]) -> ca.SX:
+    """Return what winds across the path add to the measured values of the speed alone, (p,), or
+    zero if a value on which it depends is not used.
 
     It is the part that the linear model does not know: w²/2V in level flight.
     """
-    symbols = ca.SX.sym("z", len(known.states)), ca.SX.sym("w", len(known.winds))
+    z, w = ca.SX.sym("z", len(known.states)), ca.SX.sym("w", len(known.winds))
     speed = state_of(known.point.model, "speed")
     of_speed = ca.DM([float(name == speed) for name in known.states])
-    added = of_speed * (symbols[0] - seen_from_air(known, *symbols))
-    slopes = ca.Function("slopes", [*symbols], [ca.jacobian(added, symbols[1])])
-    at_trim = slopes(*(np.zeros(each.numel()) for each in symbols))
-    beyond = added - ca.mtimes(at_trim, symbols[1])
-    return ca.Function("added", [*symbols], [beyond])(z, winds)
+    added = of_speed * (z - seen_from_air(known, z, w))
+    slopes = ca.Function("slopes", [z, w], [ca.jacobian(added, w)])
+    beyond = added - ca.mtimes(slopes(0.0, 0.0), w)
+    measured = dict(zip(known.sensors, ca.vertsplit(y), strict=True))
+    is_known = dict(zip(known.sensors, is_used, strict=True))
+    needed = [
+        name
+        for name, depends in zip(known.states, ca.which_depends(beyond, z), strict=True)
+        if depends
+    ]
+    if not needed or not set(needed) <= set(known.sensors):
+        return ca.SX.zeros(y.numel())
+    is_complete = ca.SX(1)
+    for name in needed:
+        is_complete = ca.logic_and(is_complete, is_known[name])
+    values = [measured.get(name, ca.SX(0)) for name in known.states]
+    function = ca.Function("added", [z, w], [beyond])
+    found = function(ca.vertcat(*values), winds)
+    rows = [known.states.index(name) for name in known.sensors]
+    return ca.if_else(is_complete, found[rows], 0.0)
 
 
 def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX | ca.DM) -> Estimate:
@@ -178,11 +229,18 @@ def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX | ca.DM)
     x: predicted states, (n,)
     Phi: their derivatives by the states of the estimate, (n, n)
     """
-    P = ca.mtimes(ca.mtimes(Phi, now.P), Phi.T) + known.Q
+    P, is_known = _later(known, now.P, Phi)
+    G, _ = _later(known, now.G, Phi)
+    return now._replace(x=ca.if_else(is_known, x, now.x), P=P, G=G)
+
+
+def _later(known: KalmanFilter, P: ca.SX, Phi: ca.SX | ca.DM) -> tuple[ca.SX, ca.SX]:
+    """Return the covariance of the next sample, and 1 unless it stands still, being too large."""
+    later = ca.mtimes(ca.mtimes(Phi, P), Phi.T) + known.Q
     is_known = ca.SX(1)
     for place, variance in enumerate(np.diag(known.P).tolist()):
-        is_known = ca.logic_and(is_known, P[place, place] <= _UNKNOWN * variance)
-    return now._replace(x=ca.if_else(is_known, x, now.x), P=ca.if_else(is_known, P, now.P))
+        is_known = ca.logic_and(is_known, later[place, place] <= _UNKNOWN * variance)
+    return ca.if_else(is_known, later, P), is_known
 
 
 def extended_step(known: KalmanFilter, Phi: np.ndarray, seconds: float) -> ca.Function:

@@ -109,13 +109,16 @@ class FilteredPolicy(SampledPolicy):
     """Policy U = sat(law(x̂)) of the estimate x̂ of a Kalman filter.
 
     A measured value that is not finite, or with an innovation beyond 8 standard deviations, is left
-    out, and the covariance is carried on: gain and gate follow the values that are there. If one is
+    out, and the covariance is carried on: gain and gate follow the values that are there. After
+    missing values, each value corrects its state at most as in the stationary filter, except behind
+    a law that plans: a fast gain leaves its limits where it learns a large error at once. If one is
     impossible at the first sample, or most are at the end of ten such samples in a row, the
     estimate begins at the measured values. With a delay the law acts on the state predicted over
     the commands under way; a deployment with a delay of its own acts on the estimate of its sample.
 
     A fast gain on the ground speed is unstable in an updraft w, which adds w²/2V to it. Therefore a
-    measured speed is taken without what the predicted wind across the path adds to it.
+    measured speed is taken without what the predicted wind across the path adds to it, unless a
+    value on which this depends is left out.
 
     Behind a law that plans, the filter is extended: the nonlinear model predicts, with slopes at
     the estimate. Such a law sees speed and flow angles relative to the air across the path, in
