@@ -155,20 +155,44 @@ def test_delays_are_searched_upward(case):
     assert gain_case(delay=delays.limit)[0].radius >= 1.0
 
 
-def test_limits_passed_between_two_samples_count(folder):
+def oscillator(high=9.0, sign=1.0):
+    """Return v' = -w^2 x - 2 v with sign * x' = v and x from -1 to `high`, of 1 Hz."""
+    w = 2.0 * np.pi
+    return hfa.Model(
+        "oscillator",
+        {"x": hfa.Signal("m", min=-1.0, max=high), "v": hfa.Signal("m/s", nominal=6.0)},
+        {"force": hfa.Signal("N", min=-1.0, max=1.0)},
+        lambda x, u, p, _: ({"x": sign * x.v, "v": -sign * w * w * x.x - 2.0 * x.v + u.force}, {}),
+    )
+
+
+@pytest.fixture
+def nothing(folder):
+    """Return a policy at 2 Hz that moves nothing."""
+    np.savez("K.npz", K=np.zeros((1, 2)))
+    return hfa.Deployment({"file": "K.npz"}, {"x": {}, "v": {}}, {"force": {}}, {"dt": 0.5})
+
+
+def test_limits_passed_between_two_samples_count(nothing):
     """An oscillator swings beyond a limit only between the samples, every half period.
 
     Its amplitudes are up to 1.44 m with speeds of 9 m/s, and .96 m with 6 m/s.
     """
-    w = 2.0 * np.pi
-    np.savez("K.npz", K=np.zeros((1, 2)))
-    deployment = hfa.Deployment({"file": "K.npz"}, {"x": {}, "v": {}}, {"force": {}}, {"dt": 0.5})
-    for low, high, fastest in ((-1.0, 9.0, 9.0), (-1.0, 1.0, 6.0)):
-        model = hfa.Model(
-            "oscillator",
-            {"x": hfa.Signal("m", min=low, max=high), "v": hfa.Signal("m/s", nominal=6.0)},
-            {"force": hfa.Signal("N", min=-1.0, max=1.0)},
-            lambda x, u, p, _: ({"x": x.v, "v": -w * w * x.x - 2.0 * x.v + u.force}, {}),
-        )
-        result = assess(model, deployment, samples=4, box={"x": 0.1, "v": fastest})
-        assert (result.points[0].flights.left_envelope > 0) is (fastest == 9.0)
+    passed, kept = (
+        assess(oscillator(high), nothing, samples=4, box={"x": 0.1, "v": fastest}).points[0]
+        for high, fastest in ((9.0, 9.0), (1.0, 6.0))
+    )
+    left = passed.flights.departure
+    assert (left.state, left.limit, kept.flights.departure) == ("x", -1.0, None)
+    assert -1.44 <= left.value < -1.0
+
+
+def test_the_integration_error_is_that_of_deviations_to_either_side(nothing):
+    """It is the same if x is counted the other way. Both first flights begin with v < 0."""
+    first, other = (
+        assess(oscillator(1.0, sign), nothing, samples=1, seed=7, box={"x": 1e-9, "v": 3.0})
+        for sign in (1.0, -1.0)
+    )
+    errors = [each.points[0].integration for each in (first, other)]
+    assert {each.figure for each in errors} == {"the largest deviation of x"}
+    assert errors[0].change == pytest.approx(errors[1].change, rel=1e-5)

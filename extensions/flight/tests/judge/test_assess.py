@@ -106,27 +106,34 @@ def test_the_cost_above_the_optimum_is_that_of_summed_samples():
     assert above[-1] > 1.1 * above.mean()
 
 
-def test_flights_that_do_not_return_are_counted_and_not_compared():
-    """v' = v + v^3 + f, |f| <= 1, returns from v + v^3 < 1; f = -2 v + 4 v^3 from v^2 < 1/5 alone."""
+@pytest.mark.parametrize(
+    ("strong", "slope", "lost", "both"), [(True, 6.0, 0, 2), (False, 2.0, 2, 1)]
+)
+def test_flights_that_do_not_return_are_counted_and_not_compared(strong, slope, lost, both):
+    """v' = v + 4 v^3 + f from .25, .79 and .55: the exact gain 1 + sqrt 2 returns from v < .595.
+
+    f = -6 v returns from v < 1.12, and f = -2 v + 4 v^3 from v < .354.
+    """
     model = hfa.Model(
         "cubic",
         {"v": hfa.Signal(min=-3.0, max=3.0)},
-        {"f": hfa.Signal(min=-1.0, max=1.0)},
-        lambda x, u, p, w: ({"v": x.v + x.v**3 + u.f}, {}),
+        {"f": hfa.Signal(min=-10.0, max=10.0)},
+        lambda x, u, p, w: ({"v": x.v + 4.0 * x.v**3 + u.f}, {}),
         trim={"v": 0.0},
     )
     o = ca.SX.sym("o")
-    weak = Deployment(
-        policy={"file": ca.Function("gain", [o], [-2.0 * o + 4.0 * o**3])},
+    command = -slope * o + (0.0 if strong else 4.0 * o**3)
+    deployment = Deployment(
+        policy={"file": ca.Function("gain", [o], [command])},
         observation={"v": {}},
-        action={"f": {"box": [-1.0, 1.0]}},
+        action={"f": {"box": [-10.0, 10.0]}},
         timing={"dt": 0.02},
         cost={"Q": {"v": 1.0}, "R": {"f": 1.0}},
     )
-    found = assess(model, weak, samples=3, seed=7, box={"v": 1.0})  # from .25, .79, .55
+    found = assess(model, deployment, samples=3, seed=7, box={"v": 1.0})
     costs = found.points[0].costs
-    assert (costs.starts, costs.lost, costs.lqr_lost, costs.both) == (3, 2, 1, 1)
-    assert not found.ok
+    assert (costs.starts, costs.lost, costs.lqr_lost, costs.both) == (3, lost, 1, both)
+    assert found.ok is strong
 
 
 def stiff_case() -> tuple[hfa.Model, Deployment, float]:
@@ -218,16 +225,23 @@ def test_the_first_departure_is_reported():
     )
     o = ca.SX.sym("o")
     nothing = {"file": ca.Function("policy", [o], [0.0 * o])}
-    deployment = Deployment(nothing, {"v": {}}, {"f": {}}, {"dt": 0.01})
-    (found,) = assess(model, deployment, samples=20, box={"v": 1.0}).points
-    for flights in (found.flights, found.disturbed):
-        assert flights.left_envelope == 20
-        left, start = flights.departure, flights.worst_initial["v"]
-        assert abs(start) > 0.5
-        assert (left.state, left.limit) == ("v", math.copysign(2.0, left.value))
-        if flights is found.flights:
-            expected = math.log(2.0 / abs(start))
-            assert expected <= left.time <= expected + 0.01
+    cost = {"Q": {"v": 1.0}, "R": {"f": 1.0}}
+    deployment = Deployment(nothing, {"v": {}}, {"f": {}}, {"dt": 0.01}, cost)
+    sides = set()
+    for seed in (0, 2):
+        (found,) = assess(model, deployment, samples=20, seed=seed, box={"v": 1.0}).points
+        assert found.cost.worst == found.cost.mean == math.inf
+        for flights in (found.flights, found.disturbed):
+            assert flights.left_envelope == 20
+            left, start = flights.departure, flights.worst_initial["v"]
+            assert abs(start) > 0.5
+            assert abs(left.value) >= 2.0
+            assert (left.state, left.limit) == ("v", math.copysign(2.0, start))
+            if flights is found.flights:
+                sides.add(left.limit)
+                expected = math.log(2.0 / abs(start))
+                assert expected <= left.time <= expected + 0.01
+    assert sides == {-2.0, 2.0}
 
 
 def test_unmet_requirements_are_listed():
