@@ -17,7 +17,7 @@ from controller.riccati.gare import Solution
 from hfa_aircraft.waveform import Waveform, channel, constant, stacked
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Vector, plain
+from hfa_support.reporting.results import Matrix, Result, Vector, storable
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 from trim.linear.linear_model import LinearModel
 from trim.point.commanded import CommandedTrim, commanded_trim
@@ -153,7 +153,7 @@ class Tracking(Result, Reported):
                 Table(("rms of", "unit", "command", "error", "without feedforward"), rows),
                 *self.trim_parts(),
             ),
-            data=plain(self),
+            data=storable(self),
         )
 
     def _reachable_text(self) -> str:

@@ -13,7 +13,7 @@ from hfa_support.reporting.checks import Check, Checked, at_most, checks_block, 
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Result, Roots, plain
+from hfa_support.reporting.results import ByValue, Result, Roots, storable
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.hfa.printed import (
     EntryRow,
@@ -96,7 +96,7 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
                 Table(("eigenvalues 1/s", "printed A", "regenerated A"), spectra),
                 checks_block(self.checks),
             ),
-            data=plain(self),
+            data=storable(self),
         )
 
 
@@ -164,7 +164,7 @@ class Regeneration(ByValue, Result, Reported):
                 self.picture(),
                 self.verdict,
             ),
-            data=plain(self),
+            data=storable(self),
             records=entries_records(
                 {pair.published.dihedral_deg: pair.entries for pair in self.pairs}
             ),

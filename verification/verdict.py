@@ -14,7 +14,7 @@ from controller.riccati.excess import SAME_DOUBLE, Excess
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, Checked
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.results import Result, plain, without_empty
+from hfa_support.reporting.results import Result, storable, without_empty
 from verification.box import Box
 from verification.nonlinear_game import GRADES, NonlinearComparison
 
@@ -177,7 +177,7 @@ class Verdict(Checked, Result, Reported):
         limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the entry
             `graded` also contains the limit and the verdict on the cost.
         """
-        data = plain(self)
+        data = storable(self)
         if limit_cost is not None and "graded" in data:
             data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
         return data
@@ -194,7 +194,7 @@ class Verdict(Checked, Result, Reported):
             "P_rel_error": self.P_rel_error,
             "K_rel_error": self.K_rel_error,
             "grade": self.grade,
-            "checks": [plain(check) | {"kind": check.kind} for check in self.checks],
+            "checks": [storable(check) | {"kind": check.kind} for check in self.checks],
         } | without_empty(nonlinear=self.nonlinear)
         for section in self.sections:
             entries |= section.data

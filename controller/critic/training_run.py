@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from controller.game.basis import basis
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Vector, plain, without_empty
+from hfa_support.reporting.results import Matrix, Result, Vector, storable, without_empty
 from hfa_support.reporting.text import Table, matrix_table
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ class TrainingRun(Result, Reported):
         return Report(
             title=f"Law {self.law!r}, basis {self.basis!r}, on {names.origin}: {self.outcome}",
             parts=tuple(parts),
-            data=plain(self),
+            data=storable(self),
             records=self._records(),
         )
 

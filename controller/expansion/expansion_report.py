@@ -8,7 +8,7 @@ from controller.expansion.expansion import Expansion
 from controller.expansion.monomials import name_of
 from controller.expansion.radius import Radius
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import plain
+from hfa_support.reporting.results import storable
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 
 
@@ -34,7 +34,7 @@ def expansion_report(expansion: Expansion) -> Report:
             " deviations from the trim:",
             Table(("largest", "unit", *columns), rows),
         ),
-        data=plain(expansion),
+        data=storable(expansion),
         records=Table(
             ("monomial", "weight"),
             [(name_of(powers, names.states), weight) for powers, weight in weights],

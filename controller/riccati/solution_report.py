@@ -11,7 +11,7 @@ import numpy as np
 from controller.game.weights import disturbance_text, matrix_text
 from controller.riccati.gare import Solution
 from hfa_support.reporting.report import Part, Report
-from hfa_support.reporting.results import plain
+from hfa_support.reporting.results import storable
 from hfa_support.reporting.text import (
     Table,
     eigenvalue_text,
@@ -55,7 +55,7 @@ def solution_report(solution: Solution) -> Report:
             "\n".join(("Proved in ball arithmetic:", *solution.certificate.proved)),
             *_margins(solution),
         ),
-        data=plain(solution),
+        data=storable(solution),
         records=Table(
             ("matrix", "row", "column", "value", "unit"),
             entry_rows((solution.P,), (solution.K,), solution.names),

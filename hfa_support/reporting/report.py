@@ -13,7 +13,7 @@ import numpy as np
 from hfa_support.errors import imported, shortened
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.results import Result, plain
+from hfa_support.reporting.results import Result, storable
 from hfa_support.reporting.rows import Group, Sheet
 from hfa_support.reporting.text import (
     WIDTH,
@@ -62,7 +62,7 @@ class Report:
     sheet: Sheet = field(default_factory=Sheet)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "data", plain(self.data))
+        object.__setattr__(self, "data", storable(self.data))
 
     def __repr__(self) -> str:
         return self.text()
@@ -74,7 +74,7 @@ class Report:
         """Return a copy of the report to whose data results, and entries by name, are added."""
         data = dict(self.data)
         for part in (*results, entries):
-            data |= plain(part)
+            data |= storable(part)
         return replace(self, data=data)
 
     def text(self, color: bool = False, width: int | None = WIDTH) -> str:

@@ -48,7 +48,7 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the schema and the contents, with values that JSON can contain."""
-        data: dict[str, Any] = jsonable(plain(self))
+        data: dict[str, Any] = jsonable(storable(self))
         return data
 
 
@@ -57,8 +57,8 @@ def without_empty(**entries: Any) -> dict[str, Any]:
     return {name: value for name, value in entries.items() if not _is_empty(value)}
 
 
-def plain(value: Any) -> Any:
-    """Return a value in the form that is stored in files. The items of lists and mappings are
+def storable(value: Any) -> Any:
+    """Return a value in the form that files store. The items of lists and mappings are
     converted.
 
     - results: dictionaries with their schema
@@ -73,13 +73,13 @@ def plain(value: Any) -> Any:
         return value
     if isinstance(value, Result):
         schema = {"schema": value.schema} if value.schema else {}
-        return schema | plain(value._entries())
+        return schema | storable(value._entries())
     if hasattr(type(value), "_asdict"):
-        return plain(value._asdict())
+        return storable(value._asdict())
     if isinstance(value, Mapping):
-        return {name: plain(entry) for name, entry in value.items()}
+        return {name: storable(entry) for name, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(entry) for entry in value]
+        return [storable(entry) for entry in value]
     if isinstance(value, np.ndarray):
         return np.stack([value.real, value.imag], -1) if np.iscomplexobj(value) else value
     if isinstance(value, complex):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from hfa_support.reporting.named import ByName
-from hfa_support.reporting.results import Result, plain, without_empty
+from hfa_support.reporting.results import Result, storable, without_empty
 from hfa_support.reporting.text import (
     TONES,
     WIDTH,
@@ -197,7 +197,7 @@ class Sheet(ByName[Row]):
     def to_dict(self) -> dict[str, dict[str, Any]]:
         """Return the entries of the file, name -> group, value, unit, and note and level if any."""
         return {
-            row.name: {"group": group.title} | plain(row)
+            row.name: {"group": group.title} | storable(row)
             for group in self.groups
             for row in group.rows
         }

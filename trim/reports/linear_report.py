@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_support.reporting.report import Part, Report
-from hfa_support.reporting.results import plain
+from hfa_support.reporting.results import storable
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import WIDTH, Table, degrees, matrix_table, wrapped
 from trim.linear.frequency import transfers, transfers_table, zeros_in_words
@@ -91,7 +91,7 @@ def report_of_linear(
         ]
     )
     parts: list[Part] = [_matrix(block) for block in blocks]
-    data = plain(model)
+    data = storable(model)
     if beside is not None:
         parts.append(beside.accuracy)
         data |= beside.data

@@ -9,7 +9,7 @@ from typing import Any
 from hfa_aircraft.model import Model
 from hfa_support.provenance import Change
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import plain, without_empty
+from hfa_support.reporting.results import storable, without_empty
 from hfa_support.reporting.rows import Group, Row, Sheet
 from hfa_support.reporting.text import Table, degrees, shown_unit, shown_values
 from trim.linear.modes import modes_table
@@ -202,4 +202,4 @@ def saved_report(point: OperatingPoint) -> Report:
     ]
     notes = without_lines(point.warnings)
     title = title_of(Trimmed(point))
-    return Report(title, [Table(header, shown)], notes, plain(point), Table(header, records))
+    return Report(title, [Table(header, shown)], notes, storable(point), Table(header, records))

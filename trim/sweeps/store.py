@@ -13,7 +13,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result, plain
+from hfa_support.reporting.results import Result, storable
 from hfa_support.reporting.text import Table
 from hfa_support.rows.store import RowJob, array_of_rows, fill_store
 from trim.linear.modes import fastest_first
@@ -108,7 +108,7 @@ class StoredSweep(Result, Reported):
             f"in {self.store}",
             parts=(Table(("status", "points"), rows),),
             notes=self.warnings,
-            data=plain(self),
+            data=storable(self),
         )
 
 
@@ -198,7 +198,7 @@ def _template(plan: SweepPlan) -> Any:
         coordinates[name] = array_of_rows((_POINT,), (plan.count,), np.nan, chunk, varied)
     import xarray
 
-    return xarray.Dataset(arrays, coordinates, plain(SweepAttributes(plan)))
+    return xarray.Dataset(arrays, coordinates, storable(SweepAttributes(plan)))
 
 
 def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:

@@ -18,7 +18,7 @@ from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.named import ByName, with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack, plain
+from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack, storable
 from hfa_support.reporting.text import (
     RowsMade,
     Table,
@@ -415,7 +415,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             title=f"Sweep, {self.model.title}: {words}",
             parts=tuple(parts),
             notes=self.warnings,
-            data=plain(self),
+            data=storable(self),
             records=self.records(),
         )
 

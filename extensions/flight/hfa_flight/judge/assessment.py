@@ -14,7 +14,7 @@ from hfa_flight.needs import IN_AIR, SHARE
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result, plain
+from hfa_support.reporting.results import Result, storable
 
 #: Name of a requirement -> sentence if it is not satisfied.
 NEEDS = {
@@ -151,7 +151,7 @@ class Assessment(Result, Reported):
         return Report(
             "\n".join(title),
             report_parts(self.deployed, self.points),
-            data=plain(self),
+            data=storable(self),
             records=records_table(self.points),
         )
 

@@ -23,7 +23,7 @@ from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Vector, plain
+from hfa_support.reporting.results import Matrix, Result, Vector, storable
 from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table
 
@@ -209,7 +209,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             limits_of_flights(self.problem),
             Picture("flight", "The best flight found and the policies", self.figure),
         )
-        return Report(self.title(), parts, data=plain(self), records=self.records())
+        return Report(self.title(), parts, data=storable(self), records=self.records())
 
     def title(self) -> str:
         """Return the first lines of the report: cost, ratios of the policies, initial condition."""

@@ -34,7 +34,7 @@ from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown
 from hfa_support.native.bound import BoundFunction
-from hfa_support.reporting.results import plain
+from hfa_support.reporting.results import storable
 from trim.point.operating_point import OperatingPoint
 
 #: Function (number of the sample, deviations of all states) -> deviations of the inputs.
@@ -155,7 +155,7 @@ class FilteredPolicy(SampledPolicy):
                 f"the filter has samples of {known.dt:g} s, the policy {law.name} of {own:g} s; "
                 f"give the filter dt={own:g}"
             )
-        identity = {"filter": plain(known), **law.identity}
+        identity = {"filter": storable(known), **law.identity}
         name = f"{law.name} behind a filter"
         return cls(name, known.point, known.dt, known, law, identity=identity)
 
@@ -360,7 +360,7 @@ class FilteredPolicy(SampledPolicy):
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: those of its law, and the filter."""
-        found = {**self.law.data(model), "law": self.name, "filter": plain(self.filter)}
+        found = {**self.law.data(model), "law": self.name, "filter": storable(self.filter)}
         return {**found, "margins": self.margins, "unused_samples": self.unused}
 
     def notes(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.simulate.envelope import GIVE_LIMIT, NO_LIMIT, control_limits, is_limited
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Report
-from hfa_support.reporting.results import plain
+from hfa_support.reporting.results import storable
 from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table, short_number, shown_unit
 
@@ -169,7 +169,7 @@ def _compared(
         "at_limit": dict(
             zip(plan.model.inputs, flown["at_limit"].mean(axis=0).tolist(), strict=True)
         ),
-        "filter": plain(policy.filter),
+        "filter": storable(policy.filter),
         "margins": policy.margins,
     }
     gain = policy.law.gain

@@ -69,7 +69,7 @@ from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.results import Result, plain, without_empty
+from hfa_support.reporting.results import Result, storable, without_empty
 from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
@@ -609,7 +609,7 @@ class Flight(StatesAndInputs, Result, Reported):
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
-        return Report(self.title(), parts, notes, plain(self), self._records())
+        return Report(self.title(), parts, notes, storable(self), self._records())
 
     def _air_notes(self, through_air: bool) -> list[str]:
         """Return notes on moving air: which flow angles are limited, and the gust."""
