@@ -11,10 +11,9 @@ import casadi as ca
 from hfa_aircraft.rigid.atmosphere import HEAT_RATIO
 from hfa_model.vectors import HIGHEST_ALTITUDE, Quantity
 from hfa_support.errors import BadInputError
-from hfa_support.units import FOOT, STANDARD_GRAVITY
+from hfa_support.units import EARTH_RADIUS, FOOT, STANDARD_GRAVITY
 
 # U.S. Standard Atmosphere, 1976, Tables 2-4 (SI, as defined there).
-_EARTH_RADIUS = 6_356_766.0  # m
 _GAS_CONSTANT = 8314.32 / 28.9644  # J/(kg K)
 _SEA_LEVEL_TEMPERATURE = 288.15  # K
 _SEA_LEVEL_PRESSURE = 101_325.0  # Pa
@@ -89,7 +88,7 @@ def _geopotential(altitude: Quantity) -> Quantity:
     if not isinstance(altitude, (ca.SX, ca.MX)):
         refuse_beyond_the_atmosphere(altitude)
     height = altitude * FOOT
-    return _EARTH_RADIUS * height / (_EARTH_RADIUS + height)
+    return EARTH_RADIUS * height / (EARTH_RADIUS + height)
 
 
 def _temperature(geopotential: Quantity) -> Quantity:

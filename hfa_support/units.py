@@ -15,12 +15,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 SYSTEMS = ("english", "si")
-#: Foot, m; knot, m/s; standard gravity, m/s².
+#: Foot, m; knot, m/s; standard gravity, m/s²; radius of the Earth in the standard atmosphere, m.
 FOOT = 0.3048
 KNOT = 1852.0 / 3600.0
 STANDARD_GRAVITY = 9.80665
-#: Radius of the Earth in the standard atmosphere, ft.
-EARTH_RADIUS = 6356766.0 / FOOT
+EARTH_RADIUS = 6356766.0
 _POUND = 0.45359237
 _SLUG = _POUND * STANDARD_GRAVITY / FOOT
 #: Units of force, length and mass.
@@ -168,7 +167,8 @@ def split_unit(text: str) -> tuple[str, str]:
     """
     if level := re.fullmatch(r"\s*FL\s*(\d+)\s*", text, re.IGNORECASE):
         pressure_altitude = 100.0 * float(level[1])
-        geometric = EARTH_RADIUS * pressure_altitude / (EARTH_RADIUS - pressure_altitude)
+        radius = EARTH_RADIUS / FOOT
+        geometric = radius * pressure_altitude / (radius - pressure_altitude)
         return repr(geometric), "ft"
     digits = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
     unit = r"(?![eE][-+]?\d)[a-zA-Z°µμ].*"  # a text that begins with a letter, but is no exponent

@@ -18,6 +18,7 @@ from hfa_support.units import EARTH_RADIUS, FOOT, KNOT, STANDARD_GRAVITY, si_fac
 #: Ratio of specific heats of air.
 HEAT_RATIO = 1.4
 _GRAVITY = STANDARD_GRAVITY / FOOT
+_EARTH_RADIUS = EARTH_RADIUS / FOOT
 _KG_TO_SLUG = 0.06852168
 _GAS_CONSTANT = (8.31432 * _KG_TO_SLUG / (FOOT * FOOT * 1.8)) / (28.9645 * _KG_TO_SLUG / 1000.0)
 #: Gas constant of air, J/(kg K).
@@ -69,7 +70,7 @@ def air_at(altitude: Any, system: str = "english", warmer: Any = 0.0) -> Air:
     if isinstance(altitude, int | float):
         # the formula of a layer gives a complex Python number outside it, in CasADi nan
         altitude = ca.DM(altitude)
-    height = altitude * EARTH_RADIUS / (EARTH_RADIUS + altitude)
+    height = altitude * _EARTH_RADIUS / (_EARTH_RADIUS + altitude)
     base_pressure = SEA_LEVEL_PRESSURE
     temperature: Any = 0.0
     pressure: Any = 0.0
@@ -106,7 +107,7 @@ def density_altitude(density: Any) -> Any:
             climb = _GAS_CONSTANT * warmth / _GRAVITY * ca.log(base / density)
         height = ca.if_else(density < base, bottom + climb, height) if bottom else climb
         base_pressure = float(base_pressure * _pressure_ratio(warmth, lapse, top - bottom))
-    return height * EARTH_RADIUS / (EARTH_RADIUS - height)
+    return height * _EARTH_RADIUS / (_EARTH_RADIUS - height)
 
 
 def equivalent_airspeed(dynamic_pressure: float) -> float:

@@ -14,7 +14,8 @@ from trim.point.condition import release
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, trim
 
-#: Largest difference from a commanded pitch, and the most trims that are tried to find its gamma.
+#: Difference from a commanded pitch, rad, at which the search for its gamma stops, and the most
+#: trims that are tried.
 _SAME_PITCH = 1e-9
 _MOST_PITCHES = 12
 

@@ -13,6 +13,9 @@ from trim.point.system import NEARLY, TrimSystem
 MOST_TRIALS = 100
 #: Smallest fraction of a step that is tried.
 LEAST_SHARE = 2.0**-20
+#: Singular values of a Jacobian below this fraction of the largest are 0 in a step of least norm,
+#: whose end is judged by its residuals.
+_SINGULAR = 1e-12
 #: Largest entry of a step, in scaled units; a Jacobian with a longer step counts as singular.
 LONGEST = 1e6
 
@@ -153,7 +156,7 @@ def newton_step(
             return step
     doubtful = ~(np.abs(step).max(axis=1, initial=0.0) < LONGEST)
     doubtful &= np.isfinite(jacobian).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1)
-    inverse = np.linalg.pinv(jacobian[doubtful], rcond=1e-12)
+    inverse = np.linalg.pinv(jacobian[doubtful], rcond=_SINGULAR)
     step[doubtful] = -(inverse @ residual[doubtful][:, :, None])[:, :, 0]
     return step
 

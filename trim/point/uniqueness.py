@@ -46,7 +46,7 @@ def undetermined(problem: TrimProblem, z: np.ndarray) -> tuple[list[str], int]:
     moved = directions * problem.system.scales / _sizes(problem)
     basis, _ = np.linalg.qr(moved.T)
     parts = np.linalg.norm(basis, axis=1)
-    # Unknowns that move alike but for rounding keep the order of the model.
+    # Unknowns that move alike to seven digits, as `DEPENDENT`, keep the order of the model.
     order = np.argsort(-np.round(parts, 7), kind="stable")
     return [problem.free[i] for i in order if parts[i] > DEPENDENT], len(directions)
 

@@ -73,7 +73,7 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
         if number < identity.least or number > identity.most:
             yield identity.says.format(number)
     is_known = {"beta", "r", "speed"} <= {*roles} and trimmed.given.ok and not trimmed.fault
-    if is_known and _yaw_stiffness(trimmed) < 0.0:
+    if is_known and _is_unstable_in_yaw(trimmed):
         yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
 
 
@@ -119,19 +119,19 @@ def _flight_options(trimmed: Trimmed) -> str:
     return " ".join([*held, *(f"--free {name}" for name in free)])
 
 
-def _yaw_stiffness(trimmed: Trimmed) -> float:
-    """Return ∂N/∂β / Izz, the yawing moment about the body's z-axis by sideslip, 1/s².
+def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
+    """Return whether ∂N/∂β, the yawing moment about the body's z-axis by sideslip, is below 0.
 
     Without angular rates, N = Izz dr/dt - Ixz dp/dt. An unknown Ixz is 0.
     """
     roles, states = trimmed.roles, trimmed.slopes.states
     by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
-    stiffness = float(by_sideslip[states.index(roles["r"])])
+    turning, coupled = float(by_sideslip[states.index(roles["r"])]), 0.0
     known = configuration_of(trimmed)
     if "p" in roles and {"Izz", "Ixz"} <= {*known}:
         coupling = known["Ixz"][0] / known["Izz"][0]
-        stiffness -= coupling * float(by_sideslip[states.index(roles["p"])])
-    return stiffness
+        coupled = coupling * float(by_sideslip[states.index(roles["p"])])
+    return turning - coupled < -ROUNDING * (abs(turning) + abs(coupled))
 
 
 def _off_the_condition(trimmed: Trimmed) -> Iterator[str]:

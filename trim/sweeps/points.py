@@ -37,7 +37,8 @@ _FINE_CELL = 0.01
 _CELL = 0.03
 #: Largest accepted change of a scaled unknown over a cell.
 _STEEPEST = 0.2
-#: Step for the slopes, as a fraction of a cell.
+#: Step for the slopes of initial values, as a fraction of a cell; the residuals judge what they
+#: lead to.
 _NEXT = 1e-5
 #: Largest number of rounds that begin at solved neighbors.
 _ROUNDS = 100

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from hfa_support.units import conversion, si_unit
+from hfa_support.units import FOOT, KNOT, conversion, si_unit
 
 _AXES = ("Roll", "Pitch", "Yaw")
 #: Unit as spelled in the standard or in older files -> spelling in reports.
@@ -38,7 +38,7 @@ _UNITS = (
 _OTHERS = {
     "deg": ("rad", math.pi / 180.0),
     "deg/s": ("rad/s", math.pi / 180.0),
-    "nmi/h": ("ft/s", 1852.0 / 3600.0 / 0.3048),
+    "nmi/h": ("ft/s", KNOT / FOOT),
 }
 
 #: Inputs that follow from the motion and the air -> name of their value in `aircraft.py`.

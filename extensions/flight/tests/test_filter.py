@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
+from innovations import innovations_of
 from project import ROOT
 from scipy.linalg import expm, solve_discrete_lyapunov
 from scipy.stats import binom
@@ -299,15 +300,15 @@ def samples_of(known, random):
     """Return 120 samples about the trim with values that are impossible, missing, or none at all."""
     trim = np.array([known.point[name] for name in known.sensors])
     for number in range(120):
-        y = trim + known.innovation * random.uniform(-1.5, 1.5, len(trim))
+        y = trim + innovations_of(known) * random.uniform(-1.5, 1.5, len(trim))
         if number in (0, 20, 21) or 30 <= number < 45:
-            y[1] += 30.0 * known.innovation[1]  # one of six is impossible: left out for good
+            y[1] += 30.0 * innovations_of(known)[1]  # one of six is impossible: left out for good
         if number in (5, 33) or 50 <= number < 60:
             y[number % 6] = np.nan
         if 65 <= number < 85:
             y[:] = np.nan
         if 90 <= number < 102:
-            y[[0, 2, 3, 4]] += 40.0 * known.innovation[[0, 2, 3, 4]]  # most are impossible
+            y[[0, 2, 3, 4]] += 40.0 * innovations_of(known)[[0, 2, 3, 4]]  # most are impossible
         yield y
 
 
@@ -364,8 +365,8 @@ def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
     """Absolute values, by name or not; saturated; copies and pickles have memories of their own."""
     policy = known.policy(gain)
     y = np.array([point[name] for name in known.sensors])
-    U = policy(0.0, dict(zip(known.sensors, y + known.innovation, strict=True)))
-    x = known.L @ known.innovation
+    U = policy(0.0, dict(zip(known.sensors, y + innovations_of(known), strict=True)))
+    x = known.L @ innovations_of(known)
     np.testing.assert_allclose(U, point.u - gain @ x[:6], rtol=1e-12)
     others = copy.copy(policy), pickle.loads(pickle.dumps(policy))
     kept = policy.estimate
@@ -376,10 +377,10 @@ def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
     policy.reset()
     np.testing.assert_allclose(policy(0.0, y), point.u, atol=1e-12)
     limits = point.model.inputs["elevator_center"]
-    strong = known.policy(1e6 * gain)(0.0, y + known.innovation)
+    strong = known.policy(1e6 * gain)(0.0, y + innovations_of(known))
     assert limits.min <= strong[3] <= limits.max
     critic = known.policy(hfa.from_gain(hfa.paper.published_game(linear), gain))
-    np.testing.assert_allclose(critic(0.0, y + known.innovation), U)
+    np.testing.assert_allclose(critic(0.0, y + innovations_of(known)), U)
 
 
 @pytest.mark.parametrize(("delay", "samples"), [(0.03, 4), (0.025, 3)])
@@ -389,18 +390,18 @@ def test_a_delay_is_known_to_the_filter(point, linear, gain, delay, samples):
     late, _ = known.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=delay))
     late.reset()
     y = np.array([point[name] for name in known.sensors])
-    U = late(0.0, y + known.innovation)
+    U = late(0.0, y + innovations_of(known))
     for sample in range(1, samples):
         late(0.01 * sample, np.full(6, np.nan))
     A, B = np.array(linear.A), np.array(linear.B)
     moved = expm(np.block([[A, B], [np.zeros((5, 11))]]) * (0.01 * samples - delay))
-    x = expm(A * delay) @ known.L @ known.innovation
+    x = expm(A * delay) @ known.L @ innovations_of(known)
     x = moved[:6, :6] @ x + moved[:6, 6:] @ (U - point.u)
     np.testing.assert_allclose(
         list(late.estimate.values()), [point[name] for name in linear.states] + x, rtol=1e-9
     )
     np.testing.assert_allclose(
-        U, point.u - gain @ expm(A * delay) @ known.L @ known.innovation, rtol=1e-9
+        U, point.u - gain @ expm(A * delay) @ known.L @ innovations_of(known), rtol=1e-9
     )
 
 

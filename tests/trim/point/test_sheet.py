@@ -537,13 +537,14 @@ def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:
     assert (rows[2]["L/D"], rows[2]["speed [m/s]"], rows[2]["gamma [deg]"]) == ("", "5.0", "0.0")
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("sign", [1.0, 0.0, -1.0])
 def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign: float, tmp_path: Path) -> None:
     """The sign of Cn_beta, not that of the yaw acceleration, which has the opposite one here by
     Ixz Cl_beta.
     """
     text = (EXAMPLES / "uav.toml").read_text("utf-8")
-    for name, value in {"Ixz": 0.3 * sign, "Cn_beta": 0.06 * sign, "Cl_beta": -0.4}.items():
+    Ixz = 0.3 * (sign or -0.7)
+    for name, value in {"Ixz": Ixz, "Cn_beta": 0.06 * sign, "Cl_beta": -0.4}.items():
         text = re.sub(rf"(?m)^{name} = .*$", f"{name} = {value}", text)
     path = tmp_path / "planted.toml"
     path.write_text(text, "utf-8")
@@ -551,7 +552,7 @@ def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign: float, tmp_path: 
     linear = point.linearize()
     states = list(linear.states)
     yawing = linear.A[states.index("yaw_rate"), states.index("beta")]
-    assert yawing * sign < 0.0
+    assert yawing * Ixz < 0.0
     assert ("out of the wind" in point.report().title) == (sign < 0.0)
 
 

@@ -17,10 +17,10 @@ from hfa_flight.export.c_text import (
     comment_lines,
     constant_tables,
     displaced_state,
+    enumerators,
     filled,
     name_tables,
     or_unused,
-    positions,
     units_of,
 )
 from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
@@ -95,9 +95,9 @@ def c_model_texts(
         header: filled(
             header,
             **origin_and_title,
-            states=positions(states),
-            inputs=positions(inputs),
-            winds=positions(winds, "HFA_WIND_"),
+            states=enumerators(states),
+            inputs=enumerators(inputs),
+            winds=enumerators(winds, "HFA_WIND_"),
             linear_states=", ".join(model.linear),
             linear_count=len(model.linear),
             policy=in_c.formula,

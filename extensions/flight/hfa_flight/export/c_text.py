@@ -23,7 +23,7 @@ def comment_lines(text: str) -> str:
     return "\n   ".join(text.replace("*/", "* /").splitlines())
 
 
-def positions(units: Mapping[str, str], prefix: str = "HFA_") -> str:
+def enumerators(units: Mapping[str, str], prefix: str = "HFA_") -> str:
     """Return the lines of a C enumeration, such as "HFA_SPEED, /* ft/s */".
 
     units: name -> unit, or "" without a unit

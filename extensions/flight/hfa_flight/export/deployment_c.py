@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from hfa_flight.export.c_text import comment_lines, filled, positions, units_of
+from hfa_flight.export.c_text import comment_lines, enumerators, filled, units_of
 from hfa_flight.policies.deployment.policy import DeployedPolicy
 from hfa_support.native.c_code import c_function
 
@@ -22,8 +22,8 @@ def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
     fields = {
         "origin": comment_lines(origin),
         "title": comment_lines(model.title),
-        "states": positions(units_of(model, model.states)),
-        "inputs": positions(units_of(model, model.inputs)),
+        "states": enumerators(units_of(model, model.states)),
+        "inputs": enumerators(units_of(model, model.inputs)),
         "moved": ", ".join(policy.deployed.commanded),
         "dt": repr(deployment.dt),
         "delay": repr(deployment.delay),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from hfa_flight.export.c_text import comment_lines, filled, positions, units_of
+from hfa_flight.export.c_text import comment_lines, enumerators, filled, units_of
 from hfa_flight.policies.estimate import IMPOSSIBLE, LOST, memory_size
 from hfa_flight.policies.filtered_policy import FilteredPolicy, sample_of
 from hfa_support.native.c_code import c_function
@@ -23,8 +23,8 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
     fields = {
         "origin": comment_lines(origin),
         "title": comment_lines(f"{model.title}, {policy.filter.text()}"),
-        "sensors": positions(units_of(model, policy.filter.sensors), "FILTER_"),
-        "inputs": positions(units_of(model, model.inputs), "FILTER_"),
+        "sensors": enumerators(units_of(model, policy.filter.sensors), "FILTER_"),
+        "inputs": enumerators(units_of(model, model.inputs), "FILTER_"),
         "dt": repr(policy.dt),
         "memory": memory_size(policy.filter),
         "impossible": IMPOSSIBLE,

@@ -201,11 +201,6 @@ class KalmanFilter(Result):
         return tuple(self.drift)
 
     @cached_property
-    def innovation(self) -> np.ndarray:
-        """Standard deviations of the innovations y - C x, (p,)."""
-        return np.sqrt(np.diag(self.C @ self.P @ self.C.T + self.R))
-
-    @cached_property
     def radius(self) -> float:
         """Spectral radius of the errors' dynamics Φ (I - L C)."""
         errors = self.Phi @ (np.eye(len(self.Phi)) - self.L @ self.C)

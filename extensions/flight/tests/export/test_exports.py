@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from c_files import called, compiled, needs_gcc
 from cli import hfa as command
+from innovations import innovations_of
 from known_models import exact_gain, model_at
 
 import hfa
@@ -188,9 +189,9 @@ def test_an_exported_filter_equals_the_policy_behind_it(folder: Path) -> None:
     size = re.search(r"FILTER_MEMORY (\d+)", header)
     memory, u = np.zeros(int(size[1])), np.zeros(5)
     for number in range(60):
-        y = trim + policy.filter.innovation * random.uniform(-1.0, 1.0, 4)
+        y = trim + innovations_of(policy.filter) * random.uniform(-1.0, 1.0, 4)
         if number in (0, 20, 21) or 30 <= number < 45:
-            y[1] += 20.0 * policy.filter.innovation[1]
+            y[1] += 20.0 * innovations_of(policy.filter)[1]
         if number in (5, 33):
             y[number % 4] = math.nan
         if 50 <= number < 55:
