@@ -543,7 +543,7 @@ def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign: float, tmp_path: 
     Ixz Cl_beta.
     """
     text = (EXAMPLES / "uav.toml").read_text("utf-8")
-    Ixz = 0.3 * (sign or -0.7)
+    Ixz = 0.3 * (sign or -1.0)
     for name, value in {"Ixz": Ixz, "Cn_beta": 0.06 * sign, "Cl_beta": -0.4}.items():
         text = re.sub(rf"(?m)^{name} = .*$", f"{name} = {value}", text)
     path = tmp_path / "planted.toml"

@@ -20,7 +20,7 @@ from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.report import Reported
-from hfa_support.reporting.results import plain
+from hfa_support.reporting.results import storable
 from trim.point.operating_point import OperatingPoint
 
 #: Times that differ by less are equal, s.
@@ -208,7 +208,7 @@ class FunctionPolicy(Policy):
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: its name, and what its file states."""
-        stated = {} if self.stated is NOTHING else {"stated": plain(self.stated)}
+        stated = {} if self.stated is NOTHING else {"stated": storable(self.stated)}
         return {"law": self.name, **stated}
 
     def expression(self, z: ca.SX) -> ca.SX:

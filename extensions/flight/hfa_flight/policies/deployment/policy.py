@@ -23,7 +23,7 @@ from hfa_flight.policies.deployment.sampled_loop import chain_of
 from hfa_flight.policies.policy import Policy
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
-from hfa_support.reporting.results import plain
+from hfa_support.reporting.results import storable
 from trim.point.operating_point import OperatingPoint
 
 #: Longest step of a flight, s, and of one in moving air or with actuators.
@@ -145,7 +145,7 @@ class DeployedPolicy(Policy):
             "law": self.name,
             "deployment_file": deployment.origin,
             "network": deployment.actor.chain,
-            "stated": plain(deployment.actor.stated),
+            "stated": storable(deployment.actor.stated),
         }
 
 
