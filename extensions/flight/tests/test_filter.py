@@ -336,7 +336,7 @@ def test_after_half_a_second_without_values_the_filter_is_the_stationary_one(poi
     policy, trim = known.policy(gain), np.array([point[name] for name in known.sensors])
     for number in range(150):
         policy(0.01 * number, trim if number < 100 else np.full(6, np.nan))
-    error = 5.0 * known.innovation
+    error = 5.0 * innovations_of(known)
     u = policy(1.5, trim + error) - point.u
     expected = known.Phi @ known.L @ error + known.Gamma @ u
     estimate = [policy.estimate[name] - point[name] for name in known.states]

@@ -43,7 +43,7 @@ from hfa_jsbsim.properties import (
     Properties,
     Writer,
     identifier,
-    storable,
+    plain,
 )
 from hfa_jsbsim.reactions import Reactions
 from hfa_jsbsim.surfaces import (
@@ -390,7 +390,7 @@ class Equations:
         #   its value at the start, except for the levers mixture and advance.
         # - Another property is set if `overrides` is True or the property has no value yet.
         value = element.as_number(element.attributes.get("value", "0"))
-        full_name = storable(element.text)
+        full_name = plain(element.text)
         rights = access(full_name)
         if not rights:
             self.declared[full_name] = element.where
