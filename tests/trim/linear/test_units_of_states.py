@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import control
-import mpmath
+import flint
 import numpy as np
 import pytest
+from flint import acb_poly, fmpq, fmpq_mat, fmpq_poly
 from own_models import F16, trimmed
 from scipy.optimize import linear_sum_assignment
 
@@ -80,40 +81,41 @@ def in_random_units(random: np.random.Generator, plant: Plant) -> Plant:
 
 
 class Exact(NamedTuple):
-    """Poles, zeros and gain of a plant with one input and one output, and its numerator and
-    denominator.
-    """
+    """Transfer function C adj(s E - A) B / det(s E - A) + D in rational numbers."""
 
-    poles: list[Any]
-    zeros: list[Any]
-    gain: float
-    numerator: list[Any]
-    denominator: list[Any]
+    numerator: fmpq_poly
+    denominator: fmpq_poly
+
+    @property
+    def poles(self) -> list[complex]:
+        return roots(self.denominator)
+
+    @property
+    def zeros(self) -> list[complex]:
+        return roots(self.numerator)
+
+    @property
+    def gain(self) -> float:
+        return float(self.numerator.coeffs()[-1])
 
     def at(self, s: complex) -> complex:
-        return complex(mpmath.polyval(self.numerator, s) / mpmath.polyval(self.denominator, s))
+        with flint.ctx.workprec(500):
+            upper, lower = (acb_poly(each.coeffs())(s) for each in self)
+            return complex(upper / lower)
+
+
+def roots(polynomial: fmpq_poly) -> list[complex]:
+    return [complex(root) for root, count in polynomial.complex_roots() for _ in range(count)]
 
 
 def exact(plant: Plant) -> Exact:
-    """Return what follows from the polynomials of Faddeev and Leverrier, with 120 digits."""
-    with mpmath.workdps(120):
-        A, B, C, D = (mpmath.matrix(matrix.tolist()) for matrix in plant)
-        n = A.rows
-        denominator, numerator = [mpmath.mpf(1)], [D[0]]
-        power = mpmath.eye(n)
-        for k in range(1, n + 1):
-            shown = (C * power * B)[0]
-            power = A * power
-            denominator.append(-sum(power[i, i] for i in range(n)) / k)
-            numerator.append(D[0] * denominator[k] + shown)
-            power += denominator[k] * mpmath.eye(n)
-        while numerator[0] == 0:
-            numerator.pop(0)
-        roots = [
-            mpmath.polyroots(each, maxsteps=1000, extraprec=500)
-            for each in (denominator, numerator)
-        ]
-        return Exact(*roots, float(numerator[0]), numerator, denominator)
+    """Return the exact transfer function, since det(s E - A + B C) - det(s E - A) = C adj(...) B."""
+    A, B, C, D = (
+        fmpq_mat(*each.shape, [fmpq(*float(x).as_integer_ratio()) for x in each.ravel()])
+        for each in plant
+    )
+    denominator = A.charpoly()
+    return Exact((A - B * C).charpoly() + (D[0, 0] - 1) * denominator, denominator)
 
 
 def apart(found: Any, expected: Any) -> float:
