@@ -25,10 +25,16 @@ FEW = {
     "stiff": (0, 19, 100),
     "cheap": (30, 65, 141),
 }
+#: Those of them whose bracket of delta_min takes seconds.
+LONG = {("cheap", 65), ("cheap", 141)}
 
 
 def mistake(game: Stored) -> str:
     """Return what is wrong with the answers to a game, or ""."""
+    return mistake_of_value(game) or mistake_of_delta_min(game)
+
+
+def mistake_of_value(game: Stored) -> str:
     try:
         solution = solve(game.game)
     except NoSolutionError as refusal:
@@ -40,6 +46,10 @@ def mistake(game: Stored) -> str:
         error = max(errors(game, solution.P, solution.K))
         if not error <= EXACT:
             return f"error {error:.2g}"
+    return ""
+
+
+def mistake_of_delta_min(game: Stored) -> str:
     try:
         smallest = minimum_delta(game.game)
     except NoSolutionError as refusal:
@@ -54,8 +64,9 @@ def mistake(game: Stored) -> str:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_few_games_have_their_answers(kind: str) -> None:
     """P, K, the existence of a value, and delta_min are those of the stored answers."""
-    numbers = FEW.get(kind, (0, 100))
-    assert [mistake(stored(kind, number)) for number in numbers] == [""] * len(numbers)
+    for number in FEW.get(kind, (0, 100)):
+        wrong = mistake_of_value if (kind, number) in LONG else mistake
+        assert wrong(stored(kind, number)) == "", number
 
 
 @pytest.mark.slow

@@ -100,10 +100,10 @@ def test_the_cost_above_the_optimum_is_that_of_summed_samples():
             x = (F @ both)[:2]
         older, newer = newer, command
     above = 100.0 * eigh(X - P, P, eigvals_only=True)
-    (point,) = assess(model, late, samples=0).points
-    cost = point.cost
+    told = assess(model, late, samples=0)
+    cost = told.points[0].cost
     assert (cost.worst, cost.mean) == pytest.approx((above[-1], above.mean()), rel=1e-8)
-    assert above[-1] > 1.1 * above.mean()
+    assert len(replace(told, needs={"cost": 0.5 * (above[-1] + above.mean())}).unmet) == 1
 
 
 @pytest.mark.parametrize(
