@@ -26,7 +26,7 @@ class ActuatorBank:
       a' = sat((c - a) / lag, ±rate)
 
     lag, lowest, highest and rate are named tuples over the inputs of the model
-    (`hfa_aircraft.model.record`), in its units.
+    (`hfa_aircraft.signals.record`), in its units.
 
     lag: s, > 0
     lowest, highest: absolute positions, possibly infinite

@@ -1,0 +1,176 @@
+"""Every command, option and call that a page, a docstring or a message proposes exists."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import re
+import shlex
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, NamedTuple
+
+import pytest
+from cli import BAD_INPUT, unchecked_hfa
+from project import FOLDERS, ROOT
+
+from hfa.entry_points import commands
+from hfa.main import _named_command, with_options
+from hfa.options.parser import Parser
+
+PAGES = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md"))]
+PAGES += sorted((ROOT / "docs").glob("*.md"))
+#: Command of a stranger's package, one that a page says is gone, and the form of all commands.
+ABSENT = ("hfa level thrust", "hfa prove region", "hfa command --help")
+#: Package or class of public names -> what a call in a text names.
+PUBLIC: dict[str, Any] = {package: importlib.import_module(package) for package in FOLDERS}
+CLASSES = [name for name in dir(PUBLIC["hfa"]) if inspect.isclass(getattr(PUBLIC["hfa"], name))]
+PUBLIC |= {name: getattr(PUBLIC["hfa"], name) for name in CLASSES}
+#: A name below one of these, or a call of a class, with its arguments.
+CALL = re.compile(
+    rf"(?<![\w./\"'-])((?:{'|'.join(FOLDERS)})(?:\.[a-z]\w*)+|(?:{'|'.join(CLASSES)})(?:\.[a-z]\w*)*)"
+    r"\(((?:[^()]|\([^()]*\))*)\)"
+)
+
+
+class Text(NamedTuple):
+    """A text that may propose something, with its place."""
+
+    where: str
+    text: str
+
+
+def on_pages() -> Iterator[Text]:
+    """Yield the words in backticks of all pages."""
+    for page in PAGES:
+        text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
+        for match in re.finditer(r"`([^`\n]+(?:\n[^`\n]+)?)`", text):
+            yield Text(f"{page.name}, {match[0]}", " ".join(match[1].split()))
+
+
+def in_sources(package: str) -> Iterator[Text]:
+    """Yield all strings of a package: docstrings, helps and messages."""
+    for path in sorted(FOLDERS[package].rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.JoinedStr):
+                yield Text(f"{path.name}, line {node.lineno}", _shown(node))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                yield Text(f"{path.name}, line {node.lineno}", node.value)
+
+
+def _shown(text: ast.JoinedStr) -> str:
+    """Return an f-string with VALUE in place of its values."""
+    parts = (part.value if isinstance(part, ast.Constant) else "VALUE" for part in text.values)
+    return "".join(map(str, parts))
+
+
+@cache
+def options_of_commands() -> dict[str, set[str]]:
+    """Return command -> its options."""
+    found = {}
+    for name in commands():
+        command, program, _ = _named_command(name.split())
+        parser = with_options(Parser(prog=program), command)
+        found[name] = {*parser._option_string_actions}
+    return found
+
+
+def unknown_options(where: str, text: str) -> Iterator[str]:
+    """Yield the commands in a text that do not exist, and options that the command does not have."""
+    known = options_of_commands()
+    names = "|".join(sorted(known, key=len, reverse=True))
+    for match in re.finditer(r"(?<![\w.])hfa ([a-z]+[^`;|()\n]*)", text):
+        line = match[0].strip()
+        is_command = re.match(rf"({names})\b", match[1])
+        if is_command is None:
+            if ("`" + match[0] in text or text == line or " --" in line) and line not in ABSENT:
+                yield f"{where}: {line}: no such command"
+            continue
+        for option in re.findall(r"(?<!\S)--[a-z][a-z-]*", match[1].partition(", ")[0]):
+            if option not in {*known[is_command[1]], "--help"}:
+                yield f"{where}: {line}: no such option {option}"
+
+
+def unknown_names(where: str, text: str) -> Iterator[str]:
+    """Yield the calls in a text whose name or whose named arguments do not exist."""
+    for path, arguments in CALL.findall(text):
+        found: Any = PUBLIC[path.split(".")[0]]
+        for name in path.split(".")[1:]:
+            found = getattr(found, name, None)
+        if not callable(found):
+            yield f"{where}: {path}: no such function"
+            continue
+        try:
+            call = ast.parse(f"f({re.sub(r'[.]{3}|[*], ', '_', arguments)})", mode="eval").body
+            parameters = inspect.signature(found).parameters
+        except (SyntaxError, ValueError):  # `Game(A, B, *, Q, R)`, and a call without a signature
+            continue
+        kinds = {parameter.kind for parameter in parameters.values()}
+        named = {keyword.arg for keyword in call.keywords if keyword.arg}
+        if inspect.Parameter.VAR_KEYWORD not in kinds and not named <= {*parameters}:
+            yield f"{where}: {path}: no such argument {', '.join(sorted(named - {*parameters}))}"
+
+
+@pytest.mark.parametrize("place", ["pages", *FOLDERS])
+def test_all_proposed_commands_options_and_calls_exist(place: str) -> None:
+    """Each command has the proposed options, and each function the proposed arguments."""
+    pytest.importorskip("hfa_flight")
+    texts = on_pages() if place == "pages" else in_sources(place)
+    found = [fault for each in texts for fault in (*unknown_options(*each), *unknown_names(*each))]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    ("planted", "said"),
+    [
+        ("hfa trimm --hold alpha=2", "no such command"),
+        ("type `hfa trim --design alpha=2`", "no such option --design"),
+        ("give hfa.solve(game, deltas=3)", "no such argument deltas"),
+        ("call hfa.level_model(model)", "no such function"),
+        ("a LinearModel.off(A, B)", "no such function"),
+    ],
+)
+def test_planted_proposals_are_found(planted: str, said: str) -> None:
+    (found,) = [*unknown_options("here", planted), *unknown_names("here", planted)]
+    assert said in found
+
+
+#: Aircraft of which one has what a page proposes to hold or to free.
+AIRCRAFT = (
+    ["--dihedral", "10"],
+    ["--aircraft", "examples/uav.toml"],
+    ["--aircraft", "examples/f16.py:F16"],
+    ["--aircraft", "examples/gtm.py:GTM"],
+    ["--aircraft", "examples/glider.toml"],
+    ["--dihedral", "10", "--dynamics", "unsteady"],
+    ["--aircraft", "jsbsim:737?throttles=each"],
+    ["--aircraft", "jsbsim:c310?throttles=each"],
+)
+#: Proposal about another aircraft, a table with Cn_0.
+OTHERS = ("--hold Cn_0=0.0025",)
+#: Proposals of pages that hold or free something in a trim, without names to be replaced.
+HELD = sorted(
+    {
+        text
+        for _, text in on_pages()
+        if re.match(r"--(hold|free|isa|mass)\b.*=", text)
+        and not re.search("[A-Z]{4}|--given", text)
+    }
+    - {*OTHERS}
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("proposed", HELD)
+def test_conditions_that_a_page_proposes_are_accepted(proposed: str, monkeypatch: Any) -> None:
+    """A trim with the proposed options begins for at least one stored aircraft."""
+    pytest.importorskip("jsbsim")
+    monkeypatch.chdir(ROOT)
+    refused = []
+    for aircraft in AIRCRAFT:
+        result = unchecked_hfa("trim", *aircraft, *shlex.split(proposed))
+        if result.code != BAD_INPUT:
+            return
+        refused.append(result.err)
+    pytest.fail("".join(refused))
