@@ -102,7 +102,7 @@ def unknown_names(where: str, text: str) -> Iterator[str]:
             yield f"{where}: {path}: no such function"
             continue
         try:
-            call = ast.parse(f"f({re.sub(r'[.]{3}|[*], ', '_', arguments)})", mode="eval").body
+            call: Any = ast.parse(f"f({re.sub(r'[.]{3}|[*], ', '_', arguments)})", mode="eval").body
             parameters = inspect.signature(found).parameters
         except (SyntaxError, ValueError):  # `Game(A, B, *, Q, R)`, and a call without a signature
             continue

@@ -65,6 +65,7 @@ _RANGES = (
         lambda of: of("Izz") / (of("Ixx") + of("Iyy")), 0.6, math.inf,
         "Izz is {:.3g} times Ixx + Iyy, usually nearly as large; check their units",
     ),
+    _Usual(lambda of: of("CL_0"), -0.1, math.inf, "CL_0 is {:.3g}, below 0; check its sign"),
     _Usual(lambda of: of("CD_0"), -math.inf, 1.0, "CD_0 is {:.4g}; a count of drag is 0.0001"),
     _Usual(
         lambda of: of("CD_0") + (0.0 if math.isnan(of(INDUCED)) else of(INDUCED)) * of("CL_0") ** 2,
@@ -92,6 +93,19 @@ _RANGES = (
         "factor of 57.3)",
     ),
     _Usual(
+        lambda of: of("Cl_beta"), -math.inf, 0.01,
+        "Cl_beta is {:.3g}, above 0: sideslip rolls into the wind, or the sign is wrong",
+    ),
+    _Usual(
+        lambda of: abs(of("Cm_elevator")), 0.03, math.inf,
+        f"Cm_elevator is {{:.2g}} per rad, usual are 0.3 to 3; {_PER_DEGREE}",
+    ),
+    _Usual(
+        lambda of: abs(of("Cm_elevator")), 0.0, 10.0,
+        "Cm_elevator is {:.3g} per rad, usual are 0.3 to 3; it may be given per rad (a factor of "
+        "57.3)",
+    ),
+    _Usual(
         lambda of: -of("Cl_p") if of("Cl_p") < 0.0 else math.nan, 0.03, math.inf,
         f"Cl_p is -{{:.3g}}, {_RATES}",
     ),
@@ -102,6 +116,7 @@ _RANGES = (
 )  # fmt: skip
 #: Derivative -> its usual sign, and what the other one means.
 _SIGNS = {
+    "CL_alpha": (1.0, "the lift decreases with alpha, or the sign is wrong"),
     "Cm_alpha": (-1.0, "the aircraft is statically unstable, or the sign is wrong"),
     "Cm_q": (-1.0, "pitching is not damped, or the sign is wrong"),
     "Cl_p": (-1.0, "rolling is not damped, or the sign is wrong"),

@@ -41,6 +41,11 @@ MISTAKES = {
     "sign of the side force": ({"CY_beta": 0.98}, "CY_beta"),
     "sign of the aileron": ({"Cl_aileron": -0.08}, "Cl_aileron"),
     "sign of the elevator": ({"Cm_elevator": 0.5}, "Cm_elevator"),
+    "sign of the lift slope": ({"CL_alpha": -3.45}, "CL_alpha"),
+    "sign of the lift": ({"CL_0": -0.28}, "CL_0"),
+    "sign of the dihedral effect": ({"Cl_beta": 0.12}, "Cl_beta"),
+    "elevator per degree": ({"Cm_elevator": -0.5 * DEGREE}, "Cm_elevator"),
+    "elevator per radian taken as per degree": ({"Cm_elevator": -0.5 / DEGREE}, "Cm_elevator"),
     "sign of the rudder": ({"Cn_rudder": 0.032}, "Cn_rudder"),
     "sideslip per degree": (
         {"CY_beta": -0.98 * DEGREE, "Cl_beta": -0.12 * DEGREE, "Cn_beta": 0.25 * DEGREE}, "CY_beta",
