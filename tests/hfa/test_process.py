@@ -42,7 +42,7 @@ def test_a_closed_pipe_changes_no_exit_code(words, code, unbuffered):
             stdout=pipe,
             stderr=subprocess.PIPE,
             env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
-            timeout=20,
+            timeout=120,
         )
     assert (done.returncode, done.stderr) == (code, b"")
 
@@ -56,7 +56,7 @@ def test_a_full_standard_output_is_refused():
             [SCRIPT, "trim", "--dihedral", "15"],
             stdout=full,
             stderr=subprocess.PIPE,
-            timeout=20,
+            timeout=120,
         )
     assert done.returncode == BAD_INPUT
     assert re.fullmatch(rb"hfa: [^\n]*No space left on device\n", done.stderr)
@@ -86,7 +86,7 @@ def test_progress_is_erased_at_the_end(tmp_path):
             [SCRIPT, "learn", "--dihedral", "15"],
             stdout=subprocess.PIPE,
             stderr=stream,
-            timeout=20,
+            timeout=120,
         )
     seen = os.read(controller, 65536).decode()
     os.close(controller)
@@ -127,7 +127,7 @@ def test_commands_import_no_packages_that_they_do_not_need(count):
     lists = LIGHT[:count]
     program = IN_TURN.format(lists=[commands for commands, _ in lists])
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=True
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
     )
     imported = [line.split() for line in done.stdout.splitlines() if line.startswith("imported ")]
     for names, (_, unwanted) in zip(imported, lists, strict=True):

@@ -186,7 +186,7 @@ def test_planted_forbidden_imports_are_detected(tmp_path):
         env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, roots)), "COLUMNS": "300"},
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=120,
     )
     assert done.returncode == 1
     found = complaints(done.stdout)

@@ -66,7 +66,7 @@ def run_in_turn(site, folder, *commands):
         check=True,
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=120,
     )
     return [Result(*each) for each in json.loads(done.stdout.splitlines()[-1])]
 

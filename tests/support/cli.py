@@ -124,7 +124,7 @@ def hfa_process(*words, folder, **environment):
         capture_output=True,
         text=True,
         encoding="utf-8",
-        timeout=20,
+        timeout=120,
     )
     return Result(done.returncode, done.stdout, done.stderr)
 

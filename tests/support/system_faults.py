@@ -16,7 +16,7 @@ on_linux = pytest.mark.skipif(
 def shell(text, *words, folder):
     """Run a shell command in a folder. In its text, "$0" "$@" runs `hfa` with the given words."""
     return subprocess.run(
-        ["sh", "-c", text, SCRIPT, *words], cwd=folder, capture_output=True, text=True, timeout=20
+        ["sh", "-c", text, SCRIPT, *words], cwd=folder, capture_output=True, text=True, timeout=120
     )
 
 

@@ -102,7 +102,7 @@ def library(version):
     """Return the compiled pendulum."""
     words = [COMPILER, "-shared", "-fPIC", "-O1", "-w", *["-DFMI3"] * (version == 3), str(SOURCE)]
     made = Path(f"pendulum{version}.so").absolute()
-    subprocess.run([*words, "-lm", "-o", str(made)], check=True, timeout=20)
+    subprocess.run([*words, "-lm", "-o", str(made)], check=True, timeout=120)
     return made.read_bytes()
 
 
@@ -529,7 +529,7 @@ def test_the_fmu_that_casadi_exports_is_read():
     made.export_fmu()
     headers = Path(fmpy.__file__).with_name("c-code")
     words = [COMPILER, "-shared", "-fPIC", "-w", f"-I{headers}", "spring.c", "spring_wrap.c"]
-    subprocess.run([*words, "-o", "spring.so", "-lm"], check=True, timeout=20)
+    subprocess.run([*words, "-o", "spring.so", "-lm"], check=True, timeout=120)
     with zipfile.ZipFile("spring.fmu", "w") as archive:
         archive.write("modelDescription.xml")
         archive.write("spring.so", "binaries/x86_64-linux/spring.so")
@@ -574,7 +574,7 @@ def test_the_fmu_that_pythonfmu3_builds_is_read():
     pytest.importorskip("pythonfmu3", reason="pythonfmu3 is not installed")
     Path("swing.py").write_text(OF_PYTHON)
     words = [sys.executable, "-m", "pythonfmu3", "build", "-f", "swing.py"]
-    subprocess.run(words, check=True, timeout=20, capture_output=True)
+    subprocess.run(words, check=True, timeout=120, capture_output=True)
     trimmed = run("linearize", "--aircraft", "Swing.fmu", "--hold", "length=1", "--json")
     A = json.loads(trimmed.out)["A"]
     np.testing.assert_allclose(A, [[0.0, 1.0], [-9.81, -0.5]], atol=1e-8)

@@ -22,8 +22,8 @@ def _die(value):
 
 
 def _gone():
-    """Wait up to five seconds for all child processes to end, and return whether they did."""
-    end = time.monotonic() + 5.0
+    """Wait up to a minute for all child processes to end, and return whether they did."""
+    end = time.monotonic() + 60.0
     while multiprocessing.active_children() and time.monotonic() < end:
         time.sleep(0.02)
     return not multiprocessing.active_children()

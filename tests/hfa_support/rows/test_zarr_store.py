@@ -194,7 +194,7 @@ def test_a_failed_cluster_leaves_the_result_unchanged(finished_store, tmp_path, 
         job = around.enter_context(running(tmp_path, "killed.py", address))
         assert until(lambda: begun(path))
         cluster[0 if lost == "scheduler" else 1].kill()
-        code = job.wait(timeout=20)
+        code = job.wait(timeout=120)
         said = (tmp_path / "log-3").read_text()
     assert (code, said.count("\n")) == ((1, 1) if lost == "scheduler" else (0, 0)), said
     resumed(path)
