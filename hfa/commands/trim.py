@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,9 +25,11 @@ from hfa_support.reporting.text import Table
 from trim.hfa.trim_report import trim_figure, trim_report
 from trim.point.solve import TrimError
 from trim.point.status import DOUBTED, RESULTS, STALLED, TRIMMED, UNTRIMMED
+from trim.reports.book import Condition, book_of, matrix_figure
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
 from trim.reports.matrix import asked_sheet, matrix, result_of
 from trim.reports.point_figure import with_range
+from trim.reports.trim_report import revision
 
 if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
@@ -55,8 +58,11 @@ class TrimRequest(Request, PointOptions):
 
     output: Path | None = output_option(".pdf")
     picture: Path | None = picture_option(
-        "the HFA from the front with its loads, or the variables of another aircraft in their "
-        "limits"
+        "the HFA from the front with its loads, the variables of another aircraft in their "
+        "limits, or alpha, controls and static margin of several conditions"
+    )
+    document: str = option(
+        "number and revision, in the head of -o FILE.pdf and FILE.html", "TEXT", default=""
     )
     full: bool = option("print each equation, all near limits, outputs and participations")
     class_: str = option(
@@ -85,17 +91,37 @@ def trim(request: TrimRequest, points: GivenPoints) -> Outcome:
         row = next(points.conditions(1))
         given = points.trims.single()
         point = trimmed(given)
-        report = _named(_sheet(request, point), row.name)
+        report = _documented(_named(_sheet(request, point), row.name), request)
         records = matrix([_asked(points.trims, row)], [report.sheet])
         return Outcome(
             report=replace(report, records=records),
             source=given.source,
             figure=partial(trim_figure, point),
         )
-    if request.picture is not None:
-        raise BadInputError("--picture requires a single trim; -o FILE.html contains all pictures")
     source = points.source()
-    return Outcome(report=_sheets(request, points), source=source)
+    overview, conditions = _sheets(request, points)
+    book = book_of(overview, conditions, _read(request, points.trims.model))
+    return Outcome(
+        report=_documented(book, request),
+        printed=_documented(overview, request),
+        source=source,
+        figure=partial(matrix_figure, conditions),
+    )
+
+
+def _documented(report: Report, request: TrimRequest) -> Report:
+    """Return a report with the text of --document."""
+    return report.with_document(request.document) if request.document else report
+
+
+def _read(request: TrimRequest, model: Model) -> dict[str, str]:
+    """Return the files that a book was made of, with their digests."""
+    files = {"data": revision(model)}
+    if request.conditions is not None:
+        path = Path(request.conditions)
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
+        files["conditions"] = f"{path.name} (SHA-256 {digest})"
+    return files
 
 
 def _sheet(request: TrimRequest, point: OperatingPoint) -> Report:
@@ -108,25 +134,29 @@ def _sheet(request: TrimRequest, point: OperatingPoint) -> Report:
     return replace(report, parts=(*report.parts, picture))
 
 
-def _sheets(request: TrimRequest, points: GivenPoints) -> Report:
-    """Return the report of several trims, each with its sheet, or with the reason why it has none.
+def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Condition]]:
+    """Return the report of several trims, each with its sheet, or with the reason why it has none,
+    and the conditions.
 
     Raises the first BadInputError if each point is refused.
     """
     model = points.trims.model
     reports: list[Report] = []
+    trims: list[OperatingPoint | None] = []
     asked: list[Sheet] = []
     refused: list[BadInputError] = []
     for row in points.conditions(_MOST_SHEETS):
         asked.append(_asked(points.trims, row))
         try:
-            given = points.trims.of(row)
-            report = _sheet(request, trimmed(given))
-            reports.append(_named(report, row.name))
+            point = trimmed(points.trims.of(row))
+            reports.append(_named(_sheet(request, point), row.name))
+            trims.append(point)
         except TrimError as error:
             reports.append(_failed(model, row, error, error.found.data))
+            trims.append(None)
         except BadInputError as error:
             reports.append(_failed(model, row, error, {"reason": str(error)}))
+            trims.append(None)
             refused.append(error)
     if len(refused) == len(reports):
         raise refused[0]
@@ -135,7 +165,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> Report:
     count, failed = len(reports), results.count(UNTRIMMED)
     others = [f"{results.count(each)} {each}" for each in (STALLED, DOUBTED) if each in results]
     plainly = f"{results.count(TRIMMED)} of {count} conditions are trimmed"
-    return Report(
+    overview = Report(
         title=", ".join([plainly, *others, *([f"{failed} without a trim"] if failed else [])]),
         parts=[_overview(asked, results, reports), *reports],
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
@@ -143,6 +173,9 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> Report:
         failure=f"{failed} of {count} conditions have no trim" if failed else "",
         notes=_repeated(points),
     )
+    names = [str(report.data.get("name", "")) for report in reports]
+    made = zip(names, results, reports, trims, strict=True)
+    return overview, [Condition(*each) for each in made]
 
 
 def _repeated(points: GivenPoints) -> tuple[str, ...]:
@@ -213,4 +246,5 @@ def _failed(
     title = f"{words}: {error}"
     named = {"name": row.name} if row.name else {}
     sheet = Sheet.of([("", [Row("failure", title)], ())])
-    return Report(title, data={**named, **data}, failure=title, sheet=sheet)
+    head = {"condition": ", ".join(values)}
+    return Report(title, data={**named, **data}, failure=title, sheet=sheet, head=head)

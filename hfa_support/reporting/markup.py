@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.parts import BLANKS, SIGNERS, Picture
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Cell, Table, are_words, flowing, printable
 
@@ -24,8 +24,13 @@ _STYLE = (
     ".sheet th,.sheet td{padding:.1em .4em;font-weight:normal}.sheet p{margin:.2em 0}"
     ".sheet thead th{font-weight:bold;border-bottom:2px solid #111}"
     ".sheet .words{text-align:left}.sheet .note{color:#555}"
-    ".signed{width:100%;font-size:11px}.signed td{border:1px solid #999;text-align:left}"
-    "@page{size:A4;margin:12mm}@media print{.sheet{font-size:8.5px}"
+    ".signed{width:100%;font-size:11px;margin:.4em 0}"
+    ".signed td,.signed th{border:1px solid #999;text-align:left}.signed th{width:8em}"
+    ".table{overflow-x:auto;font-size:11px}.words{text-align:left}"
+    ".table td:not(.words),.table th:first-child{white-space:nowrap}"
+    ".bad{color:#c00000}.near{color:#9a6700}.good{color:#1a7f37}"
+    "@page{size:A4;margin:12mm;@bottom-right{font:8px sans-serif;"
+    "content:counter(page) ' of ' counter(pages)}}@media print{.sheet{font-size:8.5px}"
     "body{margin:0;font-size:11px}h2{break-before:page}table{break-inside:avoid}}"
 )
 
@@ -65,7 +70,7 @@ def markdown_table(table: Table) -> str:
 
 
 def report_as_html(
-    title: str, shown: Sequence[str], notes: Sequence[str], source: str, level: int
+    title: str, shown: Sequence[str], notes: Sequence[str], source: str, level: int, anchor: str
 ) -> str:
     """Return a report as an HTML fragment without styles.
 
@@ -74,9 +79,11 @@ def report_as_html(
     notes: notes on the result
     source: the provenance
     level: level of the heading
+    anchor: key by which cells link to the report, or ""
     """
     first, *others = flowing(title).split("\n")
-    heading = [f"<h{level}>{escaped(first)}</h{level}>"] if first else []
+    key = f' id="{anchor}"' if anchor else ""
+    heading = [f"<h{level}{key}>{escaped(first)}</h{level}>"] if first else []
     last = [f"Note: {note}" for note in notes]
     last += filter(None, source.split("\n"))
     return "\n".join([*heading, *map(paragraph, others), *shown, *map(paragraph, last)])
@@ -112,7 +119,7 @@ def html_table(table: Table) -> str:
         for cell, words in zip(table.header, columns, strict=True)
     )
     body = "\n".join(
-        f'<tr><th scope="row">{escaped(row[0])}</th>'
+        f'<tr><th scope="row">{_linked(row[0])}</th>'
         + "".join(map(_td, row[1:], columns[1:]))
         + "</tr>"
         for row in table.rows
@@ -126,11 +133,23 @@ def html_table(table: Table) -> str:
     )
 
 
-def signed_head(head: Mapping[str, str]) -> str:
-    """Return the head of a signed sheet: its entries, and space for name, date, signature."""
+def signed_head(head: Mapping[str, str], is_part: bool) -> str:
+    """Return the head of a sheet: its entries, and space to sign, unless it is part of a book."""
     entries = "".join(f"<td><b>{escaped(k)}</b><br>{escaped(v)}</td>" for k, v in head.items())
-    blanks = "".join(f"<td><b>{k}</b><br>&nbsp;</td>" for k in ("name", "date", "signature"))
-    return f'<table class="signed"><tr>{entries}</tr><tr>{blanks}</tr></table>'
+    blanks = "".join(f"<td><b>{name}</b><br>&nbsp;</td>" for name in BLANKS)
+    below = "" if is_part else f'<table class="signed"><tr>{blanks}</tr></table>'
+    return f'<table class="signed"><tr>{entries}</tr></table>{below}'
+
+
+def cover(head: Mapping[str, str]) -> str:
+    """Return the head of a book: its entries below each other, and space to sign."""
+    entries = "".join(
+        f'<tr><th scope="row">{escaped(label)}</th><td>{escaped(text)}</td></tr>'
+        for label, text in head.items()
+    )
+    blanks = "".join(f"<td><b>{name}</b><br>&nbsp;</td>" for name in BLANKS)
+    lines = "".join(f'<tr><th scope="row">{signer}</th>{blanks}</tr>' for signer in SIGNERS)
+    return f'<table class="signed">{entries}</table><table class="signed">{lines}</table>'
 
 
 def group_html(group: Group) -> str:
@@ -147,6 +166,12 @@ def group_html(group: Group) -> str:
     table = f"<table>\n{head}\n<tbody>\n" + "\n".join(rows) + "\n</tbody>\n</table>"
     lines = [paragraph(line) for line in group.lines]
     return "\n".join(['<section class="rows">', *([table] if rows else []), *lines, "</section>"])
+
+
+def _linked(cell: Any) -> str:
+    """Return the text of a cell as HTML, with the link of the cell if it has one."""
+    link = getattr(cell, "link", "")
+    return f'<a href="#{link}">{escaped(cell)}</a>' if link else escaped(cell)
 
 
 def _td(cell: Any, column: list[str]) -> str:

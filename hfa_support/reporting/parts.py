@@ -1,4 +1,4 @@
-"""Pictures, which are parts of reports beside paragraphs and tables."""
+"""Parts of reports beside paragraphs and tables: pictures, and lines to sign."""
 
 from __future__ import annotations
 
@@ -11,6 +11,10 @@ from hfa_support.reporting.text import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+#: Who signs a book, and what is left blank for a signature.
+SIGNERS = ("author", "checked", "approved")
+BLANKS = ("name", "date", "signature")
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from reportlab.platypus import (
 )
 
 from hfa_support.files import written_whole
-from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.parts import BLANKS, SIGNERS, Picture
 from hfa_support.reporting.pdf_parts import (
     BOLD,
     CELL,
@@ -31,6 +31,7 @@ from hfa_support.reporting.pdf_parts import (
     SANS,
     Drawing,
     columns_of,
+    label_widths,
     labelled,
     paragraph,
     register_fonts,
@@ -49,13 +50,8 @@ _MARGIN, _FOOT = 34.0, 18.0
 _PAGES = {"high": A4, "wide": landscape(A4)}
 #: Sizes of headings by level, points.
 _HEADINGS = (13.0, 11.0, 10.0)
-#: Who signs a book, and what is left blank to sign.
-SIGNERS = ("author", "checked", "approved")
-BLANKS = ("name", "date", "signature")
 #: Width of a label of a cover, and height of a line to sign, points.
 _LABEL, _LINE = 90.0, 26.0
-#: Number of characters above which an entry of a head is wrapped.
-_LONGEST = 48
 _IN_FRAMES = [("GRID", (0, 0), (-1, -1), 0.5, FRAME), ("VALIGN", (0, 0), (-1, -1), "TOP")]
 
 
@@ -138,7 +134,7 @@ def _story(report: Report, level: int) -> Iterator[Flowable]:
 
     level: 0 for the document, 1 for a report in it
     """
-    yield from _heading(report.title, level)
+    yield from _heading(report, level)
     after = [f"Note: {note}" for note in report.notes]
     after += filter(None, report.source.split("\n"))
     nested = [part for part in report.parts if isinstance(part, type(report))]
@@ -162,11 +158,11 @@ def _story(report: Report, level: int) -> Iterator[Flowable]:
         yield from _small(after)
 
 
-def _heading(title: str, level: int) -> Iterator[Flowable]:
-    """Yield the first line of a title as heading and in the outline, and the others below it."""
-    first, _, others = flowing(title).partition("\n")
+def _heading(report: Report, level: int) -> Iterator[Flowable]:
+    """Yield the first line of the title as heading and in the outline, and the others below it."""
+    first, _, others = flowing(report.title).partition("\n")
     if first:
-        yield _Entry(printable(first, lines=False), level)
+        yield _Entry(printable(first, lines=False), report.anchor, level)
         size = _HEADINGS[min(level, len(_HEADINGS) - 1)]
         yield paragraph(first, size, BOLD, spaceAfter=0.3 * size, keepWithNext=1)
     yield from _lines(others)
@@ -175,15 +171,16 @@ def _heading(title: str, level: int) -> Iterator[Flowable]:
 class _Entry(Flowable):
     """Entry of the outline of a document, without a size on the page."""
 
-    def __init__(self, title: str, level: int) -> None:
+    def __init__(self, title: str, anchor: str, level: int) -> None:
         super().__init__()
         self.title = title
+        self.anchor = anchor
         self.level = level
 
     def draw(self) -> None:
-        """Add the entry."""
-        key = f"{self.canv.getPageNumber()} {self.title}"
-        self.canv.bookmarkPage(key)
+        """Add the entry, to which cells link by the anchor of the report."""
+        key = self.anchor or f"{self.canv.getPageNumber()} {self.title}"
+        self.canv.bookmarkHorizontal(key, 0.0, 20.0)
         self.canv.addOutlineEntry(self.title, key, self.level)
 
 
@@ -198,11 +195,10 @@ def _small(lines: Sequence[str]) -> Iterator[Flowable]:
 
 
 def _framed(entries: Mapping[str, str], height: float | None = None) -> Grid:
-    """Return entries, label -> text, in frames beside each other. Long ones are wider."""
-    lengths = [max(len(label), min(len(text), _LONGEST)) for label, text in entries.items()]
-    share = _area("high")[0] / sum(lengths)
+    """Return entries, label -> text, in frames beside each other."""
     cells = [labelled(*entry) for entry in entries.items()]
-    return Grid([cells], [share * length for length in lengths], height, style=_IN_FRAMES)
+    widths = label_widths(entries, _area("high")[0])
+    return Grid([cells], widths, height, style=_IN_FRAMES)
 
 
 def _book(

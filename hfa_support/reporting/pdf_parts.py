@@ -36,6 +36,8 @@ _COLORS = {"good": "#1a7f37", "near": "#9a6700", "far": "#8250df", "bad": "#c000
 GAP, _BESIDE, _BETWEEN = 16.0, 3.0, 6.0
 #: Both spaces beside a cell, and the rounding of a width.
 _PADDING = 2.0 * _BESIDE + 0.1
+#: Both spaces beside a cell in a frame.
+_FRAMED = 12.1
 #: Scales that bring a sheet onto one page, largest first.
 _SCALES = (1.0, 0.96, 0.92)
 #: Share of a page above which a group continues in the next column, and least rows of a part.
@@ -113,7 +115,7 @@ class _Column(NamedTuple):
     """Column of a table.
 
     heading: its heading
-    cells: texts of its cells, and their tones
+    cells: texts of its cells, and their tones and links
     is_words: whether it is aligned left, and may be wrapped
     natural: width without wrapped cells, points
     least: least width, points
@@ -122,6 +124,7 @@ class _Column(NamedTuple):
     heading: str
     cells: list[str]
     tones: list[str]
+    links: list[str]
     is_words: bool
     natural: float
     least: float
@@ -138,8 +141,8 @@ def _column(table: Table, index: int, room: float) -> _Column:
     natural = max(map(text_width, cells), default=0.0)
     above = max((text_width(word, BOLD) for word in heading.split()), default=0.0)
     least = max(above, longest if is_words else natural) + _PADDING
-    tones = [getattr(cell, "tone", "") for cell in given]
-    return _Column(heading, cells, tones, is_words, max(natural + _PADDING, least), least)
+    tones, links = ([getattr(cell, kind, "") for cell in given] for kind in ("tone", "link"))
+    return _Column(heading, cells, tones, links, is_words, max(natural + _PADDING, least), least)
 
 
 def tables(table: Table, notes: Sequence[str], room: float) -> Iterator[Rows]:
@@ -155,13 +158,16 @@ def tables(table: Table, notes: Sequence[str], room: float) -> Iterator[Rows]:
 
 def _grid(columns: Sequence[_Column], notes: Sequence[str], room: float) -> Rows:
     """Return columns as a table with sentences below it."""
-    widths = _shared(columns, room)
+    widths = _shared([each.natural for each in columns], [each.least for each in columns], room)
     header = [
         paragraph(column.heading, CELL, BOLD, alignment=TA_LEFT if column.is_words else TA_RIGHT)
         for column in columns
     ]
     shown = [
-        [_fitted(*cell, width) for cell in zip(column.cells, column.tones, strict=True)]
+        [
+            _linked(text, link) if link else _fitted(text, tone, width)
+            for text, tone, link in zip(column.cells, column.tones, column.links, strict=True)
+        ]
         for column, width in zip(columns, widths, strict=True)
     ]
     rows = [header, *map(list, zip(*shown, strict=True))]
@@ -183,8 +189,26 @@ def _fitted(text: str, tone: str, width: float) -> Any:
     return text if _fits(text, width) else paragraph(text, CELL, textColor=color)
 
 
+def _linked(text: str, link: str) -> Paragraph:
+    """Return the text of a cell that links to a report."""
+    return _marked(f'<a href="#{link}">{escape(text)}</a>', CELL, SANS)
+
+
 def _fits(text: str, width: float) -> bool:
     return text_width(text) + 2.0 * _BESIDE <= width
+
+
+def label_widths(entries: Mapping[str, str], room: float) -> list[float]:
+    """Return the widths of frames with entries, label -> text, which fill a room."""
+    natural, least = [], []
+    for label, text in entries.items():
+        name = text_width(label, BOLD)
+        words = max(map(text_width, text.split()), default=0.0)
+        natural.append(max(name, text_width(text)) + _FRAMED)
+        least.append(max(name, min(words, room / len(entries) - _FRAMED)) + _FRAMED)
+    widths = _shared(natural, least, room)
+    rest = max(0.0, room - sum(widths)) / len(widths)
+    return [width + rest for width in widths]
 
 
 def _blocks_that_fit(columns: Sequence[_Column], room: float) -> list[list[_Column]]:
@@ -198,12 +222,11 @@ def _blocks_that_fit(columns: Sequence[_Column], room: float) -> list[list[_Colu
     return blocks
 
 
-def _shared(columns: Sequence[_Column], room: float) -> list[float]:
+def _shared(natural: Sequence[float], least: Sequence[float], room: float) -> list[float]:
     """Return widths between the least and the natural ones that fit in a room."""
-    least = sum(column.least for column in columns)
-    wanted = sum(column.natural for column in columns) - least
-    share = min(1.0, max(0.0, room - least) / wanted) if wanted else 0.0
-    return [column.least + share * (column.natural - column.least) for column in columns]
+    wanted = sum(natural) - sum(least)
+    share = min(1.0, max(0.0, room - sum(least)) / wanted) if wanted else 0.0
+    return [low + share * (high - low) for high, low in zip(natural, least, strict=True)]
 
 
 #: Parts of a group, each with its height, points.

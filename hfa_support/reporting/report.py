@@ -45,8 +45,8 @@ class Report:
     data: entries of the result by name, for JSON, .npz and .mat
     records: the result for CSV, with numbers in full precision
     source: the provenance, shown last
-    head: label -> text of a sheet that is signed, shown in HTML and PDF with lines for a name, a
-      date and a signature
+    head: label -> text of a sheet or of a book of sheets, shown in HTML and PDF with lines to sign
+    anchor: key by which cells of tables link to the report, or ""
     failure: reason why the command fails after it has shown this report, or ""
     sheet: all rows of a sheet, found by name, also those that `parts` leave out
     """
@@ -59,6 +59,7 @@ class Report:
     source: str = ""
     failure: str = ""
     head: Mapping[str, str] = field(default_factory=dict)
+    anchor: str = ""
     sheet: Sheet = field(default_factory=Sheet)
 
     def __post_init__(self) -> None:
@@ -76,6 +77,11 @@ class Report:
         for part in (*results, entries):
             data |= storable(part)
         return replace(self, data=data)
+
+    def with_document(self, document: str) -> Report:
+        """Return a copy of the report with number and revision of a document in head and data."""
+        head = {"document": document, **self.head}
+        return replace(self, head=head).with_data(document=document)
 
     def text(self, color: bool = False, width: int | None = WIDTH) -> str:
         """Return the report as text without pictures, with a blank line between parts.
@@ -114,16 +120,22 @@ class Report:
 
         level: level of the heading, increased by one for each nested report
         """
-        from hfa_support.reporting.markup import as_html, report_as_html, signed_head
+        return self._html(level, is_part=False)
 
-        shown = [signed_head(self.head)] if self.head else []
+    def _html(self, level: int, is_part: bool) -> str:
+        """Return the report as HTML, as part of a book without lines to sign."""
+        from hfa_support.reporting.markup import as_html, cover, report_as_html, signed_head
+
+        is_book = any(isinstance(part, Report) for part in self.parts)
+        head = cover(self.head) if is_book else signed_head(self.head, is_part)
+        shown = [head] if self.head else []
         for is_sheet, parts in groupby(self.parts, key=lambda part: isinstance(part, Group)):
             made = [
-                part.html(level + 1) if isinstance(part, Report) else as_html(part)
+                part._html(level + 1, is_book) if isinstance(part, Report) else as_html(part)
                 for part in parts
             ]
             shown += ['<div class="sheet">', *made, "</div>"] if is_sheet else made
-        return report_as_html(self.title, shown, self.notes, self.source, level)
+        return report_as_html(self.title, shown, self.notes, self.source, level, self.anchor)
 
     def page(self) -> str:
         """Return the report as a page in HTML with embedded pictures and styles."""
@@ -143,8 +155,11 @@ class Report:
 
         return json_text(self.data).rstrip()
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, document: str = "") -> None:
         """Write the report to a file, completely or not at all, with data in full precision.
+
+        path: path of the file
+        document: number and revision of the document, shown in the head of sheets and books
 
         - .json, .npz, .mat: `data`
         - .csv: `records`
@@ -158,7 +173,11 @@ class Report:
 
         texts = {".html": self.page, ".md": self.markdown, ".tex": self.latex}
         suffix = Path(path).suffix.lower()
-        if suffix in texts:
+        if document:
+            self.with_document(document).save(path)
+        elif self.head and "issued" not in self.head:
+            self._issued().save(path)
+        elif suffix in texts:
             write_text(path, texts[suffix]())
         elif suffix == ".pdf":
             imported("reportlab", "PDF files require")
@@ -167,6 +186,13 @@ class Report:
             write_pdf(self, Path(path))
         else:
             save_data(Path(path), self.data, self.records)
+
+    def _issued(self) -> Report:
+        """Return the report with the date of its provenance, or today's, in its head."""
+        from hfa_support.provenance import now
+
+        date = self.data.get("provenance", {}).get("date", "") or now()
+        return replace(self, head={**self.head, "issued": date[:10]})
 
     def pictures(self) -> Iterator[Picture]:
         """Yield all pictures of this report and of nested reports."""
@@ -187,9 +213,9 @@ class Reported:
         """Return a report of the result: class summary, fields, small matrices and checks."""
         return _of_fields(self)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, document: str = "") -> None:
         """Write the report of the result to a file, as `Report.save` does."""
-        self.report().save(path)
+        self.report().save(path, document)
 
     def to_pandas(self) -> Any:
         """Return the records of the report as a `pandas.DataFrame`. Requires pandas."""

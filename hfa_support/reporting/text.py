@@ -38,17 +38,20 @@ class Table(NamedTuple):
 
 
 class Cell(str):
-    """Text of a table cell, with a tone that colors it.
+    """Text of a table cell, with a tone that colors it and a link.
 
     tone: a key of `TONES`, or "" for no color
+    link: `anchor` of the report that the cell links to in documents, or ""
     """
 
     tone: str
+    link: str
 
-    def __new__(cls, text: str, tone: str = "") -> Self:
-        """Return a cell with this text and tone."""
+    def __new__(cls, text: str, tone: str = "", link: str = "") -> Self:
+        """Return a cell with this text, tone and link."""
         cell = super().__new__(cls, text)
         cell.tone = tone
+        cell.link = link
         return cell
 
 

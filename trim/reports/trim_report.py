@@ -151,7 +151,7 @@ def report_of(
     )
     head = {
         "aircraft": subject(point.model),
-        "data": _revision(point.model),
+        "data": revision(point.model),
         "condition": ", ".join(condition_words(trimmed)),
     }
     return Report(
@@ -165,7 +165,7 @@ def report_of(
     )
 
 
-def _revision(model: Model) -> str:
+def revision(model: Model) -> str:
     """Return the file of an aircraft with its digest and the changed parameters, or the digest of
     its parameters.
     """

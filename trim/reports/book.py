@@ -1,0 +1,257 @@
+"""The document of several trims: cover, matrix of conditions with a figure, and the sheets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import cycle
+from typing import TYPE_CHECKING, NamedTuple
+
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import (
+    Cell,
+    Table,
+    beside_unit,
+    is_zero,
+    short_number,
+    shown_unit,
+    shown_values,
+)
+from trim.point.margins import Margin
+from trim.point.operating_point import OperatingPoint
+from trim.reports.configuration import configuration_of
+from trim.reports.first_lines import subject
+from trim.reports.trimmed import Trimmed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Column of the matrix -> row of a sheet.
+_FIGURES = {
+    "n": "load factor",
+    "L/D": "L/D",
+    "static margin": "static margin",
+    "worst level": "worst level",
+}
+#: Rows of a sheet whose sentences stand below the matrix.
+_SAID = ("failure", "stalled", "doubts", "far out", "not determined")
+#: Entries of the configuration on the cover -> label.
+_LOADED = {"mass": "mass", "center_of_gravity": "c.g."} | {
+    f"center_of_gravity_{axis}": f"c.g. {axis}" for axis in "xyz"
+}
+#: Width of the figure, inches, and marks of its points.
+_WIDTH = 10.5
+_MARKS = "osD^v<>p*h"
+#: Result of a condition that needs no mark.
+_PLAIN = "trimmed"
+
+
+class Condition(NamedTuple):
+    """One of several conditions.
+
+    name: name, or ""
+    result: what it counts as: "trimmed", "stalled", "doubted", "no trim"
+    report: report of its trim
+    point: the trim, or None if there is none
+    """
+
+    name: str
+    result: str
+    report: Report
+    point: OperatingPoint | None
+
+
+def book_of(overview: Report, conditions: Sequence[Condition], head: Mapping[str, str]) -> Report:
+    """Return the document of several conditions: the matrix, its figure, and a sheet for each trim.
+
+    overview: report of all conditions, with the data for other files
+    conditions: the conditions, at least one of them with a trim
+    head: further entries of the cover, label -> text
+    """
+    count = len(conditions)
+    conditions = [_numbered(number, count, each) for number, each in enumerate(conditions, start=1)]
+    sheets = [each.report for each in conditions if each.point is not None]
+    point = next(each.point for each in conditions if each.point is not None)
+    name = subject(point.model)
+    figure = Picture(
+        "conditions.png", f"{name} at {count} conditions", partial(matrix_figure, conditions)
+    )
+    return replace(
+        overview,
+        title=f"{name}, {count} conditions\n{overview.title}",
+        parts=[_matrix(conditions), figure, *sheets],
+        head={"aircraft": name, **head, **_loaded(conditions)},
+    )
+
+
+def _numbered(number: int, count: int, condition: Condition) -> Condition:
+    """Return a condition whose report has its number in the title, and a key for links."""
+    if condition.point is None:
+        return condition
+    report = condition.report
+    title = f"{number} of {count}, {report.title}"
+    return condition._replace(report=replace(report, title=title, anchor=f"condition-{number}"))
+
+
+# The cover
+
+
+def _loaded(conditions: Sequence[Condition]) -> dict[str, str]:
+    """Return mass and center of gravity as the aircraft was loaded, and over the conditions."""
+    points = [each.point for each in conditions if each.point is not None]
+    found = [configuration_of(Trimmed(point)) for point in points]
+    unchanged = [each for each, point in zip(found, points, strict=True) if not point.model.changed]
+    entries = {}
+    for name, label in _LOADED.items():
+        values = [each[name][0] for each in found if name in each]
+        if not values:
+            continue
+        unit = next(each[name][1] for each in found if name in each)
+        low, high = (short_number(end, unit, 6) for end in (min(values), max(values)))
+        texts = []
+        if unchanged:
+            loaded = short_number(unchanged[0][name][0], unit, 6)
+            texts.append(f"{beside_unit(loaded, unit)} as loaded")
+        if low != high or not texts:
+            ends = low if low == high else f"{low} to {high}"
+            texts.append(f"{beside_unit(ends, unit)} in the conditions")
+        entries[label] = "; ".join(texts)
+    return entries
+
+
+# The matrix
+
+
+def _moved(conditions: Sequence[Condition]) -> list[str]:
+    """Return the inputs that are not 0 in each condition."""
+    points = [each.point for each in conditions if each.point is not None]
+    return [
+        name
+        for name in points[0].model.inputs
+        if not all(is_zero(each.margins[name].value, each.margins[name].scale) for each in points)
+    ]
+
+
+def _matrix(conditions: Sequence[Condition]) -> tuple[Table | str, ...]:
+    """Return the table of conditions, with sentences on those that are not plainly trimmed."""
+    controls = _moved(conditions)
+    entries = []
+    notes = []
+    for number, condition in enumerate(conditions, start=1):
+        called = f"{number} {condition.name}".rstrip()
+        entries.append({**_named(condition, called), **_figures(condition, controls)})
+        said = {row.name: str(row.value) for row in condition.report.sheet}
+        texts = [said[name].removeprefix(f"{condition.name}, ") for name in _SAID if name in said]
+        if texts:
+            notes.append(f"{called}: {'; '.join(texts)}")
+    header = tuple(dict.fromkeys(name for entry in entries for name in entry))
+    table = Table(header, [tuple(entry.get(name, "") for name in header) for entry in entries])
+    return table, *notes
+
+
+def _named(condition: Condition, called: str) -> dict[str, str]:
+    """Return the cells that name a condition and say as what it counts."""
+    tone = "" if condition.result == _PLAIN else "bad"
+    flight = condition.report.head.get("condition", "")
+    link = condition.report.anchor
+    return {
+        "condition": Cell(called, link=link),
+        "flight": flight,
+        "results": Cell(condition.result, tone),
+    }
+
+
+def _figures(condition: Condition, controls: Sequence[str]) -> dict[str, str]:
+    """Return alpha, the controls with the used share of their travel, and key figures."""
+    point = condition.point
+    if point is None:
+        return {}
+    cells: dict[str, str] = {}
+    alpha = Trimmed(point).roles.get("alpha")
+    if alpha:
+        cells |= [_value(point.margins[alpha], is_control=False)]
+    cells |= [_value(point.margins[name], is_control=True) for name in controls]
+    rows = {row.name: row for row in condition.report.sheet}
+    for heading, name in _FIGURES.items():
+        if name in rows:
+            _, value, unit, _ = rows[name].cells()
+            tone = "bad" if name == "worst level" and value != "1" else ""
+            cells[f"{heading} [{unit}]" if unit else heading] = Cell(value, tone)
+    return cells
+
+
+def _value(margin: Margin, is_control: bool) -> tuple[str, str]:
+    """Return a heading and a value, with the used share of the travel of a control."""
+    unit = shown_unit(margin.unit)
+    heading = margin.name if unit in ("", "1") else f"{margin.name} [{unit}]"
+    text = short_number(margin.value, margin.unit)
+    if is_control and math.isfinite(margin.used) and text != "0":
+        text = f"{text} ({100.0 * margin.used:.0f} %)"
+    return heading, Cell(text, "bad" if margin.at_limit and is_control else "")
+
+
+# The figure
+
+
+def matrix_figure(conditions: Sequence[Condition]) -> Figure:
+    """Return a figure of alpha, of the used share of the travel of each control, and of the static
+    margin over the conditions. Conditions without a trim are grey, those that are stalled or
+    doubted red.
+    """
+    from hfa_support.reporting.figure import new_figure
+
+    panels = {heading: lines for heading, lines in _panels(conditions).items() if lines}
+    count = len(conditions)
+    figure = new_figure(max(_WIDTH, 0.2 * count), 1.2 + 1.3 * len(panels))
+    all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (heading, lines) in zip(all_axes, panels.items(), strict=True):
+        marks = cycle(_MARKS)
+        for name, values in lines.items():
+            axes.plot(range(count), values, next(marks), markersize=4, label=name)
+        for place, condition in enumerate(conditions):
+            if condition.result != _PLAIN:
+                color = "0.85" if condition.point is None else "#f4c7c3"
+                axes.axvspan(place - 0.5, place + 0.5, color=color, zorder=0)
+        axes.set_ylabel(heading, fontsize=8)
+        axes.tick_params(labelsize=8)
+        axes.grid(axis="y", linewidth=0.4)
+        if len(lines) > 1:
+            axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    names = [f"{number} {each.name}".rstrip() for number, each in enumerate(conditions, start=1)]
+    all_axes[-1].set_xticks(range(count), names, rotation=90, fontsize=8)
+    all_axes[-1].set_xlim(-0.5, count - 0.5)
+    return figure
+
+
+def _panels(conditions: Sequence[Condition]) -> dict[str, dict[str, list[float]]]:
+    """Return label of an axis -> name of a line -> its value at each condition, or nan."""
+    point = next(each.point for each in conditions if each.point is not None)
+    alpha = Trimmed(point).roles.get("alpha")
+    angles = {}
+    if alpha:
+        unit = point.model.unit(alpha)
+        angles[alpha] = [
+            math.nan if each.point is None else float(shown_values(each.point[alpha], unit))
+            for each in conditions
+        ]
+    used = {
+        name: [
+            math.nan if each.point is None else 100.0 * each.point.margins[name].used
+            for each in conditions
+        ]
+        for name in _moved(conditions)
+    }
+    used = {name: values for name, values in used.items() if not all(map(math.isnan, values))}
+    margins = [_static_margin(each.report) for each in conditions]
+    margin = {} if all(map(math.isnan, margins)) else {"static margin": margins}
+    angle = beside_unit(f"{alpha},", point.model.unit(alpha)) if alpha else ""
+    return {angle: angles, "travel used, %": used, "static margin, chord": margin}
+
+
+def _static_margin(report: Report) -> float:
+    """Return the static margin of a sheet, or nan."""
+    rows = {row.name: row for row in report.sheet}
+    return float(rows["static margin"].value) if "static margin" in rows else math.nan
