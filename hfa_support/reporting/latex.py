@@ -1,13 +1,16 @@
-"""Tables of reports in LaTeX, with the rules of the package booktabs."""
+"""Reports in LaTeX, tables with the rules of the package booktabs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hfa_support.errors import imported
 from hfa_support.reporting.rows import Group
-from hfa_support.reporting.text import Table, printable
+from hfa_support.reporting.text import Table, flowing, printable
+
+if TYPE_CHECKING:
+    from hfa_support.reporting.report import Report
 
 #: Character with a meaning in LaTeX -> how it is printed.
 _ESCAPED = {each: f"\\{each}" for each in "&%$#_{}"} | {
@@ -19,32 +22,33 @@ _ESCAPED = {each: f"\\{each}" for each in "&%$#_{}"} | {
 }
 
 
-def latex_tables(title: str, parts: Any) -> str:
-    r"""Return the tables of a report as LaTeX, each a `tabular` that \input places in a document.
-
-    The first lines of reports in it and the sentences below tables are paragraphs. Other text is
-    omitted. Requires pandas and Jinja2.
-
-    title: first lines of the file, as comments
-    parts: parts of the report
+def latex_of(report: Report) -> str:
+    r"""Return a report as LaTeX that \input places in a document: its lines and notes as paragraphs,
+    each table as a `tabular`. Requires pandas and Jinja2.
     """
-    comments = "\n".join(f"% {line}" for line in printable(title).split("\n"))
-    return "\n".join([comments, *_blocks(parts)])
+    first = printable(report.title, lines=False)
+    return "\n".join([f"% {first}", *_blocks(report)])
 
 
 def _blocks(part: Any) -> Iterator[str]:
     """Yield tables and paragraphs of a part, and of the parts in it, in reading order."""
     if isinstance(part, Group):
-        yield _tabular(part.table())
+        if part.rows:
+            yield _tabular(part.table())
         yield from map(_paragraph, part.lines)
     elif isinstance(part, Table):
         yield _tabular(part)
+    elif isinstance(part, str):
+        yield from map(_paragraph, filter(None, flowing(part).split("\n")))
     elif isinstance(part, (tuple, list)):
         for each in part:
             yield from _blocks(each)
     elif hasattr(part, "parts"):
-        yield from map(_paragraph, part.title.split("\n"))
+        yield from _blocks(part.title)
+        yield from (_paragraph(f"{label}: {text}") for label, text in part.head.items())
         yield from _blocks(tuple(part.parts))
+        yield from (_paragraph(f"Note: {note}") for note in part.notes)
+        yield from _blocks(part.source)
 
 
 def _paragraph(text: str) -> str:

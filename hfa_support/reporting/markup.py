@@ -9,7 +9,7 @@ from typing import Any
 
 from hfa_support.reporting.parts import BLANKS, SIGNERS, Picture
 from hfa_support.reporting.rows import Group
-from hfa_support.reporting.text import Cell, Table, are_words, flowing, printable
+from hfa_support.reporting.text import Cell, Table, are_words, flowing, is_warning, printable
 
 #: Style sheet of a report in HTML, on a screen and on paper.
 _STYLE = (
@@ -86,7 +86,11 @@ def report_as_html(
     heading = [f"<h{level}{key}>{escaped(first)}</h{level}>"] if first else []
     last = [f"Note: {note}" for note in notes]
     last += filter(None, source.split("\n"))
-    return "\n".join([*heading, *map(paragraph, others), *shown, *map(paragraph, last)])
+    said = [
+        f'<p class="bad"><b>{escaped(line)}</b></p>' if is_warning(line) else paragraph(line)
+        for line in others
+    ]
+    return "\n".join([*heading, *said, *shown, *map(paragraph, last)])
 
 
 def as_html(part: str | Table | Group | tuple[str | Table, ...] | Picture) -> str:

@@ -23,12 +23,14 @@ from reportlab.platypus import (
 from hfa_support.files import written_whole
 from hfa_support.reporting.parts import BLANKS, SIGNERS, Picture
 from hfa_support.reporting.pdf_parts import (
+    BAD,
     BOLD,
     CELL,
     FRAME,
     GAP,
     NOTE,
     SANS,
+    TEXT,
     Drawing,
     columns_of,
     label_widths,
@@ -39,7 +41,7 @@ from hfa_support.reporting.pdf_parts import (
     text_width,
 )
 from hfa_support.reporting.rows import Group
-from hfa_support.reporting.text import Table, flowing, printable
+from hfa_support.reporting.text import Table, flowing, is_warning, printable
 
 if TYPE_CHECKING:
     from hfa_support.reporting.report import Report
@@ -186,7 +188,8 @@ class _Entry(Flowable):
 
 def _lines(text: str) -> Iterator[Flowable]:
     for line in filter(str.strip, text.split("\n")):
-        yield paragraph(line, spaceAfter=2.0)
+        font, color = (BOLD, BAD) if is_warning(line) else (SANS, "black")
+        yield paragraph(line, TEXT, font, textColor=color, spaceAfter=2.0)
 
 
 def _small(lines: Sequence[str]) -> Iterator[Flowable]:

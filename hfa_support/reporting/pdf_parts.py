@@ -31,7 +31,8 @@ TEXT, CELL = 8.0, 7.2
 _SPACING = 1.25
 #: Colors of rules, frames and notes, and of tones.
 RULE, FRAME, NOTE = "#cccccc", "#999999", "#555555"
-_COLORS = {"good": "#1a7f37", "near": "#9a6700", "far": "#8250df", "bad": "#c00000"}
+BAD = "#c00000"
+_COLORS = {"good": "#1a7f37", "near": "#9a6700", "far": "#8250df", "bad": BAD}
 #: Gap between two columns, space beside a cell and between groups, points.
 GAP, _BESIDE, _BETWEEN = 16.0, 3.0, 6.0
 #: Both spaces beside a cell, and the rounding of a width.

@@ -144,10 +144,10 @@ class Report:
         return as_page(self.html())
 
     def latex(self) -> str:
-        """Return the tables of the report in LaTeX. Requires pandas and Jinja2."""
-        from hfa_support.reporting.latex import latex_tables
+        """Return the report in LaTeX without pictures. Requires pandas and Jinja2."""
+        from hfa_support.reporting.latex import latex_of
 
-        return latex_tables(self.title, self.parts)
+        return latex_of(self)
 
     def json(self) -> str:
         """Return the data of the report as JSON text. Numbers that are not finite become null."""
@@ -164,7 +164,7 @@ class Report:
         - .json, .npz, .mat: `data`
         - .csv: `records`
         - .html, .md, .pdf: the text, in HTML and PDF with pictures. PDF requires reportlab
-        - .tex: the tables alone, with the rules of booktabs. Requires pandas and Jinja2
+        - .tex: the text, its tables with the rules of booktabs. Requires pandas and Jinja2
 
         Raises BadInputError for another suffix.
         """
@@ -213,9 +213,9 @@ class Reported:
         """Return a report of the result: class summary, fields, small matrices and checks."""
         return _of_fields(self)
 
-    def save(self, path: str | Path, document: str = "") -> None:
+    def save(self, path: str | Path) -> None:
         """Write the report of the result to a file, as `Report.save` does."""
-        self.report().save(path, document)
+        self.report().save(path)
 
     def to_pandas(self) -> Any:
         """Return the records of the report as a `pandas.DataFrame`. Requires pandas."""

@@ -328,6 +328,11 @@ def are_words(cells: Sequence[Any]) -> bool:
     return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in texts) * 2 < len(texts)
 
 
+def is_warning(line: str) -> bool:
+    """Return whether a first line is a stall or a doubt, which documents show in bold."""
+    return line.startswith(("STALLED", "Check:"))
+
+
 def flowing(text: str) -> str:
     """Return a text whose lines that end with a comma or semicolon continue on the same line."""
     return re.sub(r"(?<=[,;])\n", " ", text)

@@ -374,15 +374,17 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         }
         return dataset(values, {}, self.model.title)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, document: str = "") -> None:
         """Write the point as .json, from which `load` restores the exact numbers, or its sheet.
 
         The sheet is written as `Report.save` does.
+
+        document: number and revision of the document, in the head of a sheet
         """
         if Path(path).suffix.lower() == ".json":
             write_text(path, json_text(self.to_dict()))
         else:
-            self.report().save(path)
+            self.report().save(path, document)
 
     @staticmethod
     def load(path: str | Path, model: Model) -> OperatingPoint:
