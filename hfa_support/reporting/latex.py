@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfa_support.errors import imported
 from hfa_support.reporting.rows import Group
-from hfa_support.reporting.text import Table, flowing, printable
+from hfa_support.reporting.text import Table, are_words, flowing, printable
 
 if TYPE_CHECKING:
     from hfa_support.reporting.report import Report
@@ -23,8 +23,8 @@ _ESCAPED = {each: f"\\{each}" for each in "&%$#_{}"} | {
 
 
 def latex_of(report: Report) -> str:
-    r"""Return a report as LaTeX that \input places in a document: its lines and notes as paragraphs,
-    each table as a `tabular`. Requires pandas and Jinja2.
+    r"""Return a report as LaTeX that \input places in a document: its lines and notes are
+    paragraphs, its tables `tabular`. Requires pandas and Jinja2.
     """
     first = printable(report.title, lines=False)
     return "\n".join([f"% {first}", *_blocks(report)])
@@ -63,5 +63,7 @@ def _tabular(table: Table) -> str:
     cells = [[str(cell) for cell in row] for row in table.rows]
     style = pandas.DataFrame(cells, columns=list(table.header)).style.hide(axis="index")
     style = style.format(escape="latex").format_index(escape="latex", axis=1)
-    alignment = "l" + "r" * (len(table.header) - 1)
+    columns = zip(*cells, strict=True) if cells else ((),) * len(table.header)
+    words = [index == 0 or are_words(column) for index, column in enumerate(columns)]
+    alignment = "".join("l" if each else "r" for each in words)
     return str(style.to_latex(hrules=True, column_format=alignment))

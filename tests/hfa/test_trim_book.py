@@ -1,0 +1,146 @@
+"""The document of several trims: nothing that a trim says is lost on its pages."""
+
+import math
+import re
+from pathlib import Path
+
+import pypdf
+import pytest
+from cli import hfa as command
+from project import ROOT
+
+import hfa
+from trim.reports.book import Condition, matrix_figure
+
+#: A trim, a stall, a doubt about the inertias, and a condition without a trim.
+CONDITIONS = """name,speed,altitude,Ixz,gamma,thrust,free
+cruise,35,100,,,,
+stall,18.5,100,,,,
+planted,35,100,1.19,,,
+too slow,8,100,,,,
+climb,30,100,,,60,gamma
+"""
+NAMES = ("cruise", "stall", "planted", "climb")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("book")
+    text = (ROOT / "examples/uav.toml").read_text("utf-8")
+    (path / "uav.toml").write_text(f"CL_max = 1.0\n{text}", "utf-8")
+    (path / "book.csv").write_text(CONDITIONS, "utf-8")
+    return path
+
+
+def written(folder: Path, *options: str) -> str:
+    """Return what `hfa trim` prints for the conditions."""
+    files = ("--aircraft", f"{folder}/uav.toml", "--conditions", f"{folder}/book.csv")
+    run = command("trim", *files, "-q", *options)
+    assert run.code == 1, run.err
+    return run.out
+
+
+@pytest.fixture(scope="module")
+def pages(folder: Path) -> list[str]:
+    """Return the texts of the pages of the PDF, without blanks."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+        written(folder, "--document", "TR-12, revision B", "-o", str(folder / "book.pdf"))
+    read = pypdf.PdfReader(folder / "book.pdf").pages
+    return ["".join(page.extract_text().split()) for page in read]
+
+
+def test_the_cover_says_what_the_book_is_of(pages: list[str]) -> None:
+    """Document, aircraft, digests of its files, mass as loaded and date, and lines to sign."""
+    for text in (
+        "documentTR-12,revisionB",
+        "aircraftAerosonde(derivatives)",
+        "uav.toml(SHA-256",
+        "book.csv(SHA-256",
+        "mass13.5kgasloaded",
+        "issued2023-11-14",
+        "2of5conditionsaretrimmed,1stalled,1doubted,1withoutatrim",
+        "authorcheckedapproved",
+        "signature",
+    ):
+        assert text in pages[0]
+
+
+def test_the_matrix_has_all_conditions_and_what_is_said_of_them(pages: list[str]) -> None:
+    """Controls have the used share of their travel; a stall, a doubt and a failure their reason."""
+    matrix = pages[1]
+    for number, name in enumerate(("cruise", "stall", "planted", "tooslow", "climb"), start=1):
+        assert f"{number}{name}" in matrix
+    assert "60(100%)" in matrix
+    for said in ("stalled", "STALLED:CL", "principalmoment", "giveavaluebetween", "notrim"):
+        assert said in matrix
+
+
+def lost(sheet: hfa.OperatingPoint, text: str) -> list[str]:
+    """Return the printed rows of a sheet that are not in the text of a page without blanks."""
+    rows = [row for group in sheet.shown(full=False) for row in group.rows]
+    return [row.name for row in rows if "".join("".join(row.cells()).split()) not in text]
+
+
+def test_each_trim_has_a_numbered_page_with_all_its_rows(pages: list[str], folder: Path) -> None:
+    """A planted page of another condition is seen."""
+    assert len(pages) == 2 + len(NAMES)
+    for number, text in enumerate(pages, start=1):
+        assert f"{number}of{len(pages)}" in text
+    model = hfa.load_model(str(folder / "uav.toml"))
+    rows = {row.name: row for row in hfa.conditions(folder / "book.csv", model)}
+    for name, text in zip(NAMES, pages[2:], strict=True):
+        row = rows[name]
+        loaded = model.with_parameters(**row.parameters)
+        sheet = hfa.trim(loaded, hold=row.hold, free=row.free).sheet
+        assert not lost(sheet, text)
+        assert f"{name}:Aerosonde" in text
+        assert "mass" in "".join(lost(sheet, text.replace("13.5kg", "")))
+        assert ("STALLED" in text, "Check:" in text) == (name == "stall", name == "planted")
+
+
+def test_html_and_latex_say_the_same(folder: Path) -> None:
+    """The matrix in HTML links to the sheets."""
+    document = ("--document", "TR-12, revision B")
+    for suffix in ("html", "tex"):
+        written(folder, *document, "-o", str(folder / f"book.{suffix}"))
+        text = (folder / f"book.{suffix}").read_text("utf-8")
+        for said in ("TR-12, revision B", "STALLED: CL", "principal moment", "a value between"):
+            assert said in text
+        assert text.count("assumed: no data of the aircraft") == len(NAMES)
+    html = (folder / "book.html").read_text("utf-8")
+    links = set(re.findall('href="#([^"]+)"', html))
+    assert links == set(re.findall(r'<h2 id="([^"]+)"', html))
+    assert len(links) == len(NAMES)
+
+
+def test_the_figure_has_the_values_of_the_sheets() -> None:
+    """Alpha in degrees, the used share of the travel in percent, the static margin, and nan without
+    a trim.
+    """
+    model = hfa.load_model(f"{ROOT}/examples/uav.toml")
+    points = [hfa.trim(model, hold={"speed": speed}) for speed in (30.0, 35.0)]
+    found = [Condition("", "trimmed", each.report(), each) for each in points]
+    figure = matrix_figure([*found, Condition("", "no trim", points[0].report(), None)])
+    alpha, used, margin = (
+        {line.get_label(): line.get_ydata() for line in axes.lines} for axes in figure.axes
+    )
+    for index, point in enumerate(points):
+        assert alpha["alpha"][index] == pytest.approx(math.degrees(point["alpha"]))
+        assert used["thrust"][index] == pytest.approx(100.0 * point["thrust"] / 60.0)
+        assert used["elevator"][index] == pytest.approx(
+            100.0 * abs(math.degrees(point["elevator"])) / 25.0
+        )
+        assert margin["static margin"][index] == point.sheet["static margin"].value
+    assert math.isnan(alpha["alpha"][2])
+    assert math.isnan(used["thrust"][2])
+
+
+def test_a_single_sheet_has_its_document_too(folder: Path) -> None:
+    """The same words in Python."""
+    model = hfa.load_model(str(folder / "uav.toml"))
+    point = hfa.trim(model)
+    point.save(folder / "sheet.html", document="TR-12, revision B")
+    text = (folder / "sheet.html").read_text("utf-8")
+    assert "TR-12, revision B" in text
+    assert "signature" in text
