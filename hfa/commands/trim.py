@@ -174,7 +174,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         notes=_repeated(points),
     )
     names = [str(report.data.get("name", "")) for report in reports]
-    made = zip(names, results, reports, trims, strict=True)
+    made = zip(names, reports, trims, strict=True)
     return overview, [Condition(*each) for each in made]
 
 

@@ -120,8 +120,8 @@ def test_the_figure_has_the_values_of_the_sheets() -> None:
     """
     model = hfa.load_model(f"{ROOT}/examples/uav.toml")
     points = [hfa.trim(model, hold={"speed": speed}) for speed in (30.0, 35.0)]
-    found = [Condition("", "trimmed", each.report(), each) for each in points]
-    figure = matrix_figure([*found, Condition("", "no trim", points[0].report(), None)])
+    found = [Condition("", each.report(), each) for each in points]
+    figure = matrix_figure([*found, Condition("", points[0].report(), None)])
     alpha, used, margin = (
         {line.get_label(): line.get_ydata() for line in axes.lines} for axes in figure.axes
     )

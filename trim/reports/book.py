@@ -22,8 +22,10 @@ from hfa_support.reporting.text import (
 )
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
+from trim.point.status import RESULTS, TRIMMED
 from trim.reports.configuration import configuration_of
 from trim.reports.first_lines import subject
+from trim.reports.matrix import result_of
 from trim.reports.trimmed import Trimmed
 
 if TYPE_CHECKING:
@@ -45,23 +47,24 @@ _LOADED = {"mass": "mass", "center_of_gravity": "c.g."} | {
 #: Width of the figure, inches, and marks of its points.
 _WIDTH = 10.5
 _MARKS = "osD^v<>p*h"
-#: Result of a condition that needs no mark.
-_PLAIN = "trimmed"
 
 
 class Condition(NamedTuple):
     """One of several conditions.
 
     name: name, or ""
-    result: what it counts as: "trimmed", "stalled", "doubted", "no trim"
     report: report of its trim
     point: the trim, or None if there is none
     """
 
     name: str
-    result: str
     report: Report
     point: OperatingPoint | None
+
+    @property
+    def result(self) -> str:
+        """As what the trim counts."""
+        return result_of(self.report.sheet)
 
 
 def book_of(overview: Report, conditions: Sequence[Condition], head: Mapping[str, str]) -> Report:
@@ -154,13 +157,13 @@ def _matrix(conditions: Sequence[Condition]) -> tuple[Table | str, ...]:
 
 def _named(condition: Condition, called: str) -> dict[str, str]:
     """Return the cells that name a condition and say as what it counts."""
-    tone = "" if condition.result == _PLAIN else "bad"
+    tone = "" if condition.result == TRIMMED else "bad"
     flight = condition.report.head.get("condition", "")
     link = condition.report.anchor
     return {
         "condition": Cell(called, link=link),
         "flight": flight,
-        "results": Cell(condition.result, tone),
+        RESULTS: Cell(condition.result, tone),
     }
 
 
@@ -212,7 +215,7 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
         for name, values in lines.items():
             axes.plot(range(count), values, next(marks), markersize=4, label=name)
         for place, condition in enumerate(conditions):
-            if condition.result != _PLAIN:
+            if condition.result != TRIMMED:
                 color = "0.85" if condition.point is None else "#f4c7c3"
                 axes.axvspan(place - 0.5, place + 0.5, color=color, zorder=0)
         axes.set_ylabel(heading, fontsize=8)
