@@ -45,7 +45,8 @@ PLANE = hfa.Model(
     trim={"V": 55.0, "gamma": 0.0, "flap": 0.1},
 )  # fmt: skip
 OF_FILES = ("cessna182.toml", "glider.toml", "uav.toml", "uav.dml", "f16.py:F16", "gtm.py:GTM")
-OF_JSBSIM = ("737", "c172p", "T38", "A4", "MD11", "J3Cub", "B747", "X15", "SGS")
+OF_JSBSIM = ("737", "c172p", "SGS")
+OTHERS_OF_JSBSIM = ("T38", "A4", "MD11", "J3Cub", "B747", "X15")
 
 
 def aircraft(name: str) -> hfa.Model:
@@ -66,6 +67,7 @@ AIRCRAFT = (
     *("plane", "published", "newton", "unsteady", "navion.py:NAVION", "pendulum.py:PENDULUM"),
     *OF_FILES,
     *(f"jsbsim:{name}" for name in OF_JSBSIM),
+    *(pytest.param(f"jsbsim:{name}", marks=pytest.mark.slow) for name in OTHERS_OF_JSBSIM),
 )
 
 

@@ -251,6 +251,29 @@ def test_unmet_requirements_are_listed():
         assert len(replace(told, needs=needs).unmet) == 1
 
 
+@pytest.mark.parametrize(
+    ("sign", "where"), [(1.0, "at 1, 4, 5 m/s: "), (-1.0, "from 2 to 3 m/s: ")]
+)
+def test_a_finding_names_its_trims_or_their_range(sign, where):
+    """v' = +-v, unstable outside or inside of 1.5 < s < 3.5, and s' = f - s."""
+    model = hfa.Model(
+        "scheduled",
+        {"s": hfa.Signal("m/s", 1.0, 0.0, 9.0), "v": hfa.Signal("m/s", 1.0, -1.0, 1.0)},
+        {"f": hfa.Signal("m/s^2", 1.0, 0.0, 9.0)},
+        lambda x, u, p, w: (
+            {"s": u.f - x.s, "v": ca.if_else(ca.fabs(x.s - 2.5) > 1.0, sign, -sign) * x.v}, {}
+        ),
+        trim={"s": 1.0, "v": 0.0},
+        schedule="s",
+    )
+    o = ca.SX.sym("o")
+    nothing = Deployment(
+        {"file": ca.Function("policy", [o], [0.0 * o])}, {"v": {}}, {"f": {}}, {"dt": 0.01}
+    )
+    told = assess(model, nothing, [1.0, 2.0, 3.0, 4.0, 5.0], samples=0)
+    assert [each.text for each in told.findings if each.text.startswith(f"{where}unstable")]
+
+
 def gain_of_gtm(**tables):
     o = ca.SX.sym("o", 4)
     return gtm_deployment({"file": ca.Function("gain", [o], [0.1 * o[1:3]])}, **tables)

@@ -76,6 +76,7 @@ def test_a_policy_passes_only_if_flights_return_to_the_trim(offset: float, passe
     assert point.flights.converged == point.disturbed.converged == 6
     assert (found.ok, point.holds) == (passes, passes)
     assert (point.costs.lost == 0) is passes
+    assert point.costs.offset_rate == pytest.approx(1.01 * (offset / 1.1) ** 2, rel=1e-6)
     if not passes:
         (error,) = [each.text for each in found.findings if each.text.startswith("steady-state ")]
         assert error.split()[3][0] == ("+" if offset > 0.0 else "-")
