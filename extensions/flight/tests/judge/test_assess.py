@@ -261,7 +261,8 @@ def test_a_finding_names_its_trims_or_their_range(sign, where):
         {"s": hfa.Signal("m/s", 1.0, 0.0, 9.0), "v": hfa.Signal("m/s", 1.0, -1.0, 1.0)},
         {"f": hfa.Signal("m/s^2", 1.0, 0.0, 9.0)},
         lambda x, u, p, w: (
-            {"s": u.f - x.s, "v": ca.if_else(ca.fabs(x.s - 2.5) > 1.0, sign, -sign) * x.v}, {}
+            {"s": u.f - x.s, "v": ca.if_else(ca.fabs(x.s - 2.5) > 1.0, sign, -sign) * x.v},
+            {},
         ),
         trim={"s": 1.0, "v": 0.0},
         schedule="s",
