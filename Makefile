@@ -28,6 +28,8 @@ report: .venv/report
 
 # Every stored picture of the documents anew; those of the page and of sheets need the browser Chromium and pdftoppm.
 # docs/pictures/NAME has those that the commands of docs/NAME.md draw.
+# Pages have few colors: 64 are enough.
+SHRINK = import sys; from PIL import Image; [Image.open(path).convert("RGB").quantize(64).save(path, optimize=True) for path in sys.argv[1:]]
 ILLUSTRATE = import sys; sys.path[:0] = ['tests/support', 'tests/project', '.']; import test_docs; test_docs.illustrate()
 pictures: .venv/ready
 	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results --beside examples/uav.toml
@@ -39,7 +41,11 @@ pictures: .venv/ready
 	$(BIN)/hfa trim -q --aircraft examples/uav.toml -o report/sheet.pdf
 	chromium --headless --no-sandbox --hide-scrollbars --window-size=1100,1130 \
 		--screenshot=docs/pictures/sheet_html.png file://$(CURDIR)/report/sheet.html
-	pdftoppm -r 110 -png -f 1 -l 1 -W 910 -H 1000 -singlefile report/sheet.pdf docs/pictures/sheet_pdf
+	pdftoppm -r 90 -png -f 1 -l 1 -singlefile report/sheet.pdf docs/pictures/sheet_pdf
+	$(BIN)/hfa trim -q --aircraft examples/uav.toml --conditions examples/uav_conditions.csv --document "TR-12, revision B" -o report/book.pdf
+	pdftoppm -r 70 -png -f 1 -l 1 -singlefile report/book.pdf docs/pictures/book_cover
+	pdftoppm -r 100 -png -f 2 -l 2 -singlefile report/book.pdf docs/pictures/book_matrix
+	$(BIN)/python -c '$(SHRINK)' $(addprefix docs/pictures/,page.png sheet_html.png sheet_pdf.png book_cover.png book_matrix.png)
 
 .venv-docs/ready: pyproject.toml requirements-docs.lock
 	@echo "Installing the $$(grep -c == requirements-docs.lock) packages that the documents need into .venv-docs"

@@ -26,12 +26,16 @@ _STYLE = (
     ".sheet .words{text-align:left}.sheet .note{color:#555}"
     ".signed{width:100%;font-size:11px;margin:.4em 0}"
     ".signed td,.signed th{border:1px solid #999;text-align:left}.signed th{width:8em}"
-    ".table{overflow-x:auto;font-size:11px}.words{text-align:left}"
+    ".table{overflow-x:auto;font-size:11px}.words{text-align:left}td.words{min-width:5em}"
+    ".matrix{font-size:11px}.matrix th,.matrix td{padding:.2em .45em}.sheet td.words{min-width:0}"
+    ".matrix td.words{min-width:9em}.matrix .words+.words{min-width:0}"
     ".table td:not(.words),.table th:first-child{white-space:nowrap}"
     ".bad{color:#c00000}.near{color:#9a6700}.good{color:#1a7f37}"
     "@page{size:A4;margin:12mm;@bottom-right{font:8px sans-serif;"
     "content:counter(page) ' of ' counter(pages)}}@media print{.sheet{font-size:8.5px}"
-    "body{margin:0;font-size:11px}h2{break-before:page}table{break-inside:avoid}}"
+    "body{margin:0;max-width:none;font-size:11px}h2{break-before:page}table{break-inside:avoid}"
+    ".matrix{page:wide}.matrix table,.matrix{font-size:8.5px}.table{overflow:visible}"
+    ".part figure{display:none}}@page wide{size:A4 landscape}"
 )
 
 

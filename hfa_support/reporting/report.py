@@ -126,15 +126,18 @@ class Report:
         """Return the report as HTML, as part of a book without lines to sign."""
         from hfa_support.reporting.markup import as_html, cover, report_as_html, signed_head
 
-        is_book = any(isinstance(part, Report) for part in self.parts)
+        is_book = bool(self.head) and any(isinstance(part, Report) for part in self.parts)
         head = cover(self.head) if is_book else signed_head(self.head, is_part)
         shown = [head] if self.head else []
-        for is_sheet, parts in groupby(self.parts, key=lambda part: isinstance(part, Group)):
+        for kind, parts in groupby(self.parts, key=type):
             made = [
                 part._html(level + 1, is_book) if isinstance(part, Report) else as_html(part)
                 for part in parts
             ]
-            shown += ['<div class="sheet">', *made, "</div>"] if is_sheet else made
+            name = "sheet" if kind is Group else "matrix" if is_book and kind is tuple else ""
+            shown += [f'<div class="{name}">', *made, "</div>"] if name else made
+        if is_part:
+            shown = ['<div class="part">', *shown, "</div>"]
         return report_as_html(self.title, shown, self.notes, self.source, level, self.anchor)
 
     def page(self) -> str:
