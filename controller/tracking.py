@@ -11,9 +11,8 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.reference import Feedforward, feedforward, late_error
-from controller.riccati.balancing import abscissa_of
-from controller.riccati.balls import ball_matrix
 from controller.riccati.gare import Solution
+from controller.riccati.stability import stabilizes
 from hfa_aircraft.waveform import Waveform, channel, constant, stacked
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_support.reporting.report import Report, Reported
@@ -277,8 +276,8 @@ def tracked(
     Raises BadInputError unless A - B K is proved Hurwitz.
     """
     exact = feedforward(solution, reference)
-    if not solution.stabilizes(K):
-        abscissa = abscissa_of(solution.level.with_gain(ball_matrix(K)))
+    if not stabilizes(solution.game, K):
+        abscissa = solution.level.poles(K).abscissa
         raise BadInputError(
             f"tracking: A - B K has abscissa {abscissa:+.4g} 1/s; give a K that stabilizes the game"
         )

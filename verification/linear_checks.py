@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.zero_sum import Game
-from controller.riccati.balancing import stability
-from controller.riccati.balls import ball_matrix
-from controller.riccati.bilinear import System
 from controller.riccati.excess import Excess, excess_of, without_bound
-from controller.riccati.frequency_response import loop_gain
 from controller.riccati.gare import Solution
-from controller.riccati.margins import DiskMargin, disk_of
-from hfa_support.errors import NoSolutionError
-from hfa_support.matrices import balanced
+from controller.riccati.margins import DiskMargin
 from hfa_support.reporting.checks import Check, at_least
 from hfa_support.reporting.results import Result, Vector, without_empty
 from hfa_support.reporting.text import Table, percent
@@ -106,12 +98,13 @@ def _stability_checks(
     is_exact: whether K is that of the exact solution
     """
     game = exact.game
-    loop = exact.level.with_gain(ball_matrix(critic.K))
-    value, limit = stability(loop, is_discrete=game.is_discrete)
+    poles = exact.level.poles(critic.K)
     if not game.is_discrete:
+        value = poles.abscissa
         unstable = f"A - B K is not Hurwitz (abscissa {value:+.3g} 1/s)"
         name = "control_loop_abscissa"
-        return [_proved(name, value, limit, excess.is_stable, unstable, "stability")]
+        return [_proved(name, value, 0.0, excess.is_stable, unstable, "stability")]
+    value = poles.spectral_radius
     unstable = f"A - B K has the spectral radius {value:.7g}"
     if is_exact:
         why = "the exact solution of this discounted problem does not stabilize either"
@@ -120,7 +113,7 @@ def _stability_checks(
     infinite = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
     name = "discounted_loop_radius"
     return [
-        _proved("control_loop_radius", value, limit, excess.is_stable, unstable, "stability"),
+        _proved("control_loop_radius", value, 1.0, excess.is_stable, unstable, "stability"),
         _proved(name, discounted, 1.0, excess.is_summable, infinite, "cost"),
     ]
 
@@ -132,30 +125,18 @@ def _graded(exact: Solution, critic: Critic, excess: Excess) -> GradedLoop:
         worst=100.0 * excess.high,
         mean=100.0 * excess.mean,
         at=excess.worst if _has_worst(excess) else None,
-        gain=exact.level.l2_gain(ball_matrix(critic.K)) if is_stable else math.inf,
+        gain=exact.level.l2_gain(critic.K).high if is_stable else math.inf,
         exact_gain=exact.l2_gain,
-        distance=_distance(exact.game, critic.K) if is_stable else 0.0,
-        exact_distance=_distance(exact.game, exact.K),
+        distance=exact.level.distance(critic.K) if is_stable else 0.0,
+        exact_distance=exact.level.distance(exact.K),
     )
-
-
-def _distance(game: Game, K: np.ndarray) -> float:
-    """Return the distance to instability of a stable loop: 1 / max |(s - M)⁻¹| over the boundary,
-    relative to the norm of M, with M = A - B K in balanced units; 0 where rounding of M hides it.
-    """
-    M, _ = balanced(game.A - game.B @ K)
-    one = np.eye(len(M))
-    norm = float(np.linalg.norm(M, 2))
-    with suppress(NoSolutionError):
-        resolvent = loop_gain(System(M, one, one, 0.0 * one), is_discrete=game.is_discrete)
-        return 1.0 / (resolvent.high * norm) if norm > 0.0 else 0.0
-    return 0.0
 
 
 def _loop_section(exact: Solution, K: np.ndarray, excess: Excess, graded: GradedLoop) -> Section:
     """Return the section with cost, gain, distance to instability and margins of a loop."""
     game = exact.game
-    learned, best = _disk_margin(exact, K), exact.disk_margin
+    learned = exact.level.disk_margin(K) if excess.is_stable else None
+    best = exact.disk_margin
     rows = [
         ("% above the optimum, worst case", _percent(excess, excess.high), "0"),
         ("% above the optimum, mean over cases", _percent(excess, excess.mean), "0"),
@@ -222,15 +203,6 @@ def value_check(exact: Solution, P: np.ndarray, box: np.ndarray, limit: float) -
     indefinite = f"P is indefinite (smallest eigenvalue {smallest / unit:.3g} of the exact P)"
     least = min(0.0, float(of_exact[0])) / unit - limit
     return at_least("P_smallest_eigenvalue", smallest / unit, least, indefinite, kind="cost")
-
-
-def _disk_margin(exact: Solution, K: np.ndarray) -> DiskMargin | None:
-    """Return the disk margin of u = -K z, or None if the loop is not stable."""
-    if not np.isfinite(K).all():
-        return None
-    with suppress(NoSolutionError):
-        return disk_of(exact.level.at_inputs(ball_matrix(K)))
-    return None
 
 
 def _percent(excess: Excess, ratio: float) -> str:

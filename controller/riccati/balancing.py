@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from hfa_support.matrices import balanced, spectral_radius
@@ -19,28 +17,9 @@ def abscissa_of(matrix: np.ndarray) -> float:
     return float(np.linalg.eigvals(matrix).real.max())
 
 
-class Stability(NamedTuple):
-    """Abscissa of a loop, 1/s, which is stable below 0; in discrete time spectral radius and 1.
-
-    value: the abscissa or the spectral radius, inf if the loop is not finite
-    limit: 0 or 1
-    """
-
-    value: float
-    limit: float
-
-    @property
-    def is_stable(self) -> bool:
-        """True if the loop is stable."""
-        return self.value < self.limit
-
-
-def stability(loop: np.ndarray, *, is_discrete: bool) -> Stability:
-    """Return the abscissa of a loop, or in discrete time its spectral radius, and its limit."""
-    limit = 1.0 if is_discrete else 0.0
-    if not np.isfinite(loop).all():
-        return Stability(np.inf, limit)
-    return Stability(spectral_radius(loop) if is_discrete else abscissa_of(loop), limit)
+def is_stable_in_doubles(loop: np.ndarray, *, is_discrete: bool) -> bool:
+    """Return whether the eigenvalues of a loop are stable in doubles, which proves nothing."""
+    return spectral_radius(loop) < 1.0 if is_discrete else abscissa_of(loop) < 0.0
 
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
@@ -76,9 +55,3 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
 def largest(matrix: np.ndarray) -> float:
     """Return the largest magnitude of an entry of a matrix."""
     return float(np.abs(matrix).max())
-
-
-def norms(matrices: np.ndarray) -> np.ndarray:
-    """Return the Frobenius norm of each matrix (..., n, m)."""
-    entries = matrices.reshape(*matrices.shape[:-2], -1)
-    return np.sqrt(np.vecdot(entries, entries).real)

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from controller.riccati.balls import DoubleBalls, midpoints, precision
 from controller.riccati.enclosure import Enclosure, uncertainty
 from controller.riccati.equation import StepEquation, scaled_balls
-from controller.riccati.level import levelled
 from controller.riccati.proposal import FailedError, lyapunov_in_bits, lyapunov_of
 from hfa_support.reporting.results import Result
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
-#: Largest change of K by the last digits of the game's entries.
+#: Largest relative change of K by the last digits of the game's entries: two digits of K are known.
 GAIN_CHANGE = 0.01
-#: A gain that changes A by less than this fraction of |A| is compared with this fraction.
-NOTICED = 1e-10
-#: A damping above this fraction of the fastest rate is more than the last digits of the entries.
-UNDAMPED = 1e-12
 
 
 @dataclass(frozen=True)
@@ -33,18 +28,13 @@ class Certificate(Result):
     proved: sentences
     radius: largest radius of the balls that contain P and K, relative to the sizes of their rows
     bits: of the proof
-    last_digits: changes of the solution if the entries of the game change in their last digit
+    gain_change: relative change of B K if the entries of the game change in their last digit
     """
 
     proved: tuple[str, ...]
     radius: float
     bits: int
-    last_digits: LastDigits
-
-    @property
-    def gain_change(self) -> float:
-        """Change of B K if every entry of the game changes in its last digit, relative."""
-        return self.last_digits.gain
+    gain_change: float
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -87,8 +77,8 @@ def certificate_of(enclosure: Enclosure) -> Certificate:
             " semidefinite, is proved for weights whose diagonals are larger by 2e-12"
         )
     with precision(enclosure.bits):
-        changes = last_digits(enclosure)
-    return Certificate(tuple(proved), radius, enclosure.bits, changes)
+        change = gain_change(enclosure)
+    return Certificate(tuple(proved), radius, enclosure.bits, change)
 
 
 def _radius_of_L(enclosure: Enclosure) -> float:
@@ -109,38 +99,21 @@ def _size(entry: arb) -> arb:
     return abs(entry.mid())
 
 
-class LastDigits(NamedTuple):
-    """Changes of a solution, to the first order, if its entries change in their last digit.
-
-    gain: |B (K2 - K)| / |B K|
-    damping: change of the damping of a pole of A - B K, relative; 0 if it is far below 1
-    pole: whose damping changes most, in discrete time of sqrt(discount) (A - B K)
-    """
-
-    gain: float
-    damping: float = 0.0
-    pole: complex = 0.0
-
-    @property
-    def doubt(self) -> str:
-        """What the entries do not determine, as one sentence, or ""."""
-        if self.damping > GAIN_CHANGE:
-            pair = f" ± {abs(self.pole.imag):.4g}i" if abs(self.pole.imag) > 1e-9 else ""
-            return (
-                f"the mode with eigenvalue {self.pole.real:.1g}{pair} of the closed loop is"
-                " undamped up to the last digits of the entries of the game; give it weight in Q,"
-                " or an input that reaches it"
-            )
-        if not self.gain <= GAIN_CHANGE:
-            return (
-                f"K changes by {100.0 * self.gain:.2g} % if the entries of the game change in their"
-                " last digit: they do not determine K"
-            )
+def doubt_about(gain_change: float) -> str:
+    """Return that the entries of a game do not determine K, as one sentence, or ""."""
+    if gain_change <= GAIN_CHANGE:
         return ""
+    return (
+        f"K changes by {100.0 * gain_change:.2g} % if the entries of the game change in their"
+        " last digit: they do not determine K"
+    )
 
 
-def last_digits(enclosure: Enclosure) -> LastDigits:
-    """Return how entries that change in their last digit change K and the poles of A - B K.
+def gain_change(enclosure: Enclosure) -> float:
+    """Return |B (K2 - K)| / |B K|, to the first order, if all entries change in their last digit.
+
+    Where B (K2 - K) is smaller than the change of A - B K by the entries of A and B alone, it is at
+    most `GAIN_CHANGE`: a gain so small is not asked for more digits.
 
     The changes of the entries move P by the solution of a Lyapunov equation. Each entry of A, B
     and E is multiplied by a factor f = 1 ± eps, and the entries ij of Q, N and R by f_i f_j, with
@@ -148,12 +121,12 @@ def last_digits(enclosure: Enclosure) -> LastDigits:
     """
     with np.errstate(all="ignore"):
         try:
-            return _last_digits(enclosure)
+            return _gain_change(enclosure)
         except (FailedError, np.linalg.LinAlgError, ValueError, ZeroDivisionError):
-            return LastDigits(math.inf)
+            return math.inf
 
 
-def _last_digits(enclosure: Enclosure) -> LastDigits:
+def _gain_change(enclosure: Enclosure) -> float:
     found = enclosure.proved
     equation = found.bounds
     number = equation.arithmetic
@@ -187,22 +160,23 @@ def _last_digits(enclosure: Enclosure) -> LastDigits:
     cross = F.T @ (X @ pushed) if equation.is_discrete else X @ pushed
     moved = moved + cross + cross.T
     Z = number.of(_moved_value(F, moved, is_discrete=equation.is_discrete))
-    own = dN.T - dR @ K
+    priced = dN.T - dR @ K
     if isinstance(equation, StepEquation):
         dG = dB.beside(dE) if equation.is_disturbed else dB
         right = equation.G.T @ (Z @ F + X @ pushed) + dG.T @ (X @ F)
         others = number.of(np.zeros((n, gains.rows - m)))
-        right = right + own.T.beside(others).T
+        right = right + priced.T.beside(others).T
         price = number.of(equation.W) + equation.G.T @ (X @ equation.G)
         dK = number.of(_solved(price, right)).block(slice(m), slice(None))
     else:
-        dK = number.of(_solved(R, B.T @ Z + dB.T @ X + own))
-    pushed_by_K, change = (float(np.linalg.norm(_middle(B @ each))) for each in (K, dK))
-    size = max(pushed_by_K, NOTICED * float(np.linalg.norm(_middle(A)))) or 1.0
-    gain = change / size if math.isfinite(change) else math.inf
-    if number is DoubleBalls:  # a pole so near the boundary is not proved stable in doubles
-        return LastDigits(gain)
-    return _with_poles(gain, enclosure, (dA - dB @ K - B @ dK).matrix)
+        dK = number.of(_solved(R, B.T @ Z + dB.T @ X + priced))
+    own, change, size = (
+        float(np.linalg.norm(_middle(each))) for each in (dA - dB @ K, B @ dK, B @ K)
+    )
+    size = max(size, own / GAIN_CHANGE)
+    if change == 0.0:
+        return 0.0
+    return change / size if math.isfinite(change) else math.inf
 
 
 def _middle(matrix: Any) -> np.ndarray:
@@ -224,26 +198,6 @@ def _solved(matrix: Any, right: Any) -> np.ndarray | arb_mat:
     if isinstance(matrix, DoubleBalls):
         return np.linalg.solve(matrix.midpoint, right.midpoint)
     return matrix.matrix.mid().solve(right.matrix.mid()).mid()
-
-
-def _with_poles(gain: float, enclosure: Enclosure, dF: arb_mat) -> LastDigits:
-    """Return the changes with that of the damping of a pole.
-
-    dF: change of A - B K, (n, n), in the units of the enclosure
-    """
-    from scipy.linalg import eig
-
-    level, game = levelled(enclosure), enclosure.game
-    values, left, right = eig(math.sqrt(game.discount) * level.loop, left=True)
-    moved = midpoints(level.to_level * dF * level.from_level)
-    sizes = np.abs(np.einsum("ij,ij->j", left.conj(), moved @ right))
-    sizes /= np.abs(np.vecdot(left.T, right.T))
-    damping = 1.0 - np.abs(values) if game.is_discrete else -values.real
-    # Only such a damping may be rounding of the entries.
-    small = damping < UNDAMPED * float(np.abs(values).max(initial=0.0))
-    changes = np.where(small & (sizes > 0.0), sizes / np.maximum(damping, 0.0), 0.0)
-    worst = int(np.argmax(changes))
-    return LastDigits(gain, float(changes[worst]), complex(values[worst]))
 
 
 def _signs(count: int) -> np.ndarray:

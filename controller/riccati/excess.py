@@ -48,6 +48,7 @@ from controller.riccati.equation import change_along, scaled_balls
 from controller.riccati.free_states import FreeStates, free_states
 from controller.riccati.proof import DEFECT, NotProvedError, proves_stable
 from controller.riccati.proposal import FailedError, loop_units, lyapunov_in_bits
+from controller.riccati.stability import discounted_loop, loop_with, stability_of
 
 if TYPE_CHECKING:
     from flint import arb_mat
@@ -117,8 +118,10 @@ def excess_of(game: Game, K: np.ndarray, box: np.ndarray) -> Excess:
     found = without_bound(game)
     for attempt in ATTEMPTS:
         with precision(attempt):
-            if _cost_is_unstable(game, K):
-                return replace(found, is_stable=_is_stable(_loop(game, K), game))
+            gain, is_discrete = ball_matrix(K), game.is_discrete
+            if stability_of(discounted_loop(game, gain), is_discrete=is_discrete) is False:
+                is_stable = stability_of(loop_with(game, gain), is_discrete=is_discrete)
+                return replace(found, is_stable=is_stable is True)
             try:
                 found = _Policy(enclosed_in_bits(game, attempt), K).excess(box)
             except (FailedError, NotProvedError):
@@ -170,8 +173,10 @@ class _Policy:
     def excess(self, box: np.ndarray) -> Excess:
         """Return the excess, known or not."""
         game = self.game
-        is_stable = _is_stable(_loop(game, self.K), game)
-        is_summable = is_stable or _is_stable(self.A - self.B * self.K, game)
+        loops = loop_with(game, self.K), self.A - self.B * self.K
+        is_stable, is_summable = (
+            stability_of(loop, is_discrete=game.is_discrete) is True for loop in loops
+        )
         unbounded = without_bound(game, is_stable=is_stable, is_summable=is_summable)
         bounded = self._bounded(self.K) if is_summable else None
         if bounded is None:
@@ -268,8 +273,10 @@ class ExcessEquation:
         change = change_along(Balls(self.F), Balls(D), is_discrete=self.is_discrete).matrix
         return change + self.C + gain.transpose() * self.left(D) * gain
 
-    def solved(self) -> _Bounded:
+    def solved(self, start: arb_mat | None = None) -> _Bounded:
         """Return the balls of D and of its gain, proved in units in which the loop is balanced.
+
+        start: of the search for D, (n, n); by default 0
 
         Raises FailedError, NotProvedError or ZeroDivisionError.
         """
@@ -283,20 +290,22 @@ class ExcessEquation:
             crossed,
             self.V,
         )
-        D, Y = scaled.proposal()
+        zeros = 0 * self.F
+        D, Y = scaled.proposal(zeros if start is None else scaled_balls(start, units, units))
         D = scaled_balls(excess_ball(scaled, D, Y), -units, -units)
         return _Bounded(D, self.gain(D))
 
-    def proposal(self) -> tuple[arb_mat, arb_mat]:
-        """Return D, (n, n), by Newton's method from 0, and Y of its loop.
+    def proposal(self, D: arb_mat) -> tuple[arb_mat, arb_mat]:
+        """Return D, (n, n), by Newton's method, and Y of its loop.
 
-        D increases to the solution. Without a solution, the loop becomes unstable.
+        From 0, D increases to the solution. Without a solution, the loop becomes unstable.
+
+        D: where the search begins, (n, n)
 
         Raises FailedError.
         """
         from flint import arb
 
-        D = 0 * self.F
         for _ in range(_NEWTON_STEPS):
             gain = self.gain(D)
             loop = (self.F + self.E * gain).mid()
@@ -353,45 +362,6 @@ def excess_ball(equation: ExcessEquation, D: arb_mat, Y: arb_mat) -> arb_mat:
         raise NotProvedError("the loop of the worst disturbance near D")
     spread = [(zeta * Y[i, i]).sqrt().upper() for i in range(Y.nrows())]
     return Balls.around(D, spread).matrix
-
-
-def _loop(game: Game, K: np.ndarray | arb_mat, factor: float = 1.0) -> arb_mat:
-    """Return A - B K in balls, times the root of a factor."""
-    from flint import arb
-
-    gain = ball_matrix(K) if isinstance(K, np.ndarray) else K
-    return (ball_matrix(game.A) - ball_matrix(game.B) * gain) * arb(factor).sqrt()
-
-
-def _is_stable(loop: arb_mat, game: Game) -> bool:
-    """Return whether a loop of balls is proved stable."""
-    return stability_of(loop, is_discrete=game.is_discrete) is True
-
-
-def _cost_is_unstable(game: Game, K: np.ndarray) -> bool:
-    """Return whether √α (A - B K) is proved unstable."""
-    return stability_of(_loop(game, K, game.discount), is_discrete=game.is_discrete) is False
-
-
-def stability_of(loop: arb_mat, *, is_discrete: bool) -> bool | None:
-    """Return whether a loop F of balls is stable, or None if these bits do not prove it.
-
-    Let |F'Y + Y F + 1| < 1. F is stable if Y > 0, and unstable if v'Y v < 0 for a vector v, because
-    Y would be positive definite if F were stable.
-    """
-    units = loop_units(midpoints(loop))
-    F, one = scaled_balls(loop, -units, units), identity(loop.nrows())
-    try:
-        Y = symmetric(lyapunov_in_bits(F, one, is_discrete=is_discrete))
-    except FailedError:
-        return None
-    defect = change_along(Balls(F), Balls(Y), is_discrete=is_discrete).matrix + one
-    if not norm(defect) < 1:
-        return None
-    if is_positive_definite(Y):
-        return True
-    vector = ball_matrix(np.linalg.eigh(midpoints(Y))[1][:, :1])
-    return False if (vector.transpose() * Y * vector)[0, 0] < 0 else None
 
 
 def _looks_stable(loop: arb_mat, *, is_discrete: bool) -> bool:

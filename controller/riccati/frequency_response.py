@@ -1,4 +1,7 @@
-"""L2 gain of a system, max_ω σ_max(C (jω I - A)⁻¹ B + D), from its bounded-real Hamiltonian."""
+"""Gains of systems over frequency, σ_max(C (jω I - A)⁻¹ B + D), in doubles.
+
+What is found here proposes an L2 gain, which `l2_gain` proves, and margins.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.game.zero_sum import Game
-from controller.riccati.balancing import hamiltonian, norms, spectrum
+from controller.riccati.balancing import hamiltonian, spectrum
 from controller.riccati.bilinear import System, in_continuous_time
-from hfa_support.arguments import ArrayLike
 from hfa_support.errors import NoSolutionError
-from hfa_support.matrices import balanced, spectral_radius
 
+#: Relative distance of the next level of the search above a gain.
 TOLERANCE = 1e-9
-#: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not affect
-#: the output.
-ZERO = 1e-12
-#: Below this fraction, the largest gain that the search finds is rounding too.
-NEGLIGIBLE = 10.0 * ZERO
 #: An eigenvalue with |Re λ| up to this fraction of the largest may be on the axis.
 NEAR_AXIS = 1e-6
 #: Number of the least damped poles near whose frequencies the search for a gain begins.
@@ -57,86 +53,59 @@ def level_crossings(
     return np.sort(roots.imag[near])
 
 
-def loop_gain(loop: System, *, is_discrete: bool) -> GainBounds:
-    """Return bounds of the L2 gain of a closed loop, inf for an unstable one.
+class Peak(NamedTuple):
+    """Largest gain that doubles find, and its frequency.
 
-    Raises NoSolutionError as `gain_bounds` does.
+    frequency: rad/s, in discrete time rad/step
+    """
+
+    gain: float
+    frequency: float
+
+
+def peak_of(loop: System, *, is_discrete: bool) -> Peak:
+    """Return the largest gain of a stable system, in doubles: a proposal for `l2_gain`.
+
+    Raises NoSolutionError as `responses` does.
     """
     if not is_discrete:
-        return gain_bounds(*loop)
-    if not spectral_radius(loop.A) < 1.0:
-        return GainBounds(math.inf, math.inf)
+        return _peak(loop)
     # The gain at infinite frequency, z = -1, makes the search inaccurate. It is the smaller one of
     # those at z = 1 and -1 if z and A change their sign where necessary.
     one = np.eye(len(loop.A))
     ends = [
         np.linalg.norm(loop.C @ np.linalg.solve(z * one - loop.A, loop.B), 2) for z in (1.0, -1.0)
     ]
-    sign = 1.0 if ends[0] >= ends[1] else -1.0
-    return gain_bounds(*in_continuous_time(loop._replace(A=sign * loop.A)))
+    is_turned = ends[0] < ends[1]
+    found = _peak(in_continuous_time(loop._replace(A=-loop.A) if is_turned else loop))
+    angle = 2.0 * math.atan(found.frequency)
+    return Peak(found.gain, math.pi - angle if is_turned else angle)
 
 
-class GainBounds(NamedTuple):
-    """Bounds of the L2 gain of a system.
-
-    low: largest gain found at a frequency
-    high: upper bound of the gains at all frequencies
-    """
-
-    low: float
-    high: float
-
-
-def gain_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> GainBounds:
-    """Return bounds of the L2 gain of C (sI - A)⁻¹ B + D, which differ by `TOLERANCE`.
-
-    Above the upper one, the bounded-real Hamiltonian has no eigenvalue on the imaginary axis.
-
-    - A is not Hurwitz: both are inf
-    - no gain exceeds rounding and the gain at infinity: both are σ_max(D), 0 without D
-
-    Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
-
-    Raises NoSolutionError if a pole is on the imaginary axis within rounding.
-    """
-    poles = spectrum(A)
-    if poles[-1].real >= 0.0:  # they are sorted by Re λ
-        return GainBounds(math.inf, math.inf)
-    # in units of the signals in which B and C have size 1
-    sizes = float(np.linalg.norm(B)), float(np.linalg.norm(C))
-    at_infinity = float(np.linalg.norm(D, 2)) if D.any() else 0.0
-    if 0.0 in sizes:
-        return GainBounds(at_infinity, at_infinity)
-    unit = sizes[0] * sizes[1]
-    system = System(A, B / sizes[0], C / sizes[1], D / sizes[0] / sizes[1])
-    typical = 1.0 / float(np.linalg.norm(A))
-    floor = max(ZERO * typical, at_infinity / unit)  # a level must exceed rounding and σ_max(D)
-    gain = _highest(system, _resonances(poles), floor)
-    if gain > max(NEGLIGIBLE * typical, at_infinity / unit):
-        return GainBounds(gain * unit, gain * unit * (1.0 + TOLERANCE))
-    return GainBounds(at_infinity, at_infinity)
-
-
-def _highest(system: System, starts: np.ndarray, floor: float) -> float:
-    """Return the largest gain over all frequencies, or `floor` if no gain exceeds it.
+def _peak(system: System) -> Peak:
+    """Return the largest gain, at infinite frequency if D has it.
 
     The largest gain at the midpoints between neighboring crossings of a level is the next level.
 
-    starts: frequencies of the first level, rad/s
+    Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
     """
-    gain = max(floor, _highest_at(system, starts))
-    while True:
-        crossings = level_crossings(*system, gain * (1.0 + TOLERANCE), NEAR_AXIS)
-        if not len(crossings):
-            return gain
-        midpoints = (crossings[1:] + crossings[:-1]) / 2.0 if len(crossings) > 1 else crossings
-        found = _highest_at(system, midpoints)
-        if not found > gain:  # these crossings are rounding
-            return gain
-        gain = found
+    # in units of the signals in which B and C have size 1
+    sizes = [float(np.linalg.norm(each)) or 1.0 for each in (system.B, system.C)]
+    unit = sizes[0] * sizes[1]
+    system = System(system.A, system.B / sizes[0], system.C / sizes[1], system.D / unit)
+    best = Peak(float(np.linalg.norm(system.D, 2)), math.inf)
+    frequencies = _resonances(spectrum(system.A))
+    while len(frequencies):
+        found = _highest_at(system, frequencies)
+        if not found.gain > best.gain:
+            break
+        best = found
+        crossings = level_crossings(*system, best.gain * (1.0 + TOLERANCE), NEAR_AXIS)
+        frequencies = (crossings[1:] + crossings[:-1]) / 2.0 if len(crossings) > 1 else crossings
+    return best._replace(gain=best.gain * unit)
 
 
-def _highest_at(system: System, frequencies: np.ndarray) -> float:
+def _highest_at(system: System, frequencies: np.ndarray) -> Peak:
     """Return the largest gain at given frequencies.
 
     Raises NoSolutionError as `responses` does.
@@ -144,7 +113,11 @@ def _highest_at(system: System, frequencies: np.ndarray) -> float:
     A, B, C, D = system
     together = max(1, _LARGEST // max(A.size, B.size, D.size))
     parts = np.split(frequencies, range(together, len(frequencies), together))
-    return max(_largest_gain(C @ responses(A, B, part) + D) for part in parts)
+    gains = np.concatenate(
+        [np.linalg.norm(C @ responses(A, B, part) + D, 2, (1, 2)) for part in parts]
+    )
+    most = int(gains.argmax())
+    return Peak(float(gains[most]), float(frequencies[most]))
 
 
 def _resonances(poles: np.ndarray) -> np.ndarray:
@@ -171,48 +144,6 @@ def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.nd
         raise NoSolutionError(
             "the loop has a pole on the imaginary axis, within rounding; give a stabilizing gain"
         ) from error
-
-
-def _largest_gain(matrices: np.ndarray) -> float:
-    """Return the largest singular value of N matrices (N, p, m).
-
-    Only matrices whose Frobenius norm, an upper bound, reaches the largest value are decomposed.
-    """
-    if not matrices.size:
-        return 0.0
-    size = float(np.abs(matrices).max()) or 1.0
-    scaled = matrices / size
-    bounds = norms(scaled)
-
-    def largest_of(some: np.ndarray) -> float:
-        wide = some.shape[-2] < some.shape[-1]
-        gram = some @ some.mT.conj() if wide else some.mT.conj() @ some
-        return math.sqrt(max(float(np.linalg.eigvalsh(gram)[:, -1].max(initial=0.0)), 0.0))
-
-    first = bounds.argmax()
-    gain = largest_of(scaled[[first]])
-    bounds[first] = 0.0
-    return size * max(gain, largest_of(scaled[bounds > gain]))
-
-
-def bounded_real_gain(game: Game, K: ArrayLike) -> float:
-    """Return the L2 gain sup ‖y‖₂/‖d‖₂ of the closed loop with u = -K z, ‖y‖² = ∫ z'Qz + 2z'Nu +
-    u'Ru.
-
-    In discrete time, signals are weighted by α^(k/2), as their squares are in the cost. The result
-    is inf if the loop is not stable.
-
-    K: (m, n)
-
-    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError as `loop_gain` does.
-    """
-    K = game.checked_gain(K)
-    root = math.sqrt(game.discount)
-    loop, units = balanced(root * (game.A - game.B @ K))
-    outputs = scaled_root(game.weights).T @ np.vstack([np.eye(len(loop)), -K]) * units
-    E = root * game.E / units[:, None]
-    system = System(loop, E, outputs, np.zeros((len(outputs), E.shape[1])))
-    return loop_gain(system, is_discrete=game.is_discrete).high
 
 
 def scaled_root(M: np.ndarray) -> np.ndarray:

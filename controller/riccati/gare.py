@@ -11,15 +11,17 @@ import numpy as np
 
 from controller.game.q_function import q_function
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import spectrum
-from controller.riccati.balls import ball_matrix, identity, midpoints, precision
-from controller.riccati.certificate import Certificate, certificate_of
-from controller.riccati.enclosure import Enclosure, decided, lyapunov_enclosure
+from controller.riccati.balls import midpoints
+from controller.riccati.certificate import Certificate, certificate_of, doubt_about
+from controller.riccati.enclosure import Enclosure, decided
+from controller.riccati.l2_gain import GainBounds
 from controller.riccati.level import Level, levelled
 from controller.riccati.loop_margins import LoopMargin, named_margins, single_margin
 from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of
+from controller.riccati.poles import Poles
 from controller.riccati.refusal import ModeError, why_never
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
+from controller.riccati.stability import stabilizes
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
@@ -85,7 +87,7 @@ class Solution(Result, Reported):
     @property
     def spectral_radius(self) -> float | None:
         """Spectral radius of A - B K in discrete time, otherwise None."""
-        return float(np.abs(self.poles()).max()) if self.game.is_discrete else None
+        return self.enclosed_poles.spectral_radius if self.game.is_discrete else None
 
     @property
     def H(self) -> Matrix | None:
@@ -107,20 +109,33 @@ class Solution(Result, Reported):
         """Loops of the solution in states in which its value is nearly y'y."""
         return levelled(self.enclosure)
 
-    @cached_property
+    @property
     def l2_gain(self) -> float:
-        """L2 gain of the closed loop with u = -K z, from d to the cost (`bounded_real_gain`)."""
-        return self.level.l2_gain(self.enclosure.K)
+        """L2 gain of the closed loop with u = -K z, from d to the cost, at most 1e-6 too large."""
+        return self.l2_gain_bounds.high
 
     @cached_property
+    def l2_gain_bounds(self) -> GainBounds:
+        """Proved bounds of the L2 gain.
+
+        In discrete time, signals are weighted by α^(k/2), as their squares are in the cost.
+        """
+        return self.level.l2_gain()
+
+    @cached_property
+    def enclosed_poles(self) -> Poles:
+        """Eigenvalues of A - B K with the radii of their discs."""
+        return self.level.poles()
+
+    @property
     def closed_loop_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K, the loop without disturbance, (n,), 1/s."""
-        return spectrum(self.level.loop)
+        return self.enclosed_poles.values
 
     @cached_property
     def worst_case_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K + E L, the loop under the worst disturbance, (n,), 1/s."""
-        return spectrum(self.level.worst_loop)
+        return self.level.worst_poles().values
 
     @property
     def closed_loop(self) -> control.StateSpace:
@@ -140,7 +155,7 @@ class Solution(Result, Reported):
         raise BadInputError("no tuple; write solution.K, solution.P, solution.poles()")
 
     def poles(self) -> np.ndarray:
-        """Return the eigenvalues of A - B K, (n,) complex, 1/s."""
+        """Return the eigenvalues of A - B K, (n,) complex, 1/s, enclosed (`enclosed_poles`)."""
         return self.closed_loop_eigenvalues
 
     @cached_property
@@ -148,23 +163,7 @@ class Solution(Result, Reported):
         """True if A - B K is proved stable. With a discount, it may not be."""
         if self.game.discount == 1.0:
             return True  # as the certificate states
-        return self.stabilizes(self.K)
-
-    def stabilizes(self, K: np.ndarray, *, is_discounted: bool = False) -> bool:
-        """Return whether u = -K z is proved to stabilize the plant.
-
-        K: (m, n)
-        is_discounted: whether √α (A - B K) is asked about, on which the cost depends
-        """
-        from flint import arb
-
-        game = self.game
-        with precision(self.enclosure.bits):
-            loop = ball_matrix(game.A) - ball_matrix(game.B) * ball_matrix(K)
-            if is_discounted:
-                loop = loop * arb(game.discount).sqrt()
-            one = identity(len(game.A))
-            return lyapunov_enclosure(loop, one, is_discrete=game.is_discrete) is not None
+        return stabilizes(self.game, self.K)
 
     @cached_property
     def delta_min_bounds(self) -> DeltaMin:
@@ -182,16 +181,18 @@ class Solution(Result, Reported):
         return self.delta_min_bounds.margin(self.delta)
 
     @cached_property
-    def _loop_at_inputs(self) -> ClosedLoop:
-        """M = S - I/2 at all inputs of the closed loop."""
-        return self.level.at_inputs(self.enclosure.K)
+    def _loop_at_inputs(self) -> ClosedLoop | None:
+        """M = S - I/2 at all inputs of the closed loop, None if it is not stable in doubles."""
+        return self.level.at_inputs(self.enclosure.K) if self.is_stable else None
 
     @cached_property
     def loops(self) -> tuple[LoopMargin, ...]:
-        """Margins at each input, with the loops of the other inputs closed; () if not stable."""
-        if not self.is_stable:
-            return ()
-        return tuple(single_margin(self._loop_at_inputs, i) for i in range(len(self.K)))
+        """Margins at each input, with the loops of the other inputs closed, computed in doubles.
+
+        () if A - B K is not stable in doubles.
+        """
+        loop = self._loop_at_inputs
+        return tuple(single_margin(loop, i) for i in range(len(self.K))) if loop else ()
 
     @property
     def loop_margins(self) -> dict[str, dict[str, float]] | None:
@@ -200,8 +201,9 @@ class Solution(Result, Reported):
 
     @cached_property
     def disk_margin(self) -> DiskMargin | None:
-        """Disk margin for all inputs together, or None without stability."""
-        return disk_of(self._loop_at_inputs) if self.is_stable else None
+        """Disk margin for all inputs together, or None if A - B K is not stable in doubles."""
+        loop = self._loop_at_inputs
+        return None if loop is None else disk_of(loop)
 
     def cost(self, z: ArrayLike) -> float:
         """Return z'P z, the value of the game from the initial state z, (n,).
@@ -284,7 +286,7 @@ def solve(game: Game) -> Solution:
         advice = minimum_delta(game).advice(game.delta)
         raise NoSolutionError(f"no value of the game: {enclosure}; {advice}")
     certificate = certificate_of(enclosure)
-    if doubt := certificate.last_digits.doubt:
+    if doubt := doubt_about(certificate.gain_change):
         raise NoSolutionError(f"{doubt}; {minimum_delta(game).advice(game.delta)}")
     return Solution(game, enclosure, certificate, _value(enclosure), _rounded(enclosure.K))
 

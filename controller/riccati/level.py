@@ -7,22 +7,27 @@ digits of doubles, in whatever states and units the user gave the game.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from controller.riccati.balancing import is_stable_in_doubles
 from controller.riccati.balls import Balls, ball_matrix, identity, midpoints, precision
-from controller.riccati.bilinear import System
+from controller.riccati.enclosure import ATTEMPTS, Enclosure, enclosed_in_bits
 from controller.riccati.equation import scaled_balls
-from controller.riccati.frequency_response import loop_gain, scaled_root
-from controller.riccati.margins import ClosedLoop, loop_of
+from controller.riccati.l2_gain import DisturbedLoop, GainBounds
+from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of, loop_of
+from controller.riccati.poles import Poles, poles_of
+from controller.riccati.proof import NotProvedError
+from controller.riccati.proposal import FailedError, loop_units
+from controller.riccati.rationals import costs_nothing, moves_nothing
+from controller.riccati.stability import loop_with, stabilizes
 
 if TYPE_CHECKING:
     from flint import arb_mat
-
-    from controller.riccati.enclosure import Enclosure
 
 #: Least eigenvalue of P in the new states, relative to the largest, after which no further change
 #: of the states is made,
@@ -55,30 +60,20 @@ class Level:
         return midpoints(self.from_level)
 
     @cached_property
-    def game_loop(self) -> np.ndarray:
-        """Loop of both players, (n, n), with its discount."""
-        found = self.enclosure.proved
-        with precision(self.enclosure.bits):
-            P = Balls.around(found.X, found.spread)
-            loop = found.equation.loop(P, Balls(found.gains)).matrix
-            return midpoints(self.to_level * loop * self.from_level)
-
-    @cached_property
-    def loop(self) -> np.ndarray:
-        """A - B K, (n, n), without discount."""
-        return self.with_gain(self.enclosure.K)
-
-    @cached_property
     def worst_loop(self) -> np.ndarray:
         """A - B K + E L, (n, n), without discount."""
-        return self.game_loop / math.sqrt(self.enclosure.game.discount)
+        with precision(self.enclosure.bits):
+            return midpoints(self._moved(_worst_loop(self.enclosure)))
 
     def with_gain(self, K: arb_mat) -> np.ndarray:
         """Return A - B K of any gain, (n, n), without discount."""
-        game, states = self.enclosure.game, self.enclosure.proved.equation.units.states
         with precision(self.enclosure.bits):
-            loop = ball_matrix(game.A) - ball_matrix(game.B) * K
-            return midpoints(self.to_level * scaled_balls(loop, -states, states) * self.from_level)
+            return midpoints(self._moved(loop_with(self.enclosure.game, K)))
+
+    def _moved(self, loop: arb_mat) -> arb_mat:
+        """Return a loop of the user's states, (n, n), in the new states."""
+        states = self.enclosure.proved.equation.units.states
+        return self.to_level * scaled_balls(loop, -states, states) * self.from_level
 
     @cached_property
     def inputs(self) -> np.ndarray:
@@ -104,25 +99,125 @@ class Level:
         with precision(self.enclosure.bits):
             return midpoints(scaled_balls(matrix, none, states) * self.from_level)
 
-    def l2_gain(self, K: arb_mat) -> float:
-        """Return the L2 gain from d to the cost with u = -K z, as `bounded_real_gain` does.
+    def poles(self, K: np.ndarray | None = None) -> Poles:
+        """Return the enclosed eigenvalues of A - B K, by default of the optimal gain.
 
-        Raises NoSolutionError as `loop_gain` does.
+        K: (m, n)
+        """
+
+        def loop(bits: int) -> arb_mat:
+            gain = self._enclosure(bits).K if K is None else ball_matrix(K)
+            return loop_with(self.enclosure.game, gain)
+
+        return poles_of(loop, is_discrete=self.enclosure.game.is_discrete)
+
+    def worst_poles(self) -> Poles:
+        """Return the enclosed eigenvalues of A - B K + E L."""
+
+        def loop(bits: int) -> arb_mat:
+            return _worst_loop(self._enclosure(bits))
+
+        return poles_of(loop, is_discrete=self.enclosure.game.is_discrete)
+
+    def _enclosure(self, bits: int) -> Enclosure:
+        """Return the enclosure with at least so many bits.
+
+        Raises FailedError or NotProvedError.
+        """
+        own = self.enclosure
+        return own if bits <= own.bits else enclosed_in_bits(own.game, bits)
+
+    def l2_gain(self, K: np.ndarray | None = None) -> GainBounds:
+        """Return the L2 gain from d to the cost with u = -K z, by default of the optimal gain.
+
+        In discrete time, signals are weighted by α^(k/2), as their squares are in the cost.
+
+        Both are inf if √α (A - B K) is not proved stable.
+
+        K: (m, n)
         """
         game = self.enclosure.game
-        root = math.sqrt(game.discount)
-        both = np.vstack([self.rows(identity(len(game.A))), -self.rows(K)])
-        outputs, E = scaled_root(game.weights).T @ both, root * self.disturbances
-        through = np.zeros((len(outputs), E.shape[1]))
-        system = System(root * self.with_gain(K), E, outputs, through)
-        return loop_gain(system, is_discrete=game.is_discrete).high
+        if K is not None and not stabilizes(game, K, is_discounted=True):
+            return GainBounds(math.inf, math.inf)
+        if moves_nothing(game, K) if K is not None else costs_nothing(game):
+            return GainBounds(0.0, 0.0)
+        best = GainBounds(0.0, math.inf)
+        for attempt in ATTEMPTS[:2]:
+            with precision(attempt), suppress(FailedError, NotProvedError):
+                gain = self._enclosure(attempt).K if K is None else ball_matrix(K)
+                found = self._disturbed(gain).gain()
+                best = min(best, found, key=lambda each: each.high)
+            if best.is_narrow:
+                break
+        return best
 
-    def at_inputs(self, K: arb_mat) -> ClosedLoop:
-        """Return M = S - I/2 at all inputs of the closed loop with u = -K z.
+    def _disturbed(self, K: arb_mat) -> DisturbedLoop:
+        """Return the loop with its disturbances and its cost, in balls."""
+        from flint import arb
 
-        Raises NoSolutionError if a pole is not stable.
+        game, states = self.enclosure.game, self.enclosure.proved.equation.units.states
+        back, root = self.to_level.inv(), arb(game.discount).sqrt()
+        none = np.zeros(game.E.shape[1], dtype=int)
+        E = self.to_level * scaled_balls(ball_matrix(game.E), -states, none)
+        Q, N, R = map(ball_matrix, (game.Q, game.N, game.R))
+        crossed = N * K
+        cost = Q + K.transpose() * R * K - crossed - crossed.transpose()
+        C = back.transpose() * scaled_balls(cost, states, states) * back
+        C = (C + C.transpose()) * 0.5
+        F = self.to_level * scaled_balls(loop_with(game, K), -states, states) * back
+        return DisturbedLoop(F * root, E * root, C, game.is_discrete)
+
+    def distance(self, K: np.ndarray) -> float:
+        """Return the smallest change of A - B K that gives an undamped mode, relative to its norm.
+
+        It is 1 / max |(s - A + B K)⁻¹| over the boundary of stability, in balanced units.
+
+        It is proved not to be smaller, and usually at most 1e-6 larger; 0 without a proof that the
+        loop is stable.
+
+        K: (m, n)
         """
-        return loop_of(self.with_gain(K), self.inputs, -self.rows(K), self.enclosure.game)
+        game = self.enclosure.game
+        if not stabilizes(game, K):
+            return 0.0
+        with precision(ATTEMPTS[1]):
+            loop = loop_with(game, ball_matrix(K))
+            units = loop_units(midpoints(loop))
+            M, one = scaled_balls(loop, -units, units), identity(len(units))
+            size = float(np.linalg.norm(midpoints(M), 2))
+            gain = DisturbedLoop(M, one, one, game.is_discrete).gain()
+        return 1.0 / (gain.high * size) if size else 0.0
+
+    def disk_margin(self, K: np.ndarray) -> DiskMargin | None:
+        """Return the disk margin of u = -K z at all inputs, None if A - B K is not proved stable.
+
+        K: (m, n)
+        """
+        if not stabilizes(self.enclosure.game, K):
+            return None
+        loop = self.at_inputs(ball_matrix(K))
+        return None if loop is None else disk_of(loop)
+
+    def at_inputs(self, K: arb_mat) -> ClosedLoop | None:
+        """Return M = S - I/2 at all inputs of the stable closed loop with u = -K z.
+
+        None if the loop is not stable as rounded to doubles.
+        """
+        closed, game = self.with_gain(K), self.enclosure.game
+        if not is_stable_in_doubles(closed, is_discrete=game.is_discrete):
+            return None
+        return loop_of(closed, self.inputs, -self.rows(K), game)
+
+
+def _worst_loop(enclosure: Enclosure) -> arb_mat:
+    """Return A - B K + E L in balls, (n, n), without discount."""
+    from flint import arb
+
+    found = enclosure.proved
+    states = found.equation.units.states
+    P = Balls.around(found.X, found.spread)
+    loop = found.equation.loop(P, Balls(found.gains)).matrix
+    return scaled_balls(loop, states, -states) * (1 / arb(enclosure.game.discount).sqrt())
 
 
 def levelled(enclosure: Enclosure) -> Level:
@@ -130,13 +225,16 @@ def levelled(enclosure: Enclosure) -> Level:
     found = enclosure.proved
     with precision(enclosure.bits), np.errstate(all="ignore"):
         to_level = from_level = identity(found.equation.n)
+        spread = np.array([float(each) for each in found.spread])
         for _ in range(TURNS):
             X = midpoints(from_level.transpose() * found.X * from_level)
             values, vectors = np.linalg.eigh((X + X.T) / 2.0)
             largest = float(values[-1])
             if not largest > 0.0 or values[0] > MODERATE * largest:
                 break
-            roots = np.sqrt(np.maximum(values, np.finfo(float).eps * largest))
+            unknown = np.abs(midpoints(from_level)).T @ spread  # of X
+            least = max(np.finfo(float).eps * largest, float(unknown @ unknown))
+            roots = np.sqrt(np.maximum(values, least))
             turn = ball_matrix(roots[:, None] * vectors.T)
             try:
                 back = turn.inv()

@@ -1,4 +1,4 @@
-"""Stability margins of one loop with all other loops closed, or of several loops changed equally.
+"""Stability margins of one loop with all other loops closed.
 
 The margins are computed from M = S - I/2 (`margins`).
 """
@@ -12,9 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
+from controller.riccati.balls import BITS, ball_matrix, midpoints, precision
 from controller.riccati.frequency_grid import frequency_grid
-from controller.riccati.margins import ClosedLoop, disk_of, disk_sizes, loop_at_inputs
+from controller.riccati.margins import ClosedLoop, disk_of, disk_sizes, loop_of
+from controller.riccati.poles import poles_of
+from controller.riccati.stability import loop_with, stabilizes
 from hfa_support.arguments import ArrayLike
+from hfa_support.errors import NoSolutionError
 from trim.linear.linear_model import LinearModel
 
 #: A gain below this, or above its inverse, is a crossover at infinite frequency, or none, that
@@ -24,22 +28,18 @@ ROUNDING = 1e-9
 _ROUNDS = 17
 #: A crossover has converged if two secants agree to this relative accuracy.
 _SETTLED = 1e-15
-#: Largest Re M or Im M at a zero, as a fraction of |M|.
-_ROOT = 1e-6
-#: Largest number of halvings of grid steps in which curves of several loops were interchanged.
-_HALVINGS = 12
 #: Frequencies per decade of a grid, in addition to those at which Re M or Im M is 0.
 _PER_DECADE = 20
 #: Number of refinements around the largest value of a grid, and points of each.
 _REFINEMENTS = 5
 _POINTS = 17
 
-#: Function ω (N,) -> M of k loops, (N, k).
-Loci = Callable[[np.ndarray], np.ndarray]
+#: Function ω (N,) -> M of one loop, (N,).
+Locus = Callable[[np.ndarray], np.ndarray]
 
 
 class LoopMargin(NamedTuple):
-    """Margins of one loop, or of several loops for one common factor, phase shift or delay.
+    """Margins of one loop, with the other loops closed.
 
     gain_low, gain_high: the loop remains stable if its gain is multiplied by a factor between these
         limits
@@ -66,20 +66,6 @@ class LoopMargin(NamedTuple):
             return float(20.0 * np.abs(np.log10([self.gain_low, self.gain_high])).min())
 
 
-def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
-    """Return the stability margins at each input of u = -K z, with the loops of the other inputs
-    closed.
-
-    game: the game, for A and B
-    K: (m, n)
-
-    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError if A - B K is not
-    Hurwitz.
-    """
-    loop = loop_at_inputs(game, K)
-    return tuple(single_margin(loop, i) for i in range(game.B.shape[1]))
-
-
 def margins(linear: LinearModel | Game, K: ArrayLike) -> dict[str, LoopMargin]:
     """Return the stability margins of u = -K x at each input, with the other loops closed.
 
@@ -100,8 +86,21 @@ def margins(linear: LinearModel | Game, K: ArrayLike) -> dict[str, LoopMargin]:
     else:
         n, m = linear.B.shape
         plant, inputs = Game(linear.A, linear.B, Q=np.eye(n), R=np.eye(m)), linear.inputs
-    found = loop_margins(plant, plant.checked_gain(K))
-    return dict(zip(inputs, found, strict=True))
+    K = plant.checked_gain(K)
+    if not stabilizes(plant, K):
+        raise NoSolutionError(f"{_unstable(plant, K)} and no margins; give a stabilizing gain")
+    with precision(BITS):
+        closed = midpoints(loop_with(plant, ball_matrix(K)))
+    loop = loop_of(closed, plant.B, -K, plant)
+    return {name: single_margin(loop, i) for i, name in enumerate(inputs)}
+
+
+def _unstable(plant: Game, K: np.ndarray) -> str:
+    """Return a clause on the pole that is not stable."""
+    poles = poles_of(lambda _: loop_with(plant, ball_matrix(K)), is_discrete=plant.is_discrete)
+    if plant.is_discrete:
+        return f"the loop has the spectral radius {poles.spectral_radius:.4g}"
+    return f"the loop has a pole at {poles.abscissa:+.4g} 1/s"
 
 
 def named_margins(
@@ -124,21 +123,47 @@ def named_margins(
 def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     """Return the stability margins of loop i, with all other loops closed.
 
+    The gain margins follow from the frequencies at which M is real, the phase and delay margins
+    from those at which it is imaginary. They are searched for wherever Im M or Re M changes its
+    sign on a grid that resolves every resonance and every zero of Re M and Im M.
+
     loop: the closed loop, M at all inputs
+
+    Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
     """
     only = loop.only(i)
-    zeros = np.unique(np.concatenate([_crossings(only, sign) for sign in (-1.0, 1.0)]))
+    zeros = np.unique(np.concatenate([_zeros(only, sign) for sign in (-1.0, 1.0)]))
     between = (zeros[1:] + zeros[:-1]) / 2.0
     resonances = frequency_grid(loop.poles, _PER_DECADE)
     grid = np.unique(np.concatenate([zeros, between, resonances]))
 
     def locus(frequencies: np.ndarray) -> np.ndarray:
-        return only.at(frequencies)[:, 0]
+        return only.at(frequencies)[:, 0, 0]
 
-    return margin_of(locus, grid, only, disk_of(only, _peak_of(locus, grid)).disk)
+    seen = locus(grid)
+    real = _crossings(np.imag, locus, grid, seen)
+    imaginary = _crossings(np.real, locus, grid, seen)
+    static = seen[:1][np.abs(seen[:1].imag) <= ROUNDING * np.abs(seen[:1])]
+    at_infinity = only.D.ravel()
+    real_values = np.concatenate([static.real, real.values.real, at_infinity])
+    frequencies = only.rate(imaginary.frequencies)
+    # With M = S - I/2, a factor f on the loop reaches -1 where f = (M + 1/2) / (M - 1/2).
+    with np.errstate(divide="ignore"):
+        gains = (real_values + 0.5) / (real_values - 0.5)
+    gains = gains[(gains > ROUNDING) & (gains < 1.0 / ROUNDING)]
+    angles = np.angle((imaginary.values - 0.5) / (imaginary.values + 0.5))
+    phases = np.degrees(np.abs(angles))
+    return LoopMargin(
+        gain_low=float(gains[gains < 1.0].max(initial=0.0)),
+        gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
+        phase=float(phases.min(initial=math.inf)),
+        crossover=float(frequencies[phases.argmin()]) if phases.size else math.nan,
+        delay=float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)),
+        disk=disk_of(only, _peak_of(locus, grid)).disk,
+    )
 
 
-def _peak_of(locus: Loci, grid: np.ndarray) -> float:
+def _peak_of(locus: Locus, grid: np.ndarray) -> float:
     """Return the frequency at which |M| of one loop is largest, rad/s."""
     for _ in range(_REFINEMENTS):
         peak = int(np.abs(locus(grid)).argmax())
@@ -147,7 +172,7 @@ def _peak_of(locus: Loci, grid: np.ndarray) -> float:
     return frequency
 
 
-def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
+def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
     """Return all frequencies at which Re M or Im M of one loop may be 0, rad/s."""
     # The frequencies are |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a matrix pencil.
     from scipy.linalg import eig
@@ -164,80 +189,34 @@ def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
     return unit * np.abs(zeros[np.isfinite(zeros)].imag)
 
 
-def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop, disk: float) -> LoopMargin:
-    """Return the stability margins of k loops for one common factor, phase shift or delay.
-
-    M = S - I/2 has k eigenvalues at each frequency. The gain margins follow from the frequencies at
-    which an eigenvalue is real, the phase and delay margins from those at which it is imaginary.
-    These frequencies are searched for wherever Im M or Re M changes its sign on the grid.
-
-    loci: function ω (N,) -> eigenvalues of M, (N, k), in any order
-    grid: (N,), rad/s, with 0, fine enough for every resonance
-    loop: the loop of the loci, for its M at infinite frequency and its sampling time
-    disk: disk margin of the loop
-
-    Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
-    """
-    for _ in range(_HALVINGS):
-        seen = _followed(loci(grid))
-        real = _crossings_of(np.imag, loci, grid, seen)
-        imaginary = _crossings_of(np.real, loci, grid, seen)
-        jumps = np.union1d(real.jumps, imaginary.jumps)
-        if not jumps.size:
-            break
-        grid = np.insert(grid, jumps + 1, (grid[jumps] + grid[jumps + 1]) / 2.0)
-    at_zero = seen[0]
-    static = at_zero[np.abs(at_zero.imag) <= ROUNDING * np.abs(at_zero)]
-    real_values = np.append(np.concatenate([static.real, real.values.real]), loop.D)
-    frequencies = loop.rate(imaginary.frequencies)
-    # With M = S - I/2, a factor f on the loop reaches -1 where f = (M + 1/2) / (M - 1/2).
-    with np.errstate(divide="ignore"):
-        gains = (real_values + 0.5) / (real_values - 0.5)
-    gains = gains[(gains > ROUNDING) & (gains < 1.0 / ROUNDING)]
-    angles = np.angle((imaginary.values - 0.5) / (imaginary.values + 0.5))
-    phases = np.degrees(np.abs(angles))
-    return LoopMargin(
-        gain_low=float(gains[gains < 1.0].max(initial=0.0)),
-        gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
-        phase=float(phases.min(initial=math.inf)),
-        crossover=float(frequencies[phases.argmin()]) if phases.size else math.nan,
-        delay=float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)),
-        disk=disk,
-    )
-
-
 class _Crossings(NamedTuple):
-    """Frequencies at which Re M or Im M of a loop changes its sign."""
+    """Frequencies at which Re M or Im M of a loop changes its sign, rad/s, (J,), and M there."""
 
-    frequencies: np.ndarray  # (J,), rad/s
-    values: np.ndarray  # (J,), M at these frequencies
-    # indices of the grid intervals in which the sign changes only because two curves were
-    # interchanged
-    jumps: np.ndarray
+    frequencies: np.ndarray
+    values: np.ndarray
 
 
-def _crossings_of(
-    part: Callable[[np.ndarray], np.ndarray], loci: Loci, grid: np.ndarray, seen: np.ndarray
+def _crossings(
+    part: Callable[[np.ndarray], np.ndarray], locus: Locus, grid: np.ndarray, seen: np.ndarray
 ) -> _Crossings:
-    """Return the frequencies between points of a grid at which Re M or Im M changes its sign."""
+    """Return the frequencies between points of a grid at which Re M or Im M changes its sign.
+
+    By secants and bisections in turn.
+
+    seen: M at the grid, (N,)
+    """
     # If l is 0 or infinite up to rounding, rounding changes the sign of Im M.
     is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < 0.1 * ROUNDING
     above = part(seen) > 0.0
-    is_counted = ~(is_lost[1:] & is_lost[:-1])
-    where, column = np.nonzero((above[1:] != above[:-1]) & is_counted)
-    low = grid[where]
-    high = grid[where + 1]
-    first = seen[where, column]
-    last = seen[where + 1, column]
+    (where,) = np.nonzero((above[1:] != above[:-1]) & ~(is_lost[1:] & is_lost[:-1]))
+    low, high = grid[where], grid[where + 1]
+    first, last = seen[where], seen[where + 1]
     settled = low
     for number in range(_ROUNDS):
         share = 0.5 if number % 2 else part(first) / (part(first) - part(last))
         point = low + share * (high - low)
-        expected = first + share * (last - first)
-        curves = loci(point)
-        nearest = np.abs(curves - expected[:, None]).argmin(axis=1)
-        value = curves[np.arange(len(point)), nearest]
-        before = (part(value) > 0.0) == above[where, column]
+        value = locus(point)
+        before = (part(value) > 0.0) == above[where]
         low = np.where(before, point, low)
         high = np.where(before, high, point)
         first = np.where(before, value, first)
@@ -246,18 +225,4 @@ def _crossings_of(
             if np.all(np.abs(point - settled) <= _SETTLED * point):
                 break
             settled = point
-    is_jump = np.abs(part(value)) > _ROOT * np.abs(value)
-    return _Crossings(point, value, where[is_jump])
-
-
-def _followed(loci: np.ndarray) -> np.ndarray:
-    """Return the eigenvalues of M of k loops, (N, k), reordered to continuous columns."""
-    if loci.shape[1] == 1:
-        return loci
-    from scipy.optimize import linear_sum_assignment
-
-    followed = [loci[0]]
-    for row in loci[1:]:
-        _, nearest = linear_sum_assignment(np.abs(followed[-1][:, None] - row))
-        followed.append(row[nearest])
-    return np.array(followed)
+    return _Crossings(point, value)

@@ -2,7 +2,8 @@
 
 The margins are computed from M = S - I/2, with the sensitivity S = (I + L)⁻¹ of the loop L. A
 scalar loop l = (1/2 - M) / (1/2 + M) is real where M is real, and |l| = 1 where M is imaginary.
-Gain margins are factors (not dB), phases are in degrees and frequencies in rad/s.
+Gain margins are factors (not dB), phases are in degrees and frequencies in rad/s. All is computed
+in doubles, and not proved, for a loop that is proved stable.
 """
 
 from __future__ import annotations
@@ -16,38 +17,23 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import abscissa_of
 from controller.riccati.bilinear import System, in_continuous_time
 from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.frequency_response import level_crossings, responses
-from hfa_support.errors import NoSolutionError
-from hfa_support.matrices import balanced, spectral_radius
+from hfa_support.matrices import balanced
 
-#: Relative distance of the level above the largest bound found. Values below the level everywhere
-#: are proved,
+#: Relative distance of the level above the largest bound found, the relative error of the margin,
 ABOVE = 1e-8
-#: It is multiplied by 10 after each such number of frequencies, divided by the square of the number
-#: of inputs, as the time of one frequency grows; twenty frequencies are usual,
+#: which is multiplied by 10 after each such number of frequencies, divided by the square of the
+#: number of inputs, as the time of one frequency grows; twenty frequencies are usual,
 MANY = 120
-#: until it is this, the largest relative error of the margin.
-WIDEST = 1e-3
+#: at most so often: the margin is then right to .1 %.
+WIDENINGS = 5
 #: Rounds of balancing for the initial scaling, which the search at each frequency improves.
 SWEEPS = 20
-#: Largest number of steps of this search, and of trial lengths of one step: at a kink no length is
-#: accepted in the end.
-MAX_STEPS = 1000
-MAX_TRIALS = 40
-#: The search ends if a step would reduce σ_max(D M D⁻¹) by less than this, relative,
-SETTLED = 1e-14
-#: or if this number of steps has reduced it by less than this fraction of the distance of the level
-#: above it.
-FEW_STEPS = 10
-SMALL_FRACTION = 1e-3
-#: Longest step of log D. For a triangular M the optimum is at infinity, and exp(log D) must not
-#: overflow.
-FARTHEST = 5.0
-
-
+#: The search ends where the relative slope of σ_max(D M D⁻¹) over log D is below this: then so is
+#: its relative distance from the least one nearby.
+SETTLED = 1e-10
 #: Frequencies per decade of the grid where the search begins.
 PER_DECADE = 20
 #: The response at up to this number of frequencies is computed without the Schur form.
@@ -145,85 +131,22 @@ class ClosedLoop:
         return 2.0 * np.arctan(frequencies) / self.dt if self.dt else frequencies
 
 
-def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> ClosedLoop:
-    """Return the closed loop M = I/2 + leaves (s I - closed)⁻¹ enters, in balanced units.
+def loop_of(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray, game: Game) -> ClosedLoop:
+    """Return M = I/2 + leaves (s I - closed)⁻¹ enters of a stable loop of a game.
+
+    Where the dt of a game is not known, frequencies are in rad per step.
 
     closed: (n, n), state matrix of the closed loop
     enters: (n, m)
     leaves: (m, n)
-
-    Raises NoSolutionError if a pole is not stable.
     """
-    abscissa = abscissa_of(closed)
-    if abscissa >= 0.0:
-        raise NoSolutionError(
-            f"the loop has a pole at {abscissa:+.4g} 1/s and no margins; give a stabilizing gain"
-        )
     A, units = balanced(closed)
-    return ClosedLoop(A, enters / units[:, None], leaves * units, 0.5 * np.eye(len(leaves)))
-
-
-def closed_steps(steps: System, dt: float) -> ClosedLoop:
-    """Return the closed loop M of a system in discrete time, as a system in s = (z - 1) / (z + 1).
-
-    dt: sample time, s
-
-    Raises NoSolutionError if a pole is not stable.
-    """
-    radius = spectral_radius(steps.A)
-    if not radius < 1.0:
-        raise NoSolutionError(
-            f"the loop has the spectral radius {radius:.4g} and no margins; give a stabilizing gain"
-        )
-    A, units = balanced(steps.A)
-    loop = steps._replace(A=A, B=steps.B / units[:, None], C=steps.C * units)
-    return ClosedLoop(*in_continuous_time(loop), dt=dt)
-
-
-def loop_at_inputs(game: Game, K: np.ndarray) -> ClosedLoop:
-    """Return M = S - I/2 at all inputs of the closed loop with u = -K z.
-
-    game: the game, for A, B and dt. Where dt is not known, frequencies are in rad per step.
-    K: (m, n)
-
-    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError if A - B K is not
-    stable.
-    """
-    K = game.checked_gain(K)
-    return loop_of(game.A - game.B @ K, game.B, -K, game)
-
-
-def loop_of(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray, game: Game) -> ClosedLoop:
-    """Return M = I/2 + leaves (s I - closed)⁻¹ enters of a loop of a game, in any states.
-
-    closed: (n, n)
-    enters: (n, m)
-    leaves: (m, n)
-
-    Raises NoSolutionError if a pole is not stable.
-    """
+    loop = System(A, enters / units[:, None], leaves * units, 0.5 * np.eye(len(leaves)))
     if not game.is_discrete:
-        return closed_at(closed, enters, leaves)
-    dt = 1.0 if game.dt is True else float(game.dt or 0.0)
-    return closed_steps(System(closed, enters, leaves, 0.5 * np.eye(len(leaves))), dt)
-
-
-def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
-    """Return the disk margin α = 1 / sup_ω μ(S(jω) - I/2) of u = -K z.
-
-    The margin applies to independent complex factors on the inputs. S is the sensitivity of the
-    loop at the inputs. The returned α is a lower bound: μ is replaced by its upper bound from
-    D-scaling, μ(M) <= min_D σ_max(D M D⁻¹) with D diagonal. Level sets extend the bound to all
-    frequencies.
-
-    game: the game, for A and B
-    K: (m, n)
-
-    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError if A - B K is not
-    stable.
-    Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020), 78-95.
-    """
-    return disk_of(loop_at_inputs(game, K))
+        return ClosedLoop(*loop)
+    return ClosedLoop(
+        *in_continuous_time(loop), dt=1.0 if game.dt is True else float(game.dt or 0.0)
+    )
 
 
 def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
@@ -255,8 +178,8 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     while pieces:
         looked += 1
         M = loop.at(np.array([point]))[0]
-        slack = min(ABOVE * 10.0 ** (looked // many), WIDEST)
-        scaling = best_scaling(M, scaling, slack)
+        slack = ABOVE * 10.0 ** min(looked // many, WIDENINGS)
+        scaling = best_scaling(M, scaling)
         bound = float(scaled_norm(M, scaling))
         if bound > highest * (1.0 + ABOVE):
             frequency = point
@@ -308,91 +231,46 @@ def _above(
     return [parts[number] for number in ascending[is_kept[ascending]]]
 
 
-def best_scaling(M: np.ndarray, start: np.ndarray | None = None, slack: float = 0.0) -> np.ndarray:
+def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
     """Return the scaling D > 0, as log D, (m,), that minimizes σ_max(D M D⁻¹), by BFGS.
 
     D is diagonal. The minimum is an upper bound of μ(M), exact for m <= 3. At the minimum the two
-    largest singular values are often equal. The line search therefore does not require smoothness.
+    largest singular values are often equal, where BFGS still descends.
 
     M: (m, m), complex
     start: initial log D, (m,); by default `_osborne_scaling`
-    slack: relative error of σ_max that is allowed
 
     Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton, Mathematical
     Programming 141 (2013), 135-163.
     """
+    from scipy.optimize import minimize
+
     start = _osborne_scaling(M) if start is None else start
-    here = _norm_at(start - start[-1], M)
-    unit = np.eye(len(start))
-    inverse_hessian = unit / (here.size or 1.0)
-    sizes = [math.inf] * FEW_STEPS + [here.size]
-    for _ in range(MAX_STEPS):
-        if sizes[-1 - FEW_STEPS] - here.size < SMALL_FRACTION * slack * here.size:
-            break
-        direction = -inverse_hessian @ here.slope
-        if np.abs(direction).max() > FARTHEST:  # no curvature left: use steepest descent again
-            inverse_hessian = unit / here.size
-            direction = -inverse_hessian @ here.slope
-        if -here.slope @ direction <= SETTLED * here.size:
-            break
-        there = _lower_norm(here, direction, M)
-        if there is None:
-            break
-        step = there.log_D - here.log_D
-        inverse_hessian = _bfgs_update(inverse_hessian, step, there.slope - here.slope)
-        here = there
-        sizes.append(here.size)
-    return here.log_D
+    if len(start) == 1:
+        return np.zeros(1)
+    unit = float(scaled_norm(M, start)) or 1.0
+
+    def relative(others: np.ndarray) -> tuple[float, np.ndarray]:
+        size, slope = _norm_and_slope(np.append(others, 0.0), M)  # D_m is fixed
+        return size / unit, slope[:-1] / unit
+
+    found = minimize(
+        relative, (start - start[-1])[:-1], jac=True, method="BFGS", options={"gtol": SETTLED}
+    )
+    return np.append(found.x, 0.0)
 
 
-class _Norm(NamedTuple):
-    """σ_max(D M D⁻¹), `size`, at log D, (m,), and its slope ∂σ/∂log D, (m,)."""
-
-    log_D: np.ndarray
-    size: float
-    slope: np.ndarray
-
-
-def _lower_norm(here: _Norm, direction: np.ndarray, M: np.ndarray) -> _Norm | None:
-    """Return the norm after a step along a direction, or None if no step length is accepted.
-
-    The step length is found by bisection of the weak Wolfe conditions.
-    """
-    descent = here.slope @ direction
-    length, shortest, longest = 1.0, 0.0, math.inf
-    for _ in range(MAX_TRIALS):
-        there = _norm_at(here.log_D + length * direction, M)
-        if there.size >= here.size + 1e-4 * length * descent:
-            longest = length
-        elif there.slope @ direction < 0.9 * descent:
-            shortest = length
-        else:
-            return there
-        length = 2.0 * shortest if math.isinf(longest) else 0.5 * (shortest + longest)
-    return None
-
-
-def _bfgs_update(inverse: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """Return the inverse Hessian after a step that changes the slope by `change`, (m, m)."""
-    scaled_step = step[:, None] / (step @ change)
-    projection = np.eye(len(step)) - scaled_step * change
-    return projection @ inverse @ projection.T + scaled_step * step
-
-
-def _norm_at(log_D: np.ndarray, M: np.ndarray) -> _Norm:
-    """Return σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²) at log D."""
-    # u and v are the singular vectors of σ. D_m is fixed, and the last entry of the slope is 0.
-    D = np.exp(log_D)
-    scaled = D[:, None] * M / D
+def _norm_and_slope(log_D: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²) at log D, (m,)."""
+    # u and v are the singular vectors of σ.
+    scaled = np.exp(log_D[:, None] - log_D) * M
     squares, vectors = np.linalg.eigh(scaled @ scaled.conj().T)
     squared = max(float(squares[-1]), 0.0)
     size = math.sqrt(squared)
     u = vectors[:, -1]
     of_rows = squared * np.abs(u) ** 2  # σ² |u_i|²
     of_columns = np.abs(u.conj() @ scaled) ** 2  # σ² |v_i|²
-    slope = (of_rows - of_columns) / (size or 1.0)
-    slope[-1] = 0.0
-    return _Norm(log_D, size, slope)
+    return size, (of_rows - of_columns) / (size or 1.0)
 
 
 def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ from controller.riccati.equation import (
     users_units,
 )
 from controller.riccati.lyapunov import Lyapunov
-from hfa_support.matrices import balanced
+from hfa_support.matrices import balanced, spectral_radius
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
@@ -113,6 +113,9 @@ def stabilizing_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
             X = by_doubling(equation)
         except np.linalg.LinAlgError:  # R is singular
             X = by_deflation(equation)
+        else:  # not the stabilizing X if an unstable mode has no cost
+            if not spectral_radius(loop_in_doubles(equation, X)) < 1.0:
+                X = by_deflation(equation)
     else:
         assert isinstance(equation, ContinuousEquation)
         X = by_schur_form(equation)

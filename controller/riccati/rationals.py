@@ -318,14 +318,32 @@ def costs_nothing(game: Game) -> bool:
     if R.rank() == R.nrows():
         over_R = R.solve(N.transpose())
         A, cost = A - B * over_R, Q - N * over_R
-    moved, n = E, A.nrows()
-    for _ in range(n):
-        if any(entry != 0 for entry in (cost * moved).entries()):
-            return False
-        moved = A * moved
+    if not _never_costs(A, E, cost):
+        return False
     others = unreachable_modes(A, E)
     modes = A.charpoly().numer()
     if others is not None:
         modes = modes // others if modes.degree() > others.degree() else modes * 0 + 1
     growth = math.sqrt(game.discount)
     return unstable_root(modes, growth, is_discrete=game.is_discrete) is None
+
+
+def moves_nothing(game: Game, K: np.ndarray) -> bool:
+    """Return whether the disturbance moves only states without cost, for u = -K z."""
+    A, B, E, Q, R, N, gain = (
+        rational(each) for each in (game.A, game.B, game.E, game.Q, game.R, game.N, K)
+    )
+    price = (R + R.transpose()) / 2 * gain
+    # of [z; u], with 2 (z'N u) = -2 z'N K z
+    cost = _stacked([[(Q + Q.transpose()) / 2 - N * gain], [N.transpose() - price]])
+    return _never_costs(A - B * gain, E, cost)
+
+
+def _never_costs(A: fmpq_mat, E: fmpq_mat, cost: fmpq_mat) -> bool:
+    """Return whether cost Aᵏ E = 0 for all k."""
+    moved = E
+    for _ in range(A.nrows()):
+        if any(entry != 0 for entry in (cost * moved).entries()):
+            return False
+        moved = A * moved
+    return True

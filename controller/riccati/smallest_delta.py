@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import BITS, DoubleBalls, midpoints, precision
+from controller.riccati.balls import BITS, Balls, DoubleBalls, midpoints, precision
 from controller.riccati.enclosure import Enclosure, UndecidedError, decided
 from controller.riccati.equation import Equation, equation_of
+from controller.riccati.poles import enclosed_poles
 from controller.riccati.proposal import (
     FailedError,
     disturbance_units,
@@ -38,6 +38,10 @@ SETTLED = 0.05 * TOLERANCE
 LEAST = LARGEST**-0.5
 #: Largest number of estimates in doubles; six are usual.
 MOST_ESTIMATES = 40
+#: Exponent of the growing factor of 1/δ² of further proofs.
+WIDER = 30
+#: Largest factor of 1/δ² between two estimates.
+MOST_FACTOR = 1e12
 #: Magnitude of a negative eigenvalue of P, relative to the P without disturbance, in doubles.
 INDEFINITE = 1e-2
 #: If delta exceeds delta_min by a smaller fraction, a larger one is advised.
@@ -145,20 +149,36 @@ class _Secant:
         ahead = ahead[np.isfinite(ahead) & (ahead > 0.0) & (fall > 0.0)]
         return self.low.square + float(ahead.min(initial=math.inf))
 
+    def is_between(self, square: float) -> bool:
+        """Return whether nothing is known of a 1/δ²."""
+        return self.low.square < square < self.high
+
+    def farther(self, factor: float) -> float:
+        """Return a 1/δ² between a value and none, or beyond the one that is known by a factor."""
+        low, high = self.low.square, self.high
+        if math.isinf(high):
+            return min(low * factor, LEAST**-2)
+        if low <= 0.0:
+            return high / factor
+        return 0.5 * (low + high) if high < 4.0 * low else math.sqrt(low) * math.sqrt(high)
+
 
 def _estimate(search: _Search) -> float:
-    """Return an estimate of 1/delta_min² in doubles, by secants, each nine tenths of the way."""
+    """Return an estimate of 1/delta_min² in doubles, by secants, each nine tenths of the way.
+
+    It is a proposal only: `_bracket` proves what is returned.
+    """
     first = search.in_doubles(0.0)
     secant = _Secant(first)
-    square, guess = search.first_square(), math.inf
+    square, factor, guess = search.first_square(), 8.0, math.inf
     for _ in range(MOST_ESTIMATES):
         found = search.in_doubles(square)
         is_value = bool((found.numbers > ON_AXIS * first.numbers).all())
         if is_value:
             secant.add(found)
             last, guess = guess, secant.zero()
-            if abs(guess - last) <= SETTLED * guess:
-                break
+            if guess < secant.high and abs(guess - last) <= SETTLED * guess:
+                return guess
         else:
             secant.high = square
         low, high = secant.low.square, secant.high
@@ -166,43 +186,48 @@ def _estimate(search: _Search) -> float:
             break
         if is_value and guess < high:
             square = low + 0.9 * (guess - low)
-        elif math.isinf(high):
-            square = 8.0 * square
         else:
-            square = 0.5 * (low + min(high, guess))
+            square, factor = secant.farther(factor), min(factor**1.5, MOST_FACTOR)
         if not 0.0 < square < LEAST**-2:
             break
-    return guess if guess < secant.high else math.sqrt(square * secant.low.square) or square
+    if secant.low is first:  # doubles find no value
+        return search.first_square()
+    return guess if guess < secant.high else secant.farther(2.0)
 
 
 def _bracket(search: _Search, guess: float) -> DeltaMin:
     """Return proved bounds about an estimate of 1/delta_min².
 
+    Usually both are proved beside the estimate. If not, the distance from it grows until they are,
+    and the secant through two values is the next estimate.
+
     Raises UndecidedError.
     """
-    secant = _Secant(search.in_doubles(0.0))
-    square, step, value, refused = guess / BESIDE, BESIDE, math.inf, 0.0
-    for count in itertools.count(1):
+    secant = _Secant(_Left(0.0, np.full(1, np.nan)))
+    width, value, refused = BESIDE, math.inf, 0.0
+    square = guess / width
+    while True:
         delta = square**-0.5
         outcome = search.proved(delta)
+        is_value = not isinstance(outcome, str)
         if isinstance(outcome, str):
             refused, secant.high = delta, square
-            square = secant.zero() / BESIDE
         else:
             value = delta
             secant.add(outcome)
-            square = secant.zero() * BESIDE if count > 1 else guess * BESIDE
         if value <= refused * (1.0 + TOLERANCE):
-            break
+            return DeltaMin(value, refused)
         if value <= LEAST * BESIDE:
             return DeltaMin(value, 0.0)
-        low, high = secant.low.square, secant.high
-        step *= step
-        if math.isinf(high):
-            square = min(max(square, low * step), LEAST**-2)
-        elif count % 3 == 0 or not low / SAME < square < high * SAME:
-            square = math.sqrt(low * high) if 0.1 * high < low else 0.3 * high
-    return DeltaMin(value, refused)
+        if secant.is_between(zero := secant.zero()):
+            # The error of a secant is about the square of its step.
+            guess, width = zero, max(BESIDE, 1.0 + (zero / secant.low.square - 1.0) ** 2)
+        square = guess * width if is_value else guess / width
+        if not secant.is_between(square):
+            width = min(width, MOST_FACTOR ** (1.0 / WIDER)) ** WIDER
+            square = secant.low.square * width if is_value else secant.high / width
+        if not secant.is_between(square):
+            square = secant.farther(width)
 
 
 class _Search:
@@ -241,7 +266,12 @@ class _Search:
         with precision(BITS), np.errstate(all="ignore"):
             try:
                 equation = self.equation(square)
-                return self.left(square, stabilizing_in_doubles(equation), equation)
+                X = stabilizing_in_doubles(equation)
+                poles, price = np.linalg.eigvals(loop_in_doubles(equation, X)), None
+                if equation.is_disturbed and equation.is_discrete:
+                    E = equation.E.midpoint * np.exp2(-equation.units.disturbances.astype(float))
+                    price = np.eye(E.shape[1]) / square - E.T @ X @ E
+                return self.left(square, X, poles, price)
             except (np.linalg.LinAlgError, ValueError, FailedError):
                 return _Left(square, np.full(1, np.nan))
 
@@ -258,25 +288,35 @@ class _Search:
             outcome = decided(self.game, np.nextafter(delta, 0.0), digits=False)
         if isinstance(outcome, str):
             return outcome
-        steps = self.units.states - outcome.proved.equation.units.states
-        square = delta**-2
-        with precision(BITS), np.errstate(all="ignore"):
-            X = np.ldexp(midpoints(outcome.proved.X), np.add.outer(steps, steps))
-            try:
-                found = self.left(square, X, self.equation(square))
-            except (np.linalg.LinAlgError, ValueError):
-                return _Left(square, np.full(1, np.nan))
-        return found._replace(numbers=np.where(found.numbers > 0.0, found.numbers, np.nan))
+        found, square = outcome.proved, delta**-2
+        equation, units = found.equation, found.equation.units
+        steps = self.units.states - units.states
+        with precision(outcome.bits), np.errstate(all="ignore"):
+            P = Balls.around(found.X, found.spread)
+            poles = enclosed_poles(equation.loop(P, Balls(found.gains)).matrix).values
+            price = equation.disturbance_price(P)
+            slack = None
+            if price is not None:
+                d = units.disturbances
+                slack = np.ldexp(midpoints(price.matrix), -np.add.outer(d, d))
+            X = np.ldexp(midpoints(found.X), np.add.outer(steps, steps))
+            left = self.left(square, X, poles, slack)
+        return left._replace(numbers=np.where(left.numbers > 0.0, left.numbers, np.nan))
 
-    def left(self, square: float, X: np.ndarray, equation: Equation[DoubleBalls]) -> _Left:
-        """Return the numbers of the stabilizing solution X at 1/δ²."""
-        values = np.linalg.eigvals(loop_in_doubles(equation, X))
+    def left(
+        self, square: float, X: np.ndarray, poles: np.ndarray, price: np.ndarray | None
+    ) -> _Left:
+        """Return the numbers of the stabilizing solution X at 1/δ².
+
+        poles: of the loop of both players, (n,)
+        price: δ² - E'X E, (k, k), in discrete time; None in continuous time or without disturbance
+        """
+        is_discrete = self.game.is_discrete
+        decay = 1.0 - np.abs(poles).max() if is_discrete else -poles.real.max()
         sizes = np.linalg.eigvalsh(self.to_level.T @ X @ self.to_level)
-        decay = 1.0 - np.abs(values).max() if equation.is_discrete else -values.real.max()
         # Beyond its growth to infinity, P has large negative eigenvalues.
         growth = 1.0 / sizes[-1] if sizes[0] > -INDEFINITE else -1.0
         numbers = [math.copysign(decay**2, decay), growth]
-        if equation.is_discrete:
-            E = equation.E.midpoint * np.exp2(-equation.units.disturbances.astype(float))
-            numbers.append(1.0 - square * float(np.linalg.eigvalsh(E.T @ X @ E)[-1]))
+        if is_discrete:
+            numbers.append(1.0 if price is None else square * float(np.linalg.eigvalsh(price)[0]))
         return _Left(square, np.array(numbers))

@@ -10,6 +10,7 @@ import numpy as np
 
 from controller.game.weights import disturbance_text, matrix_text
 from controller.riccati.gare import Solution
+from controller.riccati.stability import stabilizes
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.results import storable
 from hfa_support.reporting.text import (
@@ -36,7 +37,7 @@ def solution_report(solution: Solution) -> Report:
     )
     if game.is_discrete:
         title += f", discount {game.discount:g} a step"
-        radius = float(np.abs(solution.poles()).max())
+        radius = solution.enclosed_poles.spectral_radius
         stabilizes = "stabilizes" if solution.is_stable else "does NOT stabilize"
         loop = (
             f"u = -K x {stabilizes}: A - B K has the spectral radius {radius:.7g},"
@@ -76,7 +77,7 @@ def _gain_table(solution: Solution) -> Iterator[Part]:
     usual = with_digits(None)
     for table in chain([usual], map(with_digits, range(5, MOST_DIGITS + 1))):
         printed = np.array([row[1:] for row in table.rows], dtype=float)
-        if solution.stabilizes(printed, is_discounted=True):
+        if stabilizes(solution.game, printed, is_discounted=True):
             yield table
             return
     yield usual
@@ -87,6 +88,8 @@ def _margins(solution: Solution) -> Iterator[Part]:
     """Yield a table with the margins of each input, and those of all inputs, if they are known."""
     disk = solution.disk_margin
     if disk is None:
+        if solution.is_stable:
+            yield "Margins: not known, since a mode is undamped up to the rounding of doubles"
         return
     yield _margins_table(solution)
     unit = "rad/step" if solution.game.dt is True else "rad/s"

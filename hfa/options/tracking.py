@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.riccati.balancing import abscissa_of
-from controller.riccati.balls import ball_matrix
+from controller.riccati.stability import stabilizes
 from controller.tracking import tracked
 from hfa.options.argument_types import each_of, linear_state
 from hfa.options.option import option
@@ -68,8 +67,8 @@ def with_tracking(
     """
     if not reference or named.linear is None:
         return report
-    if not solution.stabilizes(K):
-        abscissa = abscissa_of(solution.level.with_gain(ball_matrix(K)))
+    if not stabilizes(solution.game, K):
+        abscissa = solution.level.poles(K).abscissa
         said = f"Tracking: no late errors, A - B K has abscissa {abscissa:+.4g} 1/s"
         return replace(report, parts=(*report.parts, said))
     commands = stacked(reference, named.linear.states)

@@ -19,7 +19,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.critic.symbols import symbols_for
-from controller.riccati.balancing import stability
+from controller.riccati.balancing import abscissa_of
 from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
 from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, Outcome, has_decayed
@@ -288,10 +288,7 @@ def _tick(exact: Solution, *loops: np.ndarray) -> float:
     loops: stable matrices, (n, n)
     """
     game = exact.game
-    by_exact, *rates = (
-        abs(stability(loop, is_discrete=False).value)
-        for loop in (game.A - game.B @ exact.K, *loops)
-    )
+    by_exact, *rates = (abs(abscissa_of(loop)) for loop in (game.A - game.B @ exact.K, *loops))
     return DECAY / max(min([by_exact, *rates]), by_exact / SLOWEST)
 
 

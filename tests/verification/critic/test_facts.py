@@ -10,7 +10,6 @@ import pytest
 from known_models import game_at, model_at
 
 import hfa
-from controller import bounded_real_gain, disk_margin
 from hfa import solve, verify
 from verification import nonlinear_plant
 
@@ -24,13 +23,13 @@ def test_a_gain_above_delta_fails_and_margins_are_of_both_policies() -> None:
     K = solve(game.with_delta(math.inf)).K
     verdict = verify(game, hfa.from_gain(game, K))
     (gain,) = [check for check in verdict.checks if check.name == "l2_gain"]
-    assert gain.value == pytest.approx(bounded_real_gain(game, K), rel=1e-9)
+    assert gain.value == pytest.approx(solve(game).level.l2_gain(K).high, rel=1e-9)
     assert gain.value > gain.limit == game.delta
     assert (gain.ok, verdict.stabilizing, verdict.grade) == (False, True, "fail")
     assert replace(verdict, cost_lost=0.1).grade == "fail"
-    data = verdict.to_dict()
-    assert data["disk_margin"] == pytest.approx(disk_margin(game, K).disk)
-    assert data["disk_margin_exact"] == pytest.approx(disk_margin(game, solve(game).K).disk)
+    data, level = verdict.to_dict(), solve(game).level
+    assert data["disk_margin"] == pytest.approx(level.disk_margin(K).disk)
+    assert data["disk_margin_exact"] == pytest.approx(level.disk_margin(solve(game).K).disk)
     assert data["disk_margin"] != pytest.approx(data["disk_margin_exact"], rel=1e-3)
 
 

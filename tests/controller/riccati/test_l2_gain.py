@@ -7,25 +7,31 @@ import math
 import numpy as np
 import pytest
 
-from controller import bounded_real_gain
-from hfa import Game
+from controller.riccati.balls import BITS, ball_matrix, precision
+from controller.riccati.l2_gain import DisturbedLoop, GainBounds
+from hfa import Game, solve
+
+
+def bounds_of(game: Game, K: np.ndarray) -> GainBounds:
+    return solve(game).level.l2_gain(K)
 
 
 @pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.3])
 def test_the_gain_of_a_resonance_equals_its_closed_form(damping: float) -> None:
-    """The search finds the gain 1 / (2 ζ sqrt(1 - ζ²)) of a resonance."""
+    """The gain 1 / (2 ζ sqrt(1 - ζ²)) of a resonance is between the proved bounds."""
     oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
     game = Game(
         oscillator, [[0.0], [1.0]], E=[[0.0], [1.0]], Q=np.diag([1.0, 0.0]), R=[[1.0]], delta=10.0
     )
     exact = 1.0 / (2.0 * damping * math.sqrt(1.0 - damping**2))
-    found = bounded_real_gain(game, np.zeros((1, 2)))
-    assert exact <= found <= exact * (1.0 + 2e-9)
+    low, high = bounds_of(game.with_delta(math.inf), np.zeros((1, 2)))
+    assert low <= exact * (1.0 + 1e-15)
+    assert exact * (1.0 - 1e-15) <= high <= low * (1.0 + 1e-6)
 
 
 def test_gain_of_an_unstable_loop_is_infinite() -> None:
     game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=10.0)
-    assert bounded_real_gain(game, np.array([[0.9]])) == math.inf
+    assert bounds_of(game, np.array([[0.9]])).low == math.inf
 
 
 def test_gain_without_disturbance_or_cost_is_zero() -> None:
@@ -40,10 +46,24 @@ def test_gain_without_disturbance_or_cost_is_zero() -> None:
         delta=1.0,
     )
     for game, K in ((still, np.zeros((1, 1))), (hidden, np.zeros((1, 2)))):
-        assert bounded_real_gain(game, K) == 0.0
+        assert bounds_of(game, K) == (0.0, 0.0)
+        assert solve(game).l2_gain == 0.0
 
 
 def test_a_gain_at_the_nyquist_frequency_equals_its_closed_form() -> None:
     """The response 1 / (z + 0.9) of a discrete loop is largest at z = -1, where it is 10."""
     game = Game([[-0.9]], [[1.0]], E=[[1.0]], Q=[[4.0]], R=[[1.0]], delta=100.0, dt=0.1)
-    assert bounded_real_gain(game, np.zeros((1, 1))) == pytest.approx(20.0, rel=2e-9)
+    low, high = bounds_of(game, np.zeros((1, 1)))
+    assert low <= 20.0 <= high <= low * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("is_discrete", [False, True])
+def test_no_gain_is_proved_below_one_that_is_too_small(is_discrete: bool) -> None:
+    """Of x' = -x + d, or x⁺ = x / 2 + d / 2, with the gain 1."""
+    rate, E = (0.5, 0.5) if is_discrete else (-1.0, 1.0)
+    with precision(BITS):
+        F, E, one = (ball_matrix(np.array([[each]])) for each in (rate, E, 1.0))
+        loop = DisturbedLoop(F, E, one, is_discrete)
+        assert loop.is_below(1.0 + 1e-9)
+        for gain in (0.3, 0.9, 1.0 - 1e-6, 1.0):
+            assert not loop.is_below(gain)

@@ -1,0 +1,182 @@
+"""Eigenvalues of loops of balls, enclosed in discs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from controller.riccati.balls import ball_matrix, bits, identity, midpoints, norm, precision
+from controller.riccati.enclosure import ATTEMPTS
+from controller.riccati.equation import scaled_balls
+from controller.riccati.proof import NotProvedError
+from controller.riccati.proposal import FailedError, loop_units
+
+if TYPE_CHECKING:
+    from flint import acb, acb_mat, arb, arb_mat
+
+#: Largest number of corrections of proposed eigenvectors; each doubles their digits.
+CORRECTIONS = 4
+#: Relative radius of a number that is right to the last digit of doubles.
+DIGITS = 2.0**-53
+
+
+class Poles(NamedTuple):
+    """Eigenvalues λ of a loop, in discs |λ - value| <= radius about numbers that `values` round.
+
+    A union of discs that overlap no others contains as many eigenvalues as values.
+
+    values: (n,) complex, sorted by real, then by imaginary part
+    radii: (n,)
+    """
+
+    values: np.ndarray
+    radii: np.ndarray
+
+    @property
+    def abscissa(self) -> float:
+        """Largest real part of a value."""
+        return float(self.values.real.max())
+
+    @property
+    def spectral_radius(self) -> float:
+        """Largest magnitude of a value."""
+        return float(np.abs(self.values).max())
+
+
+def poles_of(loop: Callable[[int], arb_mat], *, is_discrete: bool) -> Poles:
+    """Return the enclosed eigenvalues of a loop, with as many bits as give each digit.
+
+    In continuous time, the digits of the real parts are asked for, in discrete time those of the
+    spectral radius. A multiple eigenvalue may remain uncertain.
+
+    loop: bits -> the loop, (n, n), balls
+    """
+    best: Poles | None = None
+    for attempt in ATTEMPTS:
+        with precision(attempt):
+            try:
+                found = enclosed_poles(loop(attempt))
+            except (FailedError, NotProvedError):
+                continue
+        if best is None or found.radii.max() < best.radii.max():
+            best = found
+        sizes = np.abs(best.values) if is_discrete else np.abs(best.values.real)
+        if (best.radii <= DIGITS * (sizes.max() if is_discrete else sizes)).all():
+            break
+    assert best is not None
+    return best
+
+
+def enclosed_poles(loop: arb_mat) -> Poles:
+    """Return the enclosed eigenvalues of a loop, (n, n), balls, with the bits of `precision`.
+
+    The discs of Gershgorin of V⁻¹ F V contain them for any V. They are small for eigenvectors, by
+    LAPACK if their corrections converge, otherwise by FLINT.
+    """
+    from flint import acb_mat, arb
+
+    units = loop_units(midpoints(loop))
+    F = scaled_balls(loop, -units, units)
+    few = norm(F) * arb(2) ** (-bits() // 2)
+    found = _corrected(F)
+    if not found.size <= float(few) ** 0.5:
+        # Multiple eigenvalues differ where the loop is changed by half its digits.
+        change = ball_matrix(np.random.default_rng(1).normal(size=(len(units), len(units))))
+        beside = (F + change * few).mid()
+        vectors = _normalized(acb_mat(beside).eig(right=True, algorithm="approx")[1])
+        found = min(found, Similar.of(F, vectors), key=lambda each: each.size)
+    return found.discs
+
+
+def _corrected(F: arb_mat) -> Similar:
+    """Return the loop in its eigenvectors by LAPACK, corrected as long as that helps."""
+    from flint import acb_mat
+
+    n = F.nrows()
+    vectors = np.linalg.eig(midpoints(F))[1]
+    found = Similar.of(F, acb_mat(n, n, [complex(entry) for entry in vectors.ravel()]))
+    for _ in range(CORRECTIONS):
+        further = Similar.of(F, found.corrected())
+        if not further.size < 0.5 * found.size:
+            break
+        found = further
+    return found
+
+
+def _normalized(V: acb_mat) -> acb_mat:
+    """Return columns whose largest entries have the magnitude 1."""
+    from flint import acb_mat
+
+    columns = V.transpose().tolist()
+    sizes = [max((abs(entry).mid() for entry in column), key=float) for column in columns]
+    scaled = [
+        [entry / size for entry in column] for column, size in zip(columns, sizes, strict=True)
+    ]
+    return acb_mat(scaled).transpose().mid()
+
+
+class Similar(NamedTuple):
+    """Loop F in other states, D = V⁻¹ F V, nearly diagonal.
+
+    V, D: (n, n), balls
+    """
+
+    V: acb_mat
+    D: acb_mat
+
+    @classmethod
+    def of(cls, F: arb_mat, V: acb_mat) -> Similar:
+        """Return a loop with the columns of V as states, or as it is if V may be singular."""
+        from flint import acb_mat
+
+        try:
+            return cls(V, V.solve(acb_mat(F) * V))
+        except ZeroDivisionError:
+            return cls(acb_mat(identity(F.nrows())), acb_mat(F))
+
+    @property
+    def discs(self) -> Poles:
+        """Discs of Gershgorin."""
+        rows = self.D.tolist()
+        radii = np.array([float(radius) for radius in self._radii()])
+        values = np.array([complex(row[i].mid()) for i, row in enumerate(rows)])
+        # An isolated disc that meets the real axis contains a real eigenvalue.
+        is_real = np.abs(values.imag) <= radii
+        radii = np.where(is_real, radii + np.abs(values.imag), radii)
+        values.imag[is_real] = 0.0
+        order = np.lexsort((values.imag, values.real))
+        return Poles(values[order], radii[order])
+
+    @property
+    def size(self) -> float:
+        """Largest radius."""
+        return max(map(float, self._radii()))
+
+    def _radii(self) -> list[arb]:
+        from flint import arb
+
+        rows = self.D.tolist()
+        return [
+            sum(
+                (abs(entry) for j, entry in enumerate(row) if j != i), row[i].rad() + arb(0)
+            ).upper()
+            for i, row in enumerate(rows)
+        ]
+
+    def corrected(self) -> acb_mat:
+        """Return the eigenvectors to the first order in the rest of D beside its diagonal."""
+        from flint import acb_mat
+
+        rows = self.D.mid().tolist()
+        values = [row[i] for i, row in enumerate(rows)]
+
+        def change(i: int, j: int) -> acb:
+            gap = values[j] - values[i]
+            near = i == j or not abs(rows[i][j]) < 0.1 * abs(gap)
+            return 0 * gap if near else rows[i][j] / gap
+
+        n = len(values)
+        X = acb_mat([[change(i, j) for j in range(n)] for i in range(n)])
+        return (self.V + self.V * X).mid()
