@@ -447,7 +447,7 @@ def ratio_bounds(
     low = (direction.transpose() * D * direction)[0, 0] / (
         (direction.transpose() * P * direction)[0, 0]
     )
-    least = float(low.lower()) if low.is_finite() else 0.0
+    least = math.nextafter(float(low.lower()), 0.0) if low.is_finite() else 0.0
     at_least = arb(max(estimate, SAME_DOUBLE / 2.0))
     for exponent in _ABOVE:
         bound = (at_least * (1 + arb(10) ** exponent)).mid()

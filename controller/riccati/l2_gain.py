@@ -91,7 +91,7 @@ class DisturbedLoop(NamedTuple):
         except ZeroDivisionError:
             return 0.0
         square = (_adjoint(z) * acb_mat(self.C) * z)[0, 0].real / (_adjoint(d) * d)[0, 0].real
-        return float(square.sqrt().lower()) if square > 0 else 0.0
+        return math.nextafter(float(square.sqrt().lower()), 0.0) if square > 0 else 0.0
 
     def is_below(self, gain: float) -> bool:
         """Return whether the gain is proved to be below a number."""

@@ -1,0 +1,62 @@
+"""Poles are enclosed: each eigenvalue of a known loop is in its disc, also a multiple one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from flint import acb_mat
+
+from controller.riccati.balls import BITS, ball_matrix, precision
+from controller.riccati.poles import Similar, enclosed_poles, poles_of
+from hfa import Game, solve
+
+#: An integer matrix with the determinant 1, and its inverse.
+T = np.array([[1.0, 2.0, 1.0], [1.0, 3.0, 1.0], [0.0, 1.0, 1.0]])
+T_INVERSE = np.array([[2.0, -1.0, -1.0], [-1.0, 1.0, 0.0], [1.0, -1.0, 1.0]])
+#: Loops with the eigenvalues of their diagonals.
+LOOPS = {
+    "simple": [[-1.0, 0.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, -3.0]],
+    "slow": [[-1e-14, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1e6]],
+    "double": [[-2.0, 0.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, -1.0]],
+    "of one chain": [[-2.0, 1.0, 0.0], [0.0, -2.0, 1.0], [0.0, 0.0, -2.0]],
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("is_discrete", [False, True])
+def test_poles_are_right_to_the_last_digit(name: str, is_discrete: bool) -> None:
+    """Also slow ones beside fast ones, and those of chains, which doubles move by 1e-5."""
+    middle = np.array(LOOPS[name])
+    exact = np.sort(np.diag(middle))
+
+    def loop(bits: int) -> object:
+        return ball_matrix(T) * ball_matrix(middle) * ball_matrix(T_INVERSE)
+
+    found = poles_of(loop, is_discrete=is_discrete)
+    assert (np.abs(found.values - exact) <= found.radii + 2.0**-53 * np.abs(exact)).all()
+    assert (found.radii <= 2.0**-53 * np.abs(exact).max()).all()
+    assert not found.values.imag.any()
+
+
+def test_discs_contain_the_poles_for_any_eigenvectors() -> None:
+    """Eigenvectors that are wrong by up to 10 % give wide discs that are right."""
+    middle = np.diag([-1.0, -2.0, -4.0])
+    rng = np.random.default_rng(0)
+    with precision(BITS):
+        F = ball_matrix(T @ middle @ T_INVERSE)
+        for size in (0.0, 1e-12, 1e-6, 1e-3, 0.03, 0.1):
+            for _ in range(5):
+                V = T * (1.0 + size * rng.standard_normal((3, 3)))
+                discs = Similar.of(F, acb_mat(ball_matrix(V))).discs
+                for exact in (-1.0, -2.0, -4.0):
+                    assert (np.abs(discs.values - exact) <= discs.radii + 1e-15).any()
+        assert enclosed_poles(F).radii.max() < 1e-30
+
+
+def test_poles_of_a_solution_do_not_lose_their_digits_in_its_units() -> None:
+    """Of the double integrator with the closed-form poles (-1 ± i) / √2, in units of 1e-12."""
+    scale = 2.0**-40
+    game = Game([[0.0, scale], [0.0, 0.0]], [[0.0], [1.0]], Q=[scale**-2, 0.0], R=[1.0])
+    found = solve(game).poles() * scale**0.0
+    exact = np.sqrt(0.5) * np.array([-1.0 - 1.0j, -1.0 + 1.0j])
+    np.testing.assert_allclose(found, exact, rtol=1e-15)
