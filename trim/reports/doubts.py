@@ -202,7 +202,10 @@ def _temperature(trimmed: Trimmed) -> float:
 
 
 def _neutral_points_apart(trimmed: Trimmed) -> float:
-    """Return the difference of the static margin of the rates and that of the outputs, chords."""
+    """Return the difference of the static margin of the rates and that of the outputs, chords.
+
+    Without Iyy, only their signs are compared: Iyy is then that of margins of equal size.
+    """
     alpha, q = (trimmed.roles.get(role, "") for role in ("alpha", "q"))
     if trimmed.fault or not alpha or not q:
         return math.nan
@@ -216,7 +219,8 @@ def _neutral_points_apart(trimmed: Trimmed) -> float:
         for name, unit in (("pitching_moment", "N m"), ("lift", "N"))
     )
     inertia = _of_configuration(trimmed, "Iyy", "kg m^2")
-    angular = inertia * float(slopes.A[slopes.states.index(q), place])
+    rate = float(slopes.A[slopes.states.index(q), place])
+    angular = math.copysign(moment, rate) if math.isnan(inertia) else inertia * rate
     arm = lift * _si(trimmed, "reference_chord", "m")
     return (moment - angular) / arm if arm else math.nan
 

@@ -30,8 +30,10 @@ class _Usual(NamedTuple):
 
 
 def _radius(moment: str) -> Callable[[_Values], float]:
-    """Return the radius of gyration by a moment of inertia, in spans, as a function of entries."""
-    return lambda of: math.sqrt(max(of(moment), 0.0) / of("mass")) / of("span")
+    """Return the radius of gyration by a moment of inertia, in spans, as a function of entries. It
+    is nan for a moment that is not positive, which `inertia_doubt` names.
+    """
+    return lambda of: math.sqrt(max(of(moment), 0.0) / of("mass")) / of("span") or math.nan
 
 
 _INERTIAS = "check the inertias and the mass, and their units (1 slug = 32.17 lb)"
@@ -58,7 +60,7 @@ _RANGES = (
     _Usual(_radius("Iyy"), 0.01, 0.9, f"sqrt(Iyy / mass) is {{:.3g}} spans; {_INERTIAS}"),
     _Usual(_radius("Izz"), 0.04, 1.0, f"sqrt(Izz / mass) is {{:.3g}} spans; {_INERTIAS}"),
     _Usual(
-        lambda of: of("Izz") / of("Ixx"), 1.0, math.inf,
+        lambda of: of("Izz") / of("Ixx") if of("Ixx") > 0.0 else math.nan, 1.0, math.inf,
         "Izz is {:.3g} times Ixx, and usually larger; they may be exchanged",
     ),
     _Usual(

@@ -160,6 +160,20 @@ def glider(
     return hfa.Model("glider", states, inputs, equations, outputs=outputs)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_moment_of_the_other_sign_is_doubted_without_an_inertia(sign: float) -> None:
+    """The signs of the output pitching_moment and of the rate of the pitch rate are compared."""
+    right = glider()
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Any, Any]:
+        rates, outputs = right.equations(x, u, p, w)
+        return rates, {**outputs, "pitching_moment": sign * outputs["pitching_moment"]}
+
+    model = replace(right, equations=equations)
+    title = hfa.trim(model, hfa.TrimCondition(model, {"speed": 30.0, "thrust": 0.0})).report().title
+    assert ("static margins" in title) == (sign < 0.0)
+
+
 def test_aircraft_of_users_have_figures_by_names_of_outputs() -> None:
     """A glider with the declared outputs gets L/D, margin and stall from a declared CL_max."""
     model = glider()
