@@ -65,6 +65,10 @@ def other_games(exact: Solution, of: str, given: np.ndarray) -> Iterator[OtherGa
         says = "exact without disturbance (delta inf)"
         with suppress(NoSolutionError):
             yield OtherGame(says, getattr(solve(game.with_delta(math.inf)), of))
+    if game.discount < 1.0:
+        says = f"exact without discount, not for discount {game.discount:.6g}"
+        with suppress(NoSolutionError):
+            yield OtherGame(says, getattr(solve(replace(game, discount=1.0)), of))
     for family in _families(exact):
         found = _nearest(family, of, given)
         if found is not None:

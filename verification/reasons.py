@@ -150,13 +150,16 @@ def _reason_for_action_value(exact: Solution, critic: Critic, H: np.ndarray) -> 
 
 
 def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
-    """Yield that P or K is exact for a game that differs by one number."""
+    """Yield that P or K is exact for a game that differs by one number, the nearest game first."""
     kind, given, right, _ = compared
     numbers = np.triu(right) if kind == "P" else right
     if np.count_nonzero(numbers) < 2:
         return  # a single number agrees with many games
-    for other in other_games(exact, kind, given):
-        yield Mistake(f"{kind} is {other.says}", given - other.matrix + right)
+    undone = [
+        Mistake(f"{kind} is {other.says}", given - other.matrix + right)
+        for other in other_games(exact, kind, given)
+    ]
+    yield from sorted(undone, key=lambda mistake: np.max(compared.errors(mistake.undone)))
 
 
 def _not_of_value(exact: Solution, critic: Critic, P: np.ndarray) -> str:

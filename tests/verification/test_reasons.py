@@ -157,6 +157,7 @@ OTHER_GAMES = {
     "R": (replace(TWO_INPUTS, R=4.0 * TWO_INPUTS.R), TWO_INPUTS, "exact for R 4 times as large"),
     "sampled": (TWO_INPUTS.sampled(0.05), TWO_INPUTS, "sampled with dt 0.05 s"),
     "discount": (TWO_INPUTS.sampled(0.02, 0.97), SAMPLED, "for discount 0.97, not 0.99"),
+    "no discount": (TWO_INPUTS.sampled(0.02), SAMPLED, "without discount, not for discount 0.99"),
     "dt": (TWO_INPUTS.sampled(0.05, 0.99), SAMPLED, "for dt 0.05 s, not 0.02 s"),
     "continuous": (TWO_INPUTS, SAMPLED, "K is exact for the game in continuous time"),
 }
@@ -170,6 +171,14 @@ def test_the_game_of_which_a_gain_is_exact_is_named(number: str) -> None:
     assert says in verify(game, from_gain(game, K)).reason
     other = K * (1.0 + 0.02 * np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]]))
     assert "exact for" not in verify(game, from_gain(game, other)).reason
+
+
+def test_the_nearest_of_several_games_is_named() -> None:
+    """Of two entries, delta 102 explains a gain without discount within .1 %, the discount exactly."""
+    A, B = [[1.0, 0.1], [0.2, 0.97]], [[0.0], [0.1]]
+    game = Game(A, B, Q=np.eye(2), R=[1.0], dt=0.1, discount=0.99)
+    reason = verify(game, from_gain(game, gain(replace(game, discount=1.0)))).reason
+    assert reason == "K is exact without discount, not for discount 0.99"
 
 
 def test_multiples_of_rows_and_columns_are_named() -> None:
