@@ -11,10 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import BITS, midpoints, precision
-from controller.riccati.equation import scaled_balls
 from controller.riccati.gare import Solution, solve
-from controller.riccati.proposal import FailedError, in_doubles
+from controller.riccati.proposal import FailedError, value_in_doubles
 from hfa_support.errors import BadInputError, NoSolutionError
 
 #: Logarithms of the numbers that are tried first, relative to the one in the middle.
@@ -181,8 +179,5 @@ def _proposed(game: Game, of: str) -> np.ndarray:
 
     Raises FailedError.
     """
-    proposal = in_doubles(game, game.delta)
-    states = proposal.equation.units.states
-    with precision(BITS):
-        P = midpoints(scaled_balls(proposal.X, -states, -states))
+    P = value_in_doubles(game)
     return P if of == "P" else game.gain(P)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -70,14 +72,32 @@ def in_doubles(game: Game, delta: float) -> Proposal:
 
     Raises FailedError.
     """
+    with _failures():
+        return _corrected(game, delta, *_uncorrected(game, delta))
+
+
+def value_in_doubles(game: Game) -> np.ndarray:
+    """Return P, (n, n), by LAPACK, which nothing corrects or proves.
+
+    Raises FailedError.
+    """
+    with _failures():
+        units, X = _uncorrected(game, game.delta)
+        return np.ldexp(X, -np.add.outer(units.states, units.states))
+
+
+@contextmanager
+def _failures() -> Iterator[None]:
+    """Raise FailedError where arithmetic in doubles fails."""
     with np.errstate(all="ignore"):
         try:
-            return _in_doubles(game, delta)
+            yield
         except (np.linalg.LinAlgError, ValueError, ZeroDivisionError, OverflowError) as failure:
             raise FailedError(str(failure)) from None
 
 
-def _in_doubles(game: Game, delta: float) -> Proposal:
+def _uncorrected(game: Game, delta: float) -> tuple[Units, np.ndarray]:
+    """Return units in which P is near 1, and the stabilizing X in them, (n, n), by LAPACK."""
     units = first_units(game, delta)
     X = stabilizing_in_doubles(equation_of(game, units, DoubleBalls, delta))
     for _ in range(2):
@@ -87,6 +107,11 @@ def _in_doubles(game: Game, delta: float) -> Proposal:
         if np.abs(steps).max() <= NEAR:
             break
         X = stabilizing_in_doubles(equation_of(game, units, DoubleBalls, delta))
+    return units, X
+
+
+def _corrected(game: Game, delta: float, units: Units, X: np.ndarray) -> Proposal:
+    """Return a proposal about X, (n, n), corrected by residuals in balls."""
     equation = equation_of(game, units, Balls, delta)
     F = loop_in_doubles(equation.with_arithmetic(DoubleBalls), X)
     lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
