@@ -100,7 +100,8 @@ def trim(request: TrimRequest, points: GivenPoints) -> Outcome:
         )
     source = points.source()
     overview, conditions = _sheets(request, points)
-    book = book_of(overview, conditions, _read(request, points.trims.model))
+    model = points.trims.model
+    book = book_of(overview, conditions, model, _read(request, model))
     return Outcome(
         report=_documented(book, request),
         printed=_documented(overview, request),

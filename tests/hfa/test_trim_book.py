@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pypdf
 import pytest
-from cli import hfa as command
+from cli import assert_refused, hfa as command
 from project import ROOT
 
 import hfa
@@ -134,6 +134,27 @@ def test_the_figure_has_the_values_of_the_sheets() -> None:
         assert margin["static margin"][index] == point.sheet["static margin"].value
     assert math.isnan(alpha["alpha"][2])
     assert math.isnan(used["thrust"][2])
+
+
+def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder: Path) -> None:
+    """There is no figure to draw, which --picture says."""
+    (folder / "weak.csv").write_text("speed,limit\n35,thrust=0:5\n36,thrust=0:3\n", "utf-8")
+    words = ("trim", "--aircraft", f"{folder}/uav.toml", "--conditions", f"{folder}/weak.csv", "-q")
+    run = command(*words, "-o", str(folder / "weak.html"))
+    assert run.code == 1
+    text = (folder / "weak.html").read_text("utf-8")
+    assert text.count("thrust at maximum") == 2
+    assert "<figure>" not in text
+    run = command(*words, "--picture", str(folder / "weak.png"))
+    assert_refused(run, 2, "no condition has an alpha")
+
+
+def test_a_model_without_a_speed_has_a_book(folder: Path) -> None:
+    """The matrix has its input with the used share of its travel."""
+    words = ("trim", "--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM", "--hold", "angle=0,2")
+    run = command(*words, "-q", "-o", str(folder / "pendulum.html"))
+    assert run.code == 0, run.err
+    assert "torque [N m]" in (folder / "pendulum.html").read_text("utf-8")
 
 
 def test_a_single_sheet_has_its_document_too(folder: Path) -> None:

@@ -9,6 +9,8 @@ from functools import partial
 from itertools import cycle
 from typing import TYPE_CHECKING, NamedTuple
 
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import (
@@ -67,25 +69,26 @@ class Condition(NamedTuple):
         return result_of(self.report.sheet)
 
 
-def book_of(overview: Report, conditions: Sequence[Condition], head: Mapping[str, str]) -> Report:
+def book_of(
+    overview: Report, conditions: Sequence[Condition], model: Model, head: Mapping[str, str]
+) -> Report:
     """Return the document of several conditions: the matrix, its figure, and a sheet for each trim.
 
     overview: report of all conditions, with the data for other files
-    conditions: the conditions, at least one of them with a trim
+    conditions: the conditions
+    model: the aircraft as loaded
     head: further entries of the cover, label -> text
     """
     count = len(conditions)
     conditions = [_numbered(number, count, each) for number, each in enumerate(conditions, start=1)]
     sheets = [each.report for each in conditions if each.point is not None]
-    point = next(each.point for each in conditions if each.point is not None)
-    name = subject(point.model)
-    figure = Picture(
-        "conditions.png", f"{name} at {count} conditions", partial(matrix_figure, conditions)
-    )
+    name = subject(model)
+    drawn = partial(matrix_figure, conditions)
+    figure = [Picture("conditions.png", f"{name} at {count} conditions", drawn)]
     return replace(
         overview,
         title=f"{name}, {count} conditions\n{overview.title}",
-        parts=[_matrix(conditions), figure, *sheets],
+        parts=[_matrix(conditions), *(figure if _panels(conditions) else []), *sheets],
         head={"aircraft": name, **head, **_loaded(conditions)},
     )
 
@@ -131,11 +134,11 @@ def _loaded(conditions: Sequence[Condition]) -> dict[str, str]:
 def _moved(conditions: Sequence[Condition]) -> list[str]:
     """Return the inputs that are not 0 in each condition."""
     points = [each.point for each in conditions if each.point is not None]
-    return [
-        name
-        for name in points[0].model.inputs
-        if not all(is_zero(each.margins[name].value, each.margins[name].scale) for each in points)
-    ]
+    moved: dict[str, None] = {}
+    for point in points:
+        margins = (point.margins[name] for name in point.model.inputs)
+        moved |= {each.name: None for each in margins if not is_zero(each.value, each.scale)}
+    return [*moved]
 
 
 def _matrix(conditions: Sequence[Condition]) -> tuple[Table | str, ...]:
@@ -203,10 +206,14 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
     """Return a figure of alpha, of the used share of the travel of each control, and of the static
     margin over the conditions. Conditions without a trim are grey, those that are stalled or
     doubted red.
+
+    Raises BadInputError if no condition has one of them.
     """
     from hfa_support.reporting.figure import new_figure
 
-    panels = {heading: lines for heading, lines in _panels(conditions).items() if lines}
+    panels = _panels(conditions)
+    if not panels:
+        raise BadInputError("no condition has an alpha, a used control or a static margin to draw")
     count = len(conditions)
     figure = new_figure(max(_WIDTH, 0.2 * count), 1.2 + 1.3 * len(panels))
     all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
@@ -231,15 +238,16 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
 
 def _panels(conditions: Sequence[Condition]) -> dict[str, dict[str, list[float]]]:
     """Return label of an axis -> name of a line -> its value at each condition, or nan."""
-    point = next(each.point for each in conditions if each.point is not None)
-    alpha = Trimmed(point).roles.get("alpha")
-    angles = {}
-    if alpha:
+    panels: dict[str, dict[str, list[float]]] = {}
+    point = next((each.point for each in conditions if each.point is not None), None)
+    alpha = None if point is None else Trimmed(point).roles.get("alpha")
+    if point is not None and alpha:
         unit = point.model.unit(alpha)
-        angles[alpha] = [
+        angles = [
             math.nan if each.point is None else float(shown_values(each.point[alpha], unit))
             for each in conditions
         ]
+        panels[beside_unit(f"{alpha},", unit)] = {alpha: angles}
     used = {
         name: [
             math.nan if each.point is None else 100.0 * each.point.margins[name].used
@@ -247,14 +255,18 @@ def _panels(conditions: Sequence[Condition]) -> dict[str, dict[str, list[float]]
         ]
         for name in _moved(conditions)
     }
-    used = {name: values for name, values in used.items() if not all(map(math.isnan, values))}
-    margins = [_static_margin(each.report) for each in conditions]
-    margin = {} if all(map(math.isnan, margins)) else {"static margin": margins}
-    angle = beside_unit(f"{alpha},", point.model.unit(alpha)) if alpha else ""
-    return {angle: angles, "travel used, %": used, "static margin, chord": margin}
+    panels["travel used, %"] = used
+    panels["static margin, chord"] = {"static margin": [*map(_static_margin, conditions)]}
+    return {
+        label: drawn
+        for label, lines in panels.items()
+        if (drawn := {name: each for name, each in lines.items() if not all(map(math.isnan, each))})
+    }
 
 
-def _static_margin(report: Report) -> float:
-    """Return the static margin of a sheet, or nan."""
-    rows = {row.name: row for row in report.sheet}
-    return float(rows["static margin"].value) if "static margin" in rows else math.nan
+def _static_margin(condition: Condition) -> float:
+    """Return the static margin of a trim, or nan."""
+    rows = {row.name: row for row in condition.report.sheet}
+    if condition.point is None or "static margin" not in rows:
+        return math.nan
+    return float(rows["static margin"].value)
