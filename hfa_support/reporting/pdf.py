@@ -240,13 +240,10 @@ def _part(part: Any, page: str) -> Iterator[Flowable]:
         yield Drawing(part, height, is_optional=False)
     elif isinstance(part, str):
         yield from _lines(flowing(part))
-        yield Spacer(0.0, 4.0)
     elif isinstance(part, Table):
         yield from _part((part,), page)
     elif part and isinstance(part[0], Table) and all(isinstance(each, str) for each in part[1:]):
-        for table in tables(part[0], part[1:], width):
-            yield table
-            yield Spacer(0.0, 8.0)
+        yield from tables(part[0], part[1:], width)
     else:
         for each in part:
             yield from _part(each, page)
@@ -273,7 +270,6 @@ def _sheet(parts: Sequence[Any], after: Sequence[str], is_alone: bool) -> Iterat
     width, height = _area("high")
     yield columns_of(groups, width, height)
     for part in rest:
-        yield Spacer(0.0, 6.0)
         if isinstance(part, Picture):
             yield Drawing(part, height, is_optional=not is_alone)
         else:

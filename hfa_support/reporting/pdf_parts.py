@@ -17,7 +17,7 @@ from reportlab.lib.styles import ParagraphStyle
 from reportlab.lib.utils import ImageReader
 from reportlab.pdfbase import pdfmetrics
 from reportlab.pdfbase.ttfonts import TTFont
-from reportlab.platypus import Flowable, Paragraph, Table as Grid
+from reportlab.platypus import Flowable, PageBreak, Paragraph, Table as Grid
 
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.rows import Group, Row
@@ -46,6 +46,8 @@ _HIGHEST_GROUP = 0.8
 _LEAST_ROWS = 4
 #: Share of a column for a value, above which it is wrapped.
 _LARGEST_VALUE = 0.5
+#: Share of a page that is left only at its beginning.
+_WHOLE = 0.95
 #: Share of its size below which a picture is not drawn on what remains of a page.
 _LEAST_PICTURE = 0.45
 
@@ -94,7 +96,8 @@ class Rows(Grid):
             last = parts[0]._nrows
             if few > 0 and last - few > _LEAST_ROWS:
                 shorter = sum(self._rowHeights[: last - few]) + 0.01
-                return list(super().split(width, shorter))
+                first, rest = super().split(width, shorter)
+                return [first, PageBreak(), rest]
         return parts
 
 
@@ -181,7 +184,8 @@ def _grid(columns: Sequence[_Column], notes: Sequence[str], room: float) -> Rows
     for note in notes:
         rules.append(("SPAN", (0, len(rows)), (-1, len(rows))))
         rows.append([paragraph(note, CELL), *[""] * (len(columns) - 1)])
-    return Rows(rows, widths, style=_look(*rules), repeatRows=1, hAlign="LEFT")
+    look = _look(*rules)
+    return Rows(rows, widths, style=look, repeatRows=1, hAlign="LEFT", spaceAfter=_BETWEEN)
 
 
 def _fitted(text: str, tone: str, width: float) -> Any:
@@ -249,6 +253,7 @@ class Columns(Flowable):
         super().__init__()
         self.groups = groups
         self.made = dict(made or {})
+        self.spaceAfter = _BETWEEN
 
     def _blocks(self, column: float) -> Sequence[_Block]:
         """Return the blocks of all groups in a column of a width."""
@@ -403,7 +408,7 @@ class Drawing(Flowable):
         room = height / (scale * own_height)
         if _LEAST_PICTURE <= room < 1.0:
             scale *= room
-        elif room < 1.0 and self.is_optional:
+        elif self.is_optional and (room < 1.0 or height > _WHOLE * self.page):
             scale = 0.0
         self.size = scale * own_width, scale * own_height
         return self.size

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hfa.extend import Report, Table
+from hfa_support.reporting.rows import Group, Row
 
 
 def report():
@@ -107,3 +108,13 @@ def test_names_become_no_formulas_links_or_columns(tmp_path):
     assert "&lt;script>" in markdown
     assert "[a]\\(b)" in markdown
     assert "=cmd\\|" in markdown
+
+
+def test_latex_has_first_lines_head_sentences_and_notes():
+    """The lines that are not in tables are paragraphs."""
+    pytest.importorskip("pandas")
+    group = Group("trim", (Row("alpha", 0.1, "rad"),), ("* assumed",))
+    made = Report("first\nCheck: doubt", [group, "a sentence"], ["a note"], head={"data": "file"})
+    text = made.latex()
+    for line in ("first", "Check: doubt", "* assumed", "a sentence", "Note: a note", "data: file"):
+        assert f"\n\\noindent {line}\n" in text
