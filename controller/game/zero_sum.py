@@ -29,7 +29,8 @@ from hfa_support.reporting.text import matrix_table, numbered
 
 #: Larger entries of a critic overflow when P S P is squared, and are meaningless.
 LARGEST_CRITIC_ENTRY = 1e50
-#: Magnitude of a negative scaled eigenvalue that counts as rounding.
+#: Magnitude of a negative scaled eigenvalue, or of an asymmetry, that a weight may have by
+#: rounding: some thousand roundings, as of C'C or of a file with 13 digits.
 SEMIDEFINITE = 1e-12
 #: Smallest sample time, multiplied by the largest entry of A. The entries of A - I of a step have
 #: then at least ten digits.
@@ -477,7 +478,7 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
     strictly: True if the matrix must be positive definite by more than rounding
     """
     scale = np.abs(matrix).max(initial=0.0)
-    if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
+    if np.abs(matrix - matrix.T).max(initial=0.0) > SEMIDEFINITE * scale:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
     if strictly and not is_definite(matrix):
         kind = "definite"

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from controller.riccati.balls import DoubleBalls, midpoints, precision
-from controller.riccati.enclosure import Enclosure, uncertainty
+from controller.riccati.enclosure import (
+    GAIN_CHANGE,
+    RAISED,
+    Enclosure,
+    relative_change,
+    uncertainty,
+)
 from controller.riccati.equation import StepEquation, scaled_balls
 from controller.riccati.proposal import FailedError, lyapunov_in_bits, lyapunov_of
 from hfa_support.reporting.results import Result
@@ -17,24 +25,33 @@ from hfa_support.reporting.results import Result
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
-#: Largest relative change of K by the last digits of the game's entries: two digits of K are known.
-GAIN_CHANGE = 0.01
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Certificate(Result):
     """What is proved of a solution, in ball arithmetic, for the exact entries of the game.
 
-    proved: sentences
-    radius: largest radius of the balls that contain P and K, relative to the sizes of their rows
-    bits: of the proof
+    enclosure: balls of the solution
     gain_change: relative change of B K if the entries of the game change in their last digit
     """
 
-    proved: tuple[str, ...]
-    radius: float
-    bits: int
+    enclosure: Enclosure
     gain_change: float
+
+    @property
+    def bits(self) -> int:
+        """Number of bits of the proof."""
+        return self.enclosure.bits
+
+    @cached_property
+    def radius(self) -> float:
+        """Largest radius of the balls of P and K, relative to the sizes of their rows."""
+        with precision(self.bits):
+            return float(uncertainty(self.enclosure.proved, zeros=True).upper())
+
+    @cached_property
+    def proved(self) -> tuple[str, ...]:
+        """What is proved, in sentences."""
+        return tuple(_sentences(self))
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -49,36 +66,34 @@ class Certificate(Result):
 
 def certificate_of(enclosure: Enclosure) -> Certificate:
     """Return the certificate of an enclosed solution."""
+    with precision(enclosure.bits):
+        return Certificate(enclosure, gain_change(enclosure))
+
+
+def _sentences(certificate: Certificate) -> Iterator[str]:
+    """Yield what is proved."""
+    enclosure = certificate.enclosure
     equation = enclosure.proved.equation
     game = equation.game
-    with precision(enclosure.bits):
-        radius = float(uncertainty(enclosure.proved, zeros=True).upper())
-    stable = "Hurwitz"
-    loops: tuple[str, ...] = ("A - B K + E L", "A - B K")
-    if game.is_discrete:
-        stable = "stable"
-        if game.discount != 1.0:
-            loops = tuple(f"sqrt(discount) ({loop})" for loop in loops)
-    proved = [
-        f"P and K are right to the last digit (enclosed with the radius {radius:.1g},"
-        f" {enclosure.bits} bits)",
-        f"{' and '.join(loops)} are {stable}, and P is positive semidefinite",
-    ]
-    if not equation.is_disturbed:
-        proved[1] = f"{loops[1]} is {stable}, and P is positive semidefinite"
-    elif game.is_discrete:
-        proved.append("the disturbance pays: delta^2 - E'P E > 0")
+    stable = "stable" if game.is_discrete else "Hurwitz"
+    loops = ("A - B K + E L", "A - B K") if equation.is_disturbed else ("A - B K",)
+    if game.discount != 1.0:
+        loops = tuple(f"sqrt(discount) ({loop})" for loop in loops)
+    yield (
+        "P and K are right to the last digit (enclosed with the radius"
+        f" {certificate.radius:.1g}, {enclosure.bits} bits)"
+    )
+    value = "" if enclosure.is_raised else ", and P is positive semidefinite"
+    yield f"{' and '.join(loops)} {'are' if len(loops) > 1 else 'is'} {stable}{value}"
     if equation.is_disturbed:
-        proved.append(f"L is enclosed with the radius {_radius_of_L(enclosure):.1g}")
+        if game.is_discrete:
+            yield "the disturbance pays: delta^2 - E'P E > 0"
+        yield f"L is enclosed with the radius {_radius_of_L(enclosure):.1g}"
     if enclosure.is_raised:
-        proved = [text.replace(", and P is positive semidefinite", "") for text in proved]
-        proved.append(
+        yield (
             "Q, R and N are positive semidefinite up to rounding only: a value, with P positive"
-            " semidefinite, is proved for weights whose diagonals are larger by 2e-12"
+            f" semidefinite, is proved for weights whose diagonals are larger by {RAISED:g}"
         )
-    with precision(enclosure.bits):
-        change = gain_change(enclosure)
-    return Certificate(tuple(proved), radius, enclosure.bits, change)
 
 
 def _radius_of_L(enclosure: Enclosure) -> float:
@@ -112,8 +127,7 @@ def doubt_about(gain_change: float) -> str:
 def gain_change(enclosure: Enclosure) -> float:
     """Return |B (K2 - K)| / |B K|, to the first order, if all entries change in their last digit.
 
-    Where B (K2 - K) is smaller than the change of A - B K by the entries of A and B alone, it is at
-    most `GAIN_CHANGE`: a gain so small is not asked for more digits.
+    A gain whose change is smaller than the last digits of A is not doubted (`relative_change`).
 
     The changes of the entries move P by the solution of a Lyapunov equation. Each entry of A, B
     and E is multiplied by a factor f = 1 ± eps, and the entries ij of Q, N and R by f_i f_j, with
@@ -170,13 +184,8 @@ def _gain_change(enclosure: Enclosure) -> float:
         dK = number.of(_solved(price, right)).block(slice(m), slice(None))
     else:
         dK = number.of(_solved(R, B.T @ Z + dB.T @ X + priced))
-    own, change, size = (
-        float(np.linalg.norm(_middle(each))) for each in (dA - dB @ K, B @ dK, B @ K)
-    )
-    size = max(size, own / GAIN_CHANGE)
-    if change == 0.0:
-        return 0.0
-    return change / size if math.isfinite(change) else math.inf
+    change, pushed_by_K, plant = map(_middle, (B @ dK, B @ K, A))
+    return relative_change(change, pushed_by_K, plant)
 
 
 def _middle(matrix: Any) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import SEMIDEFINITE, Game
 from controller.riccati.balls import (
     BITS,
     Balls,
@@ -49,8 +50,10 @@ if TYPE_CHECKING:
 #: Bits of the attempts of a proof.
 ATTEMPTS = (BITS, 2 * BITS, 4 * BITS, 8 * BITS)
 #: Relative raise of the diagonals of weights that are semidefinite only up to rounding, twice the
-#: rounding that `Game` accepts.
-RAISED = 2e-12
+#: rounding that `Game` accepts: they are then semidefinite.
+RAISED = 2.0 * SEMIDEFINITE
+#: Largest relative change of a gain B K that its data determine: two digits are known.
+GAIN_CHANGE = 0.01
 #: Largest number of states for which an eigenvalue on the boundary of stability is decided in
 #: rationals, which takes a second.
 MOST_STATES = 16
@@ -171,9 +174,22 @@ def _have_same_gains(first: Enclosure, second: Enclosure) -> bool:
     A, B = first.game.A, first.game.B
     pushed = [B @ midpoints(each.K) for each in (first, second)]
     units = np.exp2(first.proved.equation.units.states.astype(float))
-    sizes, other, plant = (each / units[:, None] * units for each in (*pushed, A))
-    size = max(float(np.abs(sizes).max()), 1e-10 * float(np.abs(plant).max()))
-    return float(np.abs(sizes - other).max()) <= 0.01 * size
+    one, other, plant = (each / units[:, None] * units for each in (*pushed, A))
+    return relative_change(other - one, one, plant) <= GAIN_CHANGE
+
+
+def relative_change(change: np.ndarray, pushed: np.ndarray, plant: np.ndarray) -> float:
+    """Return |change of B K| / |B K|, inf if it is not known.
+
+    It is at most `GAIN_CHANGE` where the change is smaller than the last digits of A.
+
+    change, pushed, plant: change of B K, B K and A, (n, n), in units in which P is nearly 1
+    """
+    moved, size, rounding = (float(np.linalg.norm(each)) for each in (change, pushed, plant))
+    if moved == 0.0:
+        return 0.0
+    size = max(size, np.finfo(float).eps * rounding / GAIN_CHANGE)
+    return moved / size if math.isfinite(moved) and size > 0.0 else math.inf
 
 
 def _decided(game: Game, delta: float, *, digits: bool) -> Enclosure | str:

@@ -14,6 +14,8 @@ from controller.riccati.balancing import hamiltonian, spectrum
 from controller.riccati.bilinear import System, in_continuous_time
 from hfa_support.errors import NoSolutionError
 
+# These guide the search, and decide nothing: the gain is proved.
+
 #: Relative distance of the next level of the search above a gain.
 TOLERANCE = 1e-9
 #: An eigenvalue with |Re λ| up to this fraction of the largest may be on the axis.

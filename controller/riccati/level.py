@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from flint import arb_mat
 
 #: Least eigenvalue of P in the new states, relative to the largest, after which no further change
-#: of the states is made,
+#: of the states is made; the states decide nothing,
 MODERATE = 1e-3
 #: of which there are at most so many; each gains the digits of doubles.
 TURNS = 4

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
     from controller.riccati.proof import Stabilizing
 
+# These choose proposals only: the proof decides.
+
 #: Exponents of entries of this size are left as they are.
 MODERATE = 12
 #: Exponents of units that differ by more from those of a first proposal need another one.

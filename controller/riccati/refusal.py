@@ -30,7 +30,8 @@ from hfa_support.errors import NoSolutionError
 if TYPE_CHECKING:
     from flint import acb, arb_mat, fmpz_poly
 
-#: An eigenvalue whose real part is below this fraction of its size may be on the axis.
+#: An eigenvalue whose real part is below this fraction of its size may be on the axis. It proposes
+#: frequencies only: the sign of a determinant decides.
 MAYBE_ON_AXIS = 1e-4
 
 

@@ -30,12 +30,17 @@ TOLERANCE = 1e-6
 BESIDE = 1.0 + 0.75 * TOLERANCE
 #: and of bounds in doubles that are near enough.
 SAME = 1.0 - 0.1 * TOLERANCE
+#: Smallest delta of a game.
+LEAST = LARGEST**-0.5
+#: If delta exceeds delta_min by a smaller fraction, a larger one is advised.
+CLOSE = 0.01
+
+# The others guide the search, and decide nothing: the bounds are proved.
+
 #: The square of a decay below this fraction of that without disturbance may be 0 in doubles.
 ON_AXIS = 1e-13
 #: Relative change of an estimate that is then left to the proofs.
 SETTLED = 0.05 * TOLERANCE
-#: Smallest delta of a game.
-LEAST = LARGEST**-0.5
 #: Largest number of estimates in doubles; six are usual.
 MOST_ESTIMATES = 40
 #: Exponent of the growing factor of 1/δ² of further proofs.
@@ -44,8 +49,6 @@ WIDER = 30
 MOST_FACTOR = 1e12
 #: Magnitude of a negative eigenvalue of P, relative to the P without disturbance, in doubles.
 INDEFINITE = 1e-2
-#: If delta exceeds delta_min by a smaller fraction, a larger one is advised.
-CLOSE = 0.01
 
 
 class DeltaMin(NamedTuple):
