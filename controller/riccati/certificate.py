@@ -76,7 +76,7 @@ def _sentences(certificate: Certificate) -> Iterator[str]:
     equation = enclosure.proved.equation
     game = equation.game
     stable = "stable" if game.is_discrete else "Hurwitz"
-    loops = ("A - B K + E L", "A - B K") if equation.is_disturbed else ("A - B K",)
+    loops: tuple[str, ...] = ("A - B K + E L", "A - B K") if equation.is_disturbed else ("A - B K",)
     if game.discount != 1.0:
         loops = tuple(f"sqrt(discount) ({loop})" for loop in loops)
     yield (
