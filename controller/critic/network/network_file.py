@@ -45,11 +45,8 @@ OUTPUTS = ("V", "gradient", "policy", "V+policy")
 #: Suffixes of the files of networks.
 SUFFIXES = (".onnx", ".pkl", ".pt", ".pth", ".cleanrl_model", ".safetensors", ".zip")
 
-#: What `hfa verify` requires of a policy whose observations are not the states.
-_DEPLOYMENT = (
-    "state its observations in a deployment file (docs/policy.md) and give that file, "
-    "--weights FILE.toml"
-)
+#: What a policy requires whose observations are not the states.
+_DEPLOYMENT = "state its observations in a deployment file FILE.toml (docs/policy.md) and give that"
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +181,7 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
     """Return the requested networks of linear layers among tensors."""
     stated = contents.stated
     if asked.of_states:
-        _refuse_normalizer(stated)
+        refuse_normalizer(stated)
     tensors, precision = checked_tensors(without_training(contents.tensors))
     if stated.network:
         parts = _with_policy(parts, stated.network)
@@ -230,17 +227,17 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
     return NetworkFile(functions, "; ".join(chains), precision, stated, rows=rows)
 
 
-def _refuse_normalizer(stated: Stated) -> None:
+def refuse_normalizer(stated: Stated) -> None:
     """Raise BadInputError if the policy of a file acts on normalized observations."""
     if stated.normalizer is not None:
         raise BadInputError(
             f"the file normalizes {stated.normalizer.mean.size} observations of its training, "
-            f"which are not the deviations of the states; {_DEPLOYMENT}"
+            f"which are not the deviations of the states; {_DEPLOYMENT} file"
         )
     if stated.is_normalized:
         raise BadInputError(
             "the policy was trained behind a VecNormalize, which the zip file does not contain; "
-            f'{_DEPLOYMENT}, with normalizer = "vecnormalize.pkl" in its [policy]'
+            f'{_DEPLOYMENT} file, with normalizer = "vecnormalize.pkl" in its [policy]'
         )
 
 

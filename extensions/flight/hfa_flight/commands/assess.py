@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from controller.critic.critic_file import critic_suffixes, is_network
+from controller.critic.critic_file import critic_suffixes
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import each_of, input_file, linear_state, number, whole
 from hfa.options.command import Outcome, Request, command
@@ -77,14 +77,15 @@ class AssessRequest(Request, SeveralTrims):
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     file: Path | None = option(
         "deployment file (observations, actions and timing of a policy), or, with "
-        "--sample-time, file with a gain K",
+        "--sample-time, file with a policy u(x): a gain K or a network",
         "DEPLOYMENT.toml",
         _deployment_path,
         names="file",
         count="?",
     )
     sample_time: float | None = option(
-        "sample time, s, of a gain K (u = -K x) in place of a deployment file",
+        "sample time, s, of a policy u(x) of the deviations x from the trim, in place of a "
+        "deployment file",
         "S",
         number,
     )
@@ -137,34 +138,29 @@ def _given(request: AssessRequest) -> _Given:
 def _deployment(request: AssessRequest, model: Model) -> Deployment:
     """Load the deployment.
 
-    Raises BadInputError without a file, for a gain without a sample time, for a sample time
-    without a gain, and as `sampled_gain` and `Deployment.load` do.
+    Raises BadInputError without a file, for a policy without a sample time, for one with two, and
+    as `sampled_policy` and `Deployment.load` do.
 
-    model: aircraft of a gain
+    model: aircraft of a policy u(x)
     """
-    from hfa_flight.policies.deployment.deployment import Deployment, sampled_gain
+    from hfa_flight.policies.deployment.deployment import Deployment, sampled_policy
 
     file = request.file
     if file is None:
         raise BadInputError(
-            "no policy is given; give a deployment file, or a file with a gain K and its "
+            "no policy is given; give a deployment file, or a file with a policy u(x) and its "
             "--sample-time S"
         )
     if file.suffix.lower() == ".toml":
         if request.sample_time is not None:
-            raise BadInputError(
-                "--sample-time applies only to a file with a gain K; give a file with a gain "
-                "K, or remove --sample-time"
-            )
+            raise BadInputError(f"{file} states its sample time, timing.dt; remove --sample-time")
         return Deployment.load(file)
-    if request.sample_time is not None:
-        return sampled_gain(file, model, request.sample_time)
-    if is_network(file):
+    if request.sample_time is None:
         raise BadInputError(
-            f"{file}: a network requires a deployment file, with the network as its "
-            "[policy]; give the file FILE.toml"
+            f"{file}: a policy u(x) requires a sample time; add --sample-time S, or give a "
+            "deployment file, if its inputs are not the deviations from the trim"
         )
-    raise BadInputError(f"{file}: a gain K requires a sample time; add --sample-time S")
+    return sampled_policy(file, model, request.sample_time)
 
 
 def _assumed_trim(request: AssessRequest, point: OperatingPoint) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
+from policy_cases import ROOT
 from scipy.linalg import solve_continuous_are
 from scipy.signal import cont2discrete
 from tolerances import FEW_ROUNDINGS
@@ -24,6 +25,7 @@ u1 = {}
 dt = 0.05
 """
 SAMPLED = ("--sample-time", "0.05")
+ZIPS = ROOT / "tests" / "controller" / "critic" / "network" / "zips"
 
 
 @pytest.fixture
@@ -75,6 +77,23 @@ def test_a_gain_alone_is_assessed(folder):
     assert radii[0] == radii[1] == pytest.approx(radii[2], rel=1e-12)
 
 
+def test_a_network_of_the_states_is_assessed_alone(folder):
+    """With a sample time as by a deployment file; not one that was trained behind a normalizer."""
+    np.savez("plant.npz", A=-np.eye(3), B=[[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
+    observed = "x1 = {}\nx2 = {}\nx3 = {}"
+    table = DEPLOYMENT.replace("x1 = {}\nx2 = {}", observed).replace("u1 = {}", "u1 = {}\nu2 = {}")
+    Path("deployment.toml").write_text(table.replace("K.npz", str(ZIPS / "sac.zip")))
+    words = ("--aircraft", "plant.npz", "--samples", "0", "--json")
+    alone, described = (
+        json.loads(hfa("assess", *named, *words).out)
+        for named in ((str(ZIPS / "sac.zip"), *SAMPLED), ("deployment.toml",))
+    )
+    assert alone["points"] == described["points"]
+    assert alone["stated"]["action"]["squash"] == "tanh"
+    refused = hfa("assess", str(ZIPS / "ppo_normalized.zip"), *SAMPLED, *words)
+    assert_refused(refused, 2, "trained behind a VecNormalize")
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -85,8 +104,9 @@ def test_a_gain_alone_is_assessed(folder):
         ),
         ("steps_of_K.npz --sample-time 0.05", "K is a gain for dt = 0.1 s"),
         ("K.npz", "add --sample-time"),
-        ("policy.onnx", "a network requires a deployment file"),
-        ("deployment.toml --sample-time 0.05", "--sample-time applies only to"),
+        ("policy.onnx", "a policy u(x) requires a sample time; add --sample-time"),
+        ("policy.onnx --sample-time 0.05", "policy.onnx: the graph uses ONNX operator set 0"),
+        ("deployment.toml --sample-time 0.05", "remove --sample-time"),
         ("deployment.toml --aircraft steps.npz", "the plant is in discrete time"),
         ("deployment.toml --aircraft nan.npz", "A[0][0] is nan"),
         ("deployment.toml --aircraft A.npz", "unknown input 'u1'"),

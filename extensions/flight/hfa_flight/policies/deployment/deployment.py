@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.critic.critic_file import entries_in, gain_in, is_network
+from controller.critic.network.network_file import refuse_normalizer
 from controller.critic.network.stated import Normalizer
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import sample_time
@@ -25,6 +26,8 @@ from hfa_support.reporting.report import Reported
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked
 
 if TYPE_CHECKING:
+    import casadi as ca
+
     from hfa_aircraft.model import Model
 
 #: Largest delay that is assessed, in samples.
@@ -320,22 +323,39 @@ class Deployment(Reported):
         return made
 
 
-def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
-    """Return the deployment of the gain K in a critic's file, in the units of the model.
+def sampled_policy(path: Path, model: Model, dt: float) -> Deployment:
+    """Return the deployment of a file with a policy u(x) of all inputs: a gain K, or a network.
 
-    The policy is u = -K x with all inputs. x are the deviations of all linear states from the trim,
-    sampled every dt seconds.
+    x are the deviations of all linear states from the trim, sampled every dt seconds, in the units
+    of the model.
 
     Raises BadInputError if K has another shape, other units that cannot be converted, or another
-    sample time, or if the file contains no linear policy.
+    sample time, if a network was trained behind a normalizer, or if the file contains neither.
     """
+    is_of_layers = is_network(path)
+    deployment = Deployment(
+        policy={"file": path.name if is_of_layers else _sampled_gain(path, model, dt)},
+        observation={name: {} for name in model.linear},
+        action={name: {} for name in model.inputs},
+        timing={"dt": dt},
+        folder=path.parent,
+        origin=str(path),
+    )
+    if is_of_layers:
+        with prefix_errors(path):
+            refuse_normalizer(deployment.actor.stated)
+    return deployment
+
+
+def _sampled_gain(path: Path, model: Model, dt: float) -> ca.Function:
+    """Return the policy -K x of the gain in a critic's file."""
     inputs, m, n = tuple(model.inputs), len(model.inputs), len(model.linear)
     names = PlantNames(model.linear, inputs, model.units(model.linear), model.units(inputs))
     wanted = (
         f"give a K of {m} x {n} (inputs {', '.join(inputs)} by states "
         f"{', '.join(model.linear)}), or a deployment file"
     )
-    entries = {} if is_network(path) else entries_in(path)
+    entries = entries_in(path)
     with prefix_errors(path):
         if "K" not in entries or "policy_weights" in entries:
             raise BadInputError(f"the file contains no linear policy u = -K x; {wanted}")
@@ -348,14 +368,7 @@ def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
                 f"K is a gain for dt = {designed:g} s; give --sample-time {designed:g}, or remove "
                 "dt from the file"
             )
-    return Deployment(
-        policy={"file": gain_function(K)},
-        observation={name: {} for name in model.linear},
-        action={name: {} for name in model.inputs},
-        timing={"dt": dt},
-        folder=path.parent,
-        origin=str(path),
-    )
+    return gain_function(K)
 
 
 def _plain(value: Any) -> Any:
