@@ -1,36 +1,64 @@
-"""Activation functions of CasADi expressions, which CasADi differentiates exactly."""
+"""Activation functions, of CasADi expressions, which CasADi differentiates exactly, and of arrays.
+
+The functions of an activation are those of a module `f`: casadi, or `ON_ARRAYS` of NumPy.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from hfa_support.errors import refuse_unknown
 
-
-def _relu(x: Any) -> Any:
-    return ca.fmax(x, 0.0)
-
-
-def _leaky_relu(x: Any, alpha: float = 0.01) -> Any:
-    return ca.fmax(x, 0.0) + alpha * ca.fmin(x, 0.0)
+#: NumPy's functions by CasADi's names. nan stays nan, where np.fmax would return the other number.
+ON_ARRAYS = SimpleNamespace(
+    tanh=np.tanh, sin=np.sin, expm1=np.expm1, fmax=np.maximum, fmin=np.minimum
+)
 
 
-def _sigmoid(x: Any) -> Any:
+def _tanh(x: Any, f: Any = ca) -> Any:
+    return f.tanh(x)
+
+
+def _sin(x: Any, f: Any = ca) -> Any:
+    return f.sin(x)
+
+
+def _relu(x: Any, f: Any = ca) -> Any:
+    return f.fmax(x, 0.0)
+
+
+def _leaky_relu(x: Any, f: Any = ca, alpha: float = 0.01) -> Any:
+    return f.fmax(x, 0.0) + alpha * f.fmin(x, 0.0)
+
+
+def _sigmoid(x: Any, f: Any = ca) -> Any:
     # 1 / (1 + exp(-x)) overflows for large -x, and its derivative is then nan.
-    return 0.5 + 0.5 * ca.tanh(0.5 * x)
+    return 0.5 + 0.5 * f.tanh(0.5 * x)
+
+
+def _silu(x: Any, f: Any = ca) -> Any:
+    return x * _sigmoid(x, f)
+
+
+def _elu(x: Any, f: Any = ca, alpha: float = 1.0) -> Any:
+    return f.fmax(x, 0.0) + alpha * f.expm1(f.fmin(x, 0.0))
+
+
+def _selu(
+    x: Any, f: Any = ca, alpha: float = 1.6732632423543772, gamma: float = 1.0507009873554805
+) -> Any:
+    return gamma * _elu(x, f, alpha)
 
 
 def _softplus(x: Any) -> Any:
     # log(1 + exp(x)); beyond 40 it is x to the last digit.
     return ca.if_else(x > 40.0, x, ca.log1p(ca.exp(ca.fmin(x, 40.0))))
-
-
-def _elu(x: Any, alpha: float = 1.0) -> Any:
-    return ca.fmax(x, 0.0) + alpha * ca.expm1(ca.fmin(x, 0.0))
 
 
 def _gelu(x: Any, approximate: str = "none") -> Any:
@@ -39,23 +67,21 @@ def _gelu(x: Any, approximate: str = "none") -> Any:
     return 0.5 * x * (1.0 + ca.erf(x / math.sqrt(2.0)))
 
 
-def _selu(x: Any, alpha: float = 1.6732632423543772, gamma: float = 1.0507009873554805) -> Any:
-    return gamma * (ca.fmax(x, 0.0) + alpha * ca.expm1(ca.fmin(x, 0.0)))
-
-
 #: Activations by the names of `--set activation`: those of torch's classes, in lower case.
 ACTIVATIONS: Mapping[str, Callable[..., Any]] = {
-    "tanh": ca.tanh,
+    "tanh": _tanh,
     "relu": _relu,
     "leaky_relu": _leaky_relu,
     "sigmoid": _sigmoid,
     "softplus": _softplus,
     "elu": _elu,
     "gelu": _gelu,
-    "silu": lambda x: x * _sigmoid(x),
+    "silu": _silu,
     "selu": _selu,
-    "sin": ca.sin,
+    "sin": _sin,
 }
+#: Activations that only CasADi evaluates.
+OF_CASADI = ("softplus", "gelu")
 
 
 def activation_named(name: str) -> str:

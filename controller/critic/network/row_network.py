@@ -6,38 +6,21 @@ Other networks are computed in double precision.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from controller.critic.network.activations import ACTIVATIONS, OF_CASADI, ON_ARRAYS
+
 #: Function x (N, n) -> y (N, k).
 RowNetwork = Callable[[np.ndarray], np.ndarray]
-
-
-def _sigmoid(x: np.ndarray) -> np.ndarray:
-    return 0.5 + 0.5 * np.tanh(0.5 * x)
-
-
-def _elu(x: np.ndarray) -> np.ndarray:
-    return np.maximum(x, 0.0) + np.expm1(np.minimum(x, 0.0))
 
 
 #: A network with a matrix of at least this many entries is wide.
 _WIDE = 2**14
 #: Number of rows per product. The values between the layers then fit into the cache.
 _TOGETHER = 500
-#: Activations that NumPy evaluates on arrays, which may be overwritten; "" means no activation.
-ROW_ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
-    "": lambda x: x,
-    "tanh": lambda x: np.asarray(np.tanh(x, out=x)),
-    "relu": lambda x: np.asarray(np.maximum(x, 0.0, out=x)),
-    "leaky_relu": lambda x: np.maximum(x, 0.0) + 0.01 * np.minimum(x, 0.0),
-    "sigmoid": _sigmoid,
-    "elu": _elu,
-    "silu": lambda x: x * _sigmoid(x),
-    "sin": lambda x: np.asarray(np.sin(x)),
-}
 
 
 class Layer(NamedTuple):
@@ -73,20 +56,20 @@ def precision_of(matrix: np.ndarray) -> type[np.floating]:
 def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
     """Return the function x (N, n) -> (N, k) of a chain of layers.
 
-    The result is None if an activation is not in `ROW_ACTIVATIONS`.
+    The result is None if only CasADi evaluates an activation.
     """
-    if any(layer.activation not in ROW_ACTIVATIONS for layer in layers):
+    if any(layer.activation in OF_CASADI for layer in layers):
         return None
     kind = precision_of(max((layer.weight for layer in layers), key=np.size))
     columns = [np.ascontiguousarray(layer.weight.T, dtype=kind) for layer in layers]
     biases = [layer.bias.astype(kind) for layer in layers]
-    activations = [ROW_ACTIVATIONS[layer.activation] for layer in layers]
+    names = [layer.activation for layer in layers]
 
     def on_some(x: np.ndarray) -> np.ndarray:
-        for weight, bias, activation in zip(columns, biases, activations, strict=True):
+        for weight, bias, name in zip(columns, biases, names, strict=True):
             x = x @ weight
             x += bias
-            x = activation(x)
+            x = ACTIVATIONS[name](x, ON_ARRAYS) if name else x
         return x
 
     def on_rows(x: np.ndarray) -> np.ndarray:

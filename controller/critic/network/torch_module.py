@@ -2,36 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from itertools import pairwise
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
+from controller.critic.network.activations import activation_named
 from controller.critic.network.tensors import flattened
 from hfa_support.errors import BadInputError, shortened
 
 _ADVICE = "export the network to ONNX (torch.onnx.export) and give the ONNX file"
-
-
-class _Activation(NamedTuple):
-    """Name of an activation in `ACTIVATIONS`, and the settings that it requires."""
-
-    name: str
-    settings: Mapping[str, Any] = {}
-
-
-#: Class in torch.nn -> the activation.
-_ACTIVATIONS = {
-    "ELU": _Activation("elu", {"alpha": 1.0}),
-    "GELU": _Activation("gelu", {"approximate": "none"}),
-    "LeakyReLU": _Activation("leaky_relu", {"negative_slope": 0.01}),
-    "ReLU": _Activation("relu"),
-    "SELU": _Activation("selu"),
-    "SiLU": _Activation("silu"),
-    "Sigmoid": _Activation("sigmoid"),
-    "Softplus": _Activation("softplus", {"beta": 1.0, "threshold": 20.0}),
-    "Tanh": _Activation("tanh"),
+#: Activation class in torch.nn -> the settings that it must have.
+_ACTIVATIONS: dict[str, dict[str, Any]] = {
+    "ELU": {"alpha": 1.0},
+    "GELU": {"approximate": "none"},
+    "LeakyReLU": {"negative_slope": 0.01},
+    "ReLU": {},
+    "SELU": {},
+    "SiLU": {},
+    "Sigmoid": {},
+    "Softplus": {"beta": 1.0, "threshold": 20.0},
+    "Tanh": {},
 }
 
 
@@ -43,31 +34,25 @@ def is_module(source: Any) -> bool:
 def module_contents(module: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return the tensors of nested Sequentials by name, and layer -> its activation.
 
-    Raises BadInputError for another module among them, and for sizes that do not fit.
+    Raises BadInputError for another module among them.
     """
     tensors: dict[str, np.ndarray] = {}
     activations: dict[str, str] = {}
-    layers: list[tuple[str, tuple[int, ...]]] = []
+    layer = None
     for name, part in _parts("", module):
-        if _class_of(part) == "Linear":
+        kind = _class_of(part)
+        if kind == "Linear":
             stored = {key: each for key, each in part._parameters.items() if each is not None}
             tensors |= flattened(stored, f"{name}.".removeprefix("."))
-            layers.append((name, tensors[f"{name}.weight".removeprefix(".")].shape))
-        elif not layers or layers[-1][0] in activations:
+            layer = name
+        elif layer is None or layer in activations:
             raise BadInputError(
-                f"the network contains the activation {_class_of(part)}, which does not directly "
-                f"follow a linear layer; {_ADVICE}"
+                f"the network contains the activation {kind}, which does not directly follow a "
+                f"linear layer; {_ADVICE}"
             )
         else:
-            activations[layers[-1][0]] = _activation(part)
-    if not layers:
-        raise BadInputError("the network contains no linear layer; give a feed-forward network")
-    for (before, (outputs, *_)), (name, shape) in pairwise(layers):
-        if outputs != shape[-1]:
-            raise BadInputError(
-                f"layer {name} has {shape[-1]} inputs, but the preceding layer {before} has "
-                f"{outputs} outputs; make the two numbers equal"
-            )
+            _refuse_settings(part, kind)
+            activations[layer] = activation_named(kind)
     return tensors, activations
 
 
@@ -94,14 +79,11 @@ def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
         )
 
 
-def _activation(module: Any) -> str:
-    """Return the name of an activation module."""
-    kind = _class_of(module)
-    name, settings = _ACTIVATIONS[kind]
-    for setting, value in settings.items():
+def _refuse_settings(module: Any, kind: str) -> None:
+    """Raise BadInputError for an activation module with other settings than those of its class."""
+    for setting, value in _ACTIVATIONS[kind].items():
         if getattr(module, setting) != value:
             raise BadInputError(
                 f"{kind} has {setting} = {getattr(module, setting)}, but only {value} is "
                 f"supported; {_ADVICE}"
             )
-    return name

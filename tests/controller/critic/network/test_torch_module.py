@@ -97,10 +97,10 @@ def test_unsupported_modules_and_settings_are_refused() -> None:
             _sequential(_module("Tanh"), layer),
             "activation Tanh, which does not directly follow a linear layer",
         ),
-        (_sequential(_module("Identity")), "no linear layer"),
+        (_sequential(_module("Identity")), "no tensors"),
         (
             _sequential(layer, _linear(np.ones((1, 3)), None)),
-            "layer 1 has 3 inputs, but the preceding layer 0 has 1 outputs",
+            "has the input size 3, but layer '0' before it has the output size 1",
         ),
         (_sequential(_linear([[np.nan, 1.0]], None)), "not finite"),
         (_sequential(_linear(np.ones((1, 5)), None)), "the network has 5 inputs; give 2"),
