@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
+from controller.critic.network.stated import NOTHING
 from controller.riccati.excess import SAME_DOUBLE, Excess
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, Checked
@@ -196,6 +197,8 @@ class Verdict(Checked, Result, Reported):
             "grade": self.grade,
             "checks": [storable(check) | {"kind": check.kind} for check in self.checks],
         } | without_empty(nonlinear=self.nonlinear)
+        if self.critic.stated is not NOTHING:
+            entries["stated"] = self.critic.stated
         for section in self.sections:
             entries |= section.data
         return entries

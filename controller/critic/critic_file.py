@@ -18,6 +18,7 @@ from controller.critic.critic import Critic, from_parts, from_q_function, polyno
 from controller.critic.features import is_list
 from controller.critic.labels import blocks_in_order
 from controller.critic.network.network_file import SUFFIXES
+from controller.critic.network.stated import NOTHING
 from controller.critic.reading import DIMENSIONS, CriticFile, Reading, in_plant_units
 from controller.game.basis import Basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
@@ -33,7 +34,7 @@ from hfa_aircraft.readers.matrices_file import (
 from hfa_support.arrays.one_matrix import UNKNOWN
 from hfa_support.arrays.read import read_arrays
 from hfa_support.entry_points import CRITICS, loaded, offered
-from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors
+from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shortened
 from hfa_support.files import MATRIX_FILES
 from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.text import numbered
@@ -109,6 +110,7 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
         stored["H"] = _in_order_of(game, stored["H"], words(entries, "H_signals"))
         parts = in_plant_units(stored, scales)
         return from_q_function(game, parts.pop("H"), parts)
+    notes = _other_names(entries, game.names)
     L = None
     if game.is_discrete and "L" in entries:
         L = in_plant_units({"L": numbers_in("L", entries["L"])}, scales)["L"]
@@ -129,7 +131,8 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
             "--basis lists functions, but the file contains no W; add W, or give --basis a name"
         )
     critic = from_parts(game, parts, psi, policy_in(entries, game.names))
-    return critic if L is None else replace(critic, L=L)
+    stated = NOTHING._replace(notes=notes) if notes else NOTHING
+    return replace(critic, L=L, stated=stated)
 
 
 def _in_order_of(game: Game, H: np.ndarray, signals: tuple[str, ...]) -> np.ndarray:
@@ -147,6 +150,17 @@ def _in_order_of(game: Game, H: np.ndarray, signals: tuple[str, ...]) -> np.ndar
             "them once"
         )
     return H[np.ix_(places, places)]
+
+
+def _other_names(entries: Mapping[str, Any], plant: PlantNames) -> tuple[str, ...]:
+    """Return notes on states and inputs that have other names in a file than in the plant."""
+    notes = []
+    for key, own in (("states", plant.states), ("inputs", plant.inputs)):
+        named = words(entries, key)
+        if named and own and [each.lower() for each in named] != [each.lower() for each in own]:
+            listed = shortened(", ".join(named), 200)
+            notes.append(f"{key} {listed} of the file, taken as {shortened(', '.join(own), 200)}")
+    return tuple(notes)
 
 
 def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:

@@ -268,7 +268,6 @@ def _polynomial_section(critic: Critic) -> Section:
         "precision": critic.precision,
         "value_at_origin": critic.constant,
         "origin": critic.origin,
-        "stated": critic.stated,
     }
     text = f"Polynomial, {critic.precision} weights, V(0) = {critic.constant:.4g}"
     return Section((text,), {"network": data})

@@ -292,7 +292,6 @@ def nonlinear_section(
         "precision": critic.precision,
         "value_at_origin": critic.constant,
         "origin": critic.origin,
-        "stated": critic.stated,
         "starts": starts_of(critic),
         "searched": [item._asdict() for item in found],
         "at": b,

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -187,12 +188,12 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         parts = _with_policy(parts, stated.network)
     words = "+".join(filter(None, parts.values()))
 
-    def check(layers: list[Layer]) -> None:
+    def check(kind: str, layers: list[Layer]) -> None:
         """Raise BadInputError if layers do not fit the plant, or others may act on them."""
         is_alone = bool(words) or sum(each.ndim == 2 for each in tensors.values()) == 1
         if len(layers) == 1 and is_alone and layers[0].inputs == asked.basis_size:
             return
-        check_width(layers[0].inputs, asked.states, asked.inputs)
+        check_width(layers[0].inputs, asked.states, 0 if kind == "policy" else asked.inputs)
         if stated.inputs != layers[0].inputs:  # else nothing acts on the observations
             named = {layer.name for layer in layers}
             others = {
@@ -203,7 +204,7 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
             refuse_others(others, layers[0].inputs, layers[-1].outputs)
 
     chosen = {
-        kind: layers_of(tensors, kind, part, contents.is_ordered, check, asked.sizes)
+        kind: layers_of(tensors, kind, part, contents.is_ordered, partial(check, kind), asked.sizes)
         for kind, part in parts.items()
     }
     on_basis = _layer_on_basis(chosen, asked)
@@ -217,7 +218,7 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
     chains = [stated.algorithm] if stated.algorithm else []
     for kind, layers in chosen.items():
         layers = _with_activations(layers, contents, asked.activation)
-        functions[kind], of_rows = composed(layers)
+        functions[kind], of_rows = _composed(layers)
         chains.append(_description(kind, layers))
         if of_rows is not None:
             rows[kind] = of_rows
@@ -326,7 +327,7 @@ def _with_activations(
     return [*hidden, layers[-1]._replace(activation=last)]
 
 
-def composed(layers: list[Layer]) -> tuple[ca.Function, RowNetwork | None]:
+def _composed(layers: list[Layer]) -> tuple[ca.Function, RowNetwork | None]:
     """Return the function x (n,) -> output of the last layer (k,), and its version for many rows.
 
     The version for many rows is None unless `row_network` supports all activations.

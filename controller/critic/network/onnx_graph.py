@@ -421,8 +421,8 @@ def check_width(width: int, states: int, inputs: int) -> None:
         return
     if inputs == 0:
         raise BadInputError(
-            f"the network has {width} inputs, but {states} observations are given; list the "
-            "observations of the training"
+            f"the policy has {width} inputs, but {states} observations are given; list those of "
+            "its training in a deployment file (docs/policy.md)"
         )
     if width != states + inputs:
         raise BadInputError(

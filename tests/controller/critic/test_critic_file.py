@@ -16,6 +16,7 @@ import hfa
 from controller import basis, critic_in
 from hfa import BadInputError, Game
 from hfa.extend import Reading
+from hfa_aircraft.names import PlantNames
 
 #: Game with two states and two inputs: 3 weights, 4 entries of P and of K.
 GAME = Game(
@@ -267,3 +268,16 @@ def test_the_table_of_hfa_solve_is_read_back(tmp_path: Path) -> None:
     Path("other.csv").write_text(text.replace("P,alpha,speed", "P,alpha,alpha"))
     with pytest.raises(BadInputError, match="P lacks an entry"):
         critic_in("other.csv", ONE)
+
+
+def test_other_names_in_a_file_are_noted() -> None:
+    """Names of the plant in another order are refused; others are taken in its order, and told."""
+    named = replace(GAME, names=PlantNames(("angle", "rate"), ("roll", "pitch")))
+    for given, said in ((("Angle", "rate"), ""), (("angel", "rate"), "angel, rate of the file")):
+        np.savez("K.npz", K=np.eye(2), states=given)
+        told = hfa.verify(named, hfa.read_critic("K.npz", named)).report()
+        assert said in " ".join(told.text().split())
+        assert ("taken as" in told.text()) == ("stated" in told.data) == bool(said)
+    np.savez("K.npz", K=np.eye(2), states=("rate", "angle"))
+    with pytest.raises(BadInputError, match="reorder the matrices"):
+        hfa.read_critic("K.npz", named)

@@ -397,7 +397,7 @@ def test_a_normalizer_that_saw_more_than_the_training_is_noted(folder):
         told = hfa.verify(hfa.game(linear), critic, flights=0).report()
         noted = f"but the policy was trained with {steps - less}: it was not saved with this policy"
         assert (noted in " ".join(told.text().split())) == is_told
-        assert any(noted in each for each in told.data["network"]["stated"]["notes"]) == is_told
+        assert any(noted in each for each in told.data["stated"]["notes"]) == is_told
 
 
 def test_a_missing_and_another_normalizer_are_noted():

@@ -54,7 +54,7 @@ def test_a_zip_gives_the_actions_of_stable_baselines(name: str) -> None:
     assert ("ars" in name) == (critic.stated.notes == ())
     told = hfa.verify(GAME, critic, flights=0).report()
     assert all(note in " ".join(told.text().split()) for note in critic.stated.notes)
-    stated = told.data["network"]["stated"]
+    stated = told.data["stated"]
     assert stated["algorithm"] == critic.stated.algorithm
     assert stated["notes"] == list(critic.stated.notes)
     assert stated["action"]["high"] == pytest.approx([2.0, 0.25])
@@ -270,3 +270,10 @@ def test_the_table_of_several_files_says_what_is_not_used() -> None:
     for words in (("-q",), ("-q", "--json")):
         said = hfa_command("verify", "--model", "plant.json", "--weights", *files, *words).out
         assert "not used: actor.log_std" in " ".join(said.split())
+
+
+def test_a_policy_of_other_observations_is_no_q_function() -> None:
+    """Of 3 observations, for a plant of 2 states and 1 input."""
+    game = hfa.Game(-np.eye(2), np.ones((2, 1)), Q=np.ones(2), R=np.ones(1))
+    with pytest.raises(BadInputError, match="has 3 inputs, but 2 observations are given"):
+        hfa.read_critic(ZIPS / "sac.zip", game)
