@@ -5,6 +5,8 @@
 The torque limit is too low to lift the pendulum from the horizontal.
 """
 
+from dataclasses import replace
+
 import casadi as ca
 
 from hfa import Model, Signal
@@ -32,4 +34,14 @@ PENDULUM = Model(
     disturbances={"push": Signal("N m", nominal=0.1)},
     equations=pendulum,
     trim={"angle": 0.0, "rate": 0.0},
+)
+
+#: Near the upright position, as the policies in pendulum_policies/ hold it.
+UPRIGHT = replace(
+    PENDULUM,
+    name="upright pendulum",
+    states={
+        "angle": Signal("rad", nominal=0.1, min=-0.3, max=0.3),
+        "rate": Signal("rad/s", nominal=0.5, min=-1.0, max=1.0),
+    },
 )
