@@ -57,19 +57,6 @@ def agree(found: np.ndarray, right: np.ndarray, sizes: np.ndarray) -> bool:
     return bool(np.abs((found - right) / sizes).max() <= CLOSE)
 
 
-@pytest.mark.parametrize("dt", [None, True])
-def test_ten_random_games_have_one_value_in_all_units(dt: bool | None) -> None:
-    for seed in range(10):
-        rng = np.random.default_rng(seed)
-        n, m = rng.integers(1, 6, 2)
-        A, B, E, C = (rng.standard_normal((n, k)) for k in (n, m, 2, n))
-        game = Game(A, B, E=E, Q=C @ C.T, R=np.eye(m), delta=100.0, dt=dt)
-        other, (z, _, _, _, cost) = in_other_units(game, seed)
-        P = hfa.solve(game).P
-        sizes = np.sqrt(np.diag(P))
-        assert agree(hfa.solve(other).P * np.outer(z, z) / cost, P, np.outer(sizes, sizes))
-
-
 CASES = [
     ("continuous", 39),
     ("discrete", 41),
