@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -26,7 +26,7 @@ class Units(NamedTuple):
     chord: str = ""
     thrust: str = ""
 
-    def sizes(self) -> tuple[float, float, float]:
+    def sizes(self):
         """Return how many of these units a radian, a meter and a newton are."""
         sizes = [conversion(si, unit) for si, unit in zip(("rad", "m", "N"), self[:3], strict=True)]
         return tuple(sizes)  # type: ignore[return-value]  # the units are known
@@ -36,14 +36,14 @@ ALL = [Units(angle, *rest) for angle in ("rad", "deg") for rest in (("m", "N"), 
 MIXED = [Units("rad", "m", "N", "cm", "lbf"), Units("deg", "ft", "lbf", "in", "N")]
 
 
-def aircraft(units: Units) -> Model:
+def aircraft(units):
     """Return a small aircraft whose signals are in some units."""
     angle, length, force = units.sizes()
     of_chord, of_thrust = units.chord or units.length, units.thrust or units.force
     thrust_size = conversion("N", of_thrust) or math.nan
     chord_size = conversion("m", of_chord) or math.nan
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         speed, alpha, pitch = x.speed / length, x.alpha / angle, x.pitch / angle
         pitch_rate, elevator = x.pitch_rate / angle, u.elevator / angle
         thrust = u.thrust / thrust_size
@@ -112,7 +112,7 @@ SAME = (
 )
 
 
-def figures(units: Units) -> dict[str, float]:
+def figures(units):
     """Return figures of the sheet, the levels, the modes, a game and a flight, in fixed units."""
     angle, length, _ = units.sizes()
     model = aircraft(units)
@@ -149,12 +149,12 @@ def figures(units: Units) -> dict[str, float]:
 
 
 @pytest.fixture(scope="module")
-def reference() -> dict[str, float]:
+def reference():
     """Return the figures in SI units."""
     return figures(ALL[0])
 
 
-def test_the_figures_are_those_of_the_coefficients(reference: dict[str, float]) -> None:
+def test_the_figures_are_those_of_the_coefficients(reference):
     """Slopes are those of the equations, and the rate of climb is (T_max - T) V cos α / W."""
     point = hfa.trim(aircraft(ALL[0]))
     climb = (6000.0 - point["thrust"]) * 50.0 * math.cos(point["alpha"]) / 12262.5
@@ -168,12 +168,12 @@ def test_the_figures_are_those_of_the_coefficients(reference: dict[str, float]) 
 
 
 @pytest.mark.parametrize("units", [*ALL[1:], *MIXED], ids="-".join)
-def test_figures_do_not_depend_on_units(units: Units, reference: dict[str, float]) -> None:
+def test_figures_do_not_depend_on_units(units, reference):
     """Sheet, levels, modes, closed loop and flight are equal in degrees, in feet, and in mixed units."""
     assert figures(units) == pytest.approx(reference, rel=1e-6, nan_ok=True)
 
 
-def test_handling_qualities_are_per_second() -> None:
+def test_handling_qualities_are_per_second():
     """The frequency of a model in minutes, 3 rad/min, is 0.05 rad/s; its eigenvalues are per
     minute.
     """

@@ -1,7 +1,5 @@
 """Limits that no data of an aircraft state are marked and ranked after declared ones."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from project import ROOT
@@ -10,7 +8,7 @@ import hfa
 from trim import usual_condition
 
 
-def test_a_limit_of_the_user_or_of_the_model_is_not_assumed() -> None:
+def test_a_limit_of_the_user_or_of_the_model_is_not_assumed():
     """Limits of the flexible aircraft and of a table are assumed, but for the user's."""
     for model in (hfa.aircraft(), hfa.load_model(f"{ROOT}/examples/uav.toml")):
         margins = hfa.trim(model).margins

@@ -1,13 +1,9 @@
 """What results of trims and sweeps are exported to: data frames, arrays and tables."""
 
-from __future__ import annotations
-
 import csv
 import math
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,11 +16,11 @@ from hfa.paper import level_flight
 
 
 @pytest.fixture(scope="module")
-def point() -> hfa.OperatingPoint:
+def point():
     return hfa.trim(hfa.aircraft(), level_flight(0.17))
 
 
-EXPORTS: dict[str, Callable[[Any], Any]] = {
+EXPORTS = {
     "sweep to pandas": lambda point: hfa.sweep(point.model, dihedral=[0.1, 0.2]).to_pandas(),
     "sweep to xarray": lambda point: hfa.sweep(point.model, dihedral=[0.1, 0.2]).to_xarray(),
     "point to pandas": lambda point: point.to_pandas(),
@@ -37,9 +33,7 @@ EXPORTS: dict[str, Callable[[Any], Any]] = {
 
 
 @pytest.mark.parametrize("name", EXPORTS)
-def test_a_missing_package_is_named(
-    name: str, point: hfa.OperatingPoint, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_package_is_named(name, point, monkeypatch):
     """Without pandas, xarray or reportlab an export is refused in one line with the command that installs it."""
     package = name.split()[-1]
     monkeypatch.setitem(sys.modules, package, None)
@@ -53,9 +47,7 @@ def test_a_missing_package_is_named(
     ("file", "variable", "value"),
     [("", "dihedral", 10.0), ("uav.toml", "speed", 30.0), ("navion.py:NAVION", "speed", 176.0)],
 )
-def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(
-    file: str, variable: str, value: float, folder: Path
-) -> None:
+def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(file, variable, value, folder):
     """Name, value, unit and level of each row are those of the data and, in degrees, of the CSV
     files of the trim and of a matrix of conditions, which have no other rows.
     """
@@ -99,9 +91,7 @@ def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(
     assert (data, records, cells) == ({}, {}, {})
 
 
-def test_a_report_in_latex_has_the_cells_of_its_tables(
-    point: hfa.OperatingPoint, tmp_path: Path
-) -> None:
+def test_a_report_in_latex_has_the_cells_of_its_tables(point, tmp_path):
     """A .tex file has a booktabs table with each value of the printed modes, and escapes names."""
     pytest.importorskip("pandas")
     file = tmp_path / "sheet.tex"
@@ -114,7 +104,7 @@ def test_a_report_in_latex_has_the_cells_of_its_tables(
         assert f"{mode.eigenvalue.real:.4f}" in text
 
 
-def test_a_sweep_in_netcdf_is_read_back(point: hfa.OperatingPoint, tmp_path: Path) -> None:
+def test_a_sweep_in_netcdf_is_read_back(point, tmp_path):
     """A .nc file contains each array of the sweep, and the parts of its complex eigenvalues."""
     xarray = pytest.importorskip("xarray")
     swept = hfa.sweep(point.model, dihedral=[0.1, 0.2])

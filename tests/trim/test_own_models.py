@@ -1,10 +1,6 @@
 """Users' models: the F-16 of Stevens and Lewis and other published aircraft, and faulty files."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -34,9 +30,7 @@ MODES = {
 
 
 @pytest.mark.parametrize(("xcg", "hold", "rates", "printed"), TRIMS)
-def test_trims_of_the_f16_equal_the_books(
-    xcg: float, hold: dict[str, float], rates: dict[str, float], printed: tuple[float, ...]
-) -> None:
+def test_trims_of_the_f16_equal_the_books(xcg, hold, rates, printed):
     """Trims of the F-16 equal those printed by Stevens and Lewis, in straight flight and in
     turns.
     """
@@ -48,7 +42,7 @@ def test_trims_of_the_f16_equal_the_books(
     np.testing.assert_allclose(computed, printed, rtol=6e-4, atol=6e-5)
 
 
-def test_imbalances_that_do_not_matter_are_not_named() -> None:
+def test_imbalances_that_do_not_matter_are_not_named():
     """The error on a failed trim does not name rates that are unbalanced only by rounding.
 
     At 110 ft/s the F-16 cannot be trimmed, and the residuals of its roll equations are rounding.
@@ -59,7 +53,7 @@ def test_imbalances_that_do_not_matter_are_not_named() -> None:
     assert "roll" not in str(refusal.value)
 
 
-def test_modes_of_the_f16_equal_the_books() -> None:
+def test_modes_of_the_f16_equal_the_books():
     """Modes of the F-16 equal those printed by Stevens and Lewis."""
     model = F16.with_parameters(xcg=0.3)
     computed = {mode.name: mode.eigenvalue for mode in linearize(model, trimmed(model)).modes}
@@ -69,7 +63,7 @@ def test_modes_of_the_f16_equal_the_books() -> None:
         ), name
 
 
-def test_the_gtm_has_the_published_trim() -> None:
+def test_the_gtm_has_the_published_trim():
     """The trim of the GTM agrees with the published values within 1 %. The load factor is 1."""
     point = trimmed(GTM)
     computed = [point.values[name] for name in ("alpha", "elevator", "throttle")]
@@ -80,7 +74,7 @@ def test_the_gtm_has_the_published_trim() -> None:
     assert [mode.name for mode in linearize(GTM, point).modes] == ["short period", "phugoid"]
 
 
-def test_rates_of_the_f16_agree_with_the_book() -> None:
+def test_rates_of_the_f16_agree_with_the_book():
     """The rates of the F-16 agree with Table 3.5-2 of Stevens and Lewis."""
     x = [500, 0.5, -0.2, -1, 1, -1, 0.7, -0.8, 0.9, 1000, 900, 10000, 90]
     printed = [
@@ -99,7 +93,7 @@ def test_rates_of_the_f16_agree_with_the_book() -> None:
     np.testing.assert_allclose(computed, printed, rtol=8e-6)
 
 
-def test_further_initial_guesses_cross_a_flat_region() -> None:
+def test_further_initial_guesses_cross_a_flat_region():
     """Further initial guesses find a trim beyond a region in which the throttle has no effect.
 
     The throttle has no effect below one half.
@@ -136,7 +130,7 @@ def test_further_initial_guesses_cross_a_flat_region() -> None:
         pytest.param("outputs", ("gamma",), marks=pytest.mark.slow),
     ],
 )
-def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) -> None:
+def test_a_wrong_nominal_gives_no_false_result(kind, names):
     """A nominal value that is wrong by a factor of 1,000 changes neither the trim nor the kinks.
 
     A sweep with another one, wrong by 100, converges without searches for single trims.
@@ -172,7 +166,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(("text", "words"), FAULTS.items())
-def test_a_wrong_model_file_is_refused(text: str, words: str, tmp_path: Path) -> None:
+def test_a_wrong_model_file_is_refused(text, words, tmp_path):
     """A mistake in a model file is refused by one line that names the file."""
     path = tmp_path / "own.py"
     path.write_text(text)

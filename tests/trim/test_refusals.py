@@ -1,14 +1,10 @@
 """Calls that cannot be answered are refused, each with what is wrong."""
 
-from __future__ import annotations
-
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,10 +21,10 @@ HFA = hfa.aircraft()
 GTM = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
 
 
-def cart(rate: Callable[[Any, Any], Any] = lambda x, u: u.force) -> Model:
+def cart(rate=lambda x, u: u.force):
     """Return the cart x' = v, v' = force with an output that is not finite at x = 0."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         return {"x": x.v, "v": rate(x, u)}, {"ratio": 1.0 / x.x}
 
     states = {"x": Signal("m", start=1.0), "v": Signal("m/s")}
@@ -36,21 +32,21 @@ def cart(rate: Callable[[Any, Any], Any] = lambda x, u: u.force) -> Model:
 
 
 @cache
-def point() -> hfa.OperatingPoint:
+def point():
     return hfa.trim(HFA)
 
 
-def loaded_with(tmp_path: Path, **entries: Any) -> LinearModel:
+def loaded_with(tmp_path, **entries):
     path = tmp_path / "linear.json"
     path.write_text(json.dumps(point().linearize().to_dict() | entries))
     return LinearModel.load(path)
 
 
-def squared(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def squared(x, u, p, w):
     return {"x": x.v, "v": u.force}, {"ratio": x.v**2}
 
 
-def plant(folder: Path, **entries: Any) -> str:
+def plant(folder, **entries):
     """Return the path of a JSON file with a plant of two states."""
     content = {"A": [[0.0, 1.0], [-2.0, -0.3]], "B": [[0.0], [1.0]], **entries}
     path = folder / "plant.json"
@@ -58,18 +54,18 @@ def plant(folder: Path, **entries: Any) -> str:
     return str(path)
 
 
-def linear() -> LinearModel:
+def linear():
     return point().linearize()
 
 
-def heavier(factor: float) -> Any:
+def heavier(factor):
     """Return the identified parameters with another mass of the panels."""
     found = default_parameters()
     mass = factor * found.values.panel_mass
     return replace(found, values=found.values._replace(panel_mass=mass))
 
 
-def bode(**chosen: Any) -> Any:
+def bode(**chosen):
     """Draw channels of the Navion."""
     return hfa.trim(NAVION).linearize(outputs=("beta",)).select(**chosen).bode()
 
@@ -78,24 +74,24 @@ TWO = LinearModel.of(-np.eye(2), np.eye(2), np.ones((3, 2)), states=("q", "v"), 
 LEVEL = level_flight(0.2)
 
 
-def coasting() -> Model:
+def coasting():
     """Return v' = -v, which its input does not change, beside a turn that no input changes."""
     states = {"speed": Signal("m/s", 1.0, start=10.0), "roll_rate": Signal("rad/s")}
     inputs = {"push": Signal("N")}
     trimmed = {"speed": 10.0, "roll_rate": 0.0}
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         return {"speed": -x.speed, "roll_rate": -x.roll_rate}, {}
 
     return Model("coasting", states, inputs, equations, trim=trimmed)
 
 
-def beyond(**changes: Any) -> hfa.OperatingPoint:
+def beyond(**changes):
     """Trim the flexible aircraft at a condition with other values or limits."""
     return hfa.trim(HFA, level_flight(**({"dihedral": 0.1} | changes)))
 
 
-CALLS: dict[str, Callable[[Path], Any]] = {
+CALLS = {
     "unknown variable 'sped'; did you mean speed": lambda _: point()["sped"],
     "'theta'": lambda _: point().linearize().A["pitch_rate", "theta"],
     "'holds'": lambda _: hfa.trim(HFA, holds={"speed": 70.0}),
@@ -212,9 +208,7 @@ CALLS: dict[str, Callable[[Path], Any]] = {
 
 
 @pytest.mark.parametrize("message", CALLS)
-def test_unanswerable_calls_are_refused(
-    message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unanswerable_calls_are_refused(message, tmp_path, monkeypatch):
     """Each call is refused with the name of its fault, in one line, and writes no file."""
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
@@ -225,7 +219,7 @@ def test_unanswerable_calls_are_refused(
     assert list(Path().iterdir()) == []
 
 
-def test_a_plant_in_continuous_time_is_read(tmp_path: Path) -> None:
+def test_a_plant_in_continuous_time_is_read(tmp_path):
     """`time` may say so, and states with names keep them."""
     model = hfa.load_model(plant(tmp_path, time="continuous", dt=0, states=["q", "v"]))
     assert tuple(model.states) == ("q", "v")

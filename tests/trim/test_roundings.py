@@ -1,9 +1,5 @@
 """What counts as rounding depends on no unit, and not on a stiff part of the model."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -14,11 +10,11 @@ from hfa_support.linear_table import LinearTable
 from trim import release, usual_condition
 
 
-def first_lines(report: Any) -> list[str]:
+def first_lines(report):
     return str(report).partition("\n\n")[0].split("\n")
 
 
-def cart(newton: float = 1.0, meter: float = 1.0, domain: Domain | None = None) -> Model:
+def cart(newton=1.0, meter=1.0, domain=None):
     """Return v' = F - .02 v, with a height that changes nothing, in other units of F and v."""
     return Model(
         "cart",
@@ -31,7 +27,7 @@ def cart(newton: float = 1.0, meter: float = 1.0, domain: Domain | None = None) 
     )
 
 
-def test_a_growth_beside_a_stiff_state_is_unstable() -> None:
+def test_a_growth_beside_a_stiff_state_is_unstable():
     """A pendulum that doubles in 1.4 s is unstable, however fast the valve beside it is."""
     pendulum = Model(
         "pendulum",
@@ -51,14 +47,14 @@ def test_a_growth_beside_a_stiff_state_is_unstable() -> None:
 
 
 @pytest.mark.parametrize("newton", [1.0, 1e-13])
-def test_an_input_of_any_unit_is_named_with_its_value(newton: float) -> None:
+def test_an_input_of_any_unit_is_named_with_its_value(newton):
     """A thrust of a fifth of its nominal size is no rounding, in the trim and in a sweep."""
     model = cart(newton)
     assert f"thrust {0.2 * newton:.3g} N" in first_lines(trim(model).report())[-1]
     assert "thrust N" in str(sweep(model, speed=[10.0, 12.0]).report())
 
 
-def test_a_value_as_in_the_table_is_so_in_any_unit() -> None:
+def test_a_value_as_in_the_table_is_so_in_any_unit():
     """A speed of half the table's is not that of the table, also in units of 1e9 m/s."""
     for meter in (1.0, 1e-9):
         domain = Domain(reference={"speed": 20.0 * meter})
@@ -67,7 +63,7 @@ def test_a_value_as_in_the_table_is_so_in_any_unit() -> None:
         assert "speed as in the table" in str(trim(cart(meter=meter, domain=domain)).report())
 
 
-def test_the_end_of_a_range_is_inside_in_the_sheet_and_in_the_notes() -> None:
+def test_the_end_of_a_range_is_inside_in_the_sheet_and_in_the_notes():
     """A speed one rounding beyond the range of validity is inside, one millionth beyond is not."""
     model = cart(domain=Domain(range={"speed": (5.0, 10.0, "the tests")}))
     for speed, inside in ((np.nextafter(10.0, 11.0), True), (10.00001, False)):
@@ -76,7 +72,7 @@ def test_the_end_of_a_range_is_inside_in_the_sheet_and_in_the_notes() -> None:
         assert (not any("beyond the tests" in note for note in point.warnings)) == inside
 
 
-def test_the_last_breakpoint_of_a_table_may_be_converted() -> None:
+def test_the_last_breakpoint_of_a_table_may_be_converted():
     """60,000 ft in meters is one rounding above 18,288 m, the last breakpoint, and permitted."""
     end = 18288.0
     table = LinearTable([0.0, end], [5.0, 10.0])
@@ -84,7 +80,7 @@ def test_the_last_breakpoint_of_a_table_may_be_converted() -> None:
     assert trim(cart(), release(usual_condition(cart()), hold=at))["speed"] == 10.0
 
 
-def test_another_trim_is_named_however_near_it_is() -> None:
+def test_another_trim_is_named_however_near_it_is():
     """Two trims that differ by less than a thousandth are told by the state that differs."""
     model = Model(
         "folded",
@@ -96,15 +92,15 @@ def test_another_trim_is_named_however_near_it_is() -> None:
     assert "Another trim exists: speed 1.00095 m/s" in str(trim(model, free="speed").report())
 
 
-def test_modes_are_tracked_alike_in_any_unit_of_time() -> None:
+def test_modes_are_tracked_alike_in_any_unit_of_time():
     """Random plants have the same columns of eigenvalues in units of 2^45 s."""
     names = ("a", "b", "c", "d")
     random = np.random.default_rng(3)
     for _ in range(4):
         ends = random.normal(size=(2, 4, 4))
 
-        def swept(slower: float, ends: np.ndarray = ends) -> np.ndarray:
-            def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        def swept(slower, ends=ends):
+            def equations(x, u, p, w):
                 rows = ca.DM(ends[0]) + ca.DM(ends[1] - ends[0]) * p.s
                 rates = slower * rows @ ca.vertcat(*x) + u.force
                 return dict(zip(names, ca.vertsplit(rates), strict=True)), {}

@@ -1,9 +1,6 @@
 """A trim does not depend on where its search begins: what no equation determines has its start value."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import casadi as ca
 import pytest
@@ -15,7 +12,7 @@ ANGLE = hfa.Signal("rad", nominal=0.1)
 GRAVITY = 9.80665
 
 
-def plane(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def plane(x, u, p, w):
     """A small airplane in the vertical plane, in an exponential atmosphere."""
     force = 0.5 * 1.225 * ca.exp(-x.h / 9000.0) * x.V**2 * 17.0
     CL = 0.3 + 4.4 * x.a + 0.4 * u.flap
@@ -49,7 +46,7 @@ OF_JSBSIM = ("737", "c172p", "SGS")
 OTHERS_OF_JSBSIM = ("T38", "A4", "MD11", "J3Cub", "B747", "X15")
 
 
-def aircraft(name: str) -> hfa.Model:
+def aircraft(name):
     """Return an aircraft by its name in `AIRCRAFT`."""
     if name == "plane":
         return PLANE
@@ -72,7 +69,7 @@ AIRCRAFT = (
 
 
 @pytest.mark.parametrize("name", AIRCRAFT)
-def test_a_search_that_begins_elsewhere_ends_at_the_same_trim(name: str) -> None:
+def test_a_search_that_begins_elsewhere_ends_at_the_same_trim(name):
     """Also if the trim of the aircraft does not declare its altitude."""
     model = aircraft(name)
     for without in ("", "altitude"):
@@ -92,7 +89,7 @@ def test_a_search_that_begins_elsewhere_ends_at_the_same_trim(name: str) -> None
                 assert found[each] / scale == pytest.approx(expected[each] / scale, abs=1e-9)
 
 
-def test_a_state_that_no_equation_determines_keeps_its_start_value() -> None:
+def test_a_state_that_no_equation_determines_keeps_its_start_value():
     """The report says so in its first lines, and a sweep and a linear model are there too."""
     point = hfa.trim(PLANE)
     assert point["h"] == 500.0
@@ -104,7 +101,7 @@ def test_a_state_that_no_equation_determines_keeps_its_start_value() -> None:
 @pytest.mark.parametrize(
     ("free", "kept"), [(("T", "stick", "V"), "a"), (("T", "stick", "V", "a", "nose"), "")]
 )
-def test_a_state_that_was_set_free_is_not_kept(free: tuple[str, ...], kept: str) -> None:
+def test_a_state_that_was_set_free_is_not_kept(free, kept):
     """A trim that remains one of many says what to hold, and that makes it unique."""
     released = hfa.trim(PLANE, hold={"h": 500.0}, free=free)
     first = str(released.report()).partition("\n\n")[0]
@@ -118,10 +115,10 @@ def test_a_state_that_was_set_free_is_not_kept(free: tuple[str, ...], kept: str)
         assert held[name] == released[name]
 
 
-def test_what_is_kept_does_not_depend_on_units() -> None:
+def test_what_is_kept_does_not_depend_on_units():
     """In SI units, in degrees and without nominal values, the same state is kept."""
 
-    def in_degrees(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def in_degrees(x, u, p, w):
         rates, outputs = plane(
             x._replace(V=1000.0 * x.V, a=ca.pi / 180.0 * x.a, h=1e-3 * x.h), u, p, w
         )

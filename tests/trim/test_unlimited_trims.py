@@ -1,7 +1,5 @@
 """Trims of aircraft that declare no limits. They remain in the usual range of flight."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -47,7 +45,7 @@ TURNING = Model(
 
 
 @pytest.mark.parametrize(("speed", "turn"), [(30.0, 0.1), (100.0, 1.5), (300.0, 1.5), (1e3, 1.5)])
-def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float) -> None:
+def test_an_unlimited_bank_stays_below_a_quarter_turn(speed, turn):
     """Without limits, the bank angle satisfies tan(bank) = V turn / g and is below 90 deg.
 
     The report states which variables have no limits.
@@ -58,7 +56,7 @@ def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float)
     assert "No limits are declared for bank, thrust, lift" in repr(point)
 
 
-def test_bank_angles_of_a_sweep_are_exact() -> None:
+def test_bank_angles_of_a_sweep_are_exact():
     """The bank angles in a sweep of turns equal arctan(V turn / g)."""
     turns = np.array([0.1, 0.5, 1.5])
     swept = hfa.sweep(TURNING, {"speed": [300.0], "turn": turns})

@@ -1,23 +1,16 @@
 """The front view of the HFA at a trim, compared with the computed loads."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from known_models import model_at
 from units_of_outputs import assert_no_feet
 
 import hfa_model
-from hfa import Model
 from trim import trim_figure
 
 
 @pytest.mark.parametrize("degrees", [-20.0, 0.0])
-def test_lift_is_normal_to_panels_and_balances_weight(
-    published_aircraft: Model, degrees: float
-) -> None:
+def test_lift_is_normal_to_panels_and_balances_weight(published_aircraft, degrees):
     """Each lift is normal to its panel, the lifts balance the weight, and arrows are to scale.
 
     The hinge moments are printed.
@@ -52,6 +45,6 @@ def test_lift_is_normal_to_panels_and_balances_weight(
 
 
 @pytest.mark.slow
-def test_si_text_and_pictures_contain_no_feet(tmp_path: Path) -> None:
+def test_si_text_and_pictures_contain_no_feet(tmp_path):
     """`hfa trim --units si --picture` prints and draws no English unit."""
     assert_no_feet("trim", "--dihedral", "12", folder=tmp_path)

@@ -3,8 +3,6 @@
 The comparison uses high-order differences, row by row.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from random_points import (
     INPUT_SCALES,
@@ -17,7 +15,6 @@ from random_points import (
 
 import hfa
 import hfa_model
-from hfa import Model
 from hfa_model import STATES, Input, State
 
 NAMES = WINDS
@@ -28,7 +25,7 @@ SCALES = np.array([*STATE_SCALES, *INPUT_SCALES, *np.full(len(NAMES), 10.0)])
 TROPOPAUSE = 36_152.0  # ft
 
 
-def points(count: int, seed: int) -> np.ndarray:
+def points(count, seed):
     """Return random states, inputs and zero winds, (count, 12 + winds).
 
     Altitudes near the kink of the density at the tropopause are moved by 1000 ft.
@@ -40,7 +37,7 @@ def points(count: int, seed: int) -> np.ndarray:
     return np.hstack([states, inputs, np.zeros((count, len(NAMES)))])
 
 
-def at(aircraft: Model, z: np.ndarray) -> np.ndarray:
+def at(aircraft, z):
     """Return rates and outputs of the aircraft at z, computed by the equations with numbers.
 
     z: states (7), inputs (5), winds
@@ -56,7 +53,7 @@ def at(aircraft: Model, z: np.ndarray) -> np.ndarray:
     return np.array(rows, dtype=float)
 
 
-def blocks(aircraft: Model, z: np.ndarray) -> np.ndarray:
+def blocks(aircraft, z):
     """Return the linear model [A B E; C D F], with each column multiplied by the step in
     `SCALES`.
     """
@@ -64,7 +61,7 @@ def blocks(aircraft: Model, z: np.ndarray) -> np.ndarray:
     return np.block([[exact.A, exact.B, exact.E], [exact.C, exact.D, exact.F]]) * SCALES
 
 
-def test_derivatives_equal_high_order_differences(aircraft: Model) -> None:
+def test_derivatives_equal_high_order_differences(aircraft):
     """Derivatives agree with eighth-order differences to 1e-10 of the largest entry of a row."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     for z in points(6, seed=12):

@@ -1,9 +1,6 @@
 """Transfer functions, zeros and reduced models, compared with python-control and SLICOT."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 
 import control
 import numpy as np
@@ -13,13 +10,13 @@ from own_models import F16, NAVION, trimmed
 
 from hfa import LinearModel, aircraft, linearize
 from hfa.paper import level_model
-from trim import Transfer, transfers
+from trim import transfers
 
 OMEGA = np.logspace(-3, 2, 40)
 
 
 @pytest.fixture(scope="module", params=["hfa", "f16", "navion"])
-def model(request: pytest.FixtureRequest) -> LinearModel:
+def model(request):
     if request.param == "hfa":
         point = level_model(aircraft(), 0.2).point
         return linearize(aircraft(), point, outputs=("gamma", "speed", "dihedral"))
@@ -27,12 +24,12 @@ def model(request: pytest.FixtureRequest) -> LinearModel:
     return linearize(foreign, trimmed(foreign), outputs=("gamma", "speed", "roll_rate"))
 
 
-def response(transfer: Transfer) -> np.ndarray:
+def response(transfer):
     s = 1j * OMEGA[:, None]
     return transfer.gain * np.prod(s - transfer.zeros, axis=1) / np.prod(s - transfer.poles, axis=1)
 
 
-def test_transfer_functions_equal_the_models_response(model: LinearModel) -> None:
+def test_transfer_functions_equal_the_models_response(model):
     """The frequency response of each transfer function equals that of the linear model.
 
     A change of the zeros by 1e-4 is detected.
@@ -56,12 +53,12 @@ def test_transfer_functions_equal_the_models_response(model: LinearModel) -> Non
     assert reached >= 6
 
 
-def channel(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Transfer:
+def channel(A, B, C, D):
     (found,) = transfers(LinearModel.of(A, B, C, D))
     return found
 
 
-def test_a_known_zero_is_found_and_cancels() -> None:
+def test_a_known_zero_is_found_and_cancels():
     """The zero of (s - 3) / ((s + 1) (s + 2)) is 3; an uncontrollable state at -5 cancels."""
     A = np.diag([-1.0, -2.0, -5.0])
     B = np.array([[1.0], [1.0], [0.0]])
@@ -75,7 +72,7 @@ def test_a_known_zero_is_found_and_cancels() -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("slow", [0.0, -1e-3])
-def test_a_free_body_has_no_static_gain(seed: int, slow: float) -> None:
+def test_a_free_body_has_no_static_gain(seed, slow):
     """A free body with a lag of 0.5 s has an infinite static gain. With a spring, the gain is
     finite.
 
@@ -92,7 +89,7 @@ def test_a_free_body_has_no_static_gain(seed: int, slow: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_gains_of_a_random_system_are_those_of_its_matrices(seed: int) -> None:
+def test_the_gains_of_a_random_system_are_those_of_its_matrices(seed):
     """The static gain is D - C A⁻¹ B, with its sign, for any number of zeros and poles."""
     rng = np.random.default_rng(seed)
     n = 1 + seed % 4
@@ -109,7 +106,7 @@ def test_the_gains_of_a_random_system_are_those_of_its_matrices(seed: int) -> No
 # Models of fewer states.
 
 
-def test_residualized_models_equal_python_controls(model: LinearModel) -> None:
+def test_residualized_models_equal_python_controls(model):
     """A residualized model equals python-control's and keeps the static gain.
 
     At low frequency, a residualized model is more accurate than a truncated one.
@@ -135,7 +132,7 @@ def test_residualized_models_equal_python_controls(model: LinearModel) -> None:
     assert errors[0] < 0.1 * errors[1]
 
 
-def test_a_bode_plot_shows_the_response_of_each_channel() -> None:
+def test_a_bode_plot_shows_the_response_of_each_channel():
     """Lines of the panels are magnitude and phase of C (jω - A)⁻¹ B + D, over all modes; an output
     that no input affects is named.
     """
@@ -158,7 +155,7 @@ def test_a_bode_plot_shows_the_response_of_each_channel() -> None:
     assert len(panels) == 4
 
 
-def test_transfer_functions_that_are_0_are_not_shown(folder: Path) -> None:
+def test_transfer_functions_that_are_0_are_not_shown(folder):
     """The printed table contains exactly the transfer functions with a gain."""
     linear = LinearModel.of(np.array([[-1.0, 0.0], [0.5, -2.0]]), np.eye(2))
     found = transfers(linear)

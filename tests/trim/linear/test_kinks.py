@@ -3,11 +3,7 @@
 A kink is the knot of a table, |x|, sign, min, max or a comparison.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import pytest
@@ -21,7 +17,7 @@ TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
 _SYMBOL = ca.SX.sym("x")
 CALLED = ca.Function("called", [_SYMBOL], [ca.fabs(_SYMBOL)], {"never_inline": True})
 #: Force over position with its slopes below and above x = 0.
-FORCES: dict[str, tuple[Callable[[Any], Any], float, float]] = {
+FORCES = {
     "interpolant": (TABLE, -1.0, 3.0),
     "pw_lin": (lambda x: ca.pw_lin(x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0]), -1.0, 3.0),
     "function that is called": (CALLED, -1.0, 1.0),
@@ -31,7 +27,7 @@ FORCES: dict[str, tuple[Callable[[Any], Any], float, float]] = {
 }
 
 
-def cart(force: Callable[[Any], Any]) -> Model:
+def cart(force):
     return Model(
         name="cart",
         equations=lambda x, u, p, w: ({"x": x.v, "v": u.u + force(x.x)}, {}),
@@ -41,12 +37,12 @@ def cart(force: Callable[[Any], Any]) -> Model:
     )
 
 
-def at(model: Model, x: float) -> Any:
+def at(model, x):
     return linearize(model, trim(model, usual_condition(model).at(hold={"x": x})))
 
 
 @pytest.mark.parametrize("name", FORCES)
-def test_a_kink_has_the_mean_slope_of_both_sides(name: str) -> None:
+def test_a_kink_has_the_mean_slope_of_both_sides(name):
     """At a kink, A has the mean slope of both sides, as a central difference, and a note names both."""
     force, below, above = FORCES[name]
     model = at(cart(force), 0.0)
@@ -58,7 +54,7 @@ def test_a_kink_has_the_mean_slope_of_both_sides(name: str) -> None:
     assert (away.A[1, 0], away.kinks) == (pytest.approx(above, abs=1e-12), ())
 
 
-def test_a_jump_is_named_and_keeps_its_slope() -> None:
+def test_a_jump_is_named_and_keeps_its_slope():
     """A note names a jump of the equations, such as dry friction. A contains the slope without
     the jump.
     """
@@ -73,11 +69,11 @@ def test_a_jump_is_named_and_keeps_its_slope() -> None:
 KINKS = 9
 
 
-def swept() -> Any:
+def swept():
     return sweep(cart(TABLE), {"x": [-0.5, *[0.0] * KINKS, 0.5]})
 
 
-def test_each_point_of_a_sweep_has_the_slopes_of_its_own_kinks() -> None:
+def test_each_point_of_a_sweep_has_the_slopes_of_its_own_kinks():
     """A sweep has one slope at each kink, and its note names the first and counts all."""
     result = swept()
     assert result.A[:, 1, 0] == pytest.approx([-1.0, *[1.0] * KINKS, 3.0], abs=1e-8)
@@ -86,10 +82,10 @@ def test_each_point_of_a_sweep_has_the_slopes_of_its_own_kinks() -> None:
     assert note.endswith("(9 of 11 points, the first at 0)")
 
 
-def test_several_kinks_at_one_point_have_their_own_slopes() -> None:
+def test_several_kinks_at_one_point_have_their_own_slopes():
     """v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u)."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         lag = x.v - 0.5
         force = TABLE(x.x) + ca.fmax(lag, 5.0 * lag) + ca.fmin(u.u, 2.0 * u.u)
         return {"x": x.v, "v": force}, {}
@@ -106,7 +102,7 @@ def test_several_kinks_at_one_point_have_their_own_slopes() -> None:
     assert [note.split()[1] for note in point.kinks] == ["A(v,", "A(v,", "B(v,"]
 
 
-def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
+def test_the_kink_of_the_atmosphere_is_reported(published_aircraft):
     """A model of the flexible aircraft has a kink at 11 km, where the temperature stops falling.
 
     At 40,000 ft the model has no kink.
@@ -143,9 +139,7 @@ CART = Model(
         "export --Q 1,1 --R 1 --delta inf -o folder",
     ],
 )
-def test_every_command_names_a_kink(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_command_names_a_kink(command, tmp_path, monkeypatch):
     """Every command that uses a linear model, or a gain from one, names the kink of the model once."""
     monkeypatch.chdir(tmp_path)
     source = KINKED.replace("FORCE", "(lambda x: ca.pw_lin(x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0]))")

@@ -1,10 +1,7 @@
 """Linear models: the printed matrices, uncertainty bands, and winds at each panel."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +9,9 @@ from cli import hfa as run
 from known_models import model_at, released_simulation
 
 import hfa
-from hfa import LinearModel, Model, OperatingPoint, linearize, trim
+from hfa import Model, linearize, trim
 from hfa.paper import level_flight
-from hfa_model import LINEAR_STATES, STATES, Parameters, published_models
+from hfa_model import LINEAR_STATES, STATES, published_models
 from studies.identification.parameters import ASSUMED, IDENTIFIED
 from trim import compare, entry_bands, regenerate
 from trim.linear.linearize import direct_disturbances
@@ -25,7 +22,7 @@ PRINTED = pytest.mark.parametrize(
 )
 
 
-def half_units(model: LinearModel, published: Any) -> float:
+def half_units(model, published):
     """Return the largest |computed - printed| of A and B, in half units of the last printed
     digit.
     """
@@ -35,7 +32,7 @@ def half_units(model: LinearModel, published: Any) -> float:
 
 
 @PRINTED
-def test_every_printed_entry_is_regenerated(published_aircraft: Model, published: Any) -> None:
+def test_every_printed_entry_is_regenerated(published_aircraft, published):
     """All 66 printed entries of A and B are reproduced within three half units of the last
     digit.
     """
@@ -53,9 +50,7 @@ def test_every_printed_entry_is_regenerated(published_aircraft: Model, published
 
 @PRINTED
 @pytest.mark.parametrize("name", [*IDENTIFIED, *ASSUMED])
-def test_a_parameter_one_percent_off_is_detected(
-    parameters: Parameters, published: Any, name: str
-) -> None:
+def test_a_parameter_one_percent_off_is_detected(parameters, published, name):
     """If one parameter is changed by 1 %, some entry has an error above three half units."""
     wrong = hfa.aircraft(parameters=parameters._replace(**{name: getattr(parameters, name) * 1.01}))
     assert half_units(regenerate(wrong, published), published) > 3.0
@@ -66,19 +61,19 @@ def test_a_parameter_one_percent_off_is_detected(
 CONDITION = level_flight(np.radians(10.0))
 
 
-def bands_of(parameters: Any, dynamics: str = "published") -> Any:
+def bands_of(parameters, dynamics="published"):
     aircraft = hfa.aircraft(dynamics, parameters.values)
     return entry_bands(parameters, CONDITION, linearize(aircraft, trim(aircraft, CONDITION)))
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
-def test_a_band_is_two_standard_errors(parameter_set: Any, dynamics: str) -> None:
+def test_a_band_is_two_standard_errors(parameter_set, dynamics):
     """The half-width of a band is two standard errors, 2 sqrt(diag(J C J')).
 
     J is computed from differences of linear models. C is the covariance of the parameters.
     """
 
-    def entries(values: Parameters) -> np.ndarray:
+    def entries(values):
         aircraft = hfa.aircraft(dynamics, values)
         model = linearize(aircraft, trim(aircraft, CONDITION))
         return np.hstack([model.A, model.B])
@@ -97,7 +92,7 @@ def test_a_band_is_two_standard_errors(parameter_set: Any, dynamics: str) -> Non
     np.testing.assert_allclose(np.hstack([bands.A, bands.B]), 2 * errors, rtol=1e-3, atol=1e-9)
 
 
-def test_the_report_has_bands_of_the_identified_parameters_alone() -> None:
+def test_the_report_has_bands_of_the_identified_parameters_alone():
     """The report of a linear model has the bands of its entries, which the command prints too, and
     none if a parameter is not the identified one.
     """
@@ -119,7 +114,7 @@ def test_the_report_has_bands_of_the_identified_parameters_alone() -> None:
 NAMES = tuple(hfa.aircraft().disturbances)
 #: Entries of the wind columns of SimVFA (B. Thomsen, 2018, data/VFA_trimData.mat) at 68 ft/s and 11
 #: deg.
-PEER: dict[str, dict[str, float]] = {
+PEER = {
     "updraft_center": {
         "speed": 2.11937536e-02,
         "alpha": -4.49771578e-02,
@@ -133,11 +128,11 @@ PEER: dict[str, dict[str, float]] = {
 }
 
 
-def point_of(aircraft: Model, degrees: float = 11.0, **given: float) -> OperatingPoint:
+def point_of(aircraft, degrees=11.0, **given):
     return trim(aircraft, level_flight(math.radians(degrees), **given))
 
 
-def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
+def test_panels_add_up_to_the_uniform_wind(aircraft):
     """The columns of E for wind at the center and at the outer panels add up to that of uniform
     wind.
 
@@ -163,7 +158,7 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
     assert np.abs(flat.E).max() <= 1e-15  # it does not affect level panels
 
 
-def test_vertical_wind_has_the_released_columns() -> None:
+def test_vertical_wind_has_the_released_columns():
     """The columns of E of updrafts are those of the released simulation.
 
     Its columns of headwinds have another drag, by the speed over ground; in level flight, vertical
@@ -183,14 +178,12 @@ def test_vertical_wind_has_the_released_columns() -> None:
     ("struck", "kept", "has_wind"),
     [("height", ("v",), True), ("lag", ("v",), False), ("lag", ("v", "lag"), True)],
 )
-def test_winds_that_act_through_an_omitted_lag_have_no_columns(
-    struck: str, kept: tuple[str, ...], has_wind: bool
-) -> None:
+def test_winds_that_act_through_an_omitted_lag_have_no_columns(struck, kept, has_wind):
     """A wind on the omitted height, which no trim balances, keeps its column; one on a lag does not,
     unless the lag is kept.
     """
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         rates = {"v": u.f - x.v + x.lag - 0.01 * x.height, "lag": -x.lag, "height": x.v}
         return rates | {struck: rates[struck] + w.gust}, {}
 
@@ -218,8 +211,8 @@ def test_winds_that_act_through_an_omitted_lag_have_no_columns(
     ],
 )
 def test_an_entry_is_compared_in_half_units_and_percent(
-    printed: float, computed: float, half_units: float, percent: float, is_zero: bool
-) -> None:
+    printed, computed, half_units, percent, is_zero
+):
     """Half a unit of 0.05 is the last digit's; only an entry printed as 0 can be zero."""
     row = compare(model_at(10.0), MODELS[0])[0]
     entry = replace(
@@ -230,7 +223,7 @@ def test_an_entry_is_compared_in_half_units_and_percent(
     assert (entry.is_zero, entry.name) == (is_zero, "A(alpha, speed)")
 
 
-def test_the_report_names_the_largest_difference_to_newton() -> None:
+def test_the_report_names_the_largest_difference_to_newton():
     """`hfa linearize` names the entry of A or B that differs most between the two dynamics."""
     published, newton = (model_at(10.0, dynamics) for dynamics in ("published", "newton"))
     largest = {}

@@ -1,9 +1,6 @@
 """Modes and handling qualities, compared with closed forms, printed values and nonlinear trims."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,12 +9,12 @@ from project import ROOT
 from scipy.linalg import block_diag
 
 import hfa
-from hfa import Model, OperatingPoint, Signal, trim
+from hfa import Model, Signal, trim
 from trim import modes_of
 
 
 @pytest.mark.parametrize("damping", [0.7, -0.2])
-def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
+def test_an_oscillator_has_its_textbook_numbers(damping):
     """The mode of x'' + 2 ζ ω x' + ω² x = 0 with ω = 3 rad/s agrees with the textbook formulas."""
     (mode,) = modes_of(
         np.array([[0.0, 1.0], [-9.0, -6.0 * damping]]),
@@ -44,7 +41,7 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
     ids=["integrator", "two integrators in line"],
 )
 @pytest.mark.parametrize("seed", range(2))
-def test_an_eigenvalue_zero_by_rounding_is_zero(block: np.ndarray, seed: int) -> None:
+def test_an_eigenvalue_zero_by_rounding_is_zero(block, seed):
     """An eigenvalue that is 0 up to rounding is stored and printed as 0, without a time to half."""
     basis = np.random.default_rng(seed).normal(size=(3, 3))
     A = basis @ block @ np.linalg.inv(basis)
@@ -59,7 +56,7 @@ def test_an_eigenvalue_zero_by_rounding_is_zero(block: np.ndarray, seed: int) ->
 
 @pytest.mark.parametrize("damping", [0.0, 1e-9])
 @pytest.mark.parametrize("seed", range(2))
-def test_two_masses_and_a_spring_never_decay(seed: int, damping: float) -> None:
+def test_two_masses_and_a_spring_never_decay(seed, damping):
     """The modes of two masses and a spring do not decay. With a damper of 1e-9, one mode decays."""
     basis = np.random.default_rng(seed).normal(size=(4, 4))
     spring = np.array([[-7.0, 7.0], [14.0, -14.0]])
@@ -71,7 +68,7 @@ def test_two_masses_and_a_spring_never_decay(seed: int, damping: float) -> None:
     assert modes[0].time_to_half == pytest.approx(expected, rel=1e-3)
 
 
-def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
+def test_participation_is_the_sensitivity_of_the_eigenvalue():
     """The participation of a state in a mode is |∂λ_i/∂a_kk|, normalized to the sum 1.
 
     The derivative is computed by finite differences.
@@ -96,13 +93,13 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
 # Handling qualities.
 
 
-def values(point: OperatingPoint) -> dict[str, float]:
+def values(point):
     """Return the handling qualities on the sheet, name -> value."""
     (group,) = (each for each in point.sheet.groups if each.title == "modes and levels")
     return {row.name: row.value for row in group.rows if "eigenvalue" not in row.name}
 
 
-def test_handling_qualities_follow_from_the_modes() -> None:
+def test_handling_qualities_follow_from_the_modes():
     """test_sheet.py computes n/alpha and CAP by hand."""
     point = trimmed(NAVION)
     qualities = values(point)
@@ -121,7 +118,7 @@ def test_handling_qualities_follow_from_the_modes() -> None:
     )
 
 
-def test_repeated_zero_eigenvalues_have_no_mode_of_the_aircraft() -> None:
+def test_repeated_zero_eigenvalues_have_no_mode_of_the_aircraft():
     """Of a longitudinal model with lateral states without dynamics, only two modes are named."""
     A = block_diag([[-1.0, 1.0], [-4.0, -1.0]], np.zeros((4, 4)))
     states = ("alpha", "q", "beta", "p", "r", "phi")
@@ -131,7 +128,7 @@ def test_repeated_zero_eigenvalues_have_no_mode_of_the_aircraft() -> None:
     assert all(name.startswith("neutral") for name in names[1:])
 
 
-def test_a_steep_turn_has_a_spiral() -> None:
+def test_a_steep_turn_has_a_spiral():
     """Speed participates most in the slow real mode of a turn with 61 deg of bank, which is its
     spiral: the other mode of speed and pitch oscillates.
     """
@@ -144,7 +141,7 @@ def test_a_steep_turn_has_a_spiral() -> None:
 
 
 @pytest.mark.parametrize("mode", ["roll", "spiral"])
-def test_a_coupled_roll_has_no_time_constant(mode: str) -> None:
+def test_a_coupled_roll_has_no_time_constant(mode):
     """A roll or spiral mode that oscillates has ζω; two modes of this name have nothing."""
     for stiffness, expected in ((1.0, {f"{mode} damping times frequency": 0.5}), (0.1, {})):
         model = Model(
@@ -158,13 +155,13 @@ def test_a_coupled_roll_has_no_time_constant(mode: str) -> None:
 
 
 @pytest.mark.parametrize(("part", "named"), [("", True), ("body_", True), ("body2", False)])
-def test_states_of_a_part_have_their_roles(part: str, named: bool) -> None:
+def test_states_of_a_part_have_their_roles(part, named):
     """The modes of body_speed, body_alpha, body_pitch and body_pitch_rate are those of speed, ..."""
     A = np.array([[-0.03, 6.0, -9.8, 0.0], [-0.005, -1.2, 0, 1], [0, 0, 0, 1], [0.0, -9.0, 0, -2]])
     units = {"speed": "m/s", "alpha": "rad", "pitch": "rad", "pitch_rate": "rad/s"}
     states = {f"{part}{name}": hfa.Signal(unit) for name, unit in units.items()}
 
-    def equations(x: Any, u: Any, *_: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, *_):
         values = list(x)
         rates = [sum(a * value for a, value in zip(row, values, strict=True)) for row in A]
         rates[-1] += u.elevator

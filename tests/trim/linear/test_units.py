@@ -1,7 +1,5 @@
 """Units in the report of a linear model."""
 
-from __future__ import annotations
-
 import pytest
 from own_models import F16
 
@@ -15,9 +13,7 @@ import hfa
         (hfa.aircraft(), "A and B in rad, ft, s;", "throttle", "(rad/s^2)/(1)"),
     ],
 )
-def test_the_title_names_the_units_and_columns_in_others(
-    model: hfa.Model, words: str, entry: str, unit: str
-) -> None:
+def test_the_title_names_the_units_and_columns_in_others(model, words, entry, unit):
     """The F-16 has inputs in degrees. Title and records have the unit of each column of B."""
     report = hfa.trim(model).linearize().report()
     assert words in " ".join(report.title.split())

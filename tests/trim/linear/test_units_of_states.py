@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import control
 import flint
@@ -29,12 +28,12 @@ class Plant(NamedTuple):
     C: np.ndarray
     D: np.ndarray
 
-    def in_units(self, x: np.ndarray, u: np.ndarray, y: np.ndarray) -> Plant:
+    def in_units(self, x, u, y):
         A, B, C, D = self
         return Plant(A * x[:, None] / x, B * x[:, None] / u, C / x * y[:, None], D * y[:, None] / u)
 
 
-def blocks(random: np.random.Generator, n: int) -> np.ndarray:
+def blocks(random, n):
     """Return a stable block diagonal A with modes of .03 to 30 rad/s."""
     A = np.zeros((n, n))
     i = 0
@@ -50,7 +49,7 @@ def blocks(random: np.random.Generator, n: int) -> np.ndarray:
     return A
 
 
-def mixed(random: np.random.Generator, inputs: int, outputs: int) -> Plant:
+def mixed(random, inputs, outputs):
     """Return a stable plant of 2 to 8 states in random coordinates."""
     n = int(random.integers(2, 9))
     while np.linalg.cond(T := np.eye(n) + 0.5 * random.normal(size=(n, n))) > 30.0:
@@ -60,7 +59,7 @@ def mixed(random: np.random.Generator, inputs: int, outputs: int) -> Plant:
     return Plant(T @ blocks(random, n) @ np.linalg.inv(T), random.normal(size=(n, inputs)), C, D)
 
 
-def chain(random: np.random.Generator) -> Plant:
+def chain(random):
     """Return a stable chain of lags with feedback, of relative degree 1 to n."""
     n = int(random.integers(2, 9))
     A = np.diag(-(10.0 ** random.uniform(-1.5, 1.5, n)))
@@ -74,7 +73,7 @@ def chain(random: np.random.Generator) -> Plant:
     return Plant(A, np.eye(n)[:, [n - 1]], C, np.zeros((1, 1)))
 
 
-def in_random_units(random: np.random.Generator, plant: Plant) -> Plant:
+def in_random_units(random, plant):
     sizes = (len(plant.A), plant.B.shape[1], len(plant.C))
     x, u, y = (10.0 ** random.uniform(-6.0, 6.0, size) for size in sizes)
     return plant.in_units(x, u, y)
@@ -87,28 +86,28 @@ class Exact(NamedTuple):
     denominator: fmpq_poly
 
     @property
-    def poles(self) -> list[complex]:
+    def poles(self):
         return roots(self.denominator)
 
     @property
-    def zeros(self) -> list[complex]:
+    def zeros(self):
         return roots(self.numerator)
 
     @property
-    def gain(self) -> float:
+    def gain(self):
         return float(self.numerator.coeffs()[-1])
 
-    def at(self, s: complex) -> complex:
+    def at(self, s):
         with flint.ctx.workprec(500):
             upper, lower = (acb_poly(each.coeffs())(s) for each in self)
             return complex(upper / lower)
 
 
-def roots(polynomial: fmpq_poly) -> list[complex]:
+def roots(polynomial):
     return [complex(root) for root, count in polynomial.complex_roots() for _ in range(count)]
 
 
-def exact(plant: Plant) -> Exact:
+def exact(plant):
     """Return the exact transfer function, since det(s E - A + B C) - det(s E - A) = C adj(...) B."""
     A, B, C, D = (
         fmpq_mat(*each.shape, [fmpq(*float(x).as_integer_ratio()) for x in each.ravel()])
@@ -118,7 +117,7 @@ def exact(plant: Plant) -> Exact:
     return Exact((A - B * C).charpoly() + (D[0, 0] - 1) * denominator, denominator)
 
 
-def apart(found: Any, expected: Any) -> float:
+def apart(found, expected):
     """Return the largest relative difference of two sets of numbers, inf for other counts."""
     found, expected = np.array(found, dtype=complex), np.array([complex(each) for each in expected])
     if len(found) != len(expected):
@@ -127,7 +126,7 @@ def apart(found: Any, expected: Any) -> float:
     return float(differences[linear_sum_assignment(differences)].max(initial=0.0))
 
 
-def test_a_hydraulic_servo_in_si_units_has_its_modes() -> None:
+def test_a_hydraulic_servo_in_si_units_has_its_modes():
     """Position, velocity and pressure: -2.0 and -32 ± 1673i, and a static gain of 500."""
     oscillation, lag = SERVO.modes
     assert oscillation.eigenvalue == pytest.approx(-32.00015427 + 1673.14315265j, rel=1e-8)
@@ -140,7 +139,7 @@ def test_a_hydraulic_servo_in_si_units_has_its_modes() -> None:
     assert sorted(SERVO.zeros(outputs="x3").real) == pytest.approx([-10.0, 0.0])
 
 
-def check(plant: Plant) -> None:
+def check(plant):
     linear, known = LinearModel.of(*plant), exact(plant)
     assert linear.is_stable
     modes = [mode.eigenvalue for mode in linear.modes]
@@ -161,21 +160,21 @@ def check(plant: Plant) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_random_plant_has_its_facts_in_any_units(seed: int) -> None:
+def test_a_random_plant_has_its_facts_in_any_units(seed):
     random = np.random.default_rng(seed)
     for plant in (mixed(random, 1, 1), chain(random)):
         check(in_random_units(random, plant))
 
 
 @pytest.mark.slow
-def test_200_random_plants_have_their_facts_in_any_units() -> None:
+def test_200_random_plants_have_their_facts_in_any_units():
     random = np.random.default_rng(1)
     for _ in range(100):
         for plant in (mixed(random, 1, 1), chain(random)):
             check(in_random_units(random, plant))
 
 
-def at_times(linear: LinearModel) -> np.ndarray:
+def at_times(linear):
     """Return the step responses of a balanced model."""
     system = linear.to_control(balance=True)
     return np.asarray(
@@ -184,7 +183,7 @@ def at_times(linear: LinearModel) -> np.ndarray:
 
 
 #: A fact of a linear model from all inputs to all outputs -> its value.
-FACTS: dict[str, Callable[[LinearModel], Any]] = {
+FACTS = {
     "eigenvalues": lambda linear: linear.eigenvalues,
     "modes": lambda linear: [each.eigenvalue for each in linear.modes],
     "names": lambda linear: [len(each.name) for each in linear.modes],
@@ -200,7 +199,7 @@ FACTS: dict[str, Callable[[LinearModel], Any]] = {
 
 
 @pytest.mark.parametrize("fact", FACTS)
-def test_facts_do_not_depend_on_the_units_of_states(fact: str) -> None:
+def test_facts_do_not_depend_on_the_units_of_states(fact):
     """Of models with three inputs and two outputs; the inputs and outputs keep their units."""
     random = np.random.default_rng(5)
     for _ in range(4):
@@ -211,7 +210,7 @@ def test_facts_do_not_depend_on_the_units_of_states(fact: str) -> None:
         np.testing.assert_allclose(other, one, rtol=1e-7, atol=1e-9 * np.abs(one).max(initial=0.0))
 
 
-def test_an_uncontrollable_mode_is_a_zero_in_any_units() -> None:
+def test_an_uncontrollable_mode_is_a_zero_in_any_units():
     """The mode of -3 that three inputs do not reach remains the only zero without outputs."""
     random = np.random.default_rng(2)
     T = random.normal(size=(5, 5))
@@ -222,7 +221,7 @@ def test_an_uncontrollable_mode_is_a_zero_in_any_units() -> None:
     assert linear.zeros(outputs=()) == pytest.approx([-3.0])
 
 
-def test_double_poles_and_zeros_do_not_cancel_slow_ones() -> None:
+def test_double_poles_and_zeros_do_not_cancel_slow_ones():
     """A double zero at 0, whose rounding error is the root of that of simple ones, stays beside a
     pole of 1e-4; two exactly equal poles are stable.
     """
@@ -237,7 +236,7 @@ def test_double_poles_and_zeros_do_not_cancel_slow_ones() -> None:
     assert LinearModel.of([[-1.0, 1.0], [0.0, -1.0]], [[0.0], [1.0]]).is_stable
 
 
-def test_integrators_that_a_channel_misses_leave_its_transfer_function() -> None:
+def test_integrators_that_a_channel_misses_leave_its_transfer_function():
     """Pitch rate by rudder of the F-16 with its position and heading is that of the matrices."""
     linear = trimmed(F16).linearize(full=True)["pitch_rate", "rudder"]
     (found,) = transfers(linear)

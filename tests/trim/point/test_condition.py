@@ -1,9 +1,5 @@
 """Alternative variables in a trim condition, such as mach in place of speed."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 import hfa
@@ -11,7 +7,7 @@ from hfa import Model, Signal
 from hfa.extend import Trimming
 
 
-def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def equations(x, u, p, w):
     return {"speed": u.thrust - x.speed}, {"knots": 2.0 * x.speed, "mach": x.speed / 100.0}
 
 
@@ -41,7 +37,7 @@ MODEL = Model(
         ({"knots": 6.0, "mach": 0.03}, 3.0),
     ],
 )
-def test_a_held_alternative_frees_the_speed(held: dict[str, float], speed: float) -> None:
+def test_a_held_alternative_frees_the_speed(held, speed):
     """Held knots, a held Mach number, or both, replace the speed of the usual condition."""
     point = hfa.trim(MODEL, hold=held)
     assert (point["speed"], point["thrust"]) == pytest.approx((speed, speed))

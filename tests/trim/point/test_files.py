@@ -1,12 +1,9 @@
 """Files of operating points and conditions: exact round trips, and messages on faults."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +11,7 @@ from cli import refusal
 from own_models import NAVION
 
 import hfa
-from hfa import BadInputError, Model, OperatingPoint, trim
+from hfa import BadInputError, OperatingPoint, trim
 from hfa_aircraft import in_si
 from studies.validation.outside import released_trims
 from trim import load_condition, release
@@ -30,9 +27,7 @@ from trim import load_condition, release
         (r'"dynamics": ', '"title": ', "dynamics is missing"),
     ],
 )
-def test_wrong_files_are_refused(
-    point: OperatingPoint, tmp_path: Path, pattern: str, replacement: str, words: str
-) -> None:
+def test_wrong_files_are_refused(point, tmp_path, pattern, replacement, words):
     """A fault planted in a saved point is refused, and the message names the fault."""
     path = tmp_path / "point.json"
     text, count = re.subn(pattern, replacement, json.dumps(point.to_dict()), count=1, flags=re.S)
@@ -42,9 +37,7 @@ def test_wrong_files_are_refused(
 
 
 @pytest.mark.parametrize(("name", "speed"), [("simvfa-64", 64.0), ("simvfa-30", 30.0)])
-def test_trims_at_released_conditions_have_released_angles(
-    published_aircraft: Model, name: str, speed: float
-) -> None:
+def test_trims_at_released_conditions_have_released_angles(published_aircraft, name, speed):
     """Trims at the conditions of the released simulation have the angles of attack of this
     simulation.
     """
@@ -72,7 +65,7 @@ def test_trims_at_released_conditions_have_released_angles(
         ("inpose = 3", "unknown entry inpose; did you mean impose?"),
     ],
 )
-def test_a_faulty_condition_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
+def test_a_faulty_condition_file_is_refused(tmp_path, text, message):
     """A faulty condition file is refused, and the message names the fault."""
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
@@ -80,7 +73,7 @@ def test_a_faulty_condition_file_is_refused(tmp_path: Path, text: str, message: 
 
 
 @pytest.mark.parametrize("metric", [False, True])
-def test_values_of_a_condition_file_have_its_units(tmp_path: Path, metric: bool) -> None:
+def test_values_of_a_condition_file_have_its_units(tmp_path, metric):
     """Angles with _deg are in degrees, others in rad, and lengths in the units of the aircraft."""
     text = """free = ["aileron_outer"]
     [impose]
@@ -113,7 +106,7 @@ def test_values_of_a_condition_file_have_its_units(tmp_path: Path, metric: bool)
         condition.at(math.radians(10.1))
 
 
-def test_a_point_survives_its_file_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
+def test_a_point_survives_its_file_bit_for_bit(point, tmp_path):
     """Numbers of every size, the smallest and the largest, are stored exactly."""
     values = [5e-324, -0.0, -1.7976931348623157e308, 0.1, 2.0 / 3.0, 1e-17, 68.0, 1e300, -0.3]
     planted = replace(
@@ -128,7 +121,7 @@ def test_a_point_survives_its_file_bit_for_bit(point: OperatingPoint, tmp_path: 
         assert np.array(one).tobytes() == np.array(other).tobytes()
 
 
-def test_points_in_other_units_are_converted(tmp_path: Path) -> None:
+def test_points_in_other_units_are_converted(tmp_path):
     """A point in SI units is read by the aircraft in feet and pounds; other units are refused."""
     path = tmp_path / "point.json"
     trim(in_si(NAVION)).save(path)

@@ -1,7 +1,5 @@
 """Margins of a variable follow from its value and its limits."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -10,7 +8,7 @@ import hfa
 from hfa import Signal
 
 
-def margins_of(value: float, lowest: float, highest: float) -> hfa.OperatingPoint:
+def margins_of(value, lowest, highest):
     """Return the trim of x' = u - value, in which u has the value and the limits."""
     return hfa.trim(
         hfa.Model(
@@ -36,7 +34,7 @@ def margins_of(value: float, lowest: float, highest: float) -> hfa.OperatingPoin
         (2.0, -math.inf, math.inf),
     ],
 )
-def test_margins_follow_from_the_limits(value: float, lowest: float, highest: float) -> None:
+def test_margins_follow_from_the_limits(value, lowest, highest):
     """The nearer limit is `distance` away, and `used` is the share of the travel from rest."""
     margin = margins_of(value, lowest, highest).margins["u"]
     distances = {"lowest": value - lowest, "highest": highest - value}
@@ -58,7 +56,7 @@ def test_margins_follow_from_the_limits(value: float, lowest: float, highest: fl
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_variable_is_at_its_limit_within_a_tolerance(side: float) -> None:
+def test_a_variable_is_at_its_limit_within_a_tolerance(side):
     """The tolerance is 1e-6 of nominal size plus limit."""
     slack = 1e-6 * (2.0 + 40.0)
     for inward, expected in ((0.99 * slack, True), (1.01 * slack, False)):
@@ -68,7 +66,7 @@ def test_a_variable_is_at_its_limit_within_a_tolerance(side: float) -> None:
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_limit_is_exceeded_by_rounding_only(side: float) -> None:
+def test_a_limit_is_exceeded_by_rounding_only(side):
     """A value beyond its limit by 1e-9 of nominal size plus limit is a trim, and no farther."""
     slack = 1e-9 * (2.0 + 40.0)
     assert margins_of(side * (40.0 + 0.9 * slack), -40.0, 40.0).ok
@@ -76,7 +74,7 @@ def test_a_limit_is_exceeded_by_rounding_only(side: float) -> None:
         margins_of(side * (40.0 + 1.1 * slack), -40.0, 40.0)
 
 
-def test_an_output_is_limited_by_itself_and_by_the_state_it_replaces() -> None:
+def test_an_output_is_limited_by_itself_and_by_the_state_it_replaces():
     """y = 2 x has the limits -2 of x and 5 of its own declaration."""
     model = hfa.Model(
         "lever",

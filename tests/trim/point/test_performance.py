@@ -1,11 +1,8 @@
 """Figures of the trim sheet against independent calculations."""
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import replace
-from typing import Any
 
 import casadi as ca
 import pytest
@@ -22,7 +19,7 @@ BOEING = pytest.param("jsbsim:737", marks=pytest.mark.slow)
 
 
 @functools.cache
-def trimmed(name: str) -> tuple[hfa.OperatingPoint, dict[str, Any]]:
+def trimmed(name):
     """Return the trim of an aircraft and the data of its report."""
     if name == "hfa":
         point = hfa.trim(hfa.aircraft(), hfa.paper.level_flight(math.radians(10.0)))
@@ -32,7 +29,7 @@ def trimmed(name: str) -> tuple[hfa.OperatingPoint, dict[str, Any]]:
 
 
 @pytest.mark.parametrize("name", [UAV, f"{ROOT}/examples/uav.dml", "hfa", BOEING])
-def test_lift_drag_and_thrust_balance_the_weight(name: str) -> None:
+def test_lift_drag_and_thrust_balance_the_weight(name):
     """In level flight L + T sin α = W and D = T cos α; the thrust of the 737 also pitches."""
     pytest.importorskip("hfa_jsbsim")
     point, data = trimmed(name)
@@ -50,7 +47,7 @@ def test_lift_drag_and_thrust_balance_the_weight(name: str) -> None:
     assert figures["power required"] == pytest.approx(power * shown, rel=2e-3)
 
 
-def test_the_static_margin_is_that_of_the_table() -> None:
+def test_the_static_margin_is_that_of_the_table():
     """It is -Cm_alpha / CL_alpha of the file, also 0 or negative; the neutral point a chord times it."""
     model = trimmed(UAV)[0].model
     for slope in (-0.38, 0.0, 0.1):
@@ -64,7 +61,7 @@ def test_the_static_margin_is_that_of_the_table() -> None:
 @pytest.mark.parametrize(
     "name", [UAV, pytest.param(f"{ROOT}/examples/gtm.py:GTM", marks=pytest.mark.slow), BOEING]
 )
-def test_control_per_g_is_that_of_nonlinear_pull_ups(name: str) -> None:
+def test_control_per_g_is_that_of_nonlinear_pull_ups(name):
     """The nonlinear model is trimmed in pull-ups of 1 ± 0.002 g with all other states held."""
     pytest.importorskip("hfa_jsbsim")
     point, data = trimmed(name)
@@ -90,7 +87,7 @@ def test_control_per_g_is_that_of_nonlinear_pull_ups(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [UAV, f"{ROOT}/examples/gtm.py:GTM"])
-def test_control_per_knot_is_the_slope_of_trims(name: str) -> None:
+def test_control_per_knot_is_the_slope_of_trims(name):
     """Trims 2 kt slower and faster, from the declared start, have the slope of the report."""
     point, data = trimmed(name)
     knot = KNOTS[point.model.unit("speed")]
@@ -101,7 +98,7 @@ def test_control_per_knot_is_the_slope_of_trims(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_thrust_of_a_propeller_whose_speed_is_a_state_is_not_invented() -> None:
+def test_thrust_of_a_propeller_whose_speed_is_a_state_is_not_invented():
     """The thrust of the Cessna follows the speed of its propeller."""
     point = hfa.trim(hfa.load_model("jsbsim:c172p"))
     data = point.report().data
@@ -109,13 +106,7 @@ def test_thrust_of_a_propeller_whose_speed_is_a_state_is_not_invented() -> None:
     assert "rpm0" in data["not_in_model"]["thrust available"]
 
 
-def glider(
-    chord: float = 1.0,
-    elevator: float = 1.0,
-    largest: bool = True,
-    constant_from: float = math.inf,
-    drag: float = 0.02,
-) -> hfa.Model:
+def glider(chord=1.0, elevator=1.0, largest=True, constant_from=math.inf, drag=0.02):
     """Return a glider with the outputs that loads and performance need.
 
     elevator: factor on its moment
@@ -123,7 +114,7 @@ def glider(
     constant_from: alpha from which the lift is constant
     """
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         pressure = 0.6 * x.speed**2
         lift = pressure * 10.0 * (0.2 + 5.0 * ca.fmin(x.alpha, constant_from))
         resistance = pressure * 10.0 * drag
@@ -161,11 +152,11 @@ def glider(
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_moment_of_the_other_sign_is_doubted_without_an_inertia(sign: float) -> None:
+def test_a_moment_of_the_other_sign_is_doubted_without_an_inertia(sign):
     """The signs of the output pitching_moment and of the rate of the pitch rate are compared."""
     right = glider()
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Any, Any]:
+    def equations(x, u, p, w):
         rates, outputs = right.equations(x, u, p, w)
         return rates, {**outputs, "pitching_moment": sign * outputs["pitching_moment"]}
 
@@ -174,7 +165,7 @@ def test_a_moment_of_the_other_sign_is_doubted_without_an_inertia(sign: float) -
     assert ("static margins" in title) == (sign < 0.0)
 
 
-def test_aircraft_of_users_have_figures_by_names_of_outputs() -> None:
+def test_aircraft_of_users_have_figures_by_names_of_outputs():
     """A glider with the declared outputs gets L/D, margin and stall from a declared CL_max."""
     model = glider()
     point = hfa.trim(model, hfa.TrimCondition(model, {"speed": 30.0, "thrust": 0.0}))
@@ -201,9 +192,7 @@ def test_aircraft_of_users_have_figures_by_names_of_outputs() -> None:
         ({}, "thrust available", "no upper limit of the thrust"),
     ],
 )
-def test_a_figure_that_does_not_exist_is_not_invented(
-    changes: dict[str, Any], figure: str, reason: str
-) -> None:
+def test_a_figure_that_does_not_exist_is_not_invented(changes, figure, reason):
     """Without chord, elevator, maximum of the lift or limit of the thrust a figure is missing."""
     model = glider(**changes)
     held = {"speed": 30.0, "elevator": 0.0, "thrust": 0.0}

@@ -1,7 +1,5 @@
 """Trims: balance of all equations, imposed values, and causes of failed trims."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from random_points import INPUT_SCALES, RATE_SCALES
@@ -9,9 +7,7 @@ from random_points import INPUT_SCALES, RATE_SCALES
 import hfa
 import hfa_model
 from hfa import (
-    Model,
     NoSolutionError,
-    OperatingPoint,
     TrimCondition,
     trim,
 )
@@ -22,7 +18,7 @@ from trim import TrimError, release
 BASE = level_flight(float(np.radians(15.0)))
 
 
-def assert_meets(aircraft: Model, condition: TrimCondition, point: OperatingPoint) -> None:
+def assert_meets(aircraft, condition, point):
     """Assert that a point satisfies a condition: balance, imposed values, limits and residuals."""
     assert point.status == "trimmed"
     rates = dict(zip(STATES, aircraft.at(point.states, point.inputs).f.tolist(), strict=True))
@@ -39,12 +35,12 @@ def assert_meets(aircraft: Model, condition: TrimCondition, point: OperatingPoin
         assert lowest - 1e-12 <= values[name] <= highest + 1e-12, name
 
 
-def effort(point: OperatingPoint) -> float:
+def effort(point):
     return float(((np.array(point.inputs) / np.array(INPUT_SCALES)) ** 2).sum())
 
 
 @pytest.mark.parametrize(("degrees", "climb"), [(0.0, 0.0), (15.0, 1.0)])
-def test_the_papers_trims_are_found(aircraft: Model, degrees: float, climb: float) -> None:
+def test_the_papers_trims_are_found(aircraft, degrees, climb):
     """The paper's trims are found in level flight and in a climb, from two initial points."""
     condition = level_flight(float(np.radians(degrees)), gamma=float(np.radians(climb)))
     point = trim(aircraft, condition)
@@ -62,7 +58,7 @@ def test_the_papers_trims_are_found(aircraft: Model, degrees: float, climb: floa
 # More unknowns than equations.
 
 
-def test_least_effort_is_a_minimum(aircraft: Model) -> None:
+def test_least_effort_is_a_minimum(aircraft):
     """Of the trims with more unknowns than equations, the one that is found has the least effort.
 
     If an unknown is held slightly aside, the effort increases by second order.
@@ -83,9 +79,7 @@ def test_least_effort_is_a_minimum(aircraft: Model) -> None:
 @pytest.mark.parametrize(
     ("limited", "limits"), [("elevator_outer", (-0.02, 0.5)), ("aileron_outer", (0.01, 0.02))]
 )
-def test_least_effort_stays_within_limits(
-    aircraft: Model, limited: str, limits: tuple[float, float]
-) -> None:
+def test_least_effort_stays_within_limits(aircraft, limited, limits):
     """If the minimum of effort without limits is outside a limit, the trim is at this limit."""
     unlimited = trim(aircraft, release(BASE, free=("aileron_center",))).values[limited]
     assert not limits[0] <= unlimited <= limits[1]
@@ -101,7 +95,7 @@ def test_least_effort_stays_within_limits(
 
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
-def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> None:
+def test_a_binding_limit_is_named(aircraft, extra):
     """If a limit on the throttle prevents the trim, the message names the limit and the failing
     equation.
     """
@@ -122,7 +116,7 @@ def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> No
     )
 
 
-def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
+def test_too_few_unknowns_name_the_equations(aircraft):
     """If there are fewer unknowns than equations, the message names the failing equations."""
     held = {"aileron_outer": 0.0, "elevator_outer": 0.0}
     with pytest.raises(NoSolutionError) as caught:
@@ -136,9 +130,7 @@ def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
     assert f" and {len(failing) - 2} more (" in str(error)
 
 
-def test_the_cheaper_of_two_minima_is_found(
-    published_aircraft: Model, point: OperatingPoint
-) -> None:
+def test_the_cheaper_of_two_minima_is_found(published_aircraft, point):
     """From two initial points, the trim with the smaller of two local minima of effort is found.
 
     At this minimum the dihedral is at its upper limit: at each other angle, the least effort is
@@ -155,7 +147,7 @@ def test_the_cheaper_of_two_minima_is_found(
         assert np.degrees(cheaper.states.dihedral) == pytest.approx(60.0, abs=0.01)
 
 
-def test_a_control_without_effect_is_named(aircraft: Model) -> None:
+def test_a_control_without_effect_is_named(aircraft):
     """A failed trim names an aileron without effect, and no aileron with an effect."""
     without = hfa_model.parameters_of(aircraft)._replace(aileron_lift=0.0, aileron_moment=0.0)
     with pytest.raises(
@@ -167,7 +159,7 @@ def test_a_control_without_effect_is_named(aircraft: Model) -> None:
     assert "no effect" not in str(refusal.value)
 
 
-def test_controls_with_proportional_effects_are_named(aircraft: Model) -> None:
+def test_controls_with_proportional_effects_are_named(aircraft):
     """The message on a failed trim names two elevators with proportional effects.
 
     Very small and distant outer tails only pitch the aircraft, as the center tail does.
@@ -187,7 +179,7 @@ def test_controls_with_proportional_effects_are_named(aircraft: Model) -> None:
 
 
 @pytest.fixture(scope="module")
-def strong_aircraft(published_aircraft: Model) -> Model:
+def strong_aircraft(published_aircraft):
     """Return a light aircraft with 100 times the thrust. The aircraft can climb at any angle."""
     parameters = hfa_model.parameters_of(published_aircraft)
     thrust = 100 * parameters.thrust_per_throttle
@@ -195,7 +187,7 @@ def strong_aircraft(published_aircraft: Model) -> Model:
     return hfa.aircraft(parameters=parameters._replace(thrust_per_throttle=thrust, panel_mass=mass))
 
 
-def test_the_pitch_limit_is_checked_with_free_angles(strong_aircraft: Model) -> None:
+def test_the_pitch_limit_is_checked_with_free_angles(strong_aircraft):
     """If alpha and gamma are free and within their limits, the limit of pitch, alpha + gamma, is
     checked.
     """
@@ -210,7 +202,7 @@ def test_the_pitch_limit_is_checked_with_free_angles(strong_aircraft: Model) -> 
         trim(strong_aircraft, both, lifted)
 
 
-def test_an_equilibrium_with_nothing_free_is_its_own_trim() -> None:
+def test_an_equilibrium_with_nothing_free_is_its_own_trim():
     """A point at which all variables are held is a trim if it is an equilibrium."""
     model = hfa.Model(
         "cart",

@@ -1,11 +1,8 @@
 """The report of a trim: variables, limits, verdicts, loads and performance."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,20 +11,19 @@ from random_points import RATE_SCALES
 from sheet_values import values
 
 import hfa_model
-from hfa import Model, OperatingPoint, Signal, TrimCondition, aircraft as published, trim
-from hfa.extend import Report
+from hfa import Model, Signal, TrimCondition, aircraft as published, trim
 from hfa.paper import level_flight
 from trim import release, trim_report
 
 BASE = level_flight(float(np.radians(10.0)))
 
 
-def reported(aircraft: Model, condition: TrimCondition) -> tuple[OperatingPoint, Report]:
+def reported(aircraft, condition):
     point = trim(aircraft, condition)
     return point, trim_report(point)
 
 
-def test_each_equation_has_a_tolerance_and_verdict(published_aircraft: Model) -> None:
+def test_each_equation_has_a_tolerance_and_verdict(published_aircraft):
     """A residual 1 % above its tolerance fails only its own equation. A residual 1 % below
     passes.
     """
@@ -52,7 +48,7 @@ GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 
 @pytest.mark.parametrize("condition", [LEVEL, GLIDE], ids=["level", "glide"])
-def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCondition) -> None:
+def test_performance_follows_from_the_loads(aircraft, condition):
     """Pressure, Mach number and hinge moment of the report, and the balance along and across the
     path in a glide: T cos α - D = W sin γ, L + T sin α = W cos γ.
     """
@@ -82,14 +78,14 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
     assert figures.hinge_moment_total == pytest.approx(loads.hinge_moment - elastic, abs=1e-9)
 
 
-def test_undetermined_trims_name_their_variable() -> None:
+def test_undetermined_trims_name_their_variable():
     """The report names the variable that a trim leaves undetermined, which keeps its start value.
 
     If this variable is set free, the trim is one of many. The equations a' = a b and b' = u - b are
     satisfied for any a at b = 0.
     """
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         return {"a": x.a * x.b, "b": u.u - x.b}, {}
 
     states = {"a": Signal(start=0.8), "b": Signal()}
@@ -105,13 +101,13 @@ def test_undetermined_trims_name_their_variable() -> None:
     assert "does not determine" not in report.text()
 
 
-def test_a_later_limit_replaces_an_earlier_one() -> None:
+def test_a_later_limit_replaces_an_earlier_one():
     """Limits of other variables are kept."""
     first, then = {"throttle": (0.0, 90.0), "alpha": (-0.1, 0.2)}, {"throttle": (10.0, 60.0)}
     assert release(release(BASE, limits=first), limits=then).limits == first | then
 
 
-def test_imposed_rates_are_balanced_and_freed(published_aircraft: Model) -> None:
+def test_imposed_rates_are_balanced_and_freed(published_aircraft):
     """With V' = 0.5 ft/s² the thrust exceeds that of level flight by m V' / cos α."""
     level = trim(published_aircraft, BASE)
     point, report = reported(published_aircraft, release(BASE, hold={"speed_dot": 0.5}))
@@ -133,16 +129,14 @@ def test_imposed_rates_are_balanced_and_freed(published_aircraft: Model) -> None
 @pytest.mark.parametrize(
     ("degrees", "ends_at"), [(-15.001, "-15 deg"), (-15.0, ""), (15.0, ""), (16.0, "15 deg")]
 )
-def test_a_value_beyond_the_range_of_validity_is_noted(
-    published_aircraft: Model, degrees: float, ends_at: str
-) -> None:
+def test_a_value_beyond_the_range_of_validity_is_noted(published_aircraft, degrees, ends_at):
     """The note has the end of the range on the side of the value, and there is none within it."""
     notes = trim(published_aircraft, level_flight(math.radians(degrees))).warnings
     assert len(notes) == bool(ends_at)
     assert all(note.endswith(f"which ends at {ends_at}") for note in notes)
 
 
-def test_a_second_trim_is_listed_once() -> None:
+def test_a_second_trim_is_listed_once():
     """A thrust of 2.5 balances the drag v / 2 + 2 / v at the speeds 1 and 4."""
     states = {"speed": Signal("m/s", 1.0, 0.1, 10.0, 4.0)}
     inputs = {"thrust": Signal("N", 1.0, 0.0, 9.0)}

@@ -1,7 +1,5 @@
 """Results as xarray datasets."""
 
-from __future__ import annotations
-
 import pytest
 from own_models import F16
 
@@ -10,7 +8,7 @@ import hfa
 pytest.importorskip("xarray")
 
 
-def test_a_sweep_is_an_xarray_dataset() -> None:
+def test_a_sweep_is_an_xarray_dataset():
     """A sweep becomes a dataset over the axes of its grid, or over the points of a list.
 
     A and B are selected by names of states and inputs.
@@ -28,7 +26,7 @@ def test_a_sweep_is_an_xarray_dataset() -> None:
     assert listed.xcg.values.tolist() == [0.3, 0.35]
 
 
-def test_points_and_linear_models_are_datasets() -> None:
+def test_points_and_linear_models_are_datasets():
     """Entries of an operating point and of a linear model are selected by name, and have units."""
     model = hfa.aircraft()
     point = hfa.trim(model)

@@ -1,9 +1,5 @@
 """Sweeps keep each mode in its column through crossings, along lines and over grids."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -18,11 +14,11 @@ NEARLY_PARALLEL = np.array(
 STATES = ("a", "b", "c")
 
 
-def plant(shapes: np.ndarray) -> Model:
+def plant(shapes):
     """Return x' = V diag(λ) V⁻¹ x with λ = -3 + s, -1 - s + t and -.1, over parameters s and t."""
     inverse = np.linalg.inv(shapes)
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         eigenvalues = ca.vertcat(-3.0 + p.s, -1.0 - p.s + p.t, -0.1)
         rates = ca.DM(shapes) @ (eigenvalues * (ca.DM(inverse) @ ca.vertcat(*x)))
         return dict(zip(STATES, ca.vertsplit(rates + u.force), strict=True)), {}
@@ -33,7 +29,7 @@ def plant(shapes: np.ndarray) -> Model:
 
 
 @pytest.mark.parametrize("shapes", [SHAPES, NEARLY_PARALLEL], ids=["apart", "2 degrees apart"])
-def test_eigenvalues_that_cross_keep_their_columns(shapes: np.ndarray) -> None:
+def test_eigenvalues_that_cross_keep_their_columns(shapes):
     """Modes keep their columns through a crossing, although another eigenvalue is nearer."""
     s = np.linspace(0.0, 2.0, 8)
     expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
@@ -43,7 +39,7 @@ def test_eigenvalues_that_cross_keep_their_columns(shapes: np.ndarray) -> None:
     np.testing.assert_allclose(swept.eigenvalues, expected, atol=1e-11)
 
 
-def test_modes_keep_their_columns_over_a_grid() -> None:
+def test_modes_keep_their_columns_over_a_grid():
     """On a grid of two variables, crossings along both keep the columns."""
     s, t = np.linspace(0.0, 2.0, 8), np.array([0.0, 0.15, 0.3])
     swept = sweep(plant(SHAPES), s=s, t=t)
@@ -52,7 +48,7 @@ def test_modes_keep_their_columns_over_a_grid() -> None:
     np.testing.assert_allclose(swept.eigenvalues, expected, atol=1e-11)
 
 
-def test_a_pair_that_becomes_real_keeps_its_columns() -> None:
+def test_a_pair_that_becomes_real_keeps_its_columns():
     """x'' = -k x at k = 1, -1 and 1: the lower real eigenvalue comes first."""
     oscillator = Model(
         "oscillator",

@@ -1,9 +1,6 @@
 """Sweeps into a store that are ended by Ctrl-C, SIGTERM, SIGHUP or SIGKILL, and resumed."""
 
-from __future__ import annotations
-
 import signal
-from pathlib import Path
 
 import pytest
 from ended_runs import assert_resumed_bits_equal, leaves_nothing, proc, result_of, run
@@ -28,9 +25,7 @@ SLOW = pytest.mark.slow
         (signal.SIGKILL, -signal.SIGKILL, None),
     ],
 )
-def test_an_ended_run_leaves_no_workers_or_folders(
-    tmp_path: Path, number: signal.Signals, code: int, said: str | None
-) -> None:
+def test_an_ended_run_leaves_no_workers_or_folders(tmp_path, number, code, said):
     """A run that a signal ends leaves no worker process and no temporary folder."""
     ended = leaves_nothing(tmp_path, LONG, number)
     assert ended.code == code
@@ -39,7 +34,7 @@ def test_an_ended_run_leaves_no_workers_or_folders(
 
 @proc
 @pytest.mark.slow
-def test_a_resumed_run_gives_identical_bits(tmp_path: Path) -> None:
+def test_a_resumed_run_gives_identical_bits(tmp_path):
     """A run that is ended at random moments and resumed gives identical bits; so does one process."""
     assert_resumed_bits_equal(tmp_path, THREE_CHUNKS)
     one = ["1" if word == "2" else word for word in THREE_CHUNKS]

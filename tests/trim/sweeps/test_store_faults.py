@@ -1,9 +1,6 @@
 """Stores on a full disk."""
 
-from __future__ import annotations
-
 import subprocess
-from pathlib import Path
 
 import pytest
 from cli import assert_refused, hfa_process
@@ -27,9 +24,7 @@ SWEEP = (
 
 
 @pytest.mark.slow
-def test_a_job_that_filled_disk_is_resumed(
-    small_disk: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_job_that_filled_disk_is_resumed(small_disk, tmp_path_factory):
     """A job that fills the disk is refused in one line. It can be resumed after the disk is
     enlarged.
     """
@@ -43,7 +38,7 @@ def test_a_job_that_filled_disk_is_resumed(
 
 
 @pytest.mark.slow
-def test_zarr_settings_do_not_affect_stores(tmp_path: Path) -> None:
+def test_zarr_settings_do_not_affect_stores(tmp_path):
     """Environment variables of Zarr do not affect a stored sweep: its files are the same."""
     settings = {"ZARR_CODECS": "1", "ZARR_ARRAY__ORDER": "Q", "ZARR_ASYNC__CONCURRENCY": "x"}
     words = ("sweep", "--dihedral", "5,15", "-o", "a.zarr", "-q")

@@ -1,9 +1,6 @@
 """Points of sweeps equal single trims, in memory and in a store. Faulty sweeps are refused."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +13,6 @@ from project import ROOT
 import hfa_model
 from hfa import (
     BadInputError,
-    Model,
-    TrimCondition,
     aircraft as aircraft_of,
     linearize,
     load_model,
@@ -25,7 +20,7 @@ from hfa import (
     trim,
 )
 from hfa.paper import level_flight
-from hfa_model import INPUTS, STATES, Parameters
+from hfa_model import INPUTS, STATES
 from trim import TrimError, load_condition, release, trim_points, usual_condition
 
 LEVEL_FLIGHT = usual_condition(aircraft_of())
@@ -34,7 +29,7 @@ TRIMMED, BEYOND_LIMITS, NO_TRIM = range(3)
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
 #: Name -> grid and condition.
-CASES: dict[str, tuple[dict[str, list[float]], TrimCondition]] = {
+CASES = {
     "limits": ({"dihedral": [0.05, 0.2]}, LIMITED),
     "released simulation": ({"dihedral": [0.1, 0.3]}, load_condition("simvfa-64")),
     "alpha free, limited": (
@@ -55,7 +50,7 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition]] = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
+def test_each_point_equals_its_single_trim(aircraft, name):
     """Each point of a sweep equals its single trim and linear model.
 
     If a point has no trim, the sweep and the single trim give the same reason.
@@ -87,7 +82,7 @@ def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
     assert np.count_nonzero(~result.trimmed) == without.get(name, 0)
 
 
-def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> None:
+def test_a_sweep_warns_beyond_the_papers_range(published_aircraft):
     """The report of a sweep to -16 deg notes the range of the paper. That of a sweep to -15 deg
     does not.
     """
@@ -114,14 +109,14 @@ LISTS = [
 
 
 @pytest.mark.parametrize(("text", "words"), LISTS)
-def test_a_wrong_listed_point_is_named(text: str, words: str, tmp_path: Path) -> None:
+def test_a_wrong_listed_point_is_named(text, words, tmp_path):
     """A fault in a list of points is refused, and the message names its row and column."""
     path = tmp_path / "points.csv"
     path.write_text(text, encoding="utf-8")
     assert_refused(hfa("sweep", "--conditions", str(path)), 2, words)
 
 
-def test_a_listed_point_outside_a_limit_fails_alone(tmp_path: Path) -> None:
+def test_a_listed_point_outside_a_limit_fails_alone(tmp_path):
     """Its reason names the value, also of a parameter with which a trim exists."""
     path = tmp_path / "points.csv"
     path.write_text("speed,isa\n220,10\n99000,10\n220,120\n", encoding="utf-8")
@@ -134,7 +129,7 @@ def test_a_listed_point_outside_a_limit_fails_alone(tmp_path: Path) -> None:
     assert "220, 120: isa is 120 K; give at most 100 K" in said
 
 
-def test_a_list_may_have_comments_units_and_flight_levels(tmp_path: Path) -> None:
+def test_a_list_may_have_comments_units_and_flight_levels(tmp_path):
     """Its point is that of the options."""
     path = tmp_path / "points.csv"
     text = "# card 7\ndihedral [rad],altitude [FL]\n# flown\n0.2,380\n"
@@ -145,7 +140,7 @@ def test_a_list_may_have_comments_units_and_flight_levels(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("command", ["trim", "sweep"])
-def test_a_list_is_given_by_conditions(command: str, tmp_path: Path) -> None:
+def test_a_list_is_given_by_conditions(command, tmp_path):
     """A list given by --condition, which names one condition, is refused; the advice is right."""
     path = tmp_path / "points.csv"
     path.write_text("dihedral\n10\n", encoding="utf-8")
@@ -159,7 +154,7 @@ def test_a_list_is_given_by_conditions(command: str, tmp_path: Path) -> None:
 WORDS = "the equations overflow or divide by zero"
 
 
-def test_no_row_depends_on_its_neighbors(aircraft: Model) -> None:
+def test_no_row_depends_on_its_neighbors(aircraft):
     """Points of a sweep are equal bit for bit in sweeps with few and with many other points.
 
     This is also true if a parameter varies from point to point.
@@ -181,7 +176,7 @@ def test_no_row_depends_on_its_neighbors(aircraft: Model) -> None:
     )
 
 
-def test_no_row_of_the_f16_depends_on_its_neighbors() -> None:
+def test_no_row_of_the_f16_depends_on_its_neighbors():
     """Its tables and turns are searched in blocks, as many processes do: the bits are equal."""
     values = np.random.default_rng(2).uniform([350.0, 0.28], [600.0, 0.38], (60, 2))
     whole = trim_points(F16, ("speed", "xcg"), values)
@@ -191,7 +186,7 @@ def test_no_row_of_the_f16_depends_on_its_neighbors() -> None:
             np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[rows])
 
 
-def test_each_point_has_the_expected_status(aircraft: Model) -> None:
+def test_each_point_has_the_expected_status(aircraft):
     """Each point has the expected status, and A is finite if and only if the point is trimmed.
 
     Speeds are in ft/s, gamma and alpha in rad.
@@ -217,7 +212,7 @@ def test_each_point_has_the_expected_status(aircraft: Model) -> None:
 
 
 @pytest.mark.parametrize(("name", "value"), [("lift_slope", 1e200), ("inertia_pitch", 1e-300)])
-def test_an_extreme_parameter_is_refused(parameters: Parameters, name: str, value: float) -> None:
+def test_an_extreme_parameter_is_refused(parameters, name, value):
     """A trim with a parameter so extreme that numbers overflow is refused.
 
     In a sweep only the points with such a parameter have no trim.
@@ -252,16 +247,14 @@ WORDS_OF_STORE = (
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def store(tmp_path_factory):
     path = tmp_path_factory.mktemp("store") / "a.zarr"
     done = hfa("sweep", *WORDS_OF_STORE, "-o", str(path))
     assert (done.code, "kink" in done.err) == (0, False)
     return path
 
 
-def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(
-    published_aircraft: Model, store: Path
-) -> None:
+def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(published_aircraft, store):
     """A Zarr store contains names, units and axes, so that xarray selects data by name."""
     dataset = xarray.open_zarr(store, consolidated=False).load()
     assert dataset.A.dims == ("point", "rate", "state")
@@ -283,7 +276,7 @@ def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(
 
 
 @pytest.mark.parametrize("more", ["", "--limit throttle=0:40", "--hold altitude=1e4"])
-def test_a_store_is_resumed_with_its_own_sweep_only(more: str, store: Path) -> None:
+def test_a_store_is_resumed_with_its_own_sweep_only(more, store):
     """Another limit, condition or variable is another sweep."""
     words = (*WORDS_OF_STORE, *more.split(), "-o", str(store), "--resume")
     result = hfa("sweep", *words)
@@ -296,7 +289,7 @@ def test_a_store_is_resumed_with_its_own_sweep_only(more: str, store: Path) -> N
 # Printed reports.
 
 
-def test_a_long_sweep_prints_its_ends(published_aircraft: Model) -> None:
+def test_a_long_sweep_prints_its_ends(published_aircraft):
     """The report has the first and last rows and all points without a trim; the records have each."""
     speeds = np.linspace(68.0, 75.0, 401)
     speeds[[100, *range(200, 222)]] = 30.0
@@ -312,7 +305,7 @@ def test_a_long_sweep_prints_its_ends(published_aircraft: Model) -> None:
     assert kept["A(speed, pitch_rate) [(ft/s^2)/(rad/s)]"] == result.A[7, 0, 3]
 
 
-def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:
+def test_the_root_locus_has_paths_and_ends(published_aircraft):
     """Paths over the trimmed points begin at o and end at s."""
     speeds = [30.0, *np.linspace(56.0, 100.0, 9)]
     swept = sweep(published_aircraft, {"speed": speeds})
@@ -334,7 +327,7 @@ def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:
     pyplot.close("all")
 
 
-def test_a_sweep_prints_trim_values_and_limits_reached() -> None:
+def test_a_sweep_prints_trim_values_and_limits_reached():
     """Each row has alpha and the moved inputs of the single trim, and the limits it reaches, as its
     CSV file has: here full thrust in the second row.
     """
@@ -359,7 +352,7 @@ def test_a_sweep_prints_trim_values_and_limits_reached() -> None:
         assert " ".join(row[4:]) == at_limit
 
 
-def test_the_legend_of_two_variables_names_the_lines_that_it_shows() -> None:
+def test_the_legend_of_two_variables_names_the_lines_that_it_shows():
     """The line of the width in the legend has the eigenvalues at the speed in the legend; o and s
     mark the first and the last thrust.
     """
