@@ -1,10 +1,7 @@
 """Critics compared with the nonlinear game, coefficient by coefficient."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -14,7 +11,7 @@ from project import ROOT
 from scipy.integrate import solve_ivp
 
 import hfa
-from hfa import Expansion, Game, LinearModel, Model, Signal
+from hfa import Model, Signal
 
 #: No search for a proof, and few flights.
 QUICK = 3
@@ -41,20 +38,20 @@ MIXED = Model(
 
 
 @cache
-def case(order: int) -> tuple[LinearModel, Game, Expansion]:
+def case(order):
     """The linear model, the game and the exact expansion of the plant."""
     linear = hfa.linearize(MIXED, hfa.trim(MIXED))
     game = hfa.game(linear, Q=[1.0, 2e-4], R=[0.5, 0.8], delta=5.0, E=[[0.3], [10.0]])
     return linear, game, hfa.expand(linear, hfa.solve(game), order)
 
 
-def compared(critic: hfa.Critic, linear: LinearModel, game: Game) -> Any:
+def compared(critic, linear, game):
     """Return the comparison of a critic with the nonlinear game."""
     return hfa.verify(game, critic, flights=1, linear=linear, taylor=True).nonlinear
 
 
 @pytest.mark.parametrize(("order", "basis"), [(3, "cubic"), (4, "quartic")])
-def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -> None:
+def test_the_exact_critic_passes_on_the_nonlinear_game(order, basis):
     """The exact value passes there, and its linear part on the linear game.
 
     Without the aircraft or with taylor=False it is judged on the linear game, where it fails, and
@@ -62,7 +59,7 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -
     """
     linear, game, expansion = case(order)
     critic = hfa.from_weights(game, expansion.weights, basis=basis)
-    said: list[str] = []
+    said = []
     verdict = hfa.verify(
         game, critic, flights=QUICK, linear=linear, progress=lambda *done: said.append(done[-1])
     )
@@ -81,7 +78,7 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -
         assert (verdict.data()["network"]["reach_nonlinear"] is not None) == is_flown
 
 
-def judged(expansion: Expansion, game: Game, linear: LinearModel, change: ca.SX, z: ca.SX):
+def judged(expansion, game, linear, change, z):
     """Return the verdict on the exact value with a changed policy, and that policy."""
     both = ca.Function("both", [z], [ca.vertcat(expansion.V(z), expansion.policy(z) + change)])
     critic = replace(
@@ -93,7 +90,7 @@ def judged(expansion: Expansion, game: Game, linear: LinearModel, change: ca.SX,
     return hfa.verify(game, critic, flights=8, linear=linear), critic.policy
 
 
-def test_a_policy_that_is_right_at_the_trim_only_is_flown() -> None:
+def test_a_policy_that_is_right_at_the_trim_only_is_flown():
     """Terms of degree 9 change no compared coefficient, and cost flights of the box.
 
     The costs are those of simulations by DOP853.
@@ -117,10 +114,10 @@ def test_a_policy_that_is_right_at_the_trim_only_is_flown() -> None:
             assert flown.excess > 0.05
 
 
-def flight_cost(game: Game, policy: ca.Function, start: np.ndarray) -> float:
+def flight_cost(game, policy, start):
     """Return the cost of a flight of the plant in mixed units, by DOP853."""
 
-    def rate(_: float, w: np.ndarray) -> list[float]:
+    def rate(_, w):
         a, b, _ = w
         u, v = np.array(policy([a, b])).ravel()
         cost = game.Q[0, 0] * a**2 + game.Q[1, 1] * b**2 + game.R[0, 0] * u**2
@@ -135,7 +132,7 @@ def flight_cost(game: Game, policy: ca.Function, start: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("factor", [1.01, 0.0])
-def test_one_wrong_coefficient_is_found(factor: float) -> None:
+def test_one_wrong_coefficient_is_found(factor):
     """A coefficient that is changed fails, and is the worst one of its degree."""
     linear, game, expansion = case(4)
     exponents = expansion.basis.exponents
@@ -158,7 +155,7 @@ def test_one_wrong_coefficient_is_found(factor: float) -> None:
         assert share == pytest.approx(100.0 * wrong.error, rel=0.05)
 
 
-def test_a_missing_degree_and_a_linear_term_are_found() -> None:
+def test_a_missing_degree_and_a_linear_term_are_found():
     """A critic of degree 4 without cubic terms fails, as does one with a linear term."""
     linear, game, expansion = case(4)
     exact = dict(
@@ -179,7 +176,7 @@ def test_a_missing_degree_and_a_linear_term_are_found() -> None:
     assert found.errors[0].error == np.inf
 
 
-def test_a_network_is_compared_on_request() -> None:
+def test_a_network_is_compared_on_request():
     """The Taylor terms of a network are compared only if asked."""
     linear, game, expansion = case(4)
     z = ca.SX.sym("z", 2)
@@ -195,7 +192,7 @@ def test_a_network_is_compared_on_request() -> None:
 
 
 @pytest.mark.parametrize("of", ["V", "policy"])
-def test_a_function_is_expanded(of: str) -> None:
+def test_a_function_is_expanded(of):
     """A value or a policy given as a function is compared by its Taylor coefficients."""
     linear, game, expansion = case(4)
     z = ca.SX.sym("z", 2)
@@ -211,7 +208,7 @@ def test_a_function_is_expanded(of: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("folder")
-def test_the_policy_in_the_file_is_judged_and_flies() -> None:
+def test_the_policy_in_the_file_is_judged_and_flies():
     """`hfa verify` and a flight read the policy of `hfa solve --order`, which is not linear."""
     pytest.importorskip("hfa_flight")
     words = ("--aircraft", PENDULUM, "--Q", "1,0.1", "--R", "1", "--delta", "inf")

@@ -1,10 +1,6 @@
 """Reasons of verdicts."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,7 +18,7 @@ from hfa.main import DONE, FAILED
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_a_value_inaccurate_for_its_gain_is_named() -> None:
+def test_a_value_inaccurate_for_its_gain_is_named():
     """The reason states that a P with eight right digits is not accurate enough for its gain.
 
     The input moves both states equally. This motion costs almost nothing, and K = B'P is a small
@@ -50,7 +46,7 @@ ROW, COLUMN = np.triu_indices(6)
 FLIPPED = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
 
 
-def at(*places: tuple[int, int], rows: int, factor: float) -> np.ndarray:
+def at(*places, rows, factor):
     """Return factors on a matrix with six columns, of which some are not 1."""
     factors = np.ones((rows, 6))
     for place in places:
@@ -59,7 +55,7 @@ def at(*places: tuple[int, int], rows: int, factor: float) -> np.ndarray:
 
 
 #: What is stored, from the exact P, and the words of the reason.
-OF_P: list[tuple[Callable[[np.ndarray], np.ndarray], str]] = [
+OF_P = [
     (lambda P: np.triu(P), "P is not symmetric: the value"),
     (lambda P: np.triu(P) + np.triu(P, 1), "P is not symmetric; its symmetric part is exact"),
     (lambda P: -P, "the value has the wrong sign"),
@@ -72,7 +68,7 @@ OF_P: list[tuple[Callable[[np.ndarray], np.ndarray], str]] = [
     (lambda P: P * at((1, 4), (4, 1), rows=6, factor=-1.0), "P(2, 5) has the wrong sign"),
     (lambda P: P * at((2, 5), (5, 2), rows=6, factor=10.0), "only P(3, 6) differs"),
 ]
-OF_W: list[tuple[Callable[[np.ndarray], np.ndarray], str]] = [
+OF_W = [
     (lambda P: P[ROW, COLUMN], "the weights lack the factor 2 of products z_i z_j"),
     (
         lambda P: P[ROW, COLUMN] / 2,
@@ -85,7 +81,7 @@ OF_W: list[tuple[Callable[[np.ndarray], np.ndarray], str]] = [
         "weights 4 and 8 are",
     ),
 ]
-OF_K: list[tuple[Callable[[np.ndarray], np.ndarray], str]] = [
+OF_K = [
     (lambda K: -K, "the gain has the wrong sign: the policy is u = -K z"),
     (lambda K: 2.0 * K, "the gain is twice the exact one"),
     (lambda K: 0.913 * K, "every entry of K is 0.913 times the exact one"),
@@ -117,9 +113,7 @@ OF_K: list[tuple[Callable[[np.ndarray], np.ndarray], str]] = [
         (from_gain, lambda game: np.diag(np.diag(game.R)) @ gain(game), np.copy, "R⁻¹ is missing"),
     ],
 )
-def test_a_planted_mistake_fails_and_is_named(
-    make: Any, exact: Any, plant: Any, words: str
-) -> None:
+def test_a_planted_mistake_fails_and_is_named(make, exact, plant, words):
     """The mistake is named on the printed model of the aircraft."""
     game = game_models()["published-5"]
     verdict = verify(game, make(game, plant(exact(game))))
@@ -136,7 +130,7 @@ def test_a_planted_mistake_fails_and_is_named(
         lambda game: from_value(game, np.zeros_like(game.A)),
     ],
 )
-def test_another_mistake_fails_without_a_reason(game: Game, critic: Any) -> None:
+def test_another_mistake_fails_without_a_reason(game, critic):
     verdict = verify(game, critic(game))
     assert (verdict.ok, verdict.reason) == (False, "")
 
@@ -164,7 +158,7 @@ OTHER_GAMES = {
 
 
 @pytest.mark.parametrize("number", OTHER_GAMES)
-def test_the_game_of_which_a_gain_is_exact_is_named(number: str) -> None:
+def test_the_game_of_which_a_gain_is_exact_is_named(number):
     """One number explains it: the same gain with one entry changed has no such reason."""
     trained, game, says = OTHER_GAMES[number]
     K = gain(trained)
@@ -173,7 +167,7 @@ def test_the_game_of_which_a_gain_is_exact_is_named(number: str) -> None:
     assert "exact for" not in verify(game, from_gain(game, other)).reason
 
 
-def test_the_nearest_of_several_games_is_named() -> None:
+def test_the_nearest_of_several_games_is_named():
     """Of two entries, delta 102 explains a gain without discount within .1 %, the discount exactly."""
     A, B = [[1.0, 0.1], [0.2, 0.97]], [[0.0], [0.1]]
     game = Game(A, B, Q=np.eye(2), R=[1.0], dt=0.1, discount=0.99)
@@ -181,7 +175,7 @@ def test_the_nearest_of_several_games_is_named() -> None:
     assert reason == "K is exact without discount, not for discount 0.99"
 
 
-def test_multiples_of_rows_and_columns_are_named() -> None:
+def test_multiples_of_rows_and_columns_are_named():
     """Actions that are not mapped to the inputs, a normalized state, and an input that never moves."""
     K = gain(TWO_INPUTS)
     rows = verify(TWO_INPUTS, from_gain(TWO_INPUTS, K * [[0.2], [0.7]])).reason
@@ -192,7 +186,7 @@ def test_multiples_of_rows_and_columns_are_named() -> None:
     assert still == "u1 is never moved; the other rows of K are exact"
 
 
-def test_a_network_that_moves_nothing_is_named() -> None:
+def test_a_network_that_moves_nothing_is_named():
     z = ca.SX.sym("z", 3)
     exact = -ca.DM(gain(TWO_INPUTS)) @ z
     for u, says in (
@@ -204,7 +198,7 @@ def test_a_network_that_moves_nothing_is_named() -> None:
 
 
 @pytest.mark.parametrize("delta", [6.0, np.inf])
-def test_the_order_of_an_action_value_is_named(delta: float) -> None:
+def test_the_order_of_an_action_value_is_named(delta):
     game = SAMPLED.with_delta(delta)
     H = solve(game).H
     first = [*range(3, 5), *range(3), *range(5, len(H))]
@@ -223,7 +217,7 @@ ONE_INPUT = Game([[-1.0, 0.4], [0.1, -2.0]], [[1.0], [0.5]], Q=np.eye(2), R=[[1.
 Z = ca.SX.sym("z", 2)
 
 
-def test_a_transposed_gain_is_named() -> None:
+def test_a_transposed_gain_is_named():
     plant = Game(
         [[-1.0, 0.4], [0.1, -2.0]],
         np.eye(2),
@@ -235,7 +229,7 @@ def test_a_transposed_gain_is_named() -> None:
     assert verify(plant, from_gain(plant, gain(plant).T)).reason == "K is transposed"
 
 
-def test_a_value_read_as_a_policy_is_named() -> None:
+def test_a_value_read_as_a_policy_is_named():
     """The one output of a network on a plant with one input is read as u, without --network."""
     V = ca.Function("f", [Z], [ca.bilin(ca.DM(value(ONE_INPUT)), Z, Z)])
     critic = from_network(ONE_INPUT, V)
@@ -243,14 +237,14 @@ def test_a_value_read_as_a_policy_is_named() -> None:
     assert "if it is V: --network V=NAME" in verify(ONE_INPUT, critic).reason
 
 
-def test_a_value_without_curvature_is_named() -> None:
+def test_a_value_without_curvature_is_named():
     """V of an odd activation is no reason to ask whether the output is V."""
     V = ca.Function("V", [Z], [ca.sum1(ca.tanh(Z))])
     reason = verify(ONE_INPUT, from_network(ONE_INPUT, V)).reason
     assert reason == "V of the network has no curvature at the trim"
 
 
-def test_a_kink_at_the_trim_is_the_first_finding() -> None:
+def test_a_kink_at_the_trim_is_the_first_finding():
     """K is the mean of both slopes there, and neither a factor of K nor a stable loop."""
     exact = ca.DM(gain(ONE_INPUT)) @ Z
     for above, below, is_kink in ((2.0, 0.5, True), (1.5, 1.5, False)):
@@ -261,7 +255,7 @@ def test_a_kink_at_the_trim_is_the_first_finding() -> None:
         assert str(verdict).partition("\n\n")[0].endswith("stabilizing") != is_kink
 
 
-def test_a_value_per_second_of_a_step_is_named() -> None:
+def test_a_value_per_second_of_a_step_is_named():
     """The value of a training whose costs were not multiplied by dt = 0.05 is 20 times too large,
     with the right gain.
     """
@@ -283,9 +277,7 @@ def test_a_value_per_second_of_a_step_is_named() -> None:
         ("PK", {"P": 10.0}, "every entry of P is 10 times the exact one"),
     ],
 )
-def test_each_part_of_a_file_is_checked(
-    game: Game, held: str, factors: dict[str, float], said: str
-) -> None:
+def test_each_part_of_a_file_is_checked(game, held, factors, said):
     """Each of W, P and K in a file is checked, and a wrong one is named."""
     parts = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}
     file = stored("all.npz", **{key: factors.get(key, 1.0) * parts[key] for key in held})
@@ -299,7 +291,7 @@ def test_each_part_of_a_file_is_checked(
 
 
 @pytest.mark.parametrize(("number", "place"), [(0, 5), (4, 1), (8, 2)])
-def test_a_reason_does_not_depend_on_units(number: int, place: int) -> None:
+def test_a_reason_does_not_depend_on_units(number, place):
     """Longitudinal and lateral states are not coupled; units differ by up to a million."""
     game = stored_game("aircraft", number).game.with_delta(np.inf)
     other, (z, u, *_, cost) = in_units(game, np.random.default_rng(number), 10.0, 3)

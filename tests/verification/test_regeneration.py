@@ -1,7 +1,5 @@
 """Checks of regenerated linear models against the printed ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,7 @@ from verification import regenerate_all
 
 
 @pytest.mark.parametrize("mass", [1.0, 1.02])
-def test_errors_of_eigenvalues_and_entries_are_those_of_the_matrices(mass: float) -> None:
+def test_errors_of_eigenvalues_and_entries_are_those_of_the_matrices(mass):
     """The identified aircraft agrees with the printed models, a heavier one does not.
 
     Fast eigenvalues are compared relative to their size, slow ones (below 1 rad/s) as they are.

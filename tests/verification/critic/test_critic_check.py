@@ -1,11 +1,7 @@
 """The check of critics. The exact critic passes, and each planted error is found, in any units."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -42,16 +38,16 @@ BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def failed(game: Game, candidate: Critic, **how: Any) -> set[str]:
+def failed(game, candidate, **how):
     return failed_names(verify(game, candidate, **how).checks)
 
 
-def over_the_box(game: Game, candidate: Critic, box: Any = None) -> dict[str, float]:
+def over_the_box(game, candidate, box=None):
     checks = verify(game, candidate, box=box, flights=1).checks
     return {check.name: check.value for check in checks}
 
 
-def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
+def test_a_critic_of_poor_data_is_refused(game):
     """A critic learned from too few samples fails, and the reason names their rank."""
     run = learn(game, seed=0)
     check = verify(game, replace(run, excitation=replace(run.excitation, rank=15)))
@@ -65,14 +61,14 @@ def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
 @pytest.mark.filterwarnings(
     "ignore:Input"
 )  # SciPy warns of a Lyapunov equation that is singular within rounding
-def test_critics_that_overflow_fail(game: Game) -> None:
+def test_critics_that_overflow_fail(game):
     """Critics of size 1e40 fail without an exception."""
     for candidate in (from_value(game, 1e40 * value(game)), from_gain(game, -1e40 * gain(game))):
         assert "K_rel_error" in failed(game, candidate)
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, 1e60])
-def test_numbers_that_are_no_critic_are_refused(game: Game, number: float) -> None:
+def test_numbers_that_are_no_critic_are_refused(game, number):
     """Not finite numbers are bad input, and no fact about the loop."""
     for name, make in {
         "K": lambda: from_gain(game, number * gain(game)),
@@ -94,13 +90,13 @@ NOT_FINITE = {
 
 
 @pytest.mark.parametrize("says", NOT_FINITE)
-def test_a_network_without_numbers_at_the_trim_is_refused(game: Game, says: str) -> None:
+def test_a_network_without_numbers_at_the_trim_is_refused(game, says):
     kind, expression = NOT_FINITE[says]
     with pytest.raises(BadInputError, match=says):
         from_network(game, ca.Function(kind, [Z], [expression]))
 
 
-REFUSED: dict[str, tuple[Callable[[Game], Any], str]] = {
+REFUSED = {
     "W": (lambda game: from_weights(game, np.ones(20)), "20 weights"),
     "P": (lambda game: from_value(game, np.eye(5)), "P is 5 x 5"),
     "K": (lambda game: from_gain(game, np.ones((6, 5))), "K is 6 x 5.*such as the transpose of K"),
@@ -128,14 +124,14 @@ REFUSED: dict[str, tuple[Callable[[Game], Any], str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_wrong_shapes_and_numbers_are_named(game: Game, case: str) -> None:
+def test_wrong_shapes_and_numbers_are_named(game, case):
     call, says = REFUSED[case]
     with pytest.raises(BadInputError, match=says) as refusal:
         call(game)
     assert "\n" not in str(refusal.value)
 
 
-def test_a_file_is_read_for_its_game(game: Game) -> None:
+def test_a_file_is_read_for_its_game(game):
     """A gain can be read from a file without a game. For a value, or a gain with units, a game is
     required.
     """
@@ -151,13 +147,13 @@ def test_a_file_is_read_for_its_game(game: Game) -> None:
 
 
 @pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
-def test_the_box_extends_to_the_nearer_limit(speed: float, half_width: float | None) -> None:
+def test_the_box_extends_to_the_nearer_limit(speed, half_width):
     """The box about a trim extends to the nearer limit of each state.
 
     If a state is at or beyond a limit, no box exists.
     """
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         return {"speed": u.throttle - x.speed, "alpha": -x.alpha}, {}
 
     states = {"speed": Signal("ft/s", min=100.0, max=150.0), "alpha": Signal("", min=-1.0, max=1.0)}
@@ -178,7 +174,7 @@ def test_the_box_extends_to_the_nearer_limit(speed: float, half_width: float | N
 
 
 @pytest.mark.parametrize(("state", "of_input"), [(1e-8, 1e3), (1e8, 1e-3)])
-def test_a_wrong_row_or_column_is_detected(state: float, of_input: float) -> None:
+def test_a_wrong_row_or_column_is_detected(state, of_input):
     """A wrong factor on a row or a column of K, and a wrong entry of P, are detected in any units."""
     u, v = np.array([1.0, state]), np.array([1.0, of_input])
     A = np.array([[-1.0, 0.2], [0.1, -1.0]]) * u[:, None] / u
@@ -192,7 +188,7 @@ def test_a_wrong_row_or_column_is_detected(state: float, of_input: float) -> Non
     assert "P_balanced_error" in failed(game, from_value(game, wrong_P))
 
 
-def test_contradicting_parts_are_refused(game: Game) -> None:
+def test_contradicting_parts_are_refused(game):
     """W and P that differ by 1e-4 are refused, and those that differ by 1e-7 are accepted."""
     P = value(game)
     words = ("verify", *AT_15, "--weights")
@@ -205,7 +201,7 @@ def test_contradicting_parts_are_refused(game: Game) -> None:
 # found.
 
 
-def test_errors_are_those_of_their_definitions() -> None:
+def test_errors_are_those_of_their_definitions():
     """With an R that is not diagonal: norms, norms in balanced units, entries, and in a box."""
     rng = np.random.default_rng(8)
     A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
@@ -219,10 +215,10 @@ def test_errors_are_those_of_their_definitions() -> None:
     P = part + 0.1 * (change - change.T)
     box = np.array([2.0, 0.5, 3.0])
 
-    def measured(matrix: np.ndarray) -> float:
+    def measured(matrix):
         return float(np.sqrt(np.trace(units[:, None] * (matrix.T @ R @ matrix) * units)))
 
-    def entry(difference: np.ndarray, right: np.ndarray) -> float:
+    def entry(difference, right):
         return float(
             (np.abs(difference) / np.maximum(np.abs(right), 1e-5 * np.abs(right).max())).max()
         )
@@ -292,9 +288,7 @@ def test_errors_are_those_of_their_definitions() -> None:
         ({"inputs": list("abcde")}, None),
     ],
 )
-def test_the_typical_box_requires_equal_names_and_units(
-    game: Game, change: dict[str, Any], speed: float | None
-) -> None:
+def test_the_typical_box_requires_equal_names_and_units(game, change, speed):
     """Typical deviations are used only for a plant with the aircraft's names and units."""
     matrices = {name: getattr(game, name) for name in "ABEQR"} | {"delta": 1e4}
     named = {"states": LINEAR_STATES, "inputs": INPUTS} | change

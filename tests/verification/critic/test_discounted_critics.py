@@ -1,7 +1,5 @@
 """Verdicts on critics of discounted discrete-time games."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -21,7 +19,7 @@ DISCOUNT = 0.99
 DT = 0.01
 
 
-def test_the_exact_discounted_critic_passes(game: Game) -> None:
+def test_the_exact_discounted_critic_passes(game):
     """So do the exact P and K, and the exact H over (x, u)."""
     problem = game.sampled(DT, DISCOUNT)
     exact = solve(problem)
@@ -36,7 +34,7 @@ def test_the_exact_discounted_critic_passes(game: Game) -> None:
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.5])
-def test_a_loop_that_does_not_stabilize_may_have_a_finite_discounted_cost(factor: float) -> None:
+def test_a_loop_that_does_not_stabilize_may_have_a_finite_discounted_cost(factor):
     """The cost is that of the Lyapunov equation of √α (A - B K); the loop fails all the same."""
     A, B, Q = np.array([[1.2, 0.1], [0.0, 0.5]]), np.array([[0.0], [1.0]]), np.diag([0.01, 1.0])
     game = Game(A, B, Q=Q, R=np.eye(1), dt=0.1, discount=0.6)
@@ -49,7 +47,7 @@ def test_a_loop_that_does_not_stabilize_may_have_a_finite_discounted_cost(factor
     assert [verdict.stabilizing, verdict.ok, verdict.holds(limit_cost=10.0)] == 3 * [False]
 
 
-def test_an_exact_critic_that_does_not_stabilize_fails() -> None:
+def test_an_exact_critic_that_does_not_stabilize_fails():
     """An exact discounted critic that does not stabilize is reported as exact, and fails.
 
     With discount 0.95 and a step of 5 ms at 20 deg, the spectral radius of A - B K is 1.00003.

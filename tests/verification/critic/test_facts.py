@@ -1,7 +1,5 @@
 """Figures of a verdict beside the errors: L2 gain and disk margins."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -14,7 +12,7 @@ from hfa import solve, verify
 from verification import nonlinear_plant
 
 
-def test_a_gain_above_delta_fails_and_margins_are_of_both_policies() -> None:
+def test_a_gain_above_delta_fails_and_margins_are_of_both_policies():
     """The LQR gain does not attenuate disturbances to a delta close to delta_min: it fails, though
     it stabilizes. The margins are those of the learned and of the exact policy.
     """
@@ -42,7 +40,7 @@ def test_a_positive_definite_value_below_the_exact_one_is_not_indefinite():
         assert checks["P_smallest_eigenvalue"] == is_ok
 
 
-def test_a_wide_limit_permits_its_error_of_a_semidefinite_value() -> None:
+def test_a_wide_limit_permits_its_error_of_a_semidefinite_value():
     """With a limit of 1 %, P may be indefinite by as much; with the usual limit it may not."""
     game = hfa.Game(
         np.diag([-1.0, -2.0]), np.array([[1.0], [0.0]]), Q=np.diag([1.0, 0.0]), R=[[1.0]]
@@ -54,7 +52,7 @@ def test_a_wide_limit_permits_its_error_of_a_semidefinite_value() -> None:
         assert least.ok is is_ok
 
 
-def test_inputs_of_the_nonlinear_plant_end_at_their_limits() -> None:
+def test_inputs_of_the_nonlinear_plant_end_at_their_limits():
     """Inputs are deviations from the trim, which end where the inputs reach their limits."""
     linear = model_at(15.0)
     plant = nonlinear_plant(linear)

@@ -5,9 +5,8 @@ No reason names a mistake that was not made.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -20,7 +19,7 @@ from project import ROOT
 
 import hfa
 from controller import basis
-from hfa import Critic, solve
+from hfa import solve
 from tests.support.steps_of import in_steps
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -36,10 +35,10 @@ class Case(NamedTuple):
     K: np.ndarray
 
     @property
-    def W(self) -> np.ndarray:
+    def W(self):
         return basis("quadratic", len(self.P)).weights(self.P)
 
-    def with_delta(self, factor: float) -> np.ndarray:
+    def with_delta(self, factor):
         """Return the exact P for another delta."""
         game = self.game
         if game.is_discrete:
@@ -52,11 +51,11 @@ GAMES = ("continuous", "discrete", "sampled")
 
 
 @cache
-def case_of(time: str) -> Case:
+def case_of(time):
     rng = np.random.default_rng(4)
     A, B, E = (rng.standard_normal((3, columns)) for columns in (3, 2, 1))
     Q, R = np.diag([1.0, 2.0, 0.5]), np.diag([1.0, 0.6])
-    game: hfa.Game = hfa.Game(A, B, E=0.3 * E, Q=Q, R=R, delta=4.0)
+    game = hfa.Game(A, B, E=0.3 * E, Q=Q, R=R, delta=4.0)
     if time == "discrete":
         step = hfa.Game(np.eye(3) + 0.15 * A, 0.3 * B, E=0.1 * E, Q=Q, R=R, delta=30.0)
         game = in_steps(step, 0.97)
@@ -66,24 +65,24 @@ def case_of(time: str) -> Case:
     return Case(game, exact.P, exact.K)
 
 
-def read(case: Case, basis: str | None = None, **arrays: Any) -> Critic:
+def read(case, basis=None, **arrays):
     return hfa.read_critic(stored("critic.npz", **arrays), case.game, basis=basis)
 
 
-def network(case: Case, **layers: np.ndarray) -> Critic:
+def network(case, **layers):
     named = {name.replace("_", "."): array for name, array in layers.items()}
     path = torch_file("critic.pt", named)
     activation = "tanh" if len(layers) > 1 and "0.weight" in named else None
     return hfa.from_network(case.game, path, network="policy=", activation=activation)
 
 
-def value_function(case: Case) -> Critic:
+def value_function(case):
     z = ca.SX.sym("z", 3)
     V = ca.Function("V", [z], [ca.bilin(ca.DM(case.P), z, z) + 3.0])
     return hfa.from_network(case.game, V)
 
 
-RIGHT: dict[str, Callable[[Case], Any]] = {
+RIGHT = {
     "P": lambda case: hfa.from_value(case.game, case.P),
     "K": lambda case: hfa.from_gain(case.game, case.K),
     "W": lambda case: hfa.from_weights(case.game, case.W),
@@ -99,7 +98,7 @@ RIGHT: dict[str, Callable[[Case], Any]] = {
     "function V": value_function,
 }
 #: Mistake -> critic, and words of which the reason contains one. Without words, there is no reason.
-WRONG: dict[str, tuple[Callable[[Case], Critic], tuple[str, ...]]] = {
+WRONG = {
     "without factor 2": (lambda case: read(case, W=case.P[np.triu_indices(3)]), ("factor 2",)),
     "per degree": (lambda case: read(case, K=case.K * [1.0, DEGREE, DEGREE]), ("degrees",)),
     "other delta": (lambda case: read(case, P=case.with_delta(1.3)), ("P is exact for delta",)),
@@ -127,7 +126,7 @@ WRONG: dict[str, tuple[Callable[[Case], Critic], tuple[str, ...]]] = {
 }
 
 
-def in_each_time(kinds: Iterable[str]) -> list[Any]:
+def in_each_time(kinds):
     """Return each kind in each time. One time of each kind is fast, by turns."""
     return [
         pytest.param(kind, time, marks=pytest.mark.slow if (number - place) % 3 else ())
@@ -137,7 +136,7 @@ def in_each_time(kinds: Iterable[str]) -> list[Any]:
 
 
 @pytest.mark.parametrize(("way", "time"), in_each_time(RIGHT))
-def test_a_right_critic_passes(way: str, time: str) -> None:
+def test_a_right_critic_passes(way, time):
     case = case_of(time)
     verdict = hfa.verify(case.game, RIGHT[way](case), flights=FAST)
     assert verdict.ok, str(verdict)
@@ -146,7 +145,7 @@ def test_a_right_critic_passes(way: str, time: str) -> None:
 
 
 @pytest.mark.parametrize(("mistake", "time"), in_each_time(WRONG))
-def test_a_wrong_critic_fails_for_the_right_reason(mistake: str, time: str) -> None:
+def test_a_wrong_critic_fails_for_the_right_reason(mistake, time):
     case = case_of(time)
     critic, reasons = WRONG[mistake]
     verdict = hfa.verify(case.game, critic(case), flights=FAST)
@@ -155,7 +154,7 @@ def test_a_wrong_critic_fails_for_the_right_reason(mistake: str, time: str) -> N
     assert named if reasons else verdict.reason == ""
 
 
-def gtm() -> tuple[list[str], hfa.Game]:
+def gtm():
     model = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
     linear = hfa.linearize(model, hfa.trim(model, hold={"speed": 45.0}))
     words = ["--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--hold", "speed=45"]
@@ -163,7 +162,7 @@ def gtm() -> tuple[list[str], hfa.Game]:
     return [*words, *weights], hfa.game(linear, Q=[1.0] * 4, R=[1.0] * 2)
 
 
-def games_on_the_command_line() -> Iterator[tuple[list[str], hfa.Game, str]]:
+def games_on_the_command_line():
     """Yield words of the command line, the same game in Python, and the names of game and box."""
     paper = game_at(15.0)
     yield list(AT_15), paper, "linear game, typical box"
@@ -177,7 +176,7 @@ def games_on_the_command_line() -> Iterator[tuple[list[str], hfa.Game, str]]:
     yield ["--model", path], step, "discrete game, balanced box"
 
 
-def test_the_box_is_the_same_on_the_command_line_and_in_python() -> None:
+def test_the_box_is_the_same_on_the_command_line_and_in_python():
     """The first line names the game and its box, which both ways of the same game share."""
     for words, game, names in games_on_the_command_line():
         exact = solve(game)

@@ -1,7 +1,5 @@
 """The report of a verdict: its first line, grades, checks and entries."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -29,7 +27,7 @@ network_files = Extension("network_files")
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_the_entries_of_a_report_are_the_farthest(game: Game) -> None:
+def test_the_entries_of_a_report_are_the_farthest(game):
     """The three of K that are farthest from the exact ones, relative to the largest; none if exact."""
     exact = gain(game)
     assert "-o FILE writes all" not in str(verify(game, from_gain(game, exact)).report())
@@ -51,7 +49,7 @@ def test_the_entries_of_a_report_are_the_farthest(game: Game) -> None:
 # Networks: searched states, and simulations.
 
 
-def test_several_critics_pass_together_only() -> None:
+def test_several_critics_pass_together_only():
     plant = stored("plant.json", A=[[1.0]], B=[[1.0]], Q=[[2.0]], R=[[1.0]])
     K = 1.0 + np.sqrt(3.0)
     files = [stored(f"{factor}.npz", K=np.array([[factor * K]])) for factor in (1.0, -1.0)]
@@ -75,9 +73,7 @@ def test_several_critics_pass_together_only() -> None:
         ("data", 0.5, 0.0, "fail", True),
     ],
 )
-def test_each_kind_of_check_has_its_grade(
-    kind: str, off: float, cost_lost: float, grade: str, holds: bool
-) -> None:
+def test_each_kind_of_check_has_its_grade(kind, off, cost_lost, grade, holds):
     """Only errors and an equilibrium of at most 1 % of V* may fail in "near"; a limit of the cost is
     one of V* there too, and requires a stable loop.
     """
@@ -99,7 +95,7 @@ def test_each_kind_of_check_has_its_grade(
     assert ("not stabilizing" in str(verdict)) is (kind == "stability")
 
 
-def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy() -> None:
+def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy():
     """Radii and costs of a gain, with cross weights and a discount."""
     rng = np.random.default_rng(6)
     A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
@@ -145,5 +141,5 @@ def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy() -> None:
         (2.5e7, False, "2.5e+07 %"),
     ],
 )
-def test_percentages_and_upper_bounds(value: float, up: bool, text: str) -> None:
+def test_percentages_and_upper_bounds(value, up, text):
     assert percent(value, up=up) == text

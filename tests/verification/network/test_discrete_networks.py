@@ -1,7 +1,5 @@
 """Checks of networks and of other nonquadratic values in discrete time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import casadi as ca
@@ -9,7 +7,7 @@ import numpy as np
 import pytest
 from game_samples import failed_names
 
-from hfa import Critic, Game, Solution, from_gain, from_network, solve, verify
+from hfa import Game, from_gain, from_network, solve, verify
 from tests.support.steps_of import in_steps
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -19,29 +17,29 @@ BOX = np.array([0.5, 0.2])
 Z = ca.SX.sym("z", 2)
 
 
-def problem_of(delta: float = 20.0, discount: float = 1.0, N: float = 0.0) -> Game:
+def problem_of(delta=20.0, discount=1.0, N=0.0):
     step = Game(A, B, E=0.1 * np.eye(2), Q=np.eye(2), R=np.eye(1), delta=delta)
     return in_steps(replace(step, N=np.full((2, 1), N)), discount)
 
 
-def exact_of(problem: Game) -> Solution:
+def exact_of(problem):
     return solve(problem)
 
 
-def critic_of(problem: Game, **outputs: ca.SX) -> Critic:
+def critic_of(problem, **outputs):
     function = ca.Function("planted", [Z], [ca.densify(ca.vertcat(*outputs.values()))])
     return from_network(problem, function, network="+".join(outputs))
 
 
-def exact_value(problem: Game) -> ca.SX:
+def exact_value(problem):
     return ca.bilin(ca.DM(exact_of(problem).P), Z, Z)
 
 
-def exact_policy(problem: Game) -> ca.SX:
+def exact_policy(problem):
     return -ca.DM(exact_of(problem).K) @ Z
 
 
-def test_networks_of_exact_values_and_policies_pass() -> None:
+def test_networks_of_exact_values_and_policies_pass():
     """Networks of the exact V, its gradient or the exact u pass."""
     problem = problem_of(discount=0.98, N=0.3)
     V = exact_value(problem)
@@ -55,7 +53,7 @@ def test_networks_of_exact_values_and_policies_pass() -> None:
         assert "searched_policy_error" in [check.name for check in verdict.checks]
 
 
-def test_a_policy_exact_in_the_box_that_loses_flights_fails() -> None:
+def test_a_policy_exact_in_the_box_that_loses_flights_fails():
     """A policy that is exact in the box fails if its loop leaves the box and does not converge."""
     slow = Game(
         [[0.99369, 0.01564], [0.01473, 1.0595]],
@@ -71,7 +69,7 @@ def test_a_policy_exact_in_the_box_that_loses_flights_fails() -> None:
     assert "not all flights from the box converge" in verdict.headline
 
 
-def test_the_implied_policy_is_a_saddle_point() -> None:
+def test_the_implied_policy_is_a_saddle_point():
     """The policy implied by a nonquadratic value is a saddle point of Q(u, w).
 
     The policy has a lower cost than u ± 0.001, each with the worst w for this input. The policy
@@ -102,9 +100,7 @@ def test_the_implied_policy_is_a_saddle_point() -> None:
 
 @pytest.mark.parametrize(("factor", "delta"), [(0.7, 40.0), (1.2, 40.0), (0.7, np.inf)])
 @pytest.mark.parametrize("is_discrete", [False, True])
-def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(
-    is_discrete: bool, factor: float, delta: float
-) -> None:
+def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(is_discrete, factor, delta):
     """The largest simulated cost of u = -K z is that of the linear loop, also if it is slow."""
     problem = problem_of(discount=0.97, delta=delta)
     game = problem if is_discrete else replace(problem, dt=None, discount=1.0)

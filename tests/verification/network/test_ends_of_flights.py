@@ -1,30 +1,27 @@
 """A flight of a policy that is not linear ends when it has converged or diverged, or undecided."""
 
-from __future__ import annotations
-
 import math
 
 import casadi as ca
-import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from hfa import Critic, Game, Verdict, from_network, solve, verify
+from hfa import Game, from_network, solve, verify
 
 FLOW = Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
 STEP = Game([[1.1]], [[0.1]], Q=[0.1], R=[0.1], dt=0.1)
 Z = ca.SX.sym("z")
 
 
-def judged(game: Game, u: ca.SX, flights: int = 10) -> Verdict:
-    critic: Critic = from_network(game, ca.Function("policy", [Z], [u]), network="policy")
+def judged(game, u, flights=10):
+    critic = from_network(game, ca.Function("policy", [Z], [u]), network="policy")
     return verify(game, critic, box=[1.0], flights=flights)
 
 
-def cost_of_flow(limit: float, K: float) -> float:
+def cost_of_flow(limit, K):
     """Return the cost of u = -limit tanh(K z / limit) from z = 1, by DOP853."""
 
-    def rates(_: float, x: np.ndarray) -> list[float]:
+    def rates(_, x):
         u = -limit * math.tanh(K * x[0] / limit)
         return [x[0] + u, x[0] ** 2 + u**2]
 
@@ -32,7 +29,7 @@ def cost_of_flow(limit: float, K: float) -> float:
     return float(flown.y[1, -1])
 
 
-def cost_of_steps(limit: float, K: float) -> float:
+def cost_of_steps(limit, K):
     """Return the cost of the same policy in discrete time, step by step."""
     z, cost = 1.0, 0.0
     for _ in range(10_000):
@@ -44,9 +41,7 @@ def cost_of_steps(limit: float, K: float) -> float:
 
 @pytest.mark.parametrize("limit", [1.05, 3.0])
 @pytest.mark.parametrize(("game", "cost"), [(FLOW, cost_of_flow), (STEP, cost_of_steps)])
-def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(
-    game: Game, cost: object, limit: float
-) -> None:
+def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(game, cost, limit):
     """It converges from the whole box, however slowly at first: far from the trim, its limit leaves
     a twentieth of the input.
     """
@@ -60,7 +55,7 @@ def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(
 
 
 @pytest.mark.parametrize("game", [FLOW, STEP])
-def test_a_limit_below_what_the_box_needs_has_no_bounded_cost(game: Game) -> None:
+def test_a_limit_below_what_the_box_needs_has_no_bounded_cost(game):
     K = solve(game).K.item()
     verdict = judged(game, -0.9 * ca.tanh(K * Z / 0.9))
     assert verdict.cost_lost == math.inf
@@ -68,7 +63,7 @@ def test_a_limit_below_what_the_box_needs_has_no_bounded_cost(game: Game) -> Non
 
 
 @pytest.mark.parametrize(("game", "unit"), [(FLOW, " s"), (STEP, " steps")])
-def test_a_flight_that_neither_converges_nor_diverges_is_not_decided(game: Game, unit: str) -> None:
+def test_a_flight_that_neither_converges_nor_diverges_is_not_decided(game, unit):
     """From the edge of the box, the loop comes to rest at z = 0.8."""
     K = solve(game).K.item()
     far = 1.0 / (1.0 + ca.exp(-200.0 * (Z - 0.5)))

@@ -1,7 +1,5 @@
 """Search for errors of a network over a box of states, and simulations from the box."""
 
-from __future__ import annotations
-
 import math
 
 import casadi as ca
@@ -11,13 +9,13 @@ from game_samples import failed_names
 from network_files import torch_file
 from planted_critics import gain, value
 
-from hfa import Critic, Game, from_gain, from_network, solve, verify
+from hfa import Game, from_gain, from_network, solve, verify
 
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_a_network_right_only_at_the_origin_fails(game: Game) -> None:
+def test_a_network_right_only_at_the_origin_fails(game):
     """For u = -K z + 5 z_1³/7³ e_1, the error found is the largest one in the box."""
     z = ca.SX.sym("z", 6)
     u = -ca.DM(gain(game)) @ z + 5.0 * (z[0] / 7.0) ** 3 * ca.DM(np.eye(5)[0])
@@ -31,7 +29,7 @@ def test_a_network_right_only_at_the_origin_fails(game: Game) -> None:
     assert not check.holds(1e-6)
 
 
-def test_a_value_with_nan_in_the_box_fails(game: Game) -> None:
+def test_a_value_with_nan_in_the_box_fails(game):
     """The error of a value that is nan in part of the box is infinite."""
     z = ca.SX.sym("z", 6)
     V = ca.bilin(ca.DM(value(game)), z, z) + 1e-30 * ca.sqrt(z[0] + 1.0)
@@ -40,7 +38,7 @@ def test_a_value_with_nan_in_the_box_fails(game: Game) -> None:
     assert verdict.value_of("searched_value_error") == math.inf
 
 
-def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
+def test_actor_with_constant_is_stable_off_trim(game):
     """The exact gain plus a constant of a third of the largest input fails, and the constant is
     named.
 
@@ -63,7 +61,7 @@ def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.5])
-def test_only_the_clipping_of_an_exact_gain_is_named(factor: float) -> None:
+def test_only_the_clipping_of_an_exact_gain_is_named(factor):
     """Of clip(-K z, ±0.3), exact K, the share of the clipped box is named; of 1.5 K, nothing is.
 
     In z' = z + u with Q = 1, R = 1, K = 1 + √2: |K z| >= 0.3 on 1 - 0.3/K of the box |z| <= 1.
@@ -80,7 +78,7 @@ def test_only_the_clipping_of_an_exact_gain_is_named(factor: float) -> None:
     assert (says in verdict.headline + str(verdict).replace("\n", " ")) == (factor == 1.0)
 
 
-def biased(game: Game, share: float) -> Critic:
+def biased(game, share):
     """Return the policy u = -100 K tanh(z / 100) plus a constant, a share of the largest inputs."""
     z = ca.SX.sym("z", 6)
     u = -100.0 * ca.DM(gain(game)) @ ca.tanh(z / 100.0)
@@ -90,9 +88,7 @@ def biased(game: Game, share: float) -> Critic:
 
 
 @pytest.mark.parametrize(("share", "grade"), [(1e-8, "near"), (1e-5, "near"), (0.3, "fail")])
-def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(
-    game: Game, share: float, grade: str
-) -> None:
+def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
     """V* at the equilibrium, relative to its mean over the corners of the box, decides beside the
     cost; the cost of an equilibrium per second is z'Qz + u'Ru.
     """
@@ -117,7 +113,7 @@ def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(
     assert (verdict.holds(0.99 * least), verdict.holds(1.01 * least)) == (False, True)
 
 
-def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box() -> None:
+def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box():
     """V relative to b'|P|b, slopes and inputs to their largest; none below 1e-5 of the largest."""
     A = np.array([[-0.5, 1.0], [-1.0, 0.2]])
     B = np.array([[0.0, 1.0], [1.0, 0.0]])
