@@ -15,7 +15,7 @@ from hfa import (
 )
 
 
-def crossed(seed: int, n: int = 4, m: int = 2, delta: float = np.inf) -> Game:
+def crossed(seed, n=4, m=2, delta=np.inf):
     """Return a random game whose [[Q, N], [N', R]] is positive definite."""
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((n, n))

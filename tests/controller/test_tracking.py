@@ -1,10 +1,7 @@
 """Tracking of a reference: late errors, costs, and trims at the commands."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import Any
 
 import mpmath
 import numpy as np
@@ -20,14 +17,14 @@ from hfa_flight import Waveform
 COMMAND = {"speed": "7+0.01t+2sin(0.5t)", "alpha": 0.1, "dihedral": 0.5}
 
 
-def tracking(dihedral_deg: float, command: dict[str, float | str] = COMMAND) -> Any:
+def tracking(dihedral_deg, command=COMMAND):
     """The paper's game at a dihedral angle, tracking a command."""
     linear = hfa.paper.level_model(hfa.aircraft(), math.radians(dihedral_deg))
     return track(linear, hfa.solve(hfa.paper.published_game(linear)), command)
 
 
 @pytest.mark.parametrize("dihedral_deg", [5.0, 15.0])
-def test_the_command_of_the_paper_is_no_trim(dihedral_deg: float) -> None:
+def test_the_command_of_the_paper_is_no_trim(dihedral_deg):
     """The commanded alpha and dihedral angle need a centre elevator far beyond its limits.
 
     It is that of a trim in which all variables may move so far.
@@ -55,7 +52,7 @@ def test_the_command_of_the_paper_is_no_trim(dihedral_deg: float) -> None:
     assert f"elevator_center needs {needed_deg:.1f}" in title
 
 
-def test_a_commanded_pitch_is_a_trim_of_this_pitch() -> None:
+def test_a_commanded_pitch_is_a_trim_of_this_pitch():
     """The climb at which SciPy finds the pitch, where a trim holds gamma in place of the pitch."""
     model = hfa.load_model(f"{ROOT}/examples/navion.py:NAVION")
     point = hfa.trim(model)
@@ -71,7 +68,7 @@ def test_a_commanded_pitch_is_a_trim_of_this_pitch() -> None:
     assert not track(linear, solution, {"pitch": 0.5}).reachable
 
 
-def test_a_ramp_is_judged_at_its_end() -> None:
+def test_a_ramp_is_judged_at_its_end():
     """A dihedral that rises by 0.3 deg/s reaches 6 deg after 20 s, and 115 deg after 400 s."""
     linear = hfa.paper.level_model(hfa.aircraft(), math.radians(15.0))
     solution = hfa.solve(hfa.paper.published_game(linear))
@@ -82,7 +79,7 @@ def test_a_ramp_is_judged_at_its_end() -> None:
     assert far.trims[0].command == {"dihedral": pytest.approx(2.0)}
 
 
-def test_a_gain_that_does_not_stabilize_has_no_late_errors() -> None:
+def test_a_gain_that_does_not_stabilize_has_no_late_errors():
     linear = hfa.paper.level_model(hfa.aircraft(), math.radians(15.0))
     solution = hfa.solve(hfa.paper.published_game(linear))
     with pytest.raises(hfa.BadInputError, match="A - B K"):
@@ -90,7 +87,7 @@ def test_a_gain_that_does_not_stabilize_has_no_late_errors() -> None:
 
 
 @pytest.mark.parametrize("cross", [0.0, 0.1])
-def test_feedforward_satisfies_its_differential_equation(cross: float) -> None:
+def test_feedforward_satisfies_its_differential_equation(cross):
     """-s' = (A - S P)'s + P r and u_d = -R⁻¹B's, of a constant, a ramp and sinusoids."""
     game = game_models()["published-5"]
     N = cross * np.random.default_rng(3).standard_normal((6, 5))
@@ -110,7 +107,7 @@ def test_feedforward_satisfies_its_differential_equation(cross: float) -> None:
         assert exact.inputs.at(t) == pytest.approx(-np.linalg.solve(game.R, game.B.T @ s.at(t)))
 
 
-def test_late_errors_solve_the_loop_and_give_the_means() -> None:
+def test_late_errors_solve_the_loop_and_give_the_means():
     """z' = (A - B K) z + B u_d + A x_d - x_d', and the means are those of z and u over a period.
 
     Without a disturbance, the exact policy costs c' per second, and any other feedforward more.
@@ -160,7 +157,7 @@ def test_late_errors_solve_the_loop_and_give_the_means() -> None:
         track(linear, solution, {"height": 1.0})
 
 
-def test_late_errors_of_a_gain_of_1e8_keep_their_digits() -> None:
+def test_late_errors_of_a_gain_of_1e8_keep_their_digits():
     """(A - B K) z = -(B u_d + A x_d) in 50 digits; in doubles, A - B K is off by 1e-8."""
     A, B = [[-0.04, -0.72], [-0.72, -0.46]], [[0.599999992], [0.8000000060000001]]
     solution = hfa.solve(hfa.Game(A, B, Q=np.eye(2), R=[[1.0]]))

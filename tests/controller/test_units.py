@@ -1,49 +1,47 @@
 """An answer does not depend on units: the same game in units that differ by 2^-27 to 2^27, 1e-8 to 1e8."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from stored_games import Units, in_units, stored
+from stored_games import in_units, stored
 
 import hfa
 from controller import minimum_delta
-from hfa import Game, NoSolutionError
+from hfa import NoSolutionError
 
 #: Relative size of errors of numbers.
 CLOSE = 1e-7
 
 
-def drawn(kind: str, number: int) -> Game:
+def drawn(kind, number):
     """Return a stored game without disturbance."""
     return stored(kind, number).game.with_delta(math.inf)
 
 
-def game_of(kind: str, seed: int) -> Game:
+def game_of(kind, seed):
     """Return a game whose delta is far above its smallest one."""
     return far_above(drawn(kind, seed))
 
 
-def far_above(game: Game) -> Game:
+def far_above(game):
     smallest = minimum_delta(game).value
     return game.with_delta(3.0 * smallest if smallest > 0.0 else math.inf)
 
 
-def in_other_units(game: Game, seed: int) -> tuple[Game, Units]:
+def in_other_units(game, seed):
     """Return the game in random units, powers of two, which change no digit."""
     return in_units(game, np.random.default_rng(seed), 2.0, 27)
 
 
-def words(text: object) -> str:
+def words(text):
     """Return a text without its numbers."""
     return " ".join(word for word in str(text).split() if not any(map(str.isdigit, word)))
 
 
-def refusal_of(game: Game) -> str:
+def refusal_of(game):
     """Return the words with which a game is refused, or ""."""
     try:
         hfa.solve(game)
@@ -52,7 +50,7 @@ def refusal_of(game: Game) -> str:
     return ""
 
 
-def agree(found: np.ndarray, right: np.ndarray, sizes: np.ndarray) -> bool:
+def agree(found, right, sizes):
     """Return whether two arrays agree, relative to typical sizes of their entries."""
     return bool(np.abs((found - right) / sizes).max() <= CLOSE)
 
@@ -73,7 +71,7 @@ MORE = [
 
 
 @pytest.mark.parametrize(("kind", "seed"), CASES + MORE)
-def test_solutions_scale_with_the_units(kind: str, seed: int) -> None:
+def test_solutions_scale_with_the_units(kind, seed):
     """P, K, L, delta_min, the L2 gain and the eigenvalues scale, margins and words are the same."""
     drawn_game = drawn(kind, seed)
     refused = [refusal_of(each) for each in (drawn_game, in_other_units(drawn_game, seed)[0])]
@@ -109,7 +107,7 @@ def test_solutions_scale_with_the_units(kind: str, seed: int) -> None:
 @pytest.mark.parametrize(
     "seed", [2, 7, *(pytest.param(k, marks=pytest.mark.slow) for k in range(9, 40))]
 )
-def test_sampled_games_scale_with_the_units(seed: int) -> None:
+def test_sampled_games_scale_with_the_units(seed):
     """The matrices of a sampled game scale, and a too short step is refused in all units."""
     game = drawn("continuous", seed)
     other, (z, u, d, t, cost) = in_other_units(game, seed)
@@ -138,7 +136,7 @@ def test_sampled_games_scale_with_the_units(seed: int) -> None:
         ),
     ],
 )
-def test_verdicts_and_learning_do_not_depend_on_units(kind: str, seed: int) -> None:
+def test_verdicts_and_learning_do_not_depend_on_units(kind, seed):
     """`verify` says the same words of exact and of wrong critics, and `learn` finds K."""
     game = drawn(kind, seed)  # of which R may be 0, from which nothing is learned
     game = far_above(replace(game, R=game.R + np.eye(len(game.R))))

@@ -1,9 +1,6 @@
 """The expansion of a nonlinear game: closed forms, its identity, units, and refusals."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import casadi as ca
@@ -15,14 +12,14 @@ from nominal import nominal_game
 from own_models import GTM
 
 import hfa
-from hfa import BadInputError, Expansion, Game, LinearModel, Model, NoSolutionError, Signal, expand
+from hfa import BadInputError, Model, NoSolutionError, Signal, expand
 from trim import usual_condition
 
 #: Rounding of the identity, relative to the sizes of its terms.
 ROUNDING = 1e-12
 
 
-def linear_of(model: Model) -> LinearModel:
+def linear_of(model):
     return hfa.linearize(model, hfa.trim(model))
 
 
@@ -49,12 +46,12 @@ MIXED = Model(
 )
 
 
-def mixed_game(linear: LinearModel, delta: float) -> Game:
+def mixed_game(linear, delta):
     N = [[0.2, -0.1], [0.05, 0.3]]
     return hfa.game(linear, Q=[1.0, 2.0], R=[0.5, 0.8], delta=delta, E=[[0.3], [1.0]], N=N)
 
 
-def value_of_scalar(game: Game, degree: int) -> list[float]:
+def value_of_scalar(game, degree):
     """Return the coefficients of x², x³, ... of the exact value of a scalar game.
 
     V' f - (S / 4) V'² + q x² = 0, S = b²/r - e²/δ², so V' = (2 x / S) (g + sqrt(g² + S q)), f = g x.
@@ -62,7 +59,7 @@ def value_of_scalar(game: Game, degree: int) -> list[float]:
     S = game.S[0, 0]
     q = game.Q[0, 0]
 
-    def slope(x: mpmath.mpf) -> mpmath.mpf:
+    def slope(x):
         g = 1 + x - 0.7 * x**2
         return 2 / S * (g + mpmath.sqrt(g**2 + S * q))
 
@@ -72,14 +69,14 @@ def value_of_scalar(game: Game, degree: int) -> list[float]:
 
 
 @pytest.mark.parametrize("delta", [np.inf, 2.0, 1.02])
-def test_scalar_value_is_the_closed_form(delta: float) -> None:
+def test_scalar_value_is_the_closed_form(delta):
     linear = linear_of(SCALAR)
     game = hfa.game(linear, Q=[3.0], R=[4.0], delta=delta, E=[[1.0]])
     expansion = expand(linear, hfa.solve(game), 5)
     assert expansion.weights == pytest.approx(value_of_scalar(game, 5), rel=1e-10)
 
 
-def hamiltonian(expansion: Expansion, z: ca.SX, u: ca.SX) -> ca.SX:
+def hamiltonian(expansion, z, u):
     """Return the Hamiltonian at z and u, with the worst disturbance."""
     game = expansion.game
     V = expansion.V(z)
@@ -91,7 +88,7 @@ def hamiltonian(expansion: Expansion, z: ca.SX, u: ca.SX) -> ca.SX:
     return ca.dot(slope, expansion.rates(z, u) + ca.DM(game.E) @ d) + cost - paid
 
 
-def taylor(expression: ca.SX, z: ca.SX, degree: int) -> list[np.ndarray]:
+def taylor(expression, z, degree):
     """Return the coefficients of t^0 ... t^degree of an expression on rays t z, z random."""
     t = ca.SX.sym("t")
     derivative = ca.substitute(expression, z, t * z)
@@ -103,7 +100,7 @@ def taylor(expression: ca.SX, z: ca.SX, degree: int) -> list[np.ndarray]:
     return [np.array(ca.Function("c", [z], [ca.densify(c)])(points)) for c in coefficients]
 
 
-def identity_error(expansion: Expansion) -> float:
+def identity_error(expansion):
     """Return the largest coefficient up to degree D of the Hamiltonian, and up to D - 1 of its
     derivative with respect to u, relative to the next coefficient of the Hamiltonian.
     """
@@ -119,7 +116,7 @@ def identity_error(expansion: Expansion) -> float:
 
 @pytest.mark.parametrize("delta", [np.inf, 3.0])
 @pytest.mark.parametrize("degree", [2, 3, 4, 5])
-def test_identity_holds_by_the_derivatives_of_the_functions(delta: float, degree: int) -> None:
+def test_identity_holds_by_the_derivatives_of_the_functions(delta, degree):
     """A plant with products of inputs, and a game with cross weights."""
     linear = linear_of(MIXED)
     expansion = expand(linear, hfa.solve(mixed_game(linear, delta)), degree)
@@ -129,7 +126,7 @@ def test_identity_holds_by_the_derivatives_of_the_functions(delta: float, degree
 
 
 @pytest.mark.parametrize("kind", ["value_terms", "policy_terms"])
-def test_a_wrong_coefficient_is_seen(kind: str) -> None:
+def test_a_wrong_coefficient_is_seen(kind):
     linear = linear_of(MIXED)
     exact = expand(linear, hfa.solve(mixed_game(linear, 3.0)), 4)
     for degree, term in enumerate(getattr(exact, kind)):
@@ -142,7 +139,7 @@ def test_a_wrong_coefficient_is_seen(kind: str) -> None:
 
 
 @pytest.mark.parametrize("degree", [3, *(pytest.param(d, marks=pytest.mark.slow) for d in (4, 5))])
-def test_flexible_aircraft_satisfies_the_identity(degree: int) -> None:
+def test_flexible_aircraft_satisfies_the_identity(degree):
     for degrees in (5.0, 15.0):
         solution = hfa.solve(game_at(degrees))
         expansion = expand(model_at(degrees), solution, degree)
@@ -153,7 +150,7 @@ def test_flexible_aircraft_satisfies_the_identity(degree: int) -> None:
 # --------------------------------------------------------------------------------------------------
 
 
-def scalar_expansion(f: Callable[[ca.SX], ca.SX], degree: int = 3) -> Expansion:
+def scalar_expansion(f, degree=3):
     """Return the expansion of the plant x' = f(x) + u."""
     equations = lambda x, u, p, w: ({"x": f(x.x) + u.u}, {})  # noqa: E731
     model = Model("plant", {"x": Signal()}, {"u": Signal()}, equations, trim={"x": 0.0})
@@ -161,20 +158,20 @@ def scalar_expansion(f: Callable[[ca.SX], ca.SX], degree: int = 3) -> Expansion:
     return expand(linear, hfa.solve(hfa.Game(linear.A, linear.B, Q=[1.0], R=[1.0])), degree)
 
 
-def accelerated() -> Expansion:
+def accelerated():
     """Expand about a flight of which the speed grows, where the deviations have no equilibrium."""
     usual = usual_condition(GTM)
     linear = hfa.linearize(GTM, hfa.trim(GTM, replace(usual, rates={**usual.rates, "speed": 0.5})))
     return expand(linear, hfa.solve(nominal_game(linear)), 3)
 
 
-def without_cost() -> Expansion:
+def without_cost():
     linear = hfa.LinearModel.of([[1.0, 0.0], [0.0, -1.0]], [[1.0], [0.0]])
     return expand(linear, hfa.solve(hfa.game(linear, Q=[1.0, 0.0], R=[1.0])), 3)
 
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.5, 1.0]], [-1.0, 0.5, 2.0])
-REFUSED: dict[str, tuple[Callable[[], Expansion], str]] = {
+REFUSED = {
     "table": (lambda: scalar_expansion(TABLE), "table"),
     "kink": (lambda: scalar_expansion(lambda x: ca.fabs(x) * x), "x switches"),
     "root": (lambda: scalar_expansion(lambda x: x + x**1.5), "finite"),
@@ -187,13 +184,13 @@ REFUSED: dict[str, tuple[Callable[[], Expansion], str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_has_no_expansion_is_refused(case: str) -> None:
+def test_what_has_no_expansion_is_refused(case):
     call, says = REFUSED[case]
     with pytest.raises((BadInputError, NoSolutionError), match=says) as refusal:
         call()
     assert "\n" not in str(refusal.value)
 
 
-def test_a_switch_away_from_the_trim_is_permitted() -> None:
+def test_a_switch_away_from_the_trim_is_permitted():
     found = scalar_expansion(lambda x: x + x**2 + ca.fmax(x, 1.0) - 1.0)
     assert found.residual <= ROUNDING

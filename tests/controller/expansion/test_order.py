@@ -1,9 +1,6 @@
 """`hfa solve --order`, and the files that it writes."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +14,7 @@ AT_15 = ("--dihedral", "15")
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(tmp_path_factory):
     path = tmp_path_factory.mktemp("order") / "cubic.json"
     result = hfa("solve", *AT_15, "--order", "3", "-o", str(path))
     assert result.code == 0
@@ -25,7 +22,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(written: Path) -> None:
+def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(written):
     """The file states the radii of both degrees; its weights give V and the policy."""
     game = game_at(15.0)
     expansion = expand(model_at(15.0), solve(game), 3)
@@ -50,7 +47,7 @@ def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(written: 
         (("--model", "plant.json", "--order", "3"), "requires the equations of an aircraft"),
     ],
 )
-def test_wrong_requests_are_refused(words: tuple[str, ...], named: str, folder: Path) -> None:
+def test_wrong_requests_are_refused(words, named, folder):
     plant = {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]]}
     (folder / "plant.json").write_text(json.dumps(plant))
     result = hfa("solve", *words)

@@ -1,7 +1,5 @@
 """The neighbourhood in which a value agrees with simulated flights of both players."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 
@@ -10,7 +8,7 @@ import numpy as np
 import pytest
 
 import hfa
-from hfa import BadInputError, Expansion, Model, Signal, expand
+from hfa import BadInputError, Model, Signal, expand
 
 
 def pendulum(x, u, p, w):
@@ -25,19 +23,19 @@ PENDULUM = Model(
 
 
 @lru_cache(maxsize=8)
-def expanded(degree: int, delta: float = 4.0) -> Expansion:
+def expanded(degree, delta=4.0):
     linear = hfa.linearize(PENDULUM, hfa.trim(PENDULUM))
     game = hfa.game(linear, Q=[1.0, 0.5], R=[2.0], delta=delta, E=[[0.0], [1.0]])
     return expand(linear, hfa.solve(game), degree)
 
 
-def states_at(expansion: Expansion, size: float, count: int, seed: int) -> np.ndarray:
+def states_at(expansion, size, count, seed):
     """Return random states with z'Pz = size², (n, count)."""
     y = np.random.default_rng(seed).standard_normal((expansion.states, count))
     return np.linalg.solve(expansion.root.T, size * y / np.linalg.norm(y, axis=0))
 
 
-def costs(expansion: Expansion, z: np.ndarray, finer: float = 1.0) -> np.ndarray:
+def costs(expansion, z, finer=1.0):
     """Return the costs of flights from states z (n, count) under both policies, by RK4."""
     game = expansion.game
     loop = np.linalg.eigvals(game.worst_case_loop(expansion.solution.P))
@@ -63,7 +61,7 @@ def costs(expansion: Expansion, z: np.ndarray, finer: float = 1.0) -> np.ndarray
     return flown[-1]
 
 
-def test_flights_inside_the_radius_agree_and_some_outside_do_not() -> None:
+def test_flights_inside_the_radius_agree_and_some_outside_do_not():
     expansion = expanded(4)
     for radius in expansion.radii:
         random = np.random.default_rng(99).uniform(size=200) ** 0.5
@@ -76,7 +74,7 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not() -> None:
         assert errors[0] <= 0.05 < errors[1]
 
 
-def test_radius_grows_with_the_degree_and_the_share() -> None:
+def test_radius_grows_with_the_degree_and_the_share():
     quadratic, whole = expanded(4).radii
     assert (quadratic.degree, whole.degree) == (2, 4)
     assert 0.0 < quadratic.c < whole.c
@@ -86,20 +84,20 @@ def test_radius_grows_with_the_degree_and_the_share() -> None:
     assert quadratic.c / tighter.c == pytest.approx(25.0, rel=0.01)
 
 
-def test_extents_are_those_of_the_ellipsoid() -> None:
+def test_extents_are_those_of_the_ellipsoid():
     radius = expanded(3).radii[-1]
     P = expanded(3).solution.P
     assert radius.extents == pytest.approx(np.sqrt(radius.c * np.diag(np.linalg.inv(P))))
 
 
-def test_linear_plant_agrees_everywhere() -> None:
+def test_linear_plant_agrees_everywhere():
     linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
     solution = hfa.solve(hfa.game(linear, Q=[1.0, 1.0], R=[2.0], delta=5.0))
     assert [radius.c for radius in expand(linear, solution, 3).radii] == [math.inf, math.inf]
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0, -0.1])
-def test_other_shares_are_refused(share: float) -> None:
+def test_other_shares_are_refused(share):
     exact = expanded(2)
     linear = hfa.linearize(PENDULUM, hfa.trim(PENDULUM))
     with pytest.raises(BadInputError, match="share"):

@@ -1,9 +1,5 @@
 """The value and the policy of a nonlinear game do not depend on units."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -13,11 +9,11 @@ import hfa
 UNITS = [(0, 0, 0, 0, 0, 0), (3, -4, 5, -3, 1, 6), (-7, 2, -6, 4, -2, -7), (5, 8, -1, 7, 3, 8)]
 
 
-def expansion_in(powers: tuple[int, ...]) -> tuple[hfa.Expansion, np.ndarray, np.ndarray, float]:
+def expansion_in(powers):
     """Return the expansion of a pendulum with a gust, and its units of states, input and cost."""
     x1, x2, u, w, t, cost = (10.0**power for power in powers)
 
-    def rates(x: Any, control: Any, p: Any, gust: Any) -> Any:
+    def rates(x, control, p, gust):
         angle, rate, torque = x.angle * x1, x.rate * x2, control.torque * u
         turned = -0.4 * rate + angle - angle**3 / 6.0 + 0.3 * angle * rate + torque
         turned += 0.5 * gust.gust * w
@@ -42,7 +38,7 @@ def expansion_in(powers: tuple[int, ...]) -> tuple[hfa.Expansion, np.ndarray, np
 
 
 @pytest.mark.parametrize("powers", UNITS[1:])
-def test_values_and_policies_scale_with_the_units(powers: tuple[int, ...]) -> None:
+def test_values_and_policies_scale_with_the_units(powers):
     """V and u at a deviation are the same in all units, and so are the radii."""
     exact, *_ = expansion_in(UNITS[0])
     found, states, inputs, cost = expansion_in(powers)

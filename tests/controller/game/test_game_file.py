@@ -1,11 +1,8 @@
 """Plant files of users: reading, defaults for missing entries, and refusal of faulty entries."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,8 +17,8 @@ from hfa_model.published import published_data
 
 A2 = [[0.0, 1.0], [-2.0, -3.0]]
 B2 = [[0.0], [1.0]]
-PLANT: dict[str, Any] = {"A": A2, "B": B2, "Q": [[2.0, 0.0], [0.0, 1.0]], "R": [[4.0]]}
-MODEL: dict[str, Any] = {"A": published_models()[0].A, "B": published_models()[0].B}
+PLANT = {"A": A2, "B": B2, "Q": [[2.0, 0.0], [0.0, 1.0]], "R": [[4.0]]}
+MODEL = {"A": published_models()[0].A, "B": published_models()[0].B}
 pytestmark = pytest.mark.usefixtures("folder")
 
 
@@ -38,7 +35,7 @@ pytestmark = pytest.mark.usefixtures("folder")
         pytest.param("plant.npz", "K.mat", marks=pytest.mark.slow),  # .mat is read by a process
     ],
 )
-def test_games_and_solutions_survive_their_files(path: str, of_solution: str) -> None:
+def test_games_and_solutions_survive_their_files(path, of_solution):
     """A game is read from each kind of file bit for bit, and so is the K of its solution."""
     game = stored_game("cross", 12).game
     entries = {name: getattr(game, name) for name in ("A", "B", "E", "Q", "R", "N", "delta")}
@@ -49,7 +46,7 @@ def test_games_and_solutions_survive_their_files(path: str, of_solution: str) ->
     assert read_critic(of_solution, game).K.tobytes() == found.K.tobytes()
 
 
-def test_the_papers_game_is_converted_to_meters() -> None:
+def test_the_papers_game_is_converted_to_meters():
     """For a plant in meters and degrees, the paper's Q, E and R are converted.
 
     A plant with other state names has no default for Q. A plant without names that has its own Q
@@ -76,7 +73,7 @@ def test_the_papers_game_is_converted_to_meters() -> None:
         assert load_game("weighed.npz") == Game(**MODEL, E=np.eye(6), **weights, delta=math.inf)
 
 
-def test_arguments_override_entries_of_the_file() -> None:
+def test_arguments_override_entries_of_the_file():
     """Arguments Q, R and delta override the entries of the plant file.
 
     The text "inf" is read as delta = inf.
@@ -89,7 +86,7 @@ def test_arguments_override_entries_of_the_file() -> None:
     assert game == Game(**full | {"Q": np.eye(2), "R": [[9.0]], "delta": math.inf})
 
 
-def test_misnamed_entries_and_defaults_are_noted() -> None:
+def test_misnamed_entries_and_defaults_are_noted():
     """Notes list the unused entries, the defaults, and an E that describes wind and is not used."""
     game, notes = noted(stored("plant.npz", **PLANT, D=[[1.0], [0.0]], C=np.eye(2)))
     assert game == Game(**PLANT, E=np.eye(2), delta=math.inf)
@@ -116,7 +113,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
         ({"Ts": 0.1, "time": "continuous"}, "dt denotes discrete time"),
     ],
 )
-def test_the_sample_time_of_matlab_is_read(entries: dict[str, Any], dt: float | str | None) -> None:
+def test_the_sample_time_of_matlab_is_read(entries, dt):
     """Ts is the sample time of a plant, and of a gain, which is refused for another time."""
     path = stored("plant.json", system=PLANT | entries)
     if isinstance(dt, str):
@@ -133,7 +130,7 @@ def test_the_sample_time_of_matlab_is_read(entries: dict[str, Any], dt: float | 
             read_critic(gain, Game(**PLANT, E=np.eye(2), delta=math.inf))
 
 
-def noted(path: str, **changes: Any) -> tuple[Game, str]:
+def noted(path, **changes):
     """Return the game in a file, and the warnings issued, a line each."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -141,7 +138,7 @@ def noted(path: str, **changes: Any) -> tuple[Game, str]:
     return game, "\n".join(str(each.message) for each in caught)
 
 
-def test_structures_are_read_if_top_level_is_empty() -> None:
+def test_structures_are_read_if_top_level_is_empty():
     """Matrices are read from a structure in a plant file only if the top level contains none."""
     inside = PLANT | {"delta": 9.0, "E": np.eye(2).tolist()}
     game, notes = noted(stored("in.json", model=inside))
@@ -175,7 +172,7 @@ def test_structures_are_read_if_top_level_is_empty() -> None:
         (PLANT | {"C": A2, "D": B2, "E": A2}, "E beside C and D may be MATLAB's descriptor"),
     ],
 )
-def test_bad_entries_are_refused_in_one_line(content: Any, message: str) -> None:
+def test_bad_entries_are_refused_in_one_line(content, message):
     """Each faulty plant file is refused by one line that names the file and the fault."""
     with pytest.raises(BadInputError, match=f"^a.json: .*{message}") as refusal:
         load_game(stored("a.json", **content))
@@ -198,7 +195,7 @@ VERSION_73 = b"\x00" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\x00" * 500
         ("plant.mat", MATLAB_73.ljust(116) + VERSION_73, "save with the option -v7"),
     ],
 )
-def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: str) -> None:
+def test_damaged_files_are_refused_in_one_line(name, content, said):
     """A damaged file of each format is refused by one line."""
     Path(name).write_bytes(content)
     with pytest.raises(BadInputError, match=said) as refusal:
@@ -217,9 +214,7 @@ def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: 
         ({"states": ["alpha", "V"]}, "the states are alpha, V in the file"),
     ],
 )
-def test_other_units_and_another_order_of_a_critic_are_refused(
-    content: dict[str, Any], says: str
-) -> None:
+def test_other_units_and_another_order_of_a_critic_are_refused(content, says):
     """Units that cannot be converted, and names in another order than the plant's, are refused.
 
     A gain in other units is converted.

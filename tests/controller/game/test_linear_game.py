@@ -1,9 +1,6 @@
 """Games on linear models: names from the model, and weights by name."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,22 +8,20 @@ from own_models import GTM, trimmed
 from scipy.linalg import solve_continuous_are
 
 import hfa
-from hfa import BadInputError, LinearModel, Model, Signal
+from hfa import BadInputError, Model, Signal
 from hfa.main import main
 from hfa_aircraft import in_si
 
 
 @pytest.fixture(scope="module")
-def linear() -> LinearModel:
+def linear():
     model = hfa.aircraft()
     return hfa.linearize(model, hfa.trim(model, hold={"dihedral": 0.2}))
 
 
 @pytest.mark.parametrize("dynamics", ["published", "unsteady"])
 @pytest.mark.parametrize("units", ["ft", "si"])
-def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(
-    dynamics: str, units: str
-) -> None:
+def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(dynamics, units):
     """Q, R, delta and E of Section 5.1, in the units of the model; lagged states have none."""
     model = hfa.aircraft(dynamics=dynamics)
     linear = hfa.linearize(model, hfa.trim(model))
@@ -45,9 +40,7 @@ def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(
 
 
 @pytest.mark.parametrize("is_stored_in_si", [True, False])
-def test_a_solution_passes_in_other_units_of_its_aircraft(
-    is_stored_in_si: bool, tmp_path: Path
-) -> None:
+def test_a_solution_passes_in_other_units_of_its_aircraft(is_stored_in_si, tmp_path):
     """Q, R and E are those of one game, and the file is converted."""
     model = Model(
         "cart",
@@ -68,7 +61,7 @@ def test_a_solution_passes_in_other_units_of_its_aircraft(
     assert hfa.verify(judging, path).ok
 
 
-def test_the_disturbance_of_a_game_is_named_in_its_reports() -> None:
+def test_the_disturbance_of_a_game_is_named_in_its_reports():
     """E is the identity unless another is given. Each report of a game says which, by name."""
     model = hfa.aircraft()
     linear = hfa.linearize(model, hfa.trim(model), outputs=("speed",))
@@ -86,7 +79,7 @@ def test_the_disturbance_of_a_game_is_named_in_its_reports() -> None:
         hfa.game(linear, **weights, E=np.zeros((6, 0)))
 
 
-def test_default_weights_are_those_of_the_plant_file(folder, capsys) -> None:
+def test_default_weights_are_those_of_the_plant_file(folder, capsys):
     """Without Q and R, the solution is SciPy's for Q, R and N of a plant file, in Python and with
     `--aircraft`, and for 1/nominal² where a model has no weights.
 
@@ -120,15 +113,13 @@ def test_default_weights_are_those_of_the_plant_file(folder, capsys) -> None:
         ({"Q": [1.0, "2"]}, "Q does not consist of rows of real numbers"),
     ],
 )
-def test_a_wrong_weight_is_named(
-    linear: LinearModel, weights: dict[str, object], words: str
-) -> None:
+def test_a_wrong_weight_is_named(linear, weights, words):
     """The message on an unknown name, a missing weight or a wrong shape names the faulty entry."""
     with pytest.raises(BadInputError, match=words):
         hfa.game(linear, **{"Q": np.ones(6), "R": np.ones(5)} | weights)
 
 
-def test_the_box_of_states_is_within_their_limits() -> None:
+def test_the_box_of_states_is_within_their_limits():
     """The largest deviations of the states reach the nearer limit of each, and no other one."""
     limits = {"speed": (0.0, 300.0), "alpha": (-0.2, 0.5)}
     model = hfa.Model(

@@ -1,9 +1,6 @@
 """Zero-sum games and bases: invalid input, policies, ψ(z) and its gradient, and W and P."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -43,14 +40,14 @@ QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
         ({"delta": 1e300}, r"delta is 1e\+300; .* from 1e-50 to 1e\+50, or inf"),
     ],
 )
-def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> None:
+def test_ill_posed_games_are_refused(change, message):
     """A game with a wrong shape, sign or number is refused by one line."""
     with pytest.raises(BadInputError, match=message) as refusal:
         Game(**(SMALL | change))
     assert "\n" not in str(refusal.value)
 
 
-def test_a_game_cannot_be_changed_from_outside() -> None:
+def test_a_game_cannot_be_changed_from_outside():
     """A game has read-only copies of its matrices, and `with_delta` does not change the game."""
     A = np.array(SMALL["A"])
     game = Game(**(SMALL | {"A": A}))
@@ -67,7 +64,7 @@ NAMES = ("quadratic", "quadratic+linear", "quadratic+quartic", "cubic", "quartic
 ALL = [basis(name, 6) for name in NAMES]
 
 
-def test_quadratic_monomials_come_first_row_by_row() -> None:
+def test_quadratic_monomials_come_first_row_by_row():
     """The quadratic monomials of a basis come first, row by row, and the other monomials follow."""
     z = np.array([2.0, 3.0, 5.0])
     assert basis("quadratic", 3).psi(z).tolist() == [4.0, 6.0, 10.0, 9.0, 15.0, 25.0]
@@ -89,7 +86,7 @@ def test_quadratic_monomials_come_first_row_by_row() -> None:
 
 
 @pytest.mark.parametrize("functions", ALL)
-def test_the_gradient_of_a_basis_is_that_of_differences(functions: Any) -> None:
+def test_the_gradient_of_a_basis_is_that_of_differences(functions):
     z = np.random.default_rng(1).normal(size=6)
     moved = 1e-5 * np.eye(6)
     slopes = (functions.psi(z + moved) - functions.psi(z - moved)).T / 2e-5
@@ -107,7 +104,7 @@ def test_the_gradient_of_a_basis_is_that_of_differences(functions: Any) -> None:
         (np.zeros((2, 2)), True),
     ],
 )
-def test_semidefiniteness_is_decided_in_any_units(matrix: Any, semidefinite: bool) -> None:
+def test_semidefiniteness_is_decided_in_any_units(matrix, semidefinite):
     """Semidefiniteness is decided correctly for entries of very different size."""
     matrix = np.asarray(matrix, dtype=float)
     n = len(matrix)

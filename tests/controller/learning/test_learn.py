@@ -1,9 +1,6 @@
 """`hfa.learn`: exact solutions from samples, the paper's law, refusals, and equal seeds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +24,7 @@ STABLE = Game(
 PAPER = game_models()["published-5"]
 
 
-def cheap(game: Game) -> Game:
+def cheap(game):
     """Return the game with cross weights N."""
     return replace(game, N=0.1 * np.ones(game.B.shape))
 
@@ -35,7 +32,7 @@ def cheap(game: Game) -> Game:
 @pytest.mark.parametrize(
     "game", [*game_models().values(), STABLE, cheap(STABLE), STABLE.with_delta(np.inf)]
 )
-def test_the_learned_solution_is_the_exact_one(game: Game) -> None:
+def test_the_learned_solution_is_the_exact_one(game):
     """P and K agree with the exact ones within 1e-9, and the judge accepts the run."""
     run = learn(game, seed=4)
     exact = hfa.solve(game)
@@ -45,7 +42,7 @@ def test_the_learned_solution_is_the_exact_one(game: Game) -> None:
     assert verify(game, run).ok
 
 
-def test_the_refusal_names_the_smallest_delta() -> None:
+def test_the_refusal_names_the_smallest_delta():
     """Below the smallest delta, the law ends within 1 % of it."""
     smallest = hfa.solve(STABLE).delta_min
     with pytest.raises(NoSolutionError) as refused:
@@ -54,7 +51,7 @@ def test_the_refusal_names_the_smallest_delta() -> None:
     assert end == pytest.approx(smallest, rel=0.01)
 
 
-def test_the_matrix_a_is_not_used() -> None:
+def test_the_matrix_a_is_not_used():
     """From given samples, the result does not depend on A of the game; noise is reported."""
     pool = random_pool(STABLE, 20, 0)
     run = learn(STABLE, pool=pool)
@@ -65,7 +62,7 @@ def test_the_matrix_a_is_not_used() -> None:
     assert 0.0 < relative_error(noisy.K, run.K) < 0.1
 
 
-def test_equal_seeds_give_identical_bits() -> None:
+def test_equal_seeds_give_identical_bits():
     first, same, other = (learn(PAPER, seed=seed) for seed in (4, 4, 2))
     for name in ("W", "P", "K"):
         assert getattr(first, name).tobytes() == getattr(same, name).tobytes(), name
@@ -73,7 +70,7 @@ def test_equal_seeds_give_identical_bits() -> None:
     assert first.W.tobytes() != other.W.tobytes()
 
 
-endless: list[Any] = []
+endless = []
 endless.append(endless)
 #: Case -> (call, words of the message).
 REFUSED = {
@@ -94,7 +91,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_unusable_arguments_are_refused(case: str) -> None:
+def test_unusable_arguments_are_refused(case):
     call, words = REFUSED[case]
     with pytest.raises(BadInputError, match=words):
         call()
@@ -107,7 +104,7 @@ SCALAR = Game([[-1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
 FIRST = 100.0
 
 
-def printed_law(game: Game, pool: Stack) -> tuple[np.ndarray, np.ndarray, float, float]:
+def printed_law(game, pool):
     """Return regressors, constants, α1 and α2 (Eq. 32-33 and 48-49), sample by sample."""
     n = len(game.A)
     S = game.B @ np.linalg.inv(game.R) @ game.B.T - game.E @ game.E.T / game.delta**2
@@ -127,12 +124,12 @@ def printed_law(game: Game, pool: Stack) -> tuple[np.ndarray, np.ndarray, float,
     return rows, np.array(constants), alpha1, alpha2
 
 
-def test_the_law_as_printed_overflows_on_the_aircraft_of_the_paper() -> None:
+def test_the_law_as_printed_overflows_on_the_aircraft_of_the_paper():
     with pytest.raises(NoSolutionError, match=r"overflows at step .* explicit step below"):
         learn(PAPER, "published")
 
 
-def test_the_law_as_printed_is_eq_46() -> None:
+def test_the_law_as_printed_is_eq_46():
     """The first tick equals 100 Euler steps of Eq. (46), written sample by sample."""
     pool = record(SCALAR, np.linspace(0.5, 1.5, 50)[:, None])
     rows, constants, alpha1, alpha2 = printed_law(SCALAR, pool)
@@ -149,23 +146,23 @@ def test_the_law_as_printed_is_eq_46() -> None:
 # A learner of the user.
 
 
-def test_every_row_of_a_users_learner_is_recorded_once() -> None:
+def test_every_row_of_a_users_learner_is_recorded_once():
     """With more than 20,000 ticks some rows are left out, but not the last."""
 
     class Counter:
         ticks = 30_001
 
-        def start(self) -> int:
+        def start(self):
             return 0
 
-        def advance(self, tick: int, memory: int) -> int:
+        def advance(self, tick, memory):
             assert tick == memory
             return memory + 1
 
-        def observe(self, tick: int, memory: int) -> dict[str, float]:
+        def observe(self, tick, memory):
             return {"time": 0.1 * tick, "count": memory}
 
-    seen: list[float] = []
+    seen = []
     run = controller.run(Counter(), progress=lambda done, *_: seen.append(done))
     assert run.history["count"][[0, -1]].tolist() == [0, 30_001]
     assert len(run.history["time"]) <= 20_001

@@ -10,7 +10,7 @@ from hfa import Game, NoSolutionError, learn, solve
 from tests.support.steps_of import in_steps
 
 
-def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> Game:
+def _problem(seed, delta=np.inf, discount=0.97):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 6))
     A, B, E = (rng.standard_normal((n, size)) for size in (n, 2, 1))

@@ -1,18 +1,13 @@
 """Balls in doubles contain what the arithmetic of FLINT computes with many bits."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
-from flint import arb, arb_mat
+from flint import arb
 
 from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, midpoints, precision
 
 #: Sums of thirds cancel: only their last digits remain.
-OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
+OPERATIONS = {
     "sum": lambda left, right: left + right,
     "difference": lambda left, right: left - right,
     "product": lambda left, right: left @ right,
@@ -23,7 +18,7 @@ OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
 }
 
 
-def samples(seed: int) -> list[arb_mat]:
+def samples(seed):
     """Return two matrices of thirds, (4, 4), whose differences and products nearly cancel."""
     rng = np.random.default_rng(seed)
     third = arb(1) / 3
@@ -36,9 +31,7 @@ def samples(seed: int) -> list[arb_mat]:
 @pytest.mark.parametrize("operation", OPERATIONS)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("radius", [None, 0.0, 1e-3])
-def test_an_operation_contains_the_exact_result(
-    operation: str, seed: int, radius: float | None
-) -> None:
+def test_an_operation_contains_the_exact_result(operation, seed, radius):
     """Of exact doubles, of thirds in balls, and of the corners of wider balls."""
     compute = OPERATIONS[operation]
     with precision(256):
@@ -60,7 +53,7 @@ def test_an_operation_contains_the_exact_result(
 
 
 @pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
-def test_norms_are_upper_bounds(arithmetic: type[Balls | DoubleBalls]) -> None:
+def test_norms_are_upper_bounds(arithmetic):
     """Also of a tiny or an undefined row, which hides nothing."""
     with precision(256):
         for seed in range(5):
@@ -76,9 +69,7 @@ def test_norms_are_upper_bounds(arithmetic: type[Balls | DoubleBalls]) -> None:
 
 
 @pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
-def test_only_positive_matrices_are_proved_positive(
-    arithmetic: type[Balls | DoubleBalls],
-) -> None:
+def test_only_positive_matrices_are_proved_positive(arithmetic):
     """In balls, all of which must be positive."""
     with precision(256):
         for seed in range(5):

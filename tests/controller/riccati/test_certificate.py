@@ -1,7 +1,5 @@
 """What a certificate states, and games on the boundary of those that have a value."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from exact_riccati import exact_solution
@@ -14,7 +12,7 @@ I2 = np.eye(2)
 EPS = np.finfo(float).eps
 
 
-def test_a_hamiltonian_on_the_axis_is_detected() -> None:
+def test_a_hamiltonian_on_the_axis_is_detected():
     """A double eigenvalue 0 of the Hamiltonian is detected, although rounding moves it by 1e-8."""
     critical = Game([[-1.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=1.0)
     rotation = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
@@ -27,7 +25,7 @@ def test_a_hamiltonian_on_the_axis_is_detected() -> None:
         assert solve(game.with_delta(1.01)).certificate.bits >= 128
 
 
-def test_without_cost_the_value_is_the_stabilizing_one() -> None:
+def test_without_cost_the_value_is_the_stabilizing_one():
     """P of x' = x + u is 2 a / s, although P = 0 satisfies the Riccati equation, too; that of a
     stable plant is 0, and `verify` accepts only 0 for its gain.
     """
@@ -43,7 +41,7 @@ def test_without_cost_the_value_is_the_stabilizing_one() -> None:
         assert {"policy_rel_error", "K_rel_error"} <= failed
 
 
-def test_the_change_of_the_gain_is_that_of_changed_last_digits() -> None:
+def test_the_change_of_the_gain_is_that_of_changed_last_digits():
     """The stated change of K is that of games with changed last digits, solved with 60 digits."""
     A, modes = np.array([[-0.04, 0.72], [0.72, -0.46]]), np.array([[0.8, 0.6], [-0.6, 0.8]])
     B = modes.T @ [[1e-4], [1.0]]

@@ -1,10 +1,7 @@
 """Costs of policies above the optimum: enclosed, of the worst state, and never more than proved."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +12,6 @@ from stored_games import in_units, stored
 from controller.riccati.balls import ball_matrix, precision
 from controller.riccati.excess import (
     SAME_DOUBLE,
-    Excess,
     ExcessEquation,
     excess_ball,
     excess_of,
@@ -31,15 +27,15 @@ EXACT = solve(GAME)
 NOISE = np.random.default_rng(0).standard_normal(EXACT.K.shape)
 
 
-def judged(game: Game, K: np.ndarray) -> Excess:
+def judged(game, K):
     return excess_of(game, np.asarray(K, dtype=float), np.ones(len(game.A)))
 
 
-def graded(game: Game, K: np.ndarray) -> dict[str, Any]:
+def graded(game, K):
     return verify(game, from_gain(game, K)).to_dict()["graded"]
 
 
-def random_game(seed: int) -> Game:
+def random_game(seed):
     """Return a game in either time, every second one with a disturbance."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 4))
@@ -60,7 +56,7 @@ def random_game(seed: int) -> Game:
 
 
 @pytest.mark.parametrize("seed", range(24))
-def test_an_excess_contains_that_of_sixty_digits(seed: int) -> None:
+def test_an_excess_contains_that_of_sixty_digits(seed):
     """Of gains in either time, with and without disturbance and discount, however near.
 
     The 24 seeds are the eight kinds of `random_game`, each with three errors of the gain.
@@ -79,7 +75,7 @@ def test_an_excess_contains_that_of_sixty_digits(seed: int) -> None:
         assert z @ D @ z / (z @ P @ z) == pytest.approx(reference, rel=1e-6)
 
 
-def loss(game: Game, K: np.ndarray) -> np.ndarray:
+def loss(game, K):
     """Return D, with which z'Dz is the cost of u = -K z above the optimum z'Pz.
 
     Only the disturbance is free, so P + D is the value of the game without an input.
@@ -89,7 +85,7 @@ def loss(game: Game, K: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("delta", [200.0, math.inf])
-def test_the_worst_and_mean_costs_are_eigenvalues_of_the_excess(delta: float) -> None:
+def test_the_worst_and_mean_costs_are_eigenvalues_of_the_excess(delta):
     """Over initial conditions with z'Pz = 1, z'Dz is at most the largest eigenvalue of P^-1 D, and
     on average their mean.
     """
@@ -102,7 +98,7 @@ def test_the_worst_and_mean_costs_are_eigenvalues_of_the_excess(delta: float) ->
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])
-def test_gains_and_distances_are_of_both_policies(is_discrete: bool) -> None:
+def test_gains_and_distances_are_of_both_policies(is_discrete):
     """The distance is the least σ_min(s I - A + B K) over the boundary of stability, relative to the
     norm of the loop, and both L2 gains are those on a grid. The game is balanced already.
     """
@@ -135,7 +131,7 @@ def test_gains_and_distances_are_of_both_policies(is_discrete: bool) -> None:
         ("stiff", 144, math.inf),  # its L2 gain is 67671.8, and delta 65445.7
     ],
 )
-def test_costs_of_stored_games(kind: str, number: int, worst: float) -> None:
+def test_costs_of_stored_games(kind, number, worst):
     """A gain that is 1 % too large costs what the same equations give with 60 digits."""
     game = stored(kind, number).game
     found = judged(game, 1.01 * solve(game).K)
@@ -147,7 +143,7 @@ def test_costs_of_stored_games(kind: str, number: int, worst: float) -> None:
 
 
 @pytest.mark.parametrize("extra", [0.0, 1e-12, 1e-4, 100.0])
-def test_states_without_cost_are_not_left_out(extra: float) -> None:
+def test_states_without_cost_are_not_left_out(extra):
     """The gain on a stable state without cost costs extra² / 2 per unit, where the optimum is 0.
 
     Below the last digit of the cost of the box it changes no cost.
@@ -169,7 +165,7 @@ def test_states_without_cost_are_not_left_out(extra: float) -> None:
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.1])
-def test_a_gain_right_on_states_without_cost_has_the_excess_of_the_others(factor: float) -> None:
+def test_a_gain_right_on_states_without_cost_has_the_excess_of_the_others(factor):
     game = Game([[1.0, 0.0], [3.0, -1.0]], [[1.0], [0.0]], Q=np.diag([1.0, 0.0]), R=[[1.0]])
     K = factor * (1.0 + math.sqrt(2.0))
     found = judged(game, [[K, 0.0]])
@@ -178,7 +174,7 @@ def test_a_gain_right_on_states_without_cost_has_the_excess_of_the_others(factor
     assert found.high == pytest.approx(above, rel=1e-9, abs=1e-15)
 
 
-def test_states_without_cost_need_not_be_rational() -> None:
+def test_states_without_cost_need_not_be_rational():
     """R is 0: the input holds the cost at 0 where the zeros of the game, √2 and another, allow it."""
     A = np.array([[0.0, 1.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
     A[1, 0], A[1, 1] = 0.75, 0.5  # zeros (1 ± √13) / 4
@@ -195,7 +191,7 @@ def test_states_without_cost_need_not_be_rational() -> None:
 
 
 @pytest.mark.parametrize(("factor", "above"), [(1.0, 0.0), (1.01, 7.5168e-5), (0.9, 0.0091428)])
-def test_a_mode_reached_by_1e_8(factor: float, above: float) -> None:
+def test_a_mode_reached_by_1e_8(factor, above):
     """Of 256 bits; A - B K in doubles has lost the mode."""
     A = [[-0.04, -0.72], [-0.72, -0.46]]
     B = [[0.599999992], [0.8000000060000001]]
@@ -205,13 +201,13 @@ def test_a_mode_reached_by_1e_8(factor: float, above: float) -> None:
     assert found.high == pytest.approx(above, rel=1e-4, abs=SAME_DOUBLE)
 
 
-def test_without_state_cost_zero_gain_is_optimal() -> None:
+def test_without_state_cost_zero_gain_is_optimal():
     game = Game(-np.eye(2), np.eye(2), E=np.eye(2), Q=np.zeros((2, 2)), R=np.eye(2), delta=5.0)
     assert judged(game, np.zeros((2, 2))).is_optimal
     assert math.isinf(judged(game, 1e-3 * np.eye(2)).low)
 
 
-def test_a_gain_beyond_delta_has_infinite_cost() -> None:
+def test_a_gain_beyond_delta_has_infinite_cost():
     """The excess cost is infinite if the L2 gain is above delta, and if K destabilizes."""
     tight = GAME.with_delta(151.0)
     beyond = judged(tight, 0.3 * solve(tight).K)
@@ -221,7 +217,7 @@ def test_a_gain_beyond_delta_has_infinite_cost() -> None:
 
 
 @pytest.mark.parametrize(("kind", "number"), [("weak", 12), ("discrete", 5), ("aircraft", 4)])
-def test_an_excess_does_not_depend_on_units(kind: str, number: int) -> None:
+def test_an_excess_does_not_depend_on_units(kind, number):
     game = stored(kind, number).game.with_delta(math.inf)
     other, units = in_units(game, np.random.default_rng(number), 10.0, 3)
     K = 1.01 * solve(game).K
@@ -245,7 +241,7 @@ SCALAR = {
 }
 
 
-def scalar(time: str) -> tuple[ExcessEquation, float]:
+def scalar(time):
     numbers, root = SCALAR[time]
     matrices = (None if each is None else ball_matrix(np.array([[each]])) for each in numbers)
     return ExcessEquation(*matrices), root
@@ -255,9 +251,7 @@ def scalar(time: str) -> tuple[ExcessEquation, float]:
 @pytest.mark.parametrize("error", [0.0, 1e-12, 1e-6, 1e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 2.0])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("factor", [-1.0, 0.5, 0.8, 1.0, 1.2])
-def test_an_accepted_excess_contains_the_root(
-    time: str, error: float, sign: float, factor: float
-) -> None:
+def test_an_accepted_excess_contains_the_root(time, error, sign, factor):
     """However wrong D and Y are; the other root, and an indefinite Y, are refused."""
     with precision(256):
         equation, root = scalar(time)
@@ -275,7 +269,7 @@ def test_an_accepted_excess_contains_the_root(
 
 @pytest.mark.parametrize("time", SCALAR)
 @pytest.mark.parametrize("more", [1.001, 1.1, 2.0])
-def test_an_equation_without_a_solution_is_refused(time: str, more: float) -> None:
+def test_an_equation_without_a_solution_is_refused(time, more):
     """The charge is above the largest one that has a solution, and D any number."""
     F, E, C, crossed, V = SCALAR[time][0]
     grid = np.linspace(0.0, V, 4001)[1:-1]
@@ -299,7 +293,7 @@ def test_an_equation_without_a_solution_is_refused(time: str, more: float) -> No
                 excess_ball(equation, D, ball_matrix([[exact]]))
 
 
-def test_bounds_of_a_ratio_hold_whatever_is_proposed() -> None:
+def test_bounds_of_a_ratio_hold_whatever_is_proposed():
     """The ratio of diag(3, 1) and diag(2, 1) is 3/2."""
     D, P = (ball_matrix(np.diag(each)) for each in ([3.0, 1.0], [2.0, 1.0]))
     with precision(128):
@@ -311,7 +305,7 @@ def test_bounds_of_a_ratio_hold_whatever_is_proposed() -> None:
 
 @pytest.mark.parametrize("is_discrete", [False, True])
 @pytest.mark.parametrize("unstable", [1.0 + 1e-9, 1.5, 3.0])
-def test_stability_is_proved_in_both_directions(is_discrete: bool, unstable: float) -> None:
+def test_stability_is_proved_in_both_directions(is_discrete, unstable):
     """A pole beyond the boundary by 1e-9 beside a fast stable one; on it, nothing is proved."""
     turn = np.array([[1.0, 1.0], [0.0, 1.0]])
     for pole, expected in ((unstable, False), (2.0 - unstable, True), (1.0, None)):

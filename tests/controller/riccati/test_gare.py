@@ -1,7 +1,5 @@
 """The exact solution and the smallest delta: accuracy, certification, and reasons for refusals."""
 
-from __future__ import annotations
-
 import json
 import math
 
@@ -22,7 +20,7 @@ I2 = np.eye(2)
 
 
 @pytest.mark.parametrize("name", sorted(game_models()))
-def test_P_and_K_of_the_paper_are_exact_to_1e12(name: str) -> None:
+def test_P_and_K_of_the_paper_are_exact_to_1e12(name):
     """Every entry of P in units in which its diagonal is 1, and K."""
     game = game_models()[name]
     P, K = exact_solution(game)
@@ -31,7 +29,7 @@ def test_P_and_K_of_the_paper_are_exact_to_1e12(name: str) -> None:
     assert relative_error(solve(game).K, K) < 1e-12
 
 
-def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
+def test_policies_eigenvalues_and_json_follow_from_P(game):
     """K, L, the closed-loop poles and the cost follow from P. JSON stores every digit of P."""
     solution = solve(game)
     P = solution.P
@@ -63,7 +61,7 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     assert solve(game.with_delta(math.inf)).to_dict()["delta"] is None
 
 
-def test_a_defective_plant_without_cost_has_zero_value() -> None:
+def test_a_defective_plant_without_cost_has_zero_value():
     """A stable plant with a defective eigenvalue and without cost has P = 0 and delta_min 0."""
     game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], E=I2, Q=0.0 * I2, R=[[1.0]], delta=0.01)
     assert not solve(game).P.any()
@@ -99,11 +97,9 @@ def test_a_defective_plant_without_cost_has_zero_value() -> None:
         ),
     ],
 )
-def test_a_missing_lqr_solution_names_the_mode(
-    A: object, B: object, Q: object, message: str
-) -> None:
+def test_a_missing_lqr_solution_names_the_mode(A, B, Q, message):
     """If no LQR solution exists, a one-line message names the responsible mode."""
-    game = Game(A, B, E=I2, Q=Q, R=[[1.0]], delta=10.0)  # type: ignore[arg-type]
+    game = Game(A, B, E=I2, Q=Q, R=[[1.0]], delta=10.0)
     pattern = message.replace("+", r"\+")
     for solver in (solve, minimum_delta):
         with pytest.raises(NoSolutionError, match=pattern) as refusal:
@@ -113,7 +109,7 @@ def test_a_missing_lqr_solution_names_the_mode(
 
 @pytest.mark.parametrize("factor", [1e-90, 1e-30, 1e30, 1e90])
 @pytest.mark.parametrize("name", ["A", "B", "R", "Q"])
-def test_extreme_numbers_have_their_exact_solution(name: str, factor: float) -> None:
+def test_extreme_numbers_have_their_exact_solution(name, factor):
     """K and P of x1' = x1 + u beside x2' = -x2, in any numbers."""
     parts = {"A": np.diag([1.0, -1.0]), "B": np.eye(2)[:, :1], "Q": I2, "R": np.eye(1)}
     parts[name] = factor * parts[name]
@@ -127,7 +123,7 @@ def test_extreme_numbers_have_their_exact_solution(name: str, factor: float) -> 
     assert (solution.P[0, 1], solution.K[0, 1]) == (0.0, 0.0)
 
 
-def test_the_bracket_of_minimum_delta_is_narrow(game: Game) -> None:
+def test_the_bracket_of_minimum_delta_is_narrow(game):
     """test_stored_games.py has the exact ones; below the bracket, the game is refused."""
     smallest = minimum_delta(game)
     assert smallest.value / smallest.refused <= 1.000001  # as docs/promises.md states
@@ -136,13 +132,13 @@ def test_the_bracket_of_minimum_delta_is_narrow(game: Game) -> None:
         solve(game.with_delta(0.999999 * smallest.refused))
 
 
-def value_of_long_games(game: Game) -> np.ndarray | None:
+def value_of_long_games(game):
     """Return the limit of the values of ever longer games, or None if they grow without bound."""
     A, E, n = game.A, game.E, len(game.A)
     P = np.zeros((n, n))
     if not game.is_discrete:
 
-        def rate(_: float, p: np.ndarray) -> np.ndarray:
+        def rate(_, p):
             P = p.reshape(n, n)
             return (A.T @ P + P @ A + game.Q - P @ game.S @ P).ravel()
 
@@ -161,7 +157,7 @@ def value_of_long_games(game: Game) -> np.ndarray | None:
 
 
 @pytest.mark.parametrize("dt", [None, True])
-def test_a_game_just_below_the_smallest_delta_has_no_value(dt: bool | None) -> None:
+def test_a_game_just_below_the_smallest_delta_has_no_value(dt):
     """Values of ever longer games have a limit 0.1 % above it, which is P, and none 0.1 % below."""
     A, B, E = (np.random.default_rng(1).standard_normal((3, k)) for k in (3, 2, 1))
     game = Game(0.5 * A, B, E=E, Q=np.eye(3), R=np.eye(2), dt=dt)
@@ -174,7 +170,7 @@ def test_a_game_just_below_the_smallest_delta_has_no_value(dt: bool | None) -> N
 
 
 @pytest.mark.parametrize("q", [1.0, 1e-6, 1e-10, 1e-14])
-def test_the_smallest_delta_is_right_where_q_is_small(q: float) -> None:
+def test_the_smallest_delta_is_right_where_q_is_small(q):
     """Of x' = a x + b u + e d it is e / sqrt(b²/r + a²/q)."""
     game = Game([[-1.5]], [[1.0]], E=[[1.0]], Q=[[q]], R=[[1.0]])
     assert minimum_delta(game).value == pytest.approx((1.0 + 2.25 / q) ** -0.5, rel=3e-6)
@@ -182,7 +178,7 @@ def test_the_smallest_delta_is_right_where_q_is_small(q: float) -> None:
 
 @pytest.mark.parametrize("size", [2.0**-20, 1.0, 2.0**20])
 @pytest.mark.parametrize("seed", range(3))
-def test_an_undamped_costless_mode_is_named(size: float, seed: int) -> None:
+def test_an_undamped_costless_mode_is_named(size, seed):
     """An undamped mode without cost is named, in states in which no entry shows it."""
     rng = np.random.default_rng(seed)
     lower, upper = (np.eye(3) + np.tril(rng.integers(-3, 4, (3, 3)), -1) for _ in range(2))
@@ -195,7 +191,7 @@ def test_an_undamped_costless_mode_is_named(size: float, seed: int) -> None:
         solve(game)
 
 
-def test_a_slow_mode_of_a_stiff_plant_is_solved() -> None:
+def test_a_slow_mode_of_a_stiff_plant_is_solved():
     """Each state drives the next, and the input reaches the slow unstable mode by 1e-15 of the
     fastest rate.
     """
@@ -207,7 +203,7 @@ def test_a_slow_mode_of_a_stiff_plant_is_solved() -> None:
 
 
 @pytest.mark.parametrize(("slow", "is_refined"), [(1e-3, True), (-1e-3, False)])
-def test_the_printed_gain_stabilizes(slow: float, is_refined: bool) -> None:
+def test_the_printed_gain_stabilizes(slow, is_refined):
     """If four decimals of K do not stabilize a plant with a fast and a slow mode, more are printed.
 
     slow: slow eigenvalue of A, 1/s

@@ -5,10 +5,7 @@ examples for the numerical solution of algebraic Riccati equations I: continuous
 95_22 (1995).
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +19,7 @@ from hfa import Game, solve
 EXACT = 1e-14
 
 
-def equation(A: object, B: object, Q: object, R: object) -> Game:
+def equation(A, B, Q, R):
     A = np.array(A, float)
     return Game(
         A=A,
@@ -34,7 +31,7 @@ def equation(A: object, B: object, Q: object, R: object) -> Game:
     )
 
 
-def known_solutions() -> Iterator[tuple[str, Game, np.ndarray]]:
+def known_solutions():
     """Yield (number and parameter of the example, its game, its solution P)."""
     for small in (1.0, 1e-2, 1e-4, 1e-6, 1e-8):  # (A, B) loses stabilizability
         root = math.sqrt(1.0 + small**2)
@@ -71,7 +68,7 @@ def known_solutions() -> Iterator[tuple[str, Game, np.ndarray]]:
 @pytest.mark.parametrize(
     ("game", "X"), [pytest.param(game, X, id=name) for name, game, X in known_solutions()]
 )
-def test_known_carex_solutions_are_certified(game: Game, X: np.ndarray) -> None:
+def test_known_carex_solutions_are_certified(game, X):
     """P agrees with the closed form."""
     assert np.abs(solve(game).P - X).max() <= EXACT * np.abs(X).max()
 
@@ -82,14 +79,14 @@ def test_known_carex_solutions_are_certified(game: Game, X: np.ndarray) -> None:
 _FILES = (6, 15, 18, 19)
 
 
-def remainder(game: Game, P: np.ndarray) -> float:
+def remainder(game, P):
     """Return |A'P + P A + Q - P S P| divided by its largest term, in extended precision."""
     A, Q, S, X = (each.astype(np.longdouble) for each in (game.A, game.Q, game.S, P))
     terms = [A.T @ X, X @ A, Q, -X @ S @ X]
     return float(np.abs(sum(terms)).max() / max(np.abs(each).max() for each in terms))
 
 
-def filed(number: int) -> Game:
+def filed(number):
     file = Path(scipy.linalg.__file__).parent / f"tests/data/carex_{number}_data.npz"
     if not file.exists():
         pytest.skip("this SciPy comes without its tests")
@@ -99,7 +96,7 @@ def filed(number: int) -> Game:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", _FILES)
-def test_large_games_satisfy_their_riccati_equations(number: int) -> None:
+def test_large_games_satisfy_their_riccati_equations(number):
     """P of a game with 30 to 100 states satisfies its Riccati equation to 1e-12 and stabilizes."""
     game = filed(number)
     P = solve(game).P

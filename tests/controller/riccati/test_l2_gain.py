@@ -1,23 +1,21 @@
 """The L2 gain, compared with closed forms; test_cross_weights compares it with python-control."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 
 from controller.riccati.balls import BITS, ball_matrix, precision
-from controller.riccati.l2_gain import DisturbedLoop, GainBounds
+from controller.riccati.l2_gain import DisturbedLoop
 from hfa import Game, solve
 
 
-def bounds_of(game: Game, K: np.ndarray) -> GainBounds:
+def bounds_of(game, K):
     return solve(game).level.l2_gain(K)
 
 
 @pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.3])
-def test_the_gain_of_a_resonance_equals_its_closed_form(damping: float) -> None:
+def test_the_gain_of_a_resonance_equals_its_closed_form(damping):
     """The gain 1 / (2 ζ sqrt(1 - ζ²)) of a resonance is between the proved bounds."""
     oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
     game = Game(
@@ -29,12 +27,12 @@ def test_the_gain_of_a_resonance_equals_its_closed_form(damping: float) -> None:
     assert exact * (1.0 - 1e-15) <= high <= low * (1.0 + 1e-6)
 
 
-def test_gain_of_an_unstable_loop_is_infinite() -> None:
+def test_gain_of_an_unstable_loop_is_infinite():
     game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=10.0)
     assert bounds_of(game, np.array([[0.9]])).low == math.inf
 
 
-def test_gain_without_disturbance_or_cost_is_zero() -> None:
+def test_gain_without_disturbance_or_cost_is_zero():
     """The L2 gain is 0 if no path leads from the disturbance to the cost."""
     still = Game([[-1.0]], [[1.0]], E=[[0.0]], Q=[[1.0]], R=[[1.0]], delta=1.0)
     hidden = Game(
@@ -50,7 +48,7 @@ def test_gain_without_disturbance_or_cost_is_zero() -> None:
         assert solve(game).l2_gain == 0.0
 
 
-def test_a_gain_at_the_nyquist_frequency_equals_its_closed_form() -> None:
+def test_a_gain_at_the_nyquist_frequency_equals_its_closed_form():
     """The response 1 / (z + 0.9) of a discrete loop is largest at z = -1, where it is 10."""
     game = Game([[-0.9]], [[1.0]], E=[[1.0]], Q=[[4.0]], R=[[1.0]], delta=100.0, dt=0.1)
     low, high = bounds_of(game, np.zeros((1, 1)))
@@ -58,7 +56,7 @@ def test_a_gain_at_the_nyquist_frequency_equals_its_closed_form() -> None:
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])
-def test_no_gain_is_proved_below_one_that_is_too_small(is_discrete: bool) -> None:
+def test_no_gain_is_proved_below_one_that_is_too_small(is_discrete):
     """Of x' = -x + d, or x⁺ = x / 2 + d / 2, with the gain 1."""
     rate, E = (0.5, 0.5) if is_discrete else (-1.0, 1.0)
     with precision(BITS):

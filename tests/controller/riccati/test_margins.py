@@ -1,10 +1,7 @@
 """Stability margins of one loop and of all loops together."""
 
-from __future__ import annotations
-
 import math
 import warnings
-from typing import Any
 
 import control
 import numpy as np
@@ -15,11 +12,11 @@ import hfa
 from hfa import Game, NoSolutionError, solve
 
 
-def loop_margins(game: Game, K: np.ndarray) -> tuple[Any, ...]:
+def loop_margins(game, K):
     return tuple(hfa.margins(hfa.LinearModel.of(game.A, game.B), K).values())
 
 
-def test_margins_of_an_unstable_loop_are_refused(game: Game) -> None:
+def test_margins_of_an_unstable_loop_are_refused(game):
     K = solve(game).K
     with pytest.raises(NoSolutionError, match="the loop has a pole at "):
         loop_margins(game, -K)
@@ -28,7 +25,7 @@ def test_margins_of_an_unstable_loop_are_refused(game: Game) -> None:
 
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", sorted(game_models()))
-def test_gain_and_phase_margins_equal_python_control(name: str, factor: float) -> None:
+def test_gain_and_phase_margins_equal_python_control(name, factor):
     """Gain and phase margins of each named loop, with the other loops closed, agree with
     python-control."""
     game = game_models()[name]
@@ -66,7 +63,7 @@ FREQUENCIES = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 2000)])
 
 
 @pytest.mark.parametrize("inputs", [2, pytest.param(5, marks=pytest.mark.slow)])
-def test_the_disk_margin_agrees_with_python_control(inputs: int) -> None:
+def test_the_disk_margin_agrees_with_python_control(inputs):
     """No smaller margin is found by SLICOT's μ on a grid, and 1 / α exceeds the largest by 1 %."""
     pytest.importorskip("slycot", reason="the package slycot is not installed")
     for seed in range(2):
@@ -82,7 +79,7 @@ def test_the_disk_margin_agrees_with_python_control(inputs: int) -> None:
         assert ours < theirs * (1.0 + 1e-3)
 
 
-def test_gain_and_phase_of_a_disk_margin_are_the_textbooks() -> None:
+def test_gain_and_phase_of_a_disk_margin_are_the_textbooks():
     """A disk margin of 1 is a factor of 1/3 to 3 or 53.13 deg (Seiler, Packard, Gahinet 2020).
 
     Of the loop 3 / (s - 1) it is 2 / max |S - T| with S - T = (s - 4) / (s + 2).
@@ -98,7 +95,7 @@ def test_gain_and_phase_of_a_disk_margin_are_the_textbooks() -> None:
     assert named["disk_phase"] == pytest.approx(math.degrees(2.0 * math.atan(alpha / 2.0)))
 
 
-def test_a_delay_turns_a_leading_loop_by_more_than_half_a_turn() -> None:
+def test_a_delay_turns_a_leading_loop_by_more_than_half_a_turn():
     """The loop g s² / (s + 1)³ leads at both crossovers: a delay turns it by π + phase there.
 
     Crossovers are the roots of g² ω⁴ = (1 + ω²)³, the phase is π - 3 atan ω.

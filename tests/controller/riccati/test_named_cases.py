@@ -1,7 +1,5 @@
 """Games that were once solved wrongly, or wrongly refused, through the public face."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path
@@ -17,11 +15,11 @@ from hfa import Game, NoSolutionError, from_gain, solve, verify
 AC4 = json.loads((Path(__file__).parent / "compleib_ac4.json").read_text(encoding="utf-8"))
 
 
-def ac4(delta: float = math.inf) -> Game:
+def ac4(delta=math.inf):
     return Game(**{name: np.array(AC4[name]) for name in "ABEQRN"}, delta=delta)
 
 
-def test_the_smallest_delta_of_compleib_ac4() -> None:
+def test_the_smallest_delta_of_compleib_ac4():
     """It is 0.019678875, whose plant has rates of 0.009 to 30 1/s and weights up to rounding."""
     smallest = minimum_delta(ac4())
     assert smallest.refused < 0.019678875 < smallest.value
@@ -32,7 +30,7 @@ def test_the_smallest_delta_of_compleib_ac4() -> None:
         solve(ac4(delta=0.019678873))
 
 
-def test_poles_and_costs_of_a_gain_that_hides_a_mode() -> None:
+def test_poles_and_costs_of_a_gain_that_hides_a_mode():
     """The input reaches the mode of 0.5 by 1e-8, and K is 1e8: A - B K is not computed in doubles.
 
     The costs are those above the optimum, with 50 digits.
@@ -54,10 +52,10 @@ def test_poles_and_costs_of_a_gain_that_hides_a_mode() -> None:
 
 @pytest.mark.parametrize("delta", [10.0, 1e10, 1e44])
 @pytest.mark.parametrize("discount", [1.0, 0.9])
-def test_a_small_gain_of_the_disturbance_keeps_its_digits(delta: float, discount: float) -> None:
+def test_a_small_gain_of_the_disturbance_keeps_its_digits(delta, discount):
     """(δ² - α E'P E) L = α E'P (A - B K), also if δ² is 1e88 times P."""
     matrices = {"A": [[0.5]], "B": [[1.0]], "E": [[1.0]], "Q": [[1.0]], "R": [[1.0]]}
-    game = Game(**matrices, delta=delta, dt=True, discount=discount)  # type: ignore[arg-type]
+    game = Game(**matrices, delta=delta, dt=True, discount=discount)
     solution = solve(game)
     P, rest = solution.P[0, 0], 0.5 - solution.K[0, 0]
     expected = discount * P * rest / (delta**2 - discount * P)
@@ -68,20 +66,20 @@ def test_a_small_gain_of_the_disturbance_keeps_its_digits(delta: float, discount
 
 @pytest.mark.parametrize("rate", [0.5, -0.25])
 @pytest.mark.parametrize("q", [0.0, 3.0])
-def test_steps_without_an_input_have_their_value(rate: float, q: float) -> None:
+def test_steps_without_an_input_have_their_value(rate, q):
     """P is q / (1 - a²), also without any cost."""
     solution = solve(Game([[rate]], [[0.0]], E=[[1.0]], Q=[[q]], R=[[1.0]], dt=True))
     assert solution.P[0, 0] == pytest.approx(q / (1.0 - rate**2), rel=1e-15)
     assert solution.K[0, 0] == 0.0
 
 
-def of_cross_weights(N: list[list[float]], R: float) -> Game:
+def of_cross_weights(N, R):
     """Return a game with Q = N R⁻¹ N', in which u = -R⁻¹ N' z costs nothing."""
     A, B, E = [[-1.0, 0.3], [0.2, -2.0]], [[1.0], [0.4]], [[1.0], [0.5]]
     return Game(A, B, E=E, Q=np.array(N) @ np.transpose(N) / R, R=[[R]], N=N)
 
 
-def test_weights_without_cost_have_zero_value() -> None:
+def test_weights_without_cost_have_zero_value():
     """If Q = N R⁻¹ N', P is 0 and K is R⁻¹ N'; up to rounding, if Q is rounded."""
     exact = solve(of_cross_weights([[1.0], [2.0]], 4.0))
     assert not exact.P.any()
@@ -92,7 +90,7 @@ def test_weights_without_cost_have_zero_value() -> None:
     assert not any(", and P is positive" in line for line in rounded.certificate.proved)
 
 
-def test_a_mode_is_solved_that_is_undamped_up_to_rounding() -> None:
+def test_a_mode_is_solved_that_is_undamped_up_to_rounding():
     """The rotation by 1.035 rad has no cost, and |0.5105 ± 0.8599i| is 1 + 6.6e-17. Its margins are
     not known in doubles.
     """
@@ -111,7 +109,7 @@ def test_a_mode_is_solved_that_is_undamped_up_to_rounding() -> None:
 
 
 @pytest.mark.parametrize("kind", ["disturbance", "cross", "discrete", "scaled"])
-def test_no_value_just_below_the_smallest_delta(kind: str) -> None:
+def test_no_value_just_below_the_smallest_delta(kind):
     """The stored smallest delta is right to 5e-9."""
     each = next(
         found

@@ -1,7 +1,5 @@
 """Poles are enclosed: each eigenvalue of a known loop is in its disc, also a multiple one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from flint import acb_mat
@@ -24,12 +22,12 @@ LOOPS = {
 
 @pytest.mark.parametrize("name", LOOPS)
 @pytest.mark.parametrize("is_discrete", [False, True])
-def test_poles_are_right_to_the_last_digit(name: str, is_discrete: bool) -> None:
+def test_poles_are_right_to_the_last_digit(name, is_discrete):
     """Also slow ones beside fast ones, and those of chains, which doubles move by 1e-5."""
     middle = np.array(LOOPS[name])
     exact = np.sort(np.diag(middle))
 
-    def loop(bits: int) -> object:
+    def loop(bits):
         return ball_matrix(T) * ball_matrix(middle) * ball_matrix(T_INVERSE)
 
     found = poles_of(loop, is_discrete=is_discrete)
@@ -38,7 +36,7 @@ def test_poles_are_right_to_the_last_digit(name: str, is_discrete: bool) -> None
     assert not found.values.imag.any()
 
 
-def test_discs_contain_the_poles_for_any_eigenvectors() -> None:
+def test_discs_contain_the_poles_for_any_eigenvectors():
     """Eigenvectors that are wrong by up to 10 % give wide discs that are right."""
     middle = np.diag([-1.0, -2.0, -4.0])
     rng = np.random.default_rng(0)
@@ -53,7 +51,7 @@ def test_discs_contain_the_poles_for_any_eigenvectors() -> None:
         assert enclosed_poles(F).radii.max() < 1e-30
 
 
-def test_poles_of_a_solution_do_not_lose_their_digits_in_its_units() -> None:
+def test_poles_of_a_solution_do_not_lose_their_digits_in_its_units():
     """Of the double integrator with the closed-form poles (-1 ± i) / √2, in units of 1e-12."""
     scale = 2.0**-40
     game = Game([[0.0, scale], [0.0, 0.0]], [[0.0], [1.0]], Q=[scale**-2, 0.0], R=[1.0])

@@ -1,7 +1,5 @@
 """The checker of exact solutions: stored answers, Lyapunov equations and the number of bits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from flint import arb
@@ -25,13 +23,13 @@ BITS = 256
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_few_balls_contain_the_stored_answers(kind: str) -> None:
+def test_a_few_balls_contain_the_stored_answers(kind):
     game = stored(kind, 0)
     found = enclosed(game.game)
     assert max(errors(game, midpoints(found.P), midpoints(found.K))) < 1e-13
 
 
-def test_an_indefinite_Y_proves_no_stability() -> None:
+def test_an_indefinite_Y_proves_no_stability():
     """The Y of an unstable loop solves its Lyapunov equation exactly, but is not positive."""
     F, Y = np.diag([-1.0, 2.0]), np.diag([0.5, -0.25])
     for balls in (Balls, DoubleBalls):
@@ -41,7 +39,7 @@ def test_an_indefinite_Y_proves_no_stability() -> None:
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])
-def test_a_lyapunov_ball_contains_the_solution(is_discrete: bool) -> None:
+def test_a_lyapunov_ball_contains_the_solution(is_discrete):
     """Whatever D is proposed, and D of an unstable loop is refused."""
     F, C = np.array([[-0.5, 1.0], [0.0, -0.25]]), np.array([[1.0, 2.0], [2.0, -3.0]])
     with precision(BITS):
@@ -61,7 +59,7 @@ def test_a_lyapunov_ball_contains_the_solution(is_discrete: bool) -> None:
         assert lyapunov_enclosure(*unstable, is_discrete=is_discrete) is None
 
 
-def test_the_number_of_bits_is_restored() -> None:
+def test_the_number_of_bits_is_restored():
     from flint import ctx
 
     before = ctx.prec

@@ -1,7 +1,5 @@
 """Proofs that a game has no value, asked of games that have one and of games that have none."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -17,7 +15,7 @@ from hfa import Game
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_proof_says_that_a_game_with_a_value_has_none(kind: str) -> None:
+def test_no_proof_says_that_a_game_with_a_value_has_none(kind):
     """The proofs are asked directly: `solve` asks them only after another proof has failed."""
     values = [each for each in (stored(kind, number) for number in range(12)) if each.exists]
     assert values
@@ -33,9 +31,7 @@ def test_no_proof_says_that_a_game_with_a_value_has_none(kind: str) -> None:
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.parametrize("k", [1, 2])
 @pytest.mark.parametrize("dt", [None, True])
-def test_a_frequency_proves_that_the_disturbance_gains_too_much(
-    n: int, k: int, dt: bool | None
-) -> None:
+def test_a_frequency_proves_that_the_disturbance_gains_too_much(n, k, dt):
     """Of x' = -x + d, or x⁺ = x / 2 + d, and of n copies of it without input."""
     rate = -1.0 if dt is None else 0.5
     E = np.eye(n)[:, :1] @ np.ones((1, k)) / math.sqrt(k)
@@ -55,7 +51,7 @@ def test_a_frequency_proves_that_the_disturbance_gains_too_much(
             assert bool(why_no_value(equation, None, in_bits=False)) == has_none
 
 
-def test_an_eigenvalue_exactly_on_the_axis_is_decided_in_rationals() -> None:
+def test_an_eigenvalue_exactly_on_the_axis_is_decided_in_rationals():
     """Of x' = -x + d with the gain 1: H has a double eigenvalue 0 at δ = 1, and none above."""
     game = Game([[-1.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]])
     assert "at least 1" in why_never_at(game, 1.0)

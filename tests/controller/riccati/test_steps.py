@@ -1,7 +1,5 @@
 """Games in discrete time: value iteration, closed forms, SciPy, and the limit of short samples."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -14,7 +12,7 @@ from hfa import BadInputError, Game, NoSolutionError
 GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
 
 
-def game_of(seed: int, **changes: object) -> Game:
+def game_of(seed, **changes):
     """Return a random game with three states, two inputs and units from 1e-3 to 1e3."""
     random = np.random.default_rng(seed)
     units = 10.0 ** random.uniform(-3.0, 3.0, 3)
@@ -27,14 +25,14 @@ def game_of(seed: int, **changes: object) -> Game:
 
 
 @pytest.mark.parametrize("changes", [{}, {"discount": 1.0, "dt": 0.1}, {"delta": math.inf}])
-def test_the_value_is_that_of_a_saddle_point(changes: dict) -> None:
+def test_the_value_is_that_of_a_saddle_point(changes):
     """P is the cost of a step and of P after it, of which K and L are a saddle point."""
     game = game_of(0, **changes)
     solution = hfa.solve(game)
     units = np.sqrt(np.diag(game.Q))
     x = 1.0 / units
 
-    def cost(du: float, dw: float) -> float:
+    def cost(du, dw):
         u = -solution.K @ x + du
         w = solution.disturbance_gain @ x + dw
         after = game.A @ x + game.B @ u + game.E @ w
@@ -66,14 +64,14 @@ def test_the_value_is_that_of_a_saddle_point(changes: dict) -> None:
     ],
     ids=["QuantEcon: golden", "DAREX 1", "DAREX 5", "DAREX 3: R = 0"],
 )  # fmt: skip
-def test_regulators_with_a_closed_form(A: list, B: list, Q: list, R: list, P: list) -> None:
+def test_regulators_with_a_closed_form(A, B, Q, R, P):
     """P of regulators with a known solution is right to 1e-10; R may be 0."""
     solution = hfa.solve(Game(A, B, Q=Q, R=R, dt=True))
     np.testing.assert_allclose(solution.P, P, atol=1e-10 * np.abs(P).max())
 
 
 @pytest.mark.parametrize("share", [0.75, 1.0])  # products without rounding
-def test_two_inputs_that_only_act_together_need_a_weight(share: float) -> None:
+def test_two_inputs_that_only_act_together_need_a_weight(share):
     """With R = 0, many u = -K x are equally good; any R > 0 decides between them."""
     A, push, both = (
         [[0.9, 0.2], [0.1, 0.7]],
@@ -90,7 +88,7 @@ def test_two_inputs_that_only_act_together_need_a_weight(share: float) -> None:
         hfa.solve(replace(game, R=0.0 * np.eye(2)))
 
 
-def test_gain_and_margins_of_a_scalar_loop() -> None:
+def test_gain_and_margins_of_a_scalar_loop():
     """x+ = .8 x + u + w with u = -.3 x: gain of (x, u), and gain margins, in closed form."""
     game = Game([[0.8]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[4.0]], dt=0.2)
     K = np.array([[0.3]])
@@ -108,7 +106,7 @@ def test_gain_and_margins_of_a_scalar_loop() -> None:
     assert level.disk_margin(K).frequency == pytest.approx(math.pi / 0.2, rel=1e-6)
 
 
-def test_short_samples_approach_the_game_in_continuous_time() -> None:
+def test_short_samples_approach_the_game_in_continuous_time():
     """K of sampled games approaches K with the order 1; samples that lose the rates are refused."""
     A, B = [[0.0, 1.0], [2.0, -0.1]], [[0.0], [1.0]]
     game = Game(A, B, Q=[1.0, 0.1], R=[0.5], delta=20.0)

@@ -1,12 +1,10 @@
 """Games of ten kinds and of all units have the answers of hundreds of digits (`stored_games.py`)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
-from stored_games import EACH, KINDS, Stored, errors, stored
+from stored_games import EACH, KINDS, errors, stored
 
 from controller import minimum_delta
 from hfa import NoSolutionError, solve
@@ -29,12 +27,12 @@ FEW = {
 LONG = {("cheap", 65), ("cheap", 141)}
 
 
-def mistake(game: Stored) -> str:
+def mistake(game):
     """Return what is wrong with the answers to a game, or ""."""
     return mistake_of_value(game) or mistake_of_delta_min(game)
 
 
-def mistake_of_value(game: Stored) -> str:
+def mistake_of_value(game):
     try:
         solution = solve(game.game)
     except NoSolutionError as refusal:
@@ -49,7 +47,7 @@ def mistake_of_value(game: Stored) -> str:
     return ""
 
 
-def mistake_of_delta_min(game: Stored) -> str:
+def mistake_of_delta_min(game):
     try:
         smallest = minimum_delta(game.game)
     except NoSolutionError as refusal:
@@ -62,7 +60,7 @@ def mistake_of_delta_min(game: Stored) -> str:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_few_games_have_their_answers(kind: str) -> None:
+def test_a_few_games_have_their_answers(kind):
     """P, K, the existence of a value, and delta_min are those of the stored answers."""
     for number in FEW.get(kind, (0, 100)):
         wrong = mistake_of_value if (kind, number) in LONG else mistake
@@ -71,7 +69,7 @@ def test_a_few_games_have_their_answers(kind: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_all_games_have_their_answers(kind: str) -> None:
+def test_all_games_have_their_answers(kind):
     """P, K, the existence of a value, and delta_min are those of the stored answers."""
     mistakes = {number: mistake(stored(kind, number)) for number in range(EACH)}
     assert {number: what for number, what in mistakes.items() if what} == {}

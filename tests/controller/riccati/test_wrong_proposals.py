@@ -13,10 +13,9 @@ import pytest
 from flint import arb, arb_mat
 
 from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, precision
-from controller.riccati.equation import Equation, equation_of, users_units
+from controller.riccati.equation import equation_of, users_units
 from controller.riccati.proof import (
     NotProvedError,
-    Stabilizing,
     lyapunov_ball,
     prove_value,
     stabilizing,
@@ -41,12 +40,10 @@ class Roots(NamedTuple):
     wrong: tuple[tuple[int, int], tuple[int, int]]
 
 
-def in_other_states(
-    a: list[float], b: list[float], e: list[float], q: list[float], **others: object
-) -> Game:
+def in_other_states(a, b, e, q, **others):
     A, B, E = T @ np.diag(a) @ T_INVERSE, T @ np.diag(b), T @ np.diag(e)
     Q = T_INVERSE.T @ np.diag(q) @ T_INVERSE
-    return Game(A, B, E=E, Q=Q, R=np.eye(2), **others)  # type: ignore[arg-type]
+    return Game(A, B, E=E, Q=Q, R=np.eye(2), **others)
 
 
 ONES = [1.0, 1.0]
@@ -78,14 +75,14 @@ GAMES = {
 }  # fmt: skip
 
 
-def solution(roots: list[tuple[int, int]]) -> arb_mat:
+def solution(roots):
     """Return T'⁻¹ diag(roots) T⁻¹."""
     first, second = (arb(above) / below for above, below in roots)
     back = ball_matrix(T_INVERSE)
     return back.transpose() * arb_mat([[first, 0], [0, second]]) * back
 
 
-def solved(F: arb_mat, *, is_discrete: bool) -> arb_mat:
+def solved(F, *, is_discrete):
     """Return Y of F'Y + Y F = -1, in discrete time of F'Y F - Y = -1, as one linear system."""
     n = F.nrows()
     rows = []
@@ -102,27 +99,25 @@ def solved(F: arb_mat, *, is_discrete: bool) -> arb_mat:
     return arb_mat([entries[n * i : n * i + n] for i in range(n)]).mid()
 
 
-def exact_Y(equation: Equation[Balls], X: arb_mat) -> arb_mat:
+def exact_Y(equation, X):
     """Return Y of the loop of both players at X."""
     gains, _ = equation.gains_and_residual(X.mid())
     F = equation.loop(Balls(X.mid()), Balls(gains)).matrix
     return solved(F.mid(), is_discrete=equation.is_discrete)
 
 
-def around(found: Stabilizing[Balls]) -> arb_mat:
+def around(found):
     return Balls.around(found.X, found.spread).matrix
 
 
-def contains(balls: arb_mat, exact: arb_mat) -> bool:
+def contains(balls, exact):
     pairs = zip(balls.entries(), exact.entries(), strict=True)
     return all(ball.overlaps(entry) for ball, entry in pairs)
 
 
 @pytest.mark.parametrize("name", GAMES)
 @pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
-def test_other_invariant_subspaces_are_refused(
-    name: str, arithmetic: type[Balls | DoubleBalls]
-) -> None:
+def test_other_invariant_subspaces_are_refused(name, arithmetic):
     """They solve the equation, and an indefinite Y solves that of their unstable loop."""
     game, right, wrong = GAMES[name]
     with precision(BITS):
@@ -140,9 +135,7 @@ def test_other_invariant_subspaces_are_refused(
 
 @pytest.mark.parametrize("name", GAMES)
 @pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
-def test_accepted_proposals_contain_the_solution_and_its_gains(
-    name: str, arithmetic: type[Balls | DoubleBalls]
-) -> None:
+def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetic):
     """However far X is changed, with the Y of X and that of the solution, up to 30 % off."""
     game, right, _ = GAMES[name]
     rng = np.random.default_rng(1)
@@ -177,9 +170,7 @@ def test_accepted_proposals_contain_the_solution_and_its_gains(
         in_other_states([0.5, 2.0], [0.0, 1.0], [1.0, 0.0], [0.3, 3.5], delta=1.0, dt=True),
     ],
 )
-def test_nothing_is_accepted_where_there_is_no_solution(
-    game: Game, arithmetic: type[Balls | DoubleBalls]
-) -> None:
+def test_nothing_is_accepted_where_there_is_no_solution(game, arithmetic):
     """With the exact Y of the stable loop of each proposal; its second root is right."""
     second = 7 if game.is_discrete else 2
     with precision(BITS):
@@ -191,9 +182,7 @@ def test_nothing_is_accepted_where_there_is_no_solution(
 
 
 @pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
-def test_nothing_is_accepted_just_below_the_smallest_delta(
-    arithmetic: type[Balls | DoubleBalls],
-) -> None:
+def test_nothing_is_accepted_just_below_the_smallest_delta(arithmetic):
     """P² - (0.75 + q) P + q = 0 has the double root 0.5 at q = 0.25, and none just above."""
     game = Game([[0.5]], [[0.0]], E=[[1.0]], Q=[[0.2505]], R=[[1.0]], delta=1.0, dt=True)
     with precision(BITS):
@@ -222,12 +211,7 @@ def test_nothing_is_accepted_just_below_the_smallest_delta(
         ),
     ],
 )
-def test_a_stabilizing_solution_of_two_states_may_be_no_value(
-    game: Game,
-    roots: list[tuple[int, int]],
-    control: list[float],
-    arithmetic: type[Balls | DoubleBalls],
-) -> None:
+def test_a_stabilizing_solution_of_two_states_may_be_no_value(game, roots, control, arithmetic):
     with precision(BITS):
         equation = equation_of(game, users_units(game), Balls)
         X = solution(roots)
@@ -241,7 +225,7 @@ def test_a_stabilizing_solution_of_two_states_may_be_no_value(
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])
-def test_no_lyapunov_ball_of_an_unstable_loop(is_discrete: bool) -> None:
+def test_no_lyapunov_ball_of_an_unstable_loop(is_discrete):
     """Though D and an indefinite Y solve their equations."""
     rates = [0.5, 3.0] if is_discrete else [-1.0, 2.0]
     with precision(BITS):

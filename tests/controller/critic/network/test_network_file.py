@@ -1,19 +1,16 @@
 """State dicts as networks, from files of torch, safetensors, .npz and .json."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from network_files import refusal, safetensors_file, square_layers, torch_file
 
-from hfa import BadInputError, Game, from_network, read_critic
+from hfa import BadInputError, from_network, read_critic
 
 HERE = Path(__file__).parent
 TORCH = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["state_dict"]
@@ -21,7 +18,7 @@ X = np.random.default_rng(0).normal(size=(7, 6))
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_a_torch_file_gives_the_value_of_torch(game: Game) -> None:
+def test_a_torch_file_gives_the_value_of_torch(game):
     """A file written by torch gives the V that torch computed.
 
     The gradient equals differences of V, and P equals differences of the gradient.
@@ -44,12 +41,12 @@ def test_a_torch_file_gives_the_value_of_torch(game: Game) -> None:
 # Order of layers.
 
 
-def json_file(path: str, layers: dict[str, np.ndarray]) -> None:
+def json_file(path, layers):
     content = {name: rows.tolist() for name, rows in layers.items()}
     Path(path).write_text(json.dumps(content), encoding="utf-8")
 
 
-def npz_file(path: str, layers: dict[str, np.ndarray]) -> None:
+def npz_file(path, layers):
     np.savez(path, **layers)
 
 
@@ -58,9 +55,7 @@ def npz_file(path: str, layers: dict[str, np.ndarray]) -> None:
     [("a.pt", torch_file), ("a.safetensors", safetensors_file), ("a.npz", npz_file),
      ("a.json", json_file)],
 )  # fmt: skip
-def test_layers_are_evaluated_in_the_order_of_their_numbers(
-    game: Game, path: str, write: Any
-) -> None:
+def test_layers_are_evaluated_in_the_order_of_their_numbers(game, path, write):
     """V is that of NumPy, although all files but torch's contain 10 and 12 before 2."""
     layers = square_layers("0", "2", "10", "12")
     names = list(layers) if write is torch_file else sorted(layers)
@@ -78,12 +73,12 @@ def test_layers_are_evaluated_in_the_order_of_their_numbers(
 
 
 class Evil:
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self):
         return os.mkdir, ("executed",)
 
 
 @pytest.mark.parametrize("packed", [True, False])
-def test_a_pickle_with_code_is_not_executed(packed: bool) -> None:
+def test_a_pickle_with_code_is_not_executed(packed):
     """A pickle that would run code is refused, and its code is not executed."""
     content = pickle.dumps({"0.weight": Evil()})
     for path in map(Path, ("evil.pkl", "evil.pt", "evil.pth")):
@@ -105,7 +100,7 @@ def test_a_pickle_with_code_is_not_executed(packed: bool) -> None:
         ("archive/data.pkl", "refers to data outside the file"),
     ],
 )
-def test_a_zip_without_the_storages_of_torch_is_refused(member: str, said: str) -> None:
+def test_a_zip_without_the_storages_of_torch_is_refused(member, said):
     torch_file("a.pt", {"weight": np.ones((4, 6))})
     with zipfile.ZipFile("a.pt") as archive:
         of_tensors = archive.read("critic/data.pkl")  # without its storages
@@ -115,7 +110,7 @@ def test_a_zip_without_the_storages_of_torch_is_refused(member: str, said: str) 
 
 
 @pytest.mark.parametrize("stride", [60, -6])
-def test_a_tensor_beyond_its_storage_is_refused(stride: int) -> None:
+def test_a_tensor_beyond_its_storage_is_refused(stride):
     """A tensor whose entries lie outside its storage is refused.
 
     stride: stride of the rows
@@ -136,7 +131,7 @@ def test_a_tensor_beyond_its_storage_is_refused(stride: int) -> None:
 ONE = np.zeros((1, 6), "float32")
 OF_FOUR = {"0.weight": np.ones((4, 6)), "3.weight": np.ones((1, 4))}
 #: What is said of a state dict, in a file of torch or of another suffix.
-WRONG: dict[str, dict[str, np.ndarray]] = {
+WRONG = {
     "has 10 inputs": {"weight": np.zeros((1, 10))},
     "not finite": {"weight": ONE + np.nan},
     "'conv.weight' (3, 1, 1) is not a weight or": {
@@ -155,17 +150,17 @@ WRONG: dict[str, dict[str, np.ndarray]] = {
 
 
 @pytest.mark.parametrize("said", WRONG)
-def test_wrong_state_dicts_are_refused(said: str) -> None:
+def test_wrong_state_dicts_are_refused(said):
     assert said in refusal(torch_file("wrong.pt", WRONG[said]), activation="tanh")
 
 
-def test_layers_of_unknown_order_are_refused() -> None:
+def test_layers_of_unknown_order_are_refused():
     """Only a file of torch stores the order of layers whose names have no numbers."""
     path = safetensors_file("a.safetensors", square_layers("hidden", "embed", "out"))
     assert "does not store their order" in refusal(path, activation="tanh")
 
 
-def test_damaged_and_foreign_files_are_refused() -> None:
+def test_damaged_and_foreign_files_are_refused():
     damaged, foreign = "is damaged or is not a network", "was not written by torch.save"
     for name, content, said in (
         ("a.pt", b"PK\3\4", damaged),

@@ -1,7 +1,5 @@
 """Verdicts on networks as critics and policies."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -33,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 # Right networks.
 
 
-def test_published_weights_of_gops_are_checked() -> None:
+def test_published_weights_of_gops_are_checked():
     """The published weights of GOPS, V = W'psi plus a constant, are checked.
 
     The exact weights pass. The learned weights have errors of 1.6 % in P and 0.43 % in K, and a
@@ -71,7 +69,7 @@ def test_published_weights_of_gops_are_checked() -> None:
 # Several outputs, scales, bases in words.
 
 
-def test_the_scale_of_inputs_is_applied(game: Game) -> None:
+def test_the_scale_of_inputs_is_applied(game):
     """A policy with scaled inputs passes with its scale. A scale of wrong length is refused."""
     scale = np.array([1 / 7.0, *[10.0] * 5])
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
@@ -82,7 +80,7 @@ def test_the_scale_of_inputs_is_applied(game: Game) -> None:
     )
 
 
-def test_v_and_a_policy_are_checked_together(game: Game) -> None:
+def test_v_and_a_policy_are_checked_together(game):
     """V and u as outputs of one graph are checked together: a policy of the wrong sign fails.
 
     If the argument `network` is omitted, six outputs are read as the gradient of V.
@@ -103,7 +101,7 @@ def test_v_and_a_policy_are_checked_together(game: Game) -> None:
     assert set(from_network(game, path).network) == {"gradient"}
 
 
-def test_scale_applies_to_the_inputs_of_a_basis(game: Game) -> None:
+def test_scale_applies_to_the_inputs_of_a_basis(game):
     """A layer on a basis is evaluated at the scaled states."""
     weights = np.arange(1.0, 22.0)
     scale = np.array([0.5, 6.0, 1.0, 4.0, 3.0, 0.25])
@@ -120,7 +118,7 @@ def test_scale_applies_to_the_inputs_of_a_basis(game: Game) -> None:
     assert float(critic.value(np.ones(6))) == pytest.approx(2.0 + weights[:6] @ scale**2)
 
 
-def test_kind_of_an_npy_file_follows_from_shape(game: Game) -> None:
+def test_kind_of_an_npy_file_follows_from_shape(game):
     """The shape of the array in an .npy file determines whether the array is W, P or K.
 
     An array of another shape is refused.
@@ -137,7 +135,7 @@ def test_kind_of_an_npy_file_follows_from_shape(game: Game) -> None:
     )
 
 
-def test_networks_with_unsuitable_output_numbers_are_refused(game: Game) -> None:
+def test_networks_with_unsuitable_output_numbers_are_refused(game):
     """A network is refused if its number of outputs fits no quantity, or fits several.
 
     The command that the error proposes is accepted. A single output on a plant with one input is
@@ -167,7 +165,7 @@ def test_networks_with_unsuitable_output_numbers_are_refused(game: Game) -> None
     assert hfa(*typed[1:]).code == FAILED
 
 
-def test_a_state_dict_needs_its_activation() -> None:
+def test_a_state_dict_needs_its_activation():
     """`hfa verify` accepts a state dict with its activation.
 
     Without the activation, the command is refused, and the error ends with the complete command.
@@ -185,7 +183,7 @@ def test_a_state_dict_needs_its_activation() -> None:
     assert asked.err.rstrip().endswith(f"; type {line}")
 
 
-def test_one_layer_on_one_state_is_a_policy_unless_v_is_asked_for() -> None:
+def test_one_layer_on_one_state_is_a_policy_unless_v_is_asked_for():
     """u = -K x of a plant with one state and one input; with V=, the layer is W of x²."""
     plant = Game([[-1.0]], [[1.0]], Q=[1.0], R=[1.0])
     exact = solve(plant)
@@ -198,7 +196,7 @@ def test_one_layer_on_one_state_is_a_policy_unless_v_is_asked_for() -> None:
     assert not verify(plant, from_network(plant, policy, network="V=")).ok
 
 
-def test_the_policy_of_a_value_contains_the_cross_weights() -> None:
+def test_the_policy_of_a_value_contains_the_cross_weights():
     """Networks of V and ∂V/∂z imply u = -R⁻¹(½ B'∂V/∂z + N'z)."""
     A = np.array([[0.0, 1.0], [2.0, -0.3]])
     B = np.array([[0.0], [1.0]])
@@ -218,7 +216,7 @@ def test_the_policy_of_a_value_contains_the_cross_weights() -> None:
 
 
 @pytest.mark.parametrize("sides", [(3.0, 3.0), (3.0, 1.0)])
-def test_the_gain_at_a_kink_is_the_mean_of_both_sides(sides: tuple[float, float]) -> None:
+def test_the_gain_at_a_kink_is_the_mean_of_both_sides(sides):
     """u = -a z for z > 0, -b z for z < 0, of a ReLU network: K is the mean, and a kink is named."""
     a, b = sides
     game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[1.0], R=[1.0], delta=np.inf)

@@ -1,10 +1,7 @@
 """ONNX graphs against onnxruntime, and refused graphs."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +14,7 @@ X = RNG.normal(size=(7, 6)).astype("float32")
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def assert_as_onnx_runtime(path: str, **tolerance: float) -> None:
+def assert_as_onnx_runtime(path, **tolerance):
     runtime = pytest.importorskip("onnxruntime", reason="the package onnxruntime is not installed")
     session = runtime.InferenceSession(path, providers=["CPUExecutionProvider"])
     (states,), (outputs,) = session.get_inputs(), session.get_outputs()
@@ -28,10 +25,10 @@ def assert_as_onnx_runtime(path: str, **tolerance: float) -> None:
 
 
 @pytest.mark.parametrize("opset", [9, 11, 13, 20])
-def test_old_and_new_operator_sets_equal_onnxruntime(opset: int) -> None:
+def test_old_and_new_operator_sets_equal_onnxruntime(opset):
     """Graphs of old and of new operator sets give the results of onnxruntime."""
     axes = {"axes": [0]} if opset < 13 else {}
-    nodes: list[tuple[Any, ...]] = [
+    nodes = [
         ("Flatten", "x", "f", {"axis": 1}),
         ("MatMul", "f W", "m"),
         ("Add", "m b", "a"),
@@ -58,7 +55,7 @@ def test_old_and_new_operator_sets_equal_onnxruntime(opset: int) -> None:
 
 
 @pytest.mark.parametrize("seven", [7, -7])
-def test_integer_division_in_a_graph_is_truncated(seven: int) -> None:
+def test_integer_division_in_a_graph_is_truncated(seven):
     """The quotient of integers in a graph is truncated: 7 / 2 = 3, and -7 / 2 = -3."""
     nodes = [
         ("Div", "seven two", "three"),
@@ -75,7 +72,7 @@ def test_integer_division_in_a_graph_is_truncated(seven: int) -> None:
     assert float(read(path).value(np.arange(1.0, 7.0))) == 6.0
 
 
-def external(path: str) -> str:
+def external(path):
     """Write a graph whose weights are in another file, and return its path."""
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.eye(6), "ones": ONES}
@@ -90,7 +87,7 @@ _TALL = {"a": np.ones((2**12, 1), "float32"), "b": np.ones((1, 2**12), "float32"
 _MANY = {"P": np.eye(6), "places": np.zeros(2**20, int)}
 _SUM = ("ReduceSum", "h", "y")
 #: Graphs that are refused: what is said, nodes, constants, number of states.
-REFUSED: dict[str, tuple[str, list[tuple[Any, ...]], dict[str, Any], int]] = {
+REFUSED = {
     "inputs": ("has 10 inputs", [("MatMul", "x P", "y")], {"P": np.ones((10, 1), "f4")}, 10),
     "integer": ("number 7, not to a float", [("Cast", "x", "y", {"to": 7})], _SINGLES, 6),
     "training": (
@@ -127,12 +124,12 @@ REFUSED: dict[str, tuple[str, list[tuple[Any, ...]], dict[str, Any], int]] = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_graphs_that_are_no_rows_or_no_network_are_refused(name: str) -> None:
+def test_graphs_that_are_no_rows_or_no_network_are_refused(name):
     said, nodes, constants, states = REFUSED[name]
     assert said in refusal(onnx_file("wrong.onnx", nodes, constants, states=states))
 
 
-def test_damaged_graphs_and_weights_in_other_files_are_refused() -> None:
+def test_damaged_graphs_and_weights_in_other_files_are_refused():
     assert "stored in another file; export the weights in" in refusal(external("a.onnx"))
     content = Path(onnx_file("good.onnx", QUADRATIC, _SINGLES)).read_bytes()
     Path("damaged.onnx").write_bytes(content[:-40])
@@ -142,9 +139,7 @@ def test_damaged_graphs_and_weights_in_other_files_are_refused() -> None:
         read_critic("good.onnx", game, activation="tanh")
 
 
-def test_without_onnx_only_onnx_files_are_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_onnx_only_onnx_files_are_refused(monkeypatch):
     """Without the package onnx, ONNX files are refused and torch files are read."""
     monkeypatch.setitem(sys.modules, "onnx", None)
     Path("a.onnx").write_bytes(b"")
@@ -155,7 +150,7 @@ def test_without_onnx_only_onnx_files_are_refused(
 
 
 #: Operators of x alone, some with attributes.
-_UNARY: list[tuple[str, dict[str, Any]]] = [
+_UNARY = [
     *((name, {}) for name in ("Neg", "Tanh", "Relu", "LeakyRelu", "Sigmoid", "Softplus", "Elu")),
     *((name, {}) for name in ("Selu", "Gelu", "Sin", "Erf", "Exp", "Identity")),
     ("Elu", {"alpha": 0.7}),
@@ -169,7 +164,7 @@ UNITS = ("Tanh", "Relu", "Sigmoid", "Elu", "Softplus")
 _FIRST = {"c": (3.0 * X)[:1]}
 _WEIGHTS = RNG.normal(size=(6, 4)).astype("float32")
 #: Graphs with one operator each, compared with ONNX Runtime: nodes, constants, outputs.
-GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
+GRAPHS = {
     **{f"{name} {how or ''}": ([(name, "x", "y", how)], {}, 6) for name, how in _UNARY},
     **{name: ([(name, "x c", "y")], _FIRST, 6) for name in ("Add", "Sub", "Mul", "Div")},
     "Where": (
@@ -235,7 +230,7 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
 
 
 @pytest.mark.parametrize("name", GRAPHS)
-def test_each_operator_equals_onnxruntime(name: str) -> None:
+def test_each_operator_equals_onnxruntime(name):
     """Each supported operator gives the values of ONNX Runtime."""
     nodes, constants, outputs = GRAPHS[name]
     single = {"one": np.array(1.0, "float32")}  # says the type of the graph
@@ -244,7 +239,7 @@ def test_each_operator_equals_onnxruntime(name: str) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_random_wide_graphs_equal_onnxruntime(seed: int) -> None:
+def test_random_wide_graphs_equal_onnxruntime(seed):
     """Three layers of up to 200 units, each added to its input, beside it or in its place."""
     rng = np.random.default_rng(seed)
     nodes, constants, width = [("Identity", "x", "y0")], {}, 6
@@ -268,7 +263,7 @@ def test_random_wide_graphs_equal_onnxruntime(seed: int) -> None:
     assert_as_onnx_runtime(onnx_file("wide.onnx", nodes, single, width), rel=1e-4, abs=1e-4)
 
 
-def test_metadata_of_a_file_are_named_as_not_applied() -> None:
+def test_metadata_of_a_file_are_named_as_not_applied():
     """A scale of actions in the metadata changes no gain, and a note says so."""
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.diag(np.arange(1.0, 7.0)), "ones": ONES}
@@ -281,7 +276,7 @@ def test_metadata_of_a_file_are_named_as_not_applied() -> None:
     assert float(critic.value(np.ones(6))) == 21.0
 
 
-def several_outputs(names: tuple[str, ...]) -> str:
+def several_outputs(names):
     """Write a graph with outputs of 2, 1 and 1 entries with these names, and return its path."""
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     sizes = dict(zip(names, (2, 1, 1), strict=True))
@@ -298,7 +293,7 @@ def several_outputs(names: tuple[str, ...]) -> str:
     return "several.onnx"
 
 
-def test_outputs_are_told_by_their_names_or_named_in_the_refusal() -> None:
+def test_outputs_are_told_by_their_names_or_named_in_the_refusal():
     """actions and values are u and V, log_prob is not used; other names are proposed, and accepted."""
     critic = read(several_outputs(("actions", "values", "log_prob")), inputs=2)
     assert critic.u(np.ones(6)).tolist() == [3.0, 3.0]
@@ -310,7 +305,7 @@ def test_outputs_are_told_by_their_names_or_named_in_the_refusal() -> None:
     assert read(path, inputs=2, network="policy=left").u(np.ones(6)).tolist() == [3.0, 3.0]
 
 
-def test_a_graph_in_half_precision_is_evaluated_in_double() -> None:
+def test_a_graph_in_half_precision_is_evaluated_in_double():
     weights = RNG.normal(size=(6, 5)).astype("float16")
     nodes = [("MatMul", "x W", "m"), ("Cast", "m", "y", {"to": 10})]
     critic = read(onnx_file("half.onnx", nodes, {"W": weights}, 5), network="policy=")

@@ -1,7 +1,5 @@
 """Policies of functions Q(x, u)."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -10,14 +8,14 @@ import numpy as np
 import pytest
 from network_files import onnx_file, read, refusal, torch_file
 
-from hfa import BadInputError, Game, from_network
+from hfa import BadInputError, from_network
 
 HERE = Path(__file__).parent
 RNG = np.random.default_rng(9)
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_default_torch_exports_are_read(game: Game) -> None:
+def test_default_torch_exports_are_read(game):
     """The default ONNX export of a Q function in PyTorch is read with the actions of PyTorch."""
     pytest.importorskip("onnx", reason="the package onnx is not installed")
     expected = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["q"]
@@ -30,7 +28,7 @@ def test_default_torch_exports_are_read(game: Game) -> None:
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("inputs", [0, 5])
-def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, inputs: int) -> None:
+def test_the_policy_of_a_quadratic_form_is_linear(game, sign, inputs):
     """The policy of Q = z'Hz with z = (x, u) has the gain H_uu⁻¹ H_ux.
 
     H is positive or negative definite. The graph has one input z or two inputs x and u.
@@ -53,7 +51,7 @@ def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, input
     assert pytest.approx(np.linalg.solve(H[6:, 6:], H[6:, :6]), rel=1e-9) == critic.K
 
 
-def test_the_policy_is_nan_if_curvature_changes_sign() -> None:
+def test_the_policy_is_nan_if_curvature_changes_sign():
     """At a state where ∂²Q/∂u² has another sign than at 0, the policy is not finite."""
     xu = ca.SX.sym("xu", 2)
     Q = ca.Function("Q", [xu], [(1.0 - xu[0]) * xu[1] ** 2 + xu[1]])
@@ -72,15 +70,15 @@ def test_the_policy_is_nan_if_curvature_changes_sign() -> None:
         (lambda u: u, "has neither a minimum nor a maximum over u"),
     ],
 )
-def test_a_q_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
+def test_a_q_not_quadratic_in_u_is_refused(power, says):
     """A Q that is not quadratic in u, or has neither a minimum nor a maximum over u, is refused."""
     xu = ca.SX.sym("xu", 2)
-    Q = ca.Function("Q", [xu], [xu[0] ** 4 + power(xu[1])])  # type: ignore[operator]
+    Q = ca.Function("Q", [xu], [xu[0] ** 4 + power(xu[1])])
     with pytest.raises(BadInputError, match=says):
         read(Q, states=1, inputs=1)
 
 
-def test_the_selected_actor_of_twin_networks_is_read(game: Game) -> None:
+def test_the_selected_actor_of_twin_networks_is_read(game):
     """The actor in a file with an actor and two Q functions is read if it is selected.
 
     Without a selection, it is read too. A Q function that is not quadratic in u is refused.
@@ -101,7 +99,7 @@ def test_the_selected_actor_of_twin_networks_is_read(game: Game) -> None:
         assert critic.stated.notes == ("not used: q1, q2",)
 
 
-def test_q_functions_with_other_input_numbers_are_refused() -> None:
+def test_q_functions_with_other_input_numbers_are_refused():
     """A Q function with another number of inputs than the plant is refused."""
     nodes = [("Concat", "x u", "z", {"axis": 1}), ("MatMul", "z w", "y")]
     path = onnx_file("odd.onnx", nodes, {"w": np.ones((10, 1))}, inputs=4)

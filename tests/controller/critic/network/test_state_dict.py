@@ -1,7 +1,5 @@
 """State dicts with several networks, and tensors that may act on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from network_files import read, refusal, torch_file
@@ -12,7 +10,7 @@ ACTIONS = 2
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def chain(prefix: str, names: tuple[str, ...], widths: tuple[int, ...]) -> dict[str, np.ndarray]:
+def chain(prefix, names, widths):
     """Return random weights and biases of a chain of linear layers.
 
     prefix: prefix of the tensors' names
@@ -26,15 +24,15 @@ def chain(prefix: str, names: tuple[str, ...], widths: tuple[int, ...]) -> dict[
     return tensors
 
 
-def actor(prefix: str, names: tuple[str, ...] = ("0", "2", "4")) -> dict[str, np.ndarray]:
+def actor(prefix, names=("0", "2", "4")):
     return chain(prefix, names, (STATES, 8, 8, ACTIONS))
 
 
-def critic(prefix: str, names: tuple[str, ...] = ("0", "2", "4")) -> dict[str, np.ndarray]:
+def critic(prefix, names=("0", "2", "4")):
     return chain(prefix, names, (STATES, 8, 8, 1))
 
 
-def test_a_policy_is_read_beside_other_networks() -> None:
+def test_a_policy_is_read_beside_other_networks():
     """Names tell the policy from a value and from the tensors of an optimizer."""
     tensors = {"log_std": np.zeros(ACTIONS), **actor("actor."), **critic("critic.")}
     tensors |= {"optimizer.state.0.exp_avg": np.ones((8, STATES))}
@@ -60,7 +58,7 @@ def test_a_policy_is_read_beside_other_networks() -> None:
         ({"std": np.ones(STATES)}, "", "'std' (6,)"),
     ],
 )
-def test_a_tensor_of_unknown_function_is_refused(more, part, named) -> None:
+def test_a_tensor_of_unknown_function_is_refused(more, part, named):
     """A tensor of unknown function that may act on the network is refused by name."""
     path = torch_file("a.pt", actor("actor.") | critic("critic.") | more)
     said = refusal(path, inputs=ACTIONS, activation="tanh", network=f"policy={part}")
