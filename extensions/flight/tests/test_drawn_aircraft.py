@@ -1,7 +1,5 @@
 """`hfa fly --draws N`: flights of aircraft drawn from a covariance of parameters."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -17,7 +15,7 @@ NAMES = ("CL_alpha", "Cm_alpha", "Cm_q")
 CORRELATION = 0.5 * np.eye(3) + 0.5
 
 
-def written(deviation: float = 0.02) -> str:
+def written(deviation=0.02):
     """Write an aircraft with uncertain parameters: relative standard deviations, correlated by .5."""
     model = hfa.load_model(UAV)
     values = np.array([model.parameters[each].start for each in NAMES])
@@ -28,9 +26,7 @@ def written(deviation: float = 0.02) -> str:
 
 
 @pytest.mark.usefixtures("folder")
-def test_flights_of_drawn_aircraft_have_the_spread_of_their_parameters(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_flights_of_drawn_aircraft_have_the_spread_of_their_parameters(capsys):
     """Initial pitch accelerations, from .01 s at alpha + 1 deg, within 15 % of the covariance's."""
     words = ["fly", "--aircraft", written(), "--policy", "none", "--draws", "150"]
     assert main([*words, "--duration", "0.01", "--initial", "alpha=1", "--json"]) == 0

@@ -1,10 +1,6 @@
 """Gain schedules: files, units, and refusals."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +28,7 @@ TANK = Model(
 )
 
 
-def gains_file(folder: Path, **content: Any) -> Path:
+def gains_file(folder, **content):
     path = folder / ("gains.mat" if content.pop("matlab", False) else "gains.npz")
     if path.suffix == ".mat":
         savemat(path, content)
@@ -41,7 +37,7 @@ def gains_file(folder: Path, **content: Any) -> Path:
     return path
 
 
-def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
+def test_gain_files_of_each_layout_are_read(tmp_path):
     """One gain, a table with the value first, and one with the value last, in the file's units."""
     K = np.arange(6.0).reshape(3, 1, 2) + 1.0
     levels = np.array([1.0, 2.0, 4.0])
@@ -93,12 +89,12 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_wrong_gain_files_are_refused(tmp_path: Path, content: Any, said: str) -> None:
+def test_wrong_gain_files_are_refused(tmp_path, content, said):
     with pytest.raises(BadInputError, match=re.escape(said)):
         load_gain_schedule(gains_file(tmp_path, **content), TANK)
 
 
-def test_breakpoints_of_an_unknown_unit_are_refused(tmp_path: Path) -> None:
+def test_breakpoints_of_an_unknown_unit_are_refused(tmp_path):
     """The unit of a scheduling variable that is no linear state is not in the file."""
     model = Model("tank", TANK.states, TANK.inputs, tank, linear=("rate",),
                   trim={"level": 0.5}, schedule="level")  # fmt: skip
@@ -108,7 +104,7 @@ def test_breakpoints_of_an_unknown_unit_are_refused(tmp_path: Path) -> None:
         load_gain_schedule(gains_file(tmp_path, **table, state_units=["m/s"]), model)
 
 
-def test_a_policy_with_a_reference_follows_no_other() -> None:
+def test_a_policy_with_a_reference_follows_no_other():
     """Gains of a table and `hfa.track` have a reference; that of the scenario is refused."""
     point = hfa.trim(TANK)
     table = GainSchedule(np.array([0.0, 1.0]), np.ones((2, 1, 2)), TANK)

@@ -1,7 +1,5 @@
 """Deployment files as critics of `hfa verify`."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from pathlib import Path
@@ -28,7 +26,7 @@ MOVED = {
 AT_8 = ("verify", "--dihedral", "8")
 
 
-def test_a_zip_with_normalizer_and_a_held_input_is_read() -> None:
+def test_a_zip_with_normalizer_and_a_held_input_is_read():
     """u(z) equals the stored outputs of Stable-Baselines3 in float64, behind scales and maps.
 
     The game has the moved inputs in another order than the file.
@@ -48,7 +46,7 @@ def test_a_zip_with_normalizer_and_a_held_input_is_read() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_judges_a_deployment_with_its_cost_and_inputs() -> None:
+def test_the_command_judges_a_deployment_with_its_cost_and_inputs():
     """`hfa verify` judges the game of the moved inputs, with the weights of the file."""
     words = (*AT_8, "--weights", str(STATED))
     data = answer(*words, code=FAILED)
@@ -62,7 +60,7 @@ def test_the_command_judges_a_deployment_with_its_cost_and_inputs() -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_what_is_no_function_of_the_states_is_refused() -> None:
+def test_what_is_no_function_of_the_states_is_refused():
     """Each contradiction is refused in one line that names the file and the remedy."""
     text = STATED.read_text().replace("ppo_hfa.", f"{FOLDER}/ppo_hfa.")
     text = text.partition("[cost]")[0].replace("[action]", "[action]\naileron_center = {}")
@@ -81,7 +79,7 @@ def test_what_is_no_function_of_the_states_is_refused() -> None:
 
 
 @pytest.mark.parametrize("name", ["sac_sde", "ppo_gtm"])
-def test_a_saved_deployment_is_the_same_policy(name: str, tmp_path: Path) -> None:
+def test_a_saved_deployment_is_the_same_policy(name, tmp_path):
     """A deployment file written to another folder has the same tables, box and network."""
     stored = stored_deployment(name)
     stored.save(tmp_path / "again.toml")
@@ -97,7 +95,7 @@ def test_a_saved_deployment_is_the_same_policy(name: str, tmp_path: Path) -> Non
     np.testing.assert_array_equal(pickled.actor.function(o), stored.actor.function(o))
 
 
-def test_the_deployment_of_an_environment_is_saved_with_a_policy(tmp_path: Path) -> None:
+def test_the_deployment_of_an_environment_is_saved_with_a_policy(tmp_path):
     """With a policy's file, and its cost 1/nominal²; without a file it is refused."""
     model = aircraft("ppo_gtm")
     made = toolchain.environment(model, points=trims("ppo_gtm")[:1]).unwrapped.deployment

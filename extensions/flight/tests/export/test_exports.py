@@ -1,13 +1,10 @@
 """What `hfa export` writes computes the numbers of the product: C source and FMUs."""
 
-from __future__ import annotations
-
 import math
 import re
 import zipfile
 from collections import namedtuple
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +23,7 @@ LAG, RATE = 0.2, 0.2
 ANGLES = (5.0, 10.0, 20.0)
 
 
-def surfaces_bank(model: hfa.Model) -> ActuatorBank:
+def surfaces_bank(model):
     """Return the actuators of `--actuators LAG:RATE`: rate limits of the surfaces alone."""
     signals = model.inputs.values()
     rates = [math.radians(RATE) if signal.unit == "rad" else math.inf for signal in signals]
@@ -35,12 +32,12 @@ def surfaces_bank(model: hfa.Model) -> ActuatorBank:
     return ActuatorBank(Input(*[LAG] * 5), lowest, highest, Input(*rates))
 
 
-def exported(*words: str) -> None:
+def exported(*words):
     result = command("export", "--dihedral", "10", *words)
     assert result.code == 0, result.err
 
 
-def test_exported_rates_equal_the_model(folder: Path) -> None:
+def test_exported_rates_equal_the_model(folder):
     """At random states, exported C code and the equations give equal state rates, with updrafts."""
     dynamics = "newton"
     exported("--dynamics", dynamics, "-o", "c")
@@ -63,19 +60,19 @@ def test_exported_rates_equal_the_model(folder: Path) -> None:
         np.testing.assert_allclose(dx, [float(rates[name]) for name in STATES], rtol=1e-12)
 
 
-def _parameters(model: hfa.Model) -> Any:
+def _parameters(model):
     return namedtuple("parameters", tuple(model.parameters))(*model.p.tolist())
 
 
 @pytest.fixture
-def gains(folder: Path) -> np.ndarray:
+def gains(folder):
     """Return weak gains at ANGLES, (3, 5, 6), stored in gains.npz."""
     table = np.array([0.02 * exact_gain(angle) for angle in ANGLES])
     np.savez("gains.npz", K=table, dihedral_deg=ANGLES)
     return table
 
 
-def test_the_policy_in_c_interpolates_a_gain_table(folder: Path, gains: np.ndarray) -> None:
+def test_the_policy_in_c_interpolates_a_gain_table(folder, gains):
     """u = u0 - K(dihedral) (x - x0), K linear between the breakpoints and constant beyond."""
     exported("--policy", "gains.npz", "-o", "c")
     compiled(folder / "c", "-shared", "-fPIC", "hfa_aircraft.c", "-o", "library.so")
@@ -100,9 +97,7 @@ def test_the_policy_in_c_interpolates_a_gain_table(folder: Path, gains: np.ndarr
         "gains",
     ],
 )
-def test_an_fmu_simulates_the_flight_in_fmpy(
-    folder: Path, kind: str, request: pytest.FixtureRequest
-) -> None:
+def test_an_fmu_simulates_the_flight_in_fmpy(folder, kind, request):
     """Co-simulation and model exchange of 5 s; FMPy's validator accepts the FMU.
 
     A gain follows a reference. A gain table moves actuators, whose rate is limited.
@@ -111,8 +106,8 @@ def test_an_fmu_simulates_the_flight_in_fmpy(
     validation = pytest.importorskip("fmpy.validation")
     point = model_at(10.0).point
     start = {"speed": point["speed"] + 0.02}
-    happens: dict[str, Any] = {}
-    policy: Any = None
+    happens = {}
+    policy = None
     if kind == "aircraft":
         exported("-o", "a.fmu")
     elif kind == "gain":
@@ -154,7 +149,7 @@ FILTER = [
 ]
 
 
-def test_an_fmu_behind_a_filter_simulates_the_flight(folder: Path) -> None:
+def test_an_fmu_behind_a_filter_simulates_the_flight(folder):
     """Co-simulation, with a sensor that is .1 ft/s off, in steps that samples do not divide."""
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     validation = pytest.importorskip("fmpy.validation")
@@ -177,7 +172,7 @@ def test_an_fmu_behind_a_filter_simulates_the_flight(folder: Path) -> None:
     assert np.abs(known[:, 1] - known[0, 1]).max() > 1e-4
 
 
-def test_an_exported_filter_equals_the_policy_behind_it(folder: Path) -> None:
+def test_an_exported_filter_equals_the_policy_behind_it(folder):
     """Random samples, impossible values, and some that are no numbers: equal to rounding."""
     exported(*FILTER, "-o", "c")
     compiled(folder / "c", "-shared", "-fPIC", "hfa_filter.c", "-o", "library.so")

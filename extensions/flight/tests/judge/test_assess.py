@@ -136,7 +136,7 @@ def test_flights_that_do_not_return_are_counted_and_not_compared(strong, slope, 
     assert found.ok is strong
 
 
-def stiff_case() -> tuple[hfa.Model, Deployment, float]:
+def stiff_case():
     """Return v' = -v - 40 v^3 + f, its LQR at 5 Hz as a deployment, and the gain.
 
     At v = 1, the mode is 121 times faster than at the trim.
@@ -161,10 +161,10 @@ def stiff_case() -> tuple[hfa.Model, Deployment, float]:
     return model, deployment, K
 
 
-def stiff_cost(v: float, K: float, sample: float) -> float:
+def stiff_cost(v, K, sample):
     """Return the cost of 30 s by SciPy, with the tail z'Pz. sample: s, or 0 without a hold."""
 
-    def rate(t: float, y: np.ndarray, u: float | None) -> list[float]:
+    def rate(t, y, u):
         force = -K * y[0] if u is None else u
         return [-y[0] - 40.0 * y[0] ** 3 + force, y[0] ** 2 + force**2]
 

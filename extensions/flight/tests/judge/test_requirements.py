@@ -1,7 +1,5 @@
 """What a PASS of `hfa.assess` requires: every flight or a share, and an equilibrium within limits."""
 
-from __future__ import annotations
-
 import math
 
 import casadi as ca
@@ -29,7 +27,7 @@ SLOW = hfa.Model(
 )
 
 
-def deployment(gain: float, offset: float = 0.0) -> hfa.Deployment:
+def deployment(gain, offset=0.0):
     """Return f = -gain v + offset at 20 Hz."""
     o = ca.SX.sym("o")
     return hfa.Deployment(
@@ -40,7 +38,7 @@ def deployment(gain: float, offset: float = 0.0) -> hfa.Deployment:
     )
 
 
-def test_every_flight_must_converge_or_the_required_share() -> None:
+def test_every_flight_must_converge_or_the_required_share():
     """About half of the starts of [-1, 1] can be held; the counts decide, not the linear loop."""
     found = hfa.assess(UNSTABLE, deployment(4.0), samples=12)
     (point,) = found.points
@@ -55,8 +53,8 @@ def test_every_flight_must_converge_or_the_required_share() -> None:
         assert (again.ok, again.points[0].holds) == (passes, passes)
 
 
-def test_wrong_requirements_are_refused_before_any_flight() -> None:
-    def flown(*_: object) -> None:
+def test_wrong_requirements_are_refused_before_any_flight():
+    def flown(*_):
         raise AssertionError("a flight was flown")
 
     for asked, said in (
@@ -69,7 +67,7 @@ def test_wrong_requirements_are_refused_before_any_flight() -> None:
 
 
 @pytest.mark.parametrize(("offset", "passes"), [(0.01, True), (0.2, False), (-0.2, False)])
-def test_a_policy_passes_only_if_flights_return_to_the_trim(offset: float, passes: bool) -> None:
+def test_a_policy_passes_only_if_flights_return_to_the_trim(offset, passes):
     """Every flight converges to the equilibrium; with a large steady-state error none returns."""
     found = hfa.assess(SLOW, deployment(1.0, offset), samples=6)
     (point,) = found.points
@@ -82,7 +80,7 @@ def test_a_policy_passes_only_if_flights_return_to_the_trim(offset: float, passe
         assert error.split()[3][0] == ("+" if offset > 0.0 else "-")
 
 
-def test_a_flight_has_returned_when_its_cost_to_go_is_a_twentieth() -> None:
+def test_a_flight_has_returned_when_its_cost_to_go_is_a_twentieth():
     """v' = -1.1 v costs (1 + k²) v² a second; the linear cost-to-go is P v² with P² + .2 P = 1."""
     P = -0.1 + math.sqrt(1.01)
     spent = (1.0 + 1.0) / (2.0 * 1.1)
@@ -98,9 +96,7 @@ def test_a_flight_has_returned_when_its_cost_to_go_is_a_twentieth() -> None:
 
 
 @pytest.mark.parametrize(("offset", "passes"), [(0.1, True), (0.46, False)])
-def test_an_equilibrium_beyond_the_limits_fails_without_flights(
-    offset: float, passes: bool
-) -> None:
+def test_an_equilibrium_beyond_the_limits_fails_without_flights(offset, passes):
     """v = offset / 0.2 is 0.5 or 2.3, beyond the limit of 2, with a stable loop."""
     (point,) = (found := hfa.assess(SLOW, deployment(0.1, offset), samples=0)).points
     assert point.equilibrium.states[0] == pytest.approx(offset / 0.2, rel=1e-6)
@@ -108,7 +104,7 @@ def test_an_equilibrium_beyond_the_limits_fails_without_flights(
     assert (found.ok, point.holds, bool(point.beyond)) == (passes, passes, not passes)
 
 
-def test_a_flight_that_departs_again_has_not_converged() -> None:
+def test_a_flight_that_departs_again_has_not_converged():
     """v' = .005 v grows by 5 % in the last ten seconds, also from the 15 of 400 starts near 0."""
     model = hfa.Model(
         "slow",

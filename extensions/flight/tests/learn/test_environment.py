@@ -1,11 +1,8 @@
 """Environments of an aircraft: simulation, rewards, seeds and ends of episodes."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import runpy
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,14 +19,14 @@ ACTION = {"elevator": {"box": [-1, 1], "map": "trim + 0.3 * a"}}
 
 
 @pytest.mark.slow
-def test_an_imitated_planner_flies_in_the_environment() -> None:
+def test_an_imitated_planner_flies_in_the_environment():
     """The example's policy of its rows costs less than half of no action."""
     imitation, nothing = runpy.run_path("examples/imitate_a_planner.py")["main"](flights=3)
     assert imitation < 0.5 * nothing
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_the_checker_of_gymnasium_passes() -> None:
+def test_the_checker_of_gymnasium_passes():
     """The environment passes the checker of Gymnasium."""
     from gymnasium.utils.env_checker import check_env
 
@@ -37,7 +34,7 @@ def test_the_checker_of_gymnasium_passes() -> None:
     check_env(environment(aircraft(name), stored_deployment(name), trims(name)[:1]))
 
 
-def test_environments_accept_points_in_four_forms() -> None:
+def test_environments_accept_points_in_four_forms():
     """The points of an environment may be given in four forms.
 
     The forms are a list of operating points, one point, values of the scheduling variable, or None.
@@ -52,7 +49,7 @@ def test_environments_accept_points_in_four_forms() -> None:
         assert info["X"][0] == pytest.approx(speed, abs=env.start_box["speed"])
 
 
-def test_an_environment_needs_no_deployment() -> None:
+def test_an_environment_needs_no_deployment():
     """Without a deployment, all linear states are observed and all inputs are actions.
 
     The observations are deviations from the trim, divided by the nominal values.
@@ -81,7 +78,7 @@ def test_an_environment_needs_no_deployment() -> None:
     assert -1.0 < reward <= 0.0
 
 
-def test_episodes_of_the_flexible_aircraft_survive_a_second_without_action() -> None:
+def test_episodes_of_the_flexible_aircraft_survive_a_second_without_action():
     """In 20 of 20 episodes at 15 deg, the default, which begin in the box."""
     flights = gymnasium.make("hfa.gym:hfa/Flexible-v0", points=None).unwrapped
     assert np.degrees(flights.point.states.dihedral) == pytest.approx(15.0)
@@ -99,7 +96,7 @@ def test_episodes_of_the_flexible_aircraft_survive_a_second_without_action() -> 
     assert [*cost["R"].values()] == np.diag(game.R).tolist()
 
 
-def test_the_reward_is_the_negative_cost() -> None:
+def test_the_reward_is_the_negative_cost():
     """The reward of a sample is the negative cost of the sample.
 
     If a state leaves the limits, the cost is charged for this sample and for every remaining
@@ -120,7 +117,7 @@ def test_the_reward_is_the_negative_cost() -> None:
     assert reward == pytest.approx(-50 * 0.02 * 8.0 * (edge - point["alpha"]) ** 2, rel=1e-9)
 
 
-def test_an_episode_ends_if_the_action_is_nan() -> None:
+def test_an_episode_ends_if_the_action_is_nan():
     """An action for which the map has no value ends the episode, immediately or after the delay.
 
     The observation of the sample before is returned, with a large cost.
@@ -144,7 +141,7 @@ def test_an_episode_ends_if_the_action_is_nan() -> None:
         np.testing.assert_array_equal(after, before)
 
 
-def test_fly_and_environments_give_equal_flights() -> None:
+def test_fly_and_environments_give_equal_flights():
     """A flight of one second with a delay of a sample and a half ends at the same state."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     gain = np.array([[0.0, 0.4, 0.2, 0.4], [-1.0, 0.0, 0.0, 0.0]])
@@ -162,7 +159,7 @@ def test_fly_and_environments_give_equal_flights() -> None:
     np.testing.assert_allclose(info["X"], flown, rtol=1e-5)
 
 
-def test_actions_act_within_their_box() -> None:
+def test_actions_act_within_their_box():
     """An action beyond the box has the effect of its end, and costs as much."""
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
     env = environment(model, gtm_deployment({}, action=ACTION), points)
@@ -175,7 +172,7 @@ def test_actions_act_within_their_box() -> None:
 
 
 @pytest.mark.parametrize("side", ["above", "below"])
-def test_the_limit_that_is_left_is_named(side: str) -> None:
+def test_the_limit_that_is_left_is_named(side):
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
     env = environment(model, gtm_deployment({}, action=ACTION), points)
     limits = model.states["alpha"]
@@ -202,7 +199,7 @@ def test_a_limit_passed_between_two_samples_is_named():
     assert info["left"].startswith("x below -1 m")
 
 
-def test_the_policy_to_be_trained_need_not_exist() -> None:
+def test_the_policy_to_be_trained_need_not_exist():
     """Its file is what the training writes."""
     policy = {"file": "none.zip", "normalizer": "none.pkl"}
     env = environment(aircraft("ppo_gtm"), gtm_deployment(policy, action=ACTION))
@@ -210,7 +207,7 @@ def test_the_policy_to_be_trained_need_not_exist() -> None:
     assert env.step(np.array([0.0]))[1] < 0.0
 
 
-def test_options_of_a_reset_are_obeyed_or_refused() -> None:
+def test_options_of_a_reset_are_obeyed_or_refused():
     """An initial state, whole or by name, is obeyed; what is no option, state or trim is refused."""
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
     env = environment(model, gtm_deployment({}, action=ACTION), points)
@@ -233,7 +230,7 @@ def test_options_of_a_reset_are_obeyed_or_refused() -> None:
             env.reset(options=options)
 
 
-def test_wrong_actions_and_steps_out_of_turn_are_refused() -> None:
+def test_wrong_actions_and_steps_out_of_turn_are_refused():
     env = environment(aircraft("ppo_gtm"), dt=0.05, seconds=0.1)
     still = np.zeros(2, np.float32)
     with pytest.raises(BadInputError, match="call reset"):
@@ -267,7 +264,7 @@ def test_wrong_actions_and_steps_out_of_turn_are_refused() -> None:
         ({"vary": {"lift_slope": (-9.0, 1.0)}}, "lift_slope is -9"),
     ],
 )
-def test_what_no_environment_can_be_is_refused(given: Any, said: str) -> None:
+def test_what_no_environment_can_be_is_refused(given, said):
     model = model_of(f"{ROOT}/examples/gtm.py:UNCERTAIN_GTM")
     with pytest.raises(BadInputError, match=said):
         environment(model, **{"deployment": stored_deployment("ppo_gtm"), **given})
@@ -275,7 +272,7 @@ def test_what_no_environment_can_be_is_refused(given: Any, said: str) -> None:
 
 @pytest.mark.filterwarnings("ignore:turbulence without")
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_of_an_environment_continues_at_the_same_sample(copied: Any) -> None:
+def test_a_copy_of_an_environment_continues_at_the_same_sample(copied):
     """In turbulence, with a drawn parameter and a delay; the copy does not move the original."""
     model = model_of(f"{ROOT}/examples/gtm.py:UNCERTAIN_GTM")
     deployment = gtm_deployment({}, action=ACTION, timing={"dt": 0.02, "delay": 0.03})
@@ -295,7 +292,7 @@ def test_a_copy_of_an_environment_continues_at_the_same_sample(copied: Any) -> N
     assert again[0][1]["parameters"] == again[1][1]["parameters"]
 
 
-def test_environments_run_at_once_in_gymnasiums_vectors() -> None:
+def test_environments_run_at_once_in_gymnasiums_vectors():
     """The observations of five copies, with their own seeds, are those of single environments."""
     one = environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), trims("ppo_gtm"))
     vector = gymnasium.vector.SyncVectorEnv([lambda: copy.deepcopy(one)] * 5)
@@ -305,7 +302,7 @@ def test_environments_run_at_once_in_gymnasiums_vectors() -> None:
 
 
 @pytest.mark.filterwarnings("ignore:turbulence without")
-def test_episodes_with_equal_seeds_have_equal_turbulence() -> None:
+def test_episodes_with_equal_seeds_have_equal_turbulence():
     """From one initial state, turbulence is equal for equal seeds, and differs for different seeds."""
     light = Turbulence("light", 150.0, span=2.0)
     model, deployment = aircraft("ppo_gtm"), gtm_deployment({}, action=ACTION)
@@ -320,7 +317,7 @@ def test_episodes_with_equal_seeds_have_equal_turbulence() -> None:
     assert np.abs(np.subtract(runs[0], runs[2])).max() > 1e-3
 
 
-def test_cost_weights_equal_those_of_a_game() -> None:
+def test_cost_weights_equal_those_of_a_game():
     """Q and R given to an environment have the same effect as the cost of a deployment.
 
     The weights are given as matrices, diagonals or by name.

@@ -1,7 +1,5 @@
 """PPO of Stable-Baselines3 learns to hold the flexible aircraft in its default environment."""
 
-from __future__ import annotations
-
 import copy
 
 import numpy as np
@@ -13,7 +11,7 @@ stable_baselines3 = pytest.importorskip("stable_baselines3")
 
 
 @pytest.mark.slow
-def test_ppo_holds_the_flexible_aircraft() -> None:
+def test_ppo_holds_the_flexible_aircraft():
     """After 100,000 steps, 95 of 100 episodes stay for 10 s, at half the cost without action."""
     from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 

@@ -1,9 +1,6 @@
 """Episodes of aircraft whose parameters are drawn at each reset."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +19,7 @@ DEPLOYMENT = Deployment(
 )
 
 
-def flown(env: Any, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def flown(env, start):
     """Return the states, observations and rewards of 50 samples with the same random actions."""
     random = np.random.default_rng(5)
     observation, info = env.reset(seed=1, options={"state": start})
@@ -35,7 +32,7 @@ def flown(env: Any, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return np.array(states), np.array(observations), np.array(rewards)
 
 
-def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim() -> None:
+def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim():
     """States and observations are those of an aircraft with the drawn mass and frozen trim values.
 
     The observations of the changed aircraft without frozen trim values differ, and its states do
@@ -65,7 +62,7 @@ def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim()
     assert np.abs(rewards - others).min() > 0.0
 
 
-def test_each_reset_draws_between_the_limits() -> None:
+def test_each_reset_draws_between_the_limits():
     """Each reset draws another value between the limits, reproducibly by the seed."""
     model = model_of(f"{ROOT}/examples/gtm.py:UNCERTAIN_GTM")
     env = environment(model, points=[45.0], vary={"lift_slope": (0.9, 1.1)})

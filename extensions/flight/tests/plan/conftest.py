@@ -1,7 +1,5 @@
 """A best flight that several files examine."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -12,6 +10,6 @@ GTM = f"{Path(__file__).parents[4] / 'examples' / 'gtm.py'}:GTM"
 
 
 @pytest.fixture(scope="session")
-def gtm() -> hfa.BestFlight:
+def gtm():
     model = hfa.load_model(GTM)
     return hfa.optimize(model, hfa.trim(model), {"alpha": 0.15, "pitch": 0.3})

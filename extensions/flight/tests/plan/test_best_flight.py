@@ -1,7 +1,5 @@
 """Best flights compared with a closed form and another integrator, and planted errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,14 +14,14 @@ import hfa
 GTM = f"{Path(__file__).parents[4] / 'examples' / 'gtm.py'}:GTM"
 
 
-def best_of_cart(start: dict[str, float], **more: object) -> object:
+def best_of_cart(start, **more):
     model = cart()
     point = hfa.trim(model)
     weights = np.eye(2)
     return hfa.optimize(model, point, start, weights, np.eye(1), **more)
 
 
-def test_saturated_double_integrator_cost_equals_closed_form() -> None:
+def test_saturated_double_integrator_cost_equals_closed_form():
     """The best cost of a saturated double integrator agrees with its closed form within 0.1 %.
 
     State and costate are polynomials in time, backwards from a point at which the LQR saturates.
@@ -47,7 +45,7 @@ def test_saturated_double_integrator_cost_equals_closed_form() -> None:
     assert best.spread < 0.05
 
 
-def test_policies_in_any_form_are_compared_with_the_best_flight() -> None:
+def test_policies_in_any_form_are_compared_with_the_best_flight():
     """Three forms of one saturated gain cost the same; a cart without a force does not stop."""
     K = np.array([[1.0, np.sqrt(3.0)]])
     policies = {
@@ -64,7 +62,7 @@ def test_policies_in_any_form_are_compared_with_the_best_flight() -> None:
     assert (drifting.policy, drifting.converges) == ("none", False)
 
 
-def test_a_flight_that_leaves_and_comes_back_does_not_converge() -> None:
+def test_a_flight_that_leaves_and_comes_back_does_not_converge():
     """At the trim at its end, but faster than permitted before: as for `fly`, not returned."""
     model = cart()
     point = hfa.trim(model)
@@ -84,7 +82,7 @@ def test_a_flight_that_leaves_and_comes_back_does_not_converge() -> None:
 
 
 @pytest.mark.slow  # test_saturated_double_integrator_cost_equals_closed_form is fast
-def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
+def test_another_integrator_gives_the_same_cost(gtm):
     """SciPy's integrator computes the same cost within 0.5 % for the inputs of the best flight.
 
     The cost is within 1 % of the proposed cost, and at most that of the linear optimum.
@@ -92,7 +90,7 @@ def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
     trim_x = np.array(gtm.point.states)
     trim_u = np.array(gtm.point.inputs)
 
-    def rate(t: float, y: np.ndarray) -> list[float]:
+    def rate(t, y):
         u = [np.interp(t, gtm.time, column) for column in gtm.inputs.T]
         z, v = y[:-1] - trim_x, np.array(u) - trim_u
         price = z @ gtm.Q @ z + v @ gtm.R @ v
@@ -113,13 +111,13 @@ def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
 
 
 @pytest.mark.slow  # IPOPT takes long to find nothing
-def test_a_cart_too_fast_to_stop_is_refused() -> None:
+def test_a_cart_too_fast_to_stop_is_refused():
     """A cart that needs 18 m to stop has no flight within the limits if only 5 m are left."""
     with pytest.raises(hfa.NoSolutionError, match="finds no flight within the limits"):
         best_of_cart({"position": 15.0, "velocity": 6.0})
 
 
-def test_an_input_not_selected_is_constant() -> None:
+def test_an_input_not_selected_is_constant():
     """An input that is not selected is constant. With both inputs, the cost is more than 10 %
     lower.
     """
@@ -149,16 +147,14 @@ def test_an_input_not_selected_is_constant() -> None:
         ({"position": 5.0}, {"limits": {"mass": (0.0, 1.0)}}, "the envelope has no state 'mass'"),
     ],
 )
-def test_unusable_arguments_are_refused(
-    start: dict[str, float], more: dict[str, object], says: str
-) -> None:
+def test_unusable_arguments_are_refused(start, more, says):
     """Wrong names, limits, times and initial conditions are refused in one line."""
     with pytest.raises(hfa.BadInputError, match=says) as caught:
         best_of_cart(start, **more)
     assert "\n" not in str(caught.value)
 
 
-def test_a_proposal_through_a_kink_is_confirmed() -> None:
+def test_a_proposal_through_a_kink_is_confirmed():
     """v' = u - .3 |v|: the flight of the exact equations costs what the smooth copy promised."""
     model = replace(
         cart(),

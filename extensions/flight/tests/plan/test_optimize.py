@@ -1,7 +1,5 @@
 """Command `hfa optimize`."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -21,7 +19,7 @@ PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 
 
 @pytest.mark.slow
-def test_the_hfa_leaves_the_envelope_with_exact_policy(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_hfa_leaves_the_envelope_with_exact_policy(capsys):
     """From the paper's x(0) at 15 deg, the pitch rate leaves the envelope with the exact policy.
 
     A flight that left has no cost, though it is at the trim at its end.
@@ -39,9 +37,7 @@ def test_the_hfa_leaves_the_envelope_with_exact_policy(capsys: pytest.CaptureFix
     assert data["start"] == pytest.approx({"speed": 5.0, "alpha": 0.05}, rel=1e-4)
 
 
-def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(folder, capsys):
     """The best flight costs z'Pz; that of another gain z'Xz of SciPy's Lyapunov solution.
 
     The flight of a gain that destabilizes the plant has no cost, and fails.
@@ -69,9 +65,7 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(
     assert (lost["converges"], lost["cost"], lost["over_best"]) == (False, None, None)
 
 
-def test_a_deployment_and_a_critic_are_compared(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_deployment_and_a_critic_are_compared(folder, capsys):
     """A saturated gain of half the size, and a deployed policy, cost more than the best flight."""
     model = hfa.load_model(PENDULUM)
     game = nominal_game(hfa.linearize(model, hfa.trim(model)))
@@ -87,9 +81,7 @@ def test_a_deployment_and_a_critic_are_compared(
     assert data["start"] == pytest.approx({"angle": np.radians(20.0)}, rel=1e-4)
 
 
-def test_optimize_counts_and_summarizes_initial_conditions(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_optimize_counts_and_summarizes_initial_conditions(folder, capsys):
     """Starts within 0.9 of the nearer limit; quantiles of the cost ratios of the flights.
 
     No flight of the linear optimum is cheaper than the best flight.
@@ -111,7 +103,7 @@ def test_optimize_counts_and_summarizes_initial_conditions(
 
 
 @pytest.mark.slow
-def test_flights_order_two_policies_opposite_to_their_linear_costs() -> None:
+def test_flights_order_two_policies_opposite_to_their_linear_costs():
     """Of one initial condition, beside the best flight; the LQR of the cost is within 5 % of it."""
     model = hfa.load_model(GTM)
     point = hfa.trim(model, at=48.0)
@@ -137,5 +129,5 @@ def test_flights_order_two_policies_opposite_to_their_linear_costs() -> None:
         ("--hold angle=10 --to angle=10", "give another initial condition"),
     ],
 )
-def test_wrong_options_are_refused(words: str, says: str) -> None:
+def test_wrong_options_are_refused(words, says):
     assert_refused(run("optimize", "--aircraft", PENDULUM, *words.split()), 2, says)

@@ -2,10 +2,6 @@
 in the steps of a predictive policy.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -18,17 +14,17 @@ from hfa_flight.plan.problem import MARGIN
 from hfa_flight.plan.search import BestFlights, refutation
 
 
-def best_of_cart(start: dict[str, float]) -> hfa.BestFlight:
+def best_of_cart(start):
     model = cart()
     return hfa.optimize(model, hfa.trim(model), start, np.eye(2), np.eye(1))
 
 
 @pytest.fixture(scope="module")
-def best() -> hfa.BestFlight:
+def best():
     return best_of_cart({"position": 5.0})
 
 
-def test_the_simulation_confirms_or_refutes_a_proposal(best: hfa.BestFlight) -> None:
+def test_the_simulation_confirms_or_refutes_a_proposal(best):
     """The simulation confirms a proposal, and refutes wrong costs and wrong inputs.
 
     The horizon of a proposal is too short if the linear policy leaves the limits after it.
@@ -51,17 +47,17 @@ def test_the_simulation_confirms_or_refutes_a_proposal(best: hfa.BestFlight) -> 
 class Failing:
     """A solver that finds nothing."""
 
-    def __init__(self, name: str, plugin: str, program: dict[str, Any], options: object) -> None:
+    def __init__(self, name, plugin, program, options):
         self.sizes = {"x": program["x"].numel(), "f": 1, "g": program["g"].numel()}
 
-    def __call__(self, **given: object) -> dict[str, ca.DM]:
+    def __call__(self, **given):
         return {name: ca.DM.nan(size) for name, size in self.sizes.items()}
 
-    def stats(self) -> dict[str, str]:
+    def stats(self):
         return {"return_status": "Infeasible_Problem_Detected"}
 
 
-def test_the_saturated_lqr_is_the_last_resort(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_saturated_lqr_is_the_last_resort(monkeypatch):
     """If IPOPT finds nothing (planted), the converging flight of the saturated LQR is reported."""
     monkeypatch.setattr(ca, "nlpsol", Failing)
     best = best_of_cart({"position": 5.0})
@@ -70,27 +66,25 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch: pytest.MonkeyPatch) -
     assert best.cost == best.found.linear.cost
 
 
-def test_without_a_flight_of_either_the_start_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_flight_of_either_the_start_is_refused(monkeypatch):
     """A cart needs 18 m to stop, of which 5 m are left; test_best_flight.py asks IPOPT itself."""
     monkeypatch.setattr(ca, "nlpsol", Failing)
     with pytest.raises(hfa.NoSolutionError, match="finds no flight within the limits"):
         best_of_cart({"position": 15.0, "velocity": 6.0})
 
 
-def test_a_proposal_on_a_flight_that_leaves_is_solved_with_a_wider_margin(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_proposal_on_a_flight_that_leaves_is_solved_with_a_wider_margin(monkeypatch):
     """The first flight is moved beyond the position's limit; the next proposal keeps 3 margins."""
     asked = []
     solve = Transcription.solve
 
-    def noted(self: Transcription, *arguments: Any) -> Any:
+    def noted(self, *arguments):
         asked.append(arguments[4] / MARGIN if len(arguments) > 4 else 1.0)
         return solve(self, *arguments)
 
     follow = Flights.follow
 
-    def beyond(self: Flights, proposal: Any, seconds: float) -> Any:
+    def beyond(self, proposal, seconds):
         flown = follow(self, proposal, seconds)
         return flown if asked[-1] > 1.0 else self.fly(self._tracking, 99.0 * proposal.start, 1.0)
 
@@ -102,7 +96,7 @@ def test_a_proposal_on_a_flight_that_leaves_is_solved_with_a_wider_margin(
 
 
 @pytest.mark.slow
-def test_a_best_flight_is_near_the_cheapest_known_one() -> None:
+def test_a_best_flight_is_near_the_cheapest_known_one():
     """From x(0) at 10 deg a shooting of holds of 2.5 ms found 4549.5: at most 0.3 % more."""
     model = hfa.aircraft()
     point = hfa.trim(model, dihedral=np.radians(10.0))

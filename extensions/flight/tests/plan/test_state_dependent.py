@@ -1,9 +1,6 @@
 """Policy of the state-dependent game, and the filter that keeps rates inside their limits."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,7 +23,7 @@ DUFFING = hfa.Model(
 AT_REST = hfa.trim(DUFFING)
 
 
-def test_the_command_solves_the_riccati_equation_of_the_state() -> None:
+def test_the_command_solves_the_riccati_equation_of_the_state():
     """u = -R⁻¹B'P(z) z with A(z) by hand and P by SciPy, where the filter does not act."""
     policy = hfa.state_dependent(DUFFING, AT_REST, np.eye(2), np.eye(1), limit_weight=0.0)
     state = [-1.0, 0.3]
@@ -36,7 +33,7 @@ def test_the_command_solves_the_riccati_equation_of_the_state() -> None:
     assert policy(0.0, state) == pytest.approx(-P[1] @ state, abs=1e-9)
 
 
-def test_at_the_trim_it_is_the_exact_policy_of_the_game() -> None:
+def test_at_the_trim_it_is_the_exact_policy_of_the_game():
     """The gradient at the trim is the game's K for a finite delta too, and a smaller delta than the
     least is refused with it.
     """
@@ -48,12 +45,12 @@ def test_at_the_trim_it_is_the_exact_policy_of_the_game() -> None:
         hfa.state_dependent(GTM, LEVEL, game.Q, game.R, delta=0.5 * exact.delta_min)
 
 
-def pushed(policy: Any, start: dict[str, float]) -> Any:
+def pushed(policy, start):
     """Return a flight of the Duffing oscillator."""
     return hfa.fly(DUFFING, AT_REST, policy, 8.0, initial=start, predict=False)
 
 
-def test_the_filter_keeps_a_rate_inside_its_limit() -> None:
+def test_the_filter_keeps_a_rate_inside_its_limit():
     """A gain that leaves the rate's limit stays inside it with the filter, by at most 4 %."""
     gain = hfa.lqr([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], [100.0, 1.0], [0.1])
     policy = GainPolicy("gain", np.array(gain.K))
@@ -67,7 +64,7 @@ def test_the_filter_keeps_a_rate_inside_its_limit() -> None:
     assert flight.policy["changed_samples"] > 0
 
 
-def test_a_policy_that_needs_no_filter_is_unchanged_to_the_bit() -> None:
+def test_a_policy_that_needs_no_filter_is_unchanged_to_the_bit():
     """Inside all limits, the filtered policy flies the same states and inputs."""
     policy = GainPolicy("gain", np.array([[1.0, 1.0]]))
     kept = hfa.keep_inside(policy, DUFFING, AT_REST)
@@ -77,13 +74,13 @@ def test_a_policy_that_needs_no_filter_is_unchanged_to_the_bit() -> None:
     assert flights[1].policy["changed_samples"] == 0
 
 
-def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state() -> None:
+def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state():
     """A network whose commands act a sample late flies as it does without delay from the state that
     the drift of that sample reaches.
     """
     o = ca.SX.sym("o", 2)
 
-    def flown(seconds: float, delay: float, start: dict[str, float]) -> Any:
+    def flown(seconds, delay, start):
         network = hfa.Deployment(
             policy={"file": ca.Function("policy", [o], [-20.0 * o[0] - 3.0 * ca.tanh(o[1])])},
             observation={"position": {}, "rate": {}},
@@ -103,7 +100,7 @@ def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("delta", [np.inf, 200.0])
-def test_the_flexible_aircraft_converges_inside_its_envelope(delta: float) -> None:
+def test_the_flexible_aircraft_converges_inside_its_envelope(delta):
     """From x(0) at 10 deg, at 1.2 times the cost of the best flight, 4560."""
     model = hfa.aircraft()
     point = hfa.trim(model, dihedral=np.radians(10.0))

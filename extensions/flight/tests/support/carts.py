@@ -1,11 +1,9 @@
 """A cart with limited position, speed without limits, and a limited force."""
 
-from __future__ import annotations
-
 import hfa
 
 
-def cart(force: float = 1.0) -> hfa.Model:
+def cart(force=1.0):
     """Return a double integrator with bounded input.
 
     force: limit of the input, N

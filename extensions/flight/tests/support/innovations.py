@@ -1,12 +1,8 @@
 """Innovations of a Kalman filter."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from hfa_flight.policies.kalman import KalmanFilter
 
-
-def innovations_of(known: KalmanFilter) -> np.ndarray:
+def innovations_of(known):
     """Return the standard deviations of the innovations y - C x, (p,)."""
     return np.sqrt(np.diag(known.C @ known.P @ known.C.T + known.R))
