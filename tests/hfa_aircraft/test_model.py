@@ -51,7 +51,7 @@ def cart(**declared):
         ({"states": {}}, "cart declares no states"),
         ({"linear": "x"}, "linear is 'x'; give a tuple"),
         ({"steady": ("w",)}, "steady names the unknown state 'w'"),
-        ({"states": {"x": Signal(3)}}, "x: the unit is 3; give the unit as text"),  # type: ignore[arg-type]
+        ({"states": {"x": Signal(3)}}, "x: the unit is 3; give the unit as text"),
     ],
 )
 def test_wrong_declarations_are_refused(declared, message):

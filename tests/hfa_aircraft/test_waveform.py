@@ -26,7 +26,7 @@ def commanded(**texts):
         ("1e-1+2t-3sin(.2t)", lambda t: 0.1 + 2.0 * t - 3.0 * np.sin(0.2 * t)),
     ],
 )
-def test_a_text_is_a_signal_with_its_rate(text, value):  # type: ignore[no-untyped-def]
+def test_a_text_is_a_signal_with_its_rate(text, value):
     """The signal, its expression and its rate are those of the formula."""
     wave = commanded(x1=text)
     np.testing.assert_allclose(wave.sampled(TIMES)[:, 0], value(TIMES), atol=1e-12)

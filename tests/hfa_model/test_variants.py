@@ -12,7 +12,7 @@ from hfa_model import VARIANTS, State
 Published, Newton = (type(VARIANTS[name]) for name in ("published", "newton"))
 
 
-class GibsonsLever(Published):  # type: ignore[misc, valid-type]
+class GibsonsLever(Published):
     """The published variant with the lever arm of Eq. (42) and the hinge inertia of Eq. (46)."""
 
     outer_lever = Newton.outer_lever

@@ -21,8 +21,8 @@ _CUT = """const boxes = 'article pre, article table, article .table, article .ta
 def cut_boxes(driver, page, width):
     """Return the texts of the boxes that are cut off on a page of this width in pixels."""
     set_page_width(driver, width)
-    driver.get(page.as_uri())  # type: ignore[attr-defined]
-    cut = driver.execute_script(_CUT)  # type: ignore[attr-defined]
+    driver.get(page.as_uri())
+    cut = driver.execute_script(_CUT)
     return cut
 
 

@@ -37,7 +37,7 @@ def assert_store_in_metres(*words, name, folder):
         result = hfa(*words, *units, "-o", str(path))
         assert result.code == 0, result.err
         stores[system] = zarr.open_group(str(path), mode="r")
-    assert stores["si"].attrs["state_units"][:3] == ["m/s", "rad", "m"]  # type: ignore[index]
+    assert stores["si"].attrs["state_units"][:3] == ["m/s", "rad", "m"]
     feet, metres = (np.asarray(store[name])[:, :3] for store in stores.values())
     np.testing.assert_allclose(metres, feet * np.array([FOOT, 1.0, FOOT]), rtol=1e-9)
     continued = hfa(*words, "--resume", "-o", str(folder / "si.zarr"))
