@@ -6,7 +6,6 @@ import numpy as np
 
 from hfa_flight.plan.hold import Hold
 from hfa_flight.plan.scaled import ScaledProblem
-from hfa_flight.plan.target import Target
 
 #: Fraction of the limits within which the linear loop stays.
 _WITHIN = 0.9
@@ -15,12 +14,10 @@ _WITHIN = 0.9
 _SAMPLES = 150
 _STEPS = 100
 _LONGER = 10
-#: Least distance from a target to a limit, nominal values.
-_LEAST = 1e-9
 
 
 class EndLaw:
-    """Exact held gain v = v_t - K (z - z_t), where the linear loop keeps all limits.
+    """Exact held gain v = -K z, where the linear loop keeps all limits.
 
     The set of these states is the maximal output admissible set of the linear loop.
 
@@ -44,27 +41,23 @@ class EndLaw:
         for number in range(_SAMPLES + _STEPS):
             rows.append(np.vstack([moved, -K @ moved]))
             moved = (loop if number < _SAMPLES else longer) @ moved
-        #: States and inputs after each number of samples, as a linear function of z - z_t.
+        #: States and inputs after each number of samples, as a linear function of z.
         self._rows = np.array(rows)
 
-    def contains(self, z: np.ndarray, target: Target) -> bool:
-        """Return whether the linear loop from z keeps 0.9 of the distances from target to limits.
+    def contains(self, z: np.ndarray) -> bool:
+        """Return whether the linear loop from z keeps 0.9 of the distances from trim to limits.
 
         z: followed states, (n,)
         """
         k = len(self.K.T)
         zs, vs = self._scaled.state_limits, self._scaled.input_limits
         below, above = (
-            _WITHIN * np.concatenate([z_limit[:k] - target.z[:k], v_limit - target.v])
+            _WITHIN * np.concatenate([z_limit[:k], v_limit])
             for z_limit, v_limit in zip(zs, vs, strict=True)
         )
-        moved = self._rows @ (z - target.z)[:k]
-        most = np.maximum(above, _LEAST)
-        least = np.minimum(below, -_LEAST)
-        return bool(((moved <= most) & (moved >= least)).all())
+        moved = self._rows @ z[:k]
+        return bool(((moved <= above) & (moved >= below)).all())
 
-    def inputs(self, z: np.ndarray, target: Target) -> np.ndarray:
+    def inputs(self, z: np.ndarray) -> np.ndarray:
         """Return the inputs v, (m,), within their limits."""
-        k = len(self.K.T)
-        v = target.v - self.K @ (z - target.z)[:k]
-        return np.clip(v, *self._scaled.input_limits)
+        return np.clip(-self.K @ z[: len(self.K.T)], *self._scaled.input_limits)

@@ -18,16 +18,13 @@ from hfa_support.native.machine_code import machine_code
 #: Largest error of the fastest mode over a hold, x^5 / 120 for each Runge-Kutta step of x time
 #: constants. The gradient of a plan at the trim is then exact to 1e-5.
 _ERROR = 2.5e-6
-#: Winds of a model in still air.
-STILL = np.zeros(0)
 
 
 class _Symbols(NamedTuple):
-    """Symbols of states (n,), inputs (m,), winds and a duration, s."""
+    """Symbols of states (n,), inputs (m,) and a duration, s."""
 
     z: ca.MX
     v: ca.MX
-    w: ca.MX
     seconds: ca.MX
 
 
@@ -49,24 +46,20 @@ class _EqualHolds(NamedTuple):
 
 
 class HeldModel:
-    """Smooth equations z' = f(z, v, w) over successive holds of v, in nominal units.
+    """Smooth equations z' = f(z, v) over successive holds of v, in nominal units.
 
     scaled: the problem in nominal units
     holds: durations of the holds, s, (N,), or the largest ones, if calls give others
-    winds: names of the disturbances w of the model in moving air, constant, in its units
     """
 
-    def __init__(
-        self, scaled: ScaledProblem, holds: np.ndarray, winds: tuple[str, ...] = ()
-    ) -> None:
+    def __init__(self, scaled: ScaledProblem, holds: np.ndarray) -> None:
         self.scaled = scaled
         self.holds = holds
-        self.winds = winds
-        self._rates = smooth_rates(scaled.problem, winds)
+        self._rates = smooth_rates(scaled.problem)
 
     def __reduce__(self) -> tuple[type[HeldModel], tuple[Any, ...]]:
         """Return the constructor and its arguments, for copies and pickle."""
-        return HeldModel, (self.scaled, self.holds, self.winds)
+        return HeldModel, (self.scaled, self.holds)
 
     @cached_property
     def _steps_of_holds(self) -> list[int]:
@@ -77,94 +70,92 @@ class HeldModel:
 
     @cached_property
     def slopes(self) -> ca.Function:
-        """Function ((z, v), w) -> rates, and their derivatives by (z, v)."""
+        """Function (z, v) -> rates, and their derivatives by (z, v)."""
         _, n, m = self.scaled.sizes
-        both, w = ca.SX.sym("both", n + m), ca.SX.sym("w", len(self.winds))
-        rates = self._rates(ca.vertcat(both, w))
+        both = ca.SX.sym("both", n + m)
+        rates = self._rates(both)
         slopes = ca.densify(ca.jacobian(rates, both))
-        return ca.Function("slopes", [both, w], [rates, slopes], {"cse": True})
+        return ca.Function("slopes", [both], [rates, slopes], {"cse": True})
 
     @cached_property
     def _step(self) -> ca.Function:
-        """Function (z, v, w, h) -> z after one Runge-Kutta step of h seconds."""
-        z, v, w, h = self._symbols()
-        after = rk4(lambda x, _: self._rates(ca.vertcat(x, v, w)), z, h)
-        return ca.Function("step", [z, v, w, h], [after])
+        """Function (z, v, h) -> z after one Runge-Kutta step of h seconds."""
+        z, v, h = self._symbols()
+        after = rk4(lambda x, _: self._rates(ca.vertcat(x, v)), z, h)
+        return ca.Function("step", [z, v, h], [after])
 
     @cached_property
     def _step_slopes(self) -> ca.Function:
-        """Function ([z, S], v, w, h) -> [z, S] after one Runge-Kutta step, with the derivatives S
+        """Function ([z, S], v, h) -> [z, S] after one Runge-Kutta step, with the derivatives S
         (n, n + m) of z by the states and inputs at the start of the hold.
         """
-        _, v, w, h = self._symbols()
+        _, v, h = self._symbols()
         _, n, m = self.scaled.sizes
         columns = ca.MX.sym("columns", n, 1 + n + m)
 
         def moved(columns: Any, _: float) -> Any:
-            rate, jacobian = self.slopes(ca.vertcat(columns[:, 0], v), w)
+            rate, jacobian = self.slopes(ca.vertcat(columns[:, 0], v))
             of_inputs = ca.horzcat(ca.DM.zeros(n, n), jacobian[:, n:])
             return ca.horzcat(rate, jacobian[:, :n] @ columns[:, 1:] + of_inputs)
 
         after = ca.densify(rk4(moved, columns, h))
-        return ca.Function("step_slopes", [columns, v, w, h], [after])
+        return ca.Function("step_slopes", [columns, v, h], [after])
 
     def _held(self, step: ca.Function, count: int) -> ca.Function:
-        """Return the function (z or [z, S], v, w, seconds) -> z or [z, S] after a hold.
+        """Return the function (z or [z, S], v, seconds) -> z or [z, S] after a hold.
 
         step: a Runge-Kutta step
         count: number of the steps
         """
         begin = ca.MX.sym("begin", *step.size_in(0))
-        _, v, w, seconds = self._symbols()
-        repeated = (ca.repmat(each, 1, count) for each in (v, w, seconds / count))
+        _, v, seconds = self._symbols()
+        repeated = (ca.repmat(each, 1, count) for each in (v, seconds / count))
         after = step.fold(count)(begin, *repeated)
-        return ca.Function(f"{step.name()}_{count}", [begin, v, w, seconds], [after])
+        return ca.Function(f"{step.name()}_{count}", [begin, v, seconds], [after])
 
     def _symbols(self) -> _Symbols:
         _, n, m = self.scaled.sizes
-        sizes = (n, m, len(self.winds), 1)
+        sizes = (n, m, 1)
         return _Symbols(*(ca.MX.sym(*each) for each in zip(_Symbols._fields, sizes, strict=True)))
 
     @cached_property
     def _flown(self) -> BoundFunction:
-        """Machine code of (z, v (m, N), w) -> states after each hold, (n, N)."""
+        """Machine code of (z, v (m, N)) -> states after each hold, (n, N)."""
         start = self._symbols()
         inputs = ca.MX.sym("inputs", start.v.numel(), len(self.holds))
         seconds = ca.DM(self.holds).T
         last, nodes = start.z, []
         for holds in self._runs():
             flown = self._held(self._step, holds.steps).mapaccum(holds.number)
-            winds = ca.repmat(start.w, 1, holds.number)
-            nodes.append(flown(last, holds.of(inputs), winds, holds.of(seconds)))
+            nodes.append(flown(last, holds.of(inputs), holds.of(seconds)))
             last = nodes[-1][:, -1]
-        function = ca.Function("flown", [start.z, inputs, start.w], [ca.horzcat(*nodes)])
+        function = ca.Function("flown", [start.z, inputs], [ca.horzcat(*nodes)])
         return BoundFunction(machine_code(function))
 
     @cached_property
     def _slopes(self) -> BoundFunction:
-        """Machine code of (z (n, N), v (m, N), w, seconds) -> [z, S] after each hold,
+        """Machine code of (z (n, N), v (m, N), seconds) -> [z, S] after each hold,
         (n, N (1 + n + m)).
         """
         _, n, m = self.scaled.sizes
-        count, w = len(self.holds), self._symbols().w
+        count = len(self.holds)
         before = ca.MX.sym("before", n, count)
         inputs = ca.MX.sym("inputs", m, count)
         seconds = ca.MX.sym("seconds", 1, count)
         slopes = []
         for holds in self._runs():
             held = self._held_slopes(holds.steps).map(holds.number)
-            winds = ca.repmat(w, 1, holds.number)
-            slopes.append(held(holds.of(before), holds.of(inputs), winds, holds.of(seconds)))
-        function = ca.Function("slopes", [before, inputs, w, seconds], [ca.horzcat(*slopes)])
+            slopes.append(held(holds.of(before), holds.of(inputs), holds.of(seconds)))
+        function = ca.Function("slopes", [before, inputs, seconds], [ca.horzcat(*slopes)])
         return BoundFunction(machine_code(function))
 
     def _held_slopes(self, count: int) -> ca.Function:
-        """Return the function (z, v, w, seconds) -> [z, S] (n, 1 + n + m) after `count` steps."""
-        z, v, w, seconds = self._symbols()
+        """Return the function (z, v, seconds) -> [z, S] (n, 1 + n + m) after `count` steps."""
+        z, v, seconds = self._symbols()
         _, n, m = self.scaled.sizes
         begin = ca.horzcat(z, ca.DM.eye(n), ca.DM.zeros(n, m))
-        after = self._held(self._step_slopes, count)(begin, v, w, seconds)
-        return ca.Function(f"slopes_{count}", [z, v, w, seconds], [ca.densify(after)])
+        after = self._held(self._step_slopes, count)(begin, v, seconds)
+        return ca.Function(f"slopes_{count}", [z, v, seconds], [ca.densify(after)])
 
     def _runs(self) -> list[_EqualHolds]:
         """Return the runs of holds with equal numbers of steps, in order."""
@@ -177,29 +168,29 @@ class HeldModel:
 
     @cached_property
     def sample(self) -> ca.Function:
-        """Function (z, v, w, seconds) -> z after a hold that is not longer than the first one."""
+        """Function (z, v, seconds) -> z after a hold that is not longer than the first one."""
         return self._held(self._step, self._steps_of_holds[0])
 
     @cached_property
     def _one(self) -> BoundFunction:
         return BoundFunction(self.sample)
 
-    def after(self, z: np.ndarray, v: np.ndarray, w: np.ndarray, seconds: float) -> np.ndarray:
+    def after(self, z: np.ndarray, v: np.ndarray, seconds: float) -> np.ndarray:
         """Return the states after a hold that is not longer than the first one, (n,)."""
-        (moved,) = self._one.at(z, v, w, seconds)
+        (moved,) = self._one.at(z, v, seconds)
         return moved
 
-    def flown(self, z: np.ndarray, v: np.ndarray, w: np.ndarray) -> np.ndarray:
+    def flown(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the states at the ends of the holds, (N + 1, n), the initial states first.
 
         z: initial states, (n,)
         v: inputs during the holds, (N, m)
         """
-        (after,) = self._flown.at(z, v.ravel(), w)
+        (after,) = self._flown.at(z, v.ravel())
         return np.vstack([z[None], after.reshape(len(v), -1)])
 
     def moved_along(
-        self, z: np.ndarray, v: np.ndarray, w: np.ndarray, seconds: np.ndarray | None = None
+        self, z: np.ndarray, v: np.ndarray, seconds: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the states after each hold, (N, n), and their derivatives by those before it and
         by the inputs, (N, n, n + m).
@@ -209,6 +200,6 @@ class HeldModel:
         seconds: durations of the holds, s, (N,), by default the largest
         """
         lengths = self.holds if seconds is None else seconds
-        (columns,) = self._slopes.at(z.ravel(), v.ravel(), w, lengths)
+        (columns,) = self._slopes.at(z.ravel(), v.ravel(), lengths)
         both = columns.reshape(len(v), -1, z.shape[1]).transpose(0, 2, 1)
         return both[:, :, 0], both[:, :, 1:]

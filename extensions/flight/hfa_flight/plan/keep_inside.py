@@ -11,7 +11,6 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario
-from hfa_flight.plan.held_model import STILL
 from hfa_flight.plan.measured import Measured
 from hfa_flight.plan.nearest_inputs import NearestInputs
 from hfa_flight.plan.problem import FlightProblem, flight_problem
@@ -79,7 +78,7 @@ class KeptInside(Policy):
             nonlocal latest
             if tick % self.ticks:
                 return latest
-            z = known.when_acting(problem.followed_of(trim + measured), STILL)
+            z = known.when_acting(problem.followed_of(trim + measured))
             acted = measured.copy()
             if self.delay:
                 acted[problem.followed_places] = z * problem.sizes[0]

@@ -50,16 +50,15 @@ class Measured:
         #: States of the last sample: the used ones, then those that were measured in doubt.
         self._last: list[np.ndarray] = []
 
-    def checked(self, z: np.ndarray, w: np.ndarray) -> np.ndarray | None:
+    def checked(self, z: np.ndarray) -> np.ndarray | None:
         """Return the states of this sample, or their prediction if it is wrong, (n,).
 
         The result is None if the sample is wrong and no sample before predicts it.
 
         z: measured states, (n,)
-        w: winds
         """
         acting = self._acting(self._count - 1, self._dt)
-        predicted = [self._moved(each, acting, w) for each in self._last]
+        predicted = [self._moved(each, acting) for each in self._last]
         near = [bool((np.abs(z - each) <= self._most).all()) for each in predicted]
         used: np.ndarray | None = z
         if not np.isfinite(z).all() or (near and not any(near)):
@@ -69,9 +68,9 @@ class Measured:
         self._last = [each for each in states if each is not None and np.isfinite(each).all()]
         return used
 
-    def when_acting(self, z: np.ndarray, w: np.ndarray) -> np.ndarray:
+    def when_acting(self, z: np.ndarray) -> np.ndarray:
         """Return the states when the command of this sample acts, (n,), from those now."""
-        return self._moved(z, self._acting(self._count, self._delay), w)
+        return self._moved(z, self._acting(self._count, self._delay))
 
     def command(self, v: np.ndarray) -> None:
         """Add the command of this sample, (m,), and forget those that have acted before it."""
@@ -90,12 +89,10 @@ class Measured:
             return np.zeros(self._model.scaled.sizes[2])
         return self._commands[number - self._count]
 
-    def _moved(
-        self, z: np.ndarray, acting: list[tuple[np.ndarray, float]], w: np.ndarray
-    ) -> np.ndarray:
+    def _moved(self, z: np.ndarray, acting: list[tuple[np.ndarray, float]]) -> np.ndarray:
         """Return the states after inputs that act in turn, each with its duration, (n,)."""
         for v, seconds in acting:
-            z = self._model.after(z, v, w, seconds)
+            z = self._model.after(z, v, seconds)
         return z
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_flight.plan.held_model import STILL, HeldModel
+from hfa_flight.plan.held_model import HeldModel
 from hfa_flight.plan.scaled import ScaledProblem
 
 #: Fraction of the distance from trim to limit within which the next state must stay.
@@ -19,7 +19,7 @@ class NearestInputs:
     """Inputs nearest to those of one sample, with which some states are within their limits next.
 
     The states are those that the inputs can move by a tenth of the range in one sample, such as a
-    pitch rate. The change is least in fractions of the inputs' ranges. It knows no wind.
+    pitch rate. The change is least in fractions of the inputs' ranges.
 
     scaled: the problem in nominal units
     dt: sample time, s
@@ -55,7 +55,7 @@ class NearestInputs:
         lowest, highest = self.model.scaled.input_limits
         n = len(z)
         for _ in range(_STEPS):
-            after, slopes = (each[0] for each in self.model.moved_along(z[None], v[None], STILL))
+            after, slopes = (each[0] for each in self.model.moved_along(z[None], v[None]))
             excess = after[self._kept] - np.clip(after[self._kept], *self._limits)
             if not np.any(excess):
                 return v

@@ -9,12 +9,11 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.plan.grid import Grid, gains_of
-from hfa_flight.plan.held_model import STILL, HeldModel
+from hfa_flight.plan.held_model import HeldModel
 from hfa_flight.plan.hold import Hold
 from hfa_flight.plan.nearest_inputs import NearestInputs
 from hfa_flight.plan.plan_program import AlongHolds, Change, PlanCost, PlanProgram, Range, Room
 from hfa_flight.plan.scaled import ScaledProblem
-from hfa_flight.plan.target import Target
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
 
@@ -42,12 +41,16 @@ _LARGEST_SLACK = 5.0
 _HARDER = 2.0
 #: Duration of the flight of a gain, in horizons.
 _HORIZONS = 4
+#: Number of standard deviations by which the limits of states are narrowed further, and the share
+#: of the distances from trim to limits that always remains.
+_SPREAD = 4.0
+_REMAINS = 0.5
 
 
 class Plan(NamedTuple):
     """Flight of the model over the horizon.
 
-    target: equilibrium at which it ends, with the winds of the flight
+    room: soft limits of its states
     z: states at the nodes, (N + 1, n)
     middle: states in the middle of the holds, (N, n)
     v: inputs during the holds, (N, m)
@@ -56,7 +59,7 @@ class Plan(NamedTuple):
     age: number of samples since the first plan, which decides the holds
     """
 
-    target: Target
+    room: Range
     z: np.ndarray
     middle: np.ndarray
     v: np.ndarray
@@ -83,46 +86,37 @@ class Planner:
     A plan is a flight of the smooth equations with held inputs. Its cost is the exact cost of the
     linear model over the holds, plus z'Pz at the end. The limits of the inputs are hard. Those of
     the states are soft at the samples and halfway between them, with an exact penalty, and narrowed
-    by the margin. The quadratic program knows them at the ends of the holds, and those of fast
-    states at the middles.
+    by the margin and by the spread of what a filter predicts. The quadratic program knows them at
+    the ends of the holds, and those of fast states at the middles.
 
     scaled: the problem in nominal units
     grid: holds of a plan
-    P: matrix of the cost z'Pz at the end of a plan about the trim, (n, n)
+    P: matrix of the cost z'Pz at the end of a plan, (n, n)
     margin: fraction of the distance from the trim by which the limits of the states are narrowed
-    winds: names of the disturbances of the model in moving air, constant in a plan
     """
 
-    def __init__(
-        self,
-        scaled: ScaledProblem,
-        grid: Grid,
-        P: np.ndarray,
-        margin: float,
-        winds: tuple[str, ...] = (),
-    ) -> None:
+    def __init__(self, scaled: ScaledProblem, grid: Grid, P: np.ndarray, margin: float) -> None:
         self.scaled = scaled
         self.grid = grid
+        self.P = P
         self.margin = margin
         lowest, highest = scaled.state_limits
         self.soft = np.flatnonzero(np.isfinite(lowest) | np.isfinite(highest))
-        self._room = (1.0 - margin) * lowest[self.soft], (1.0 - margin) * highest[self.soft]
+        #: Soft limits without a spread.
+        self.room = Range((1.0 - margin) * lowest[self.soft], (1.0 - margin) * highest[self.soft])
         longest, count = grid.most_samples
         self._fast = np.flatnonzero(scaled.reached(grid.dt)[self.soft])
         self._slopes, self._curvatures = self._slack_prices(P)
         self._nearest = NearestInputs(scaled, grid.dt * longest[-1], 1.0 - margin)
-        self.model = HeldModel(scaled, grid.dt * longest, winds)
-        self._halves = HeldModel(scaled, 0.5 * grid.dt * longest, winds)
-        self._flights = HeldModel(scaled, np.full(2 * count, 0.5 * grid.dt), winds)
-        #: The trim as target of a flight in still air.
-        self.trim = Target(np.zeros(len(winds)), np.zeros(len(P)), np.zeros(scaled.sizes[2]), P)
+        self.model = HeldModel(scaled, grid.dt * longest)
+        self._halves = HeldModel(scaled, 0.5 * grid.dt * longest)
+        self._flights = HeldModel(scaled, np.full(2 * count, 0.5 * grid.dt))
         self._gain_flight = self._flight_of_gain()
         self._programs = self._all_programs()
 
     def __reduce__(self) -> tuple[type[Planner], tuple[Any, ...]]:
         """Return the constructor and its arguments, for copies and pickle."""
-        given = self.scaled, self.grid, self.trim.P, self.margin, self.model.winds
-        return Planner, given
+        return Planner, (self.scaled, self.grid, self.P, self.margin)
 
     def _slack_prices(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return slope and curvature of the cost of a slack for a second, (S,) each."""
@@ -133,36 +127,53 @@ class Planner:
         reach = np.minimum(0.5 * (highest - lowest)[self.soft], _LARGEST_SLACK)
         return prices, prices / np.maximum(reach, 1e-9)
 
-    def flown(self, z: np.ndarray, v: np.ndarray, target: Target, age: int = 0) -> Plan:
+    def value(self, z: np.ndarray) -> float:
+        """Return the linear cost z'Pz of some states, (n,)."""
+        return float(z @ self.P @ z)
+
+    def narrowed(self, deviations: np.ndarray) -> Range:
+        """Return the soft limits narrowed by the spread of the states at the next sample.
+
+        deviations: standard deviations of the followed states, (n,)
+        """
+        spread = _SPREAD * deviations[self.soft]
+        lowest, highest = (limit[self.soft] for limit in self.scaled.state_limits)
+        return Range(
+            np.minimum(self.room.least + spread, _REMAINS * lowest),
+            np.maximum(self.room.most - spread, _REMAINS * highest),
+        )
+
+    def flown(self, z: np.ndarray, v: np.ndarray, room: Range, age: int = 0) -> Plan:
         """Return the plan with given inputs, with infinite cost if the flight is not finite.
 
         z: states now, (n,)
         v: inputs during the holds, (N, m)
+        room: soft limits of the states
         age: number of samples since the first plan
         """
         holds = self.grid.at(age)
         halves = 2 * holds.samples
         ends = np.cumsum(halves)
-        inputs = np.zeros((len(self._flights.holds), len(target.v)))
+        inputs = np.zeros((len(self._flights.holds), v.shape[1]))
         inputs[: ends[-1]] = np.repeat(v, halves, axis=0)
-        states = self._flights.flown(z, inputs, target.w)[: ends[-1] + 1]
+        states = self._flights.flown(z, inputs)[: ends[-1] + 1]
         nodes, middle = states[np.append(0, ends)], states[ends - holds.samples]
         with np.errstate(all="ignore"):
-            both = np.hstack([nodes[:-1] - target.z, v - target.v])
-            cost = np.einsum("ki,kij,kj->", both, holds.weights, both) + target.value(nodes[-1])
-            price = self._price(states[1:])
+            both = np.hstack([nodes[:-1], v])
+            cost = np.einsum("ki,kij,kj->", both, holds.weights, both) + self.value(nodes[-1])
+            price = self._price(states[1:], room)
             cost = float(cost + price)
-        return Plan(target, nodes, middle, v, cost if cost < _LOST else np.inf, price, age)
+        return Plan(room, nodes, middle, v, cost if cost < _LOST else np.inf, price, age)
 
-    def _price(self, states: np.ndarray) -> float:
+    def _price(self, states: np.ndarray, room: Range) -> float:
         """Return the price of exceeded soft limits at the ends of half samples, (K, n)."""
         soft = states[:, self.soft]
-        slack = np.maximum(0.0, np.maximum(soft - self._room[1], self._room[0] - soft))
+        slack = np.maximum(0.0, np.maximum(soft - room.most, room.least - soft))
         prices = (slack * (self._slopes + 0.5 * self._curvatures * slack)).sum()
         return float(0.5 * self.grid.dt * prices)
 
-    def cost_of_gain(self, K: np.ndarray, z: np.ndarray, target: Target) -> float:
-        """Return the cost of the flight of v = v_t - K (z - z_t), within the limits of the inputs.
+    def cost_of_gain(self, K: np.ndarray, z: np.ndarray) -> float:
+        """Return the cost of the flight of v = -K z, within the limits of the inputs.
 
         It lasts four horizons, and z'Pz at its end is added. It is infinite if a sample exceeds the
         narrowed limits of the states.
@@ -171,35 +182,32 @@ class Planner:
         z: initial states, (n,)
         """
         begin = np.concatenate([z, [0.0, 0.0]])
-        (after,) = self._gain_flight.at(begin, K.ravel(), target.z, target.v, target.w)
-        cost = float(after[-2]) + target.value(after[:-2]) if after[-1] == 0.0 else np.inf
+        (after,) = self._gain_flight.at(begin, K.ravel())
+        cost = float(after[-2]) + self.value(after[:-2]) if after[-1] == 0.0 else np.inf
         return cost if cost < _LOST else np.inf
 
     def _flight_of_gain(self) -> BoundFunction:
-        """Return the machine code of ([z, cost, excess], K by rows, z_t, v_t, w) -> [z, cost,
+        """Return the machine code of ([z, cost, excess], K by rows) -> [z, cost,
         largest excess over the limits] after four horizons.
         """
         k, n, m = self.scaled.sizes
-        sizes = {"begin": n + 2, "K": m * k, "z_t": n, "v_t": m, "w": len(self.model.winds)}
-        begin, K, z_t, v_t, w = given = [ca.MX.sym(name, size) for name, size in sizes.items()]
-        away = begin[:n] - z_t
+        begin, K = given = [ca.MX.sym("begin", n + 2), ca.MX.sym("K", m * k)]
         least, most = (ca.DM(limit) for limit in self.scaled.input_limits)
-        v = ca.fmin(ca.fmax(v_t - ca.reshape(K, k, m).T @ away[:k], least), most)
-        both = ca.vertcat(away, v - v_t)
-        after = self.model.sample(begin[:n], v, w, self.grid.dt)
+        v = ca.fmin(ca.fmax(-ca.reshape(K, k, m).T @ begin[:k], least), most)
+        both = ca.vertcat(begin[:n], v)
+        after = self.model.sample(begin[:n], v, self.grid.dt)
         cost = begin[n] + ca.bilin(ca.DM(self.grid.at(0).weights[0]), both, both)
         soft = ca.vec(after[self.soft.tolist()])
-        lows, highs = (ca.DM(room) for room in self._room)
+        lows, highs = (ca.DM(limit) for limit in self.room)
         excess = ca.mmax(ca.vertcat(begin[n + 1], soft - highs, lows - soft))
         step = ca.Function("step", given, [ca.vertcat(after, cost, excess)]).expand()
         samples = _HORIZONS * int(self.grid.samples(0).sum())
-        constant = [ca.repmat(each, 1, samples) for each in given[1:]]
-        flown = step.fold(samples)(begin, *constant)
+        flown = step.fold(samples)(begin, ca.repmat(K, 1, samples))
         return BoundFunction(machine_code(ca.Function("gain_flight", given, [flown])))
 
     def cost_of_sample(self, plan: Plan) -> float:
         """Return the cost of the first hold of a plan."""
-        both = np.concatenate([plan.z[0] - plan.target.z, plan.v[0] - plan.target.v])
+        both = np.concatenate([plan.z[0], plan.v[0]])
         return float(both @ self.grid.at(plan.age).weights[0] @ both)
 
     def improved(self, plan: Plan, tries: int, until: float = np.inf) -> Improved:
@@ -262,7 +270,7 @@ class Planner:
 
     def _changed(self, plan: Plan, change: np.ndarray) -> Plan:
         v = np.clip(plan.v + change, *self.scaled.input_limits)
-        return self.flown(plan.z[0], v, plan.target, plan.age)
+        return self.flown(plan.z[0], v, plan.room, plan.age)
 
     def _proposed(self, plan: Plan, slopes: AlongHolds, correction: AlongHolds) -> Change:
         """Return the result of the quadratic program: changes of inputs, states and cost.
@@ -272,8 +280,7 @@ class Planner:
         slopes: derivatives of the states
         correction: differences of the states from their linear prediction
         """
-        target = plan.target
-        lows, highs = self._room
+        lows, highs = plan.room
         ends, middles = plan.z[1:] + correction.ends, plan.middle + correction.middles
         states = plan.z[1:, self.soft]
         near = (states > _NEAR * highs) | (states < _NEAR * lows)
@@ -286,10 +293,10 @@ class Planner:
         holds = self.grid.at(plan.age)
         seconds = holds.seconds[:, None]
         cost = PlanCost(
-            z=plan.z - target.z,
-            v=plan.v - target.v,
+            z=plan.z,
+            v=plan.v,
             weights=holds.weights,
-            P=target.P,
+            P=self.P,
             slack_slopes=seconds * self._slopes[soft],
             slack_curvatures=seconds * self._curvatures[soft],
             value=plan.cost,
@@ -324,43 +331,42 @@ class Planner:
 
     def _slopes_along(self, plan: Plan) -> AlongHolds:
         """Return the derivatives of the states at the ends and middles of the holds."""
-        holds, w = self.grid.at(plan.age), plan.target.w
+        holds = self.grid.at(plan.age)
         z, n = plan.z[:-1], plan.z.shape[1]
         if not len(self._fast):
-            ends = self.model.moved_along(z, plan.v, w, holds.seconds)[1]
+            ends = self.model.moved_along(z, plan.v, holds.seconds)[1]
             return AlongHolds(ends, ends)
         half = 0.5 * holds.seconds
-        middle, begins = self._halves.moved_along(z, plan.v, w, half)
-        ends = self._halves.moved_along(middle, plan.v, w, half)[1]
+        middle, begins = self._halves.moved_along(z, plan.v, half)
+        ends = self._halves.moved_along(middle, plan.v, half)[1]
         over = ends[:, :, :n] @ begins
         over[:, :, n:] += ends[:, :, n:]
         return AlongHolds(over, begins)
 
-    def guesses(self, z: np.ndarray, target: Target) -> list[Plan]:
-        """Return two first plans: the saturated linear optimum, and the inputs of the target.
+    def guesses(self, z: np.ndarray, room: Range) -> list[Plan]:
+        """Return two first plans: the saturated linear optimum, and the inputs of the trim.
 
         If neither flight is finite, that of the double gains follows.
         """
         holds = self.grid.at(0)
-        constant = np.tile(target.v, (len(holds.samples), 1))
-        inputs = [self._inputs_of_gains(z, target, 1.0), constant]
-        plans = [self.flown(z, v, target) for v in inputs]
+        constant = np.zeros((len(holds.samples), self.scaled.sizes[2]))
+        inputs = [self._inputs_of_gains(z, 1.0), constant]
+        plans = [self.flown(z, v, room) for v in inputs]
         if not any(np.isfinite(plan.cost) for plan in plans):
-            plans.append(self.flown(z, self._inputs_of_gains(z, target, _HARDER), target))
+            plans.append(self.flown(z, self._inputs_of_gains(z, _HARDER), room))
         return plans
 
-    def _inputs_of_gains(self, z: np.ndarray, target: Target, factor: float) -> np.ndarray:
+    def _inputs_of_gains(self, z: np.ndarray, factor: float) -> np.ndarray:
         """Return the inputs of the linear optimum times a factor, within the limits, (N, m)."""
         holds = self.grid.at(0)
         inputs = []
-        for gain, samples in zip(gains_of(holds.linear, target.P)[0], holds.samples, strict=True):
-            v = target.v - factor * gain @ (z - target.z)
-            inputs.append(np.clip(v, *self.scaled.input_limits))
+        for gain, samples in zip(gains_of(holds.linear, self.P)[0], holds.samples, strict=True):
+            inputs.append(np.clip(-factor * gain @ z, *self.scaled.input_limits))
             for _ in range(samples):
-                z = self.model.after(z, inputs[-1], target.w, self.grid.dt)
+                z = self.model.after(z, inputs[-1], self.grid.dt)
         return np.array(inputs)
 
-    def later(self, plan: Plan, z: np.ndarray, target: Target) -> Plan:
+    def later(self, plan: Plan, z: np.ndarray, room: Range) -> Plan:
         """Return the plan one sample later: the same inputs at the same times.
 
         z: states now, (n,)
@@ -371,22 +377,22 @@ class Planner:
         v = plan.v[np.minimum(number, len(plan.v) - 1)]
         beyond = number == len(plan.v)
         if beyond.any():
-            v[beyond] = self._last_input(plan, holds.linear[-1], target)
-        return self.flown(z, v, target, plan.age + 1)
+            v[beyond] = self._last_input(plan, holds.linear[-1], room)
+        return self.flown(z, v, room, plan.age + 1)
 
-    def _last_input(self, plan: Plan, hold: Hold, target: Target) -> np.ndarray:
+    def _last_input(self, plan: Plan, hold: Hold, room: Range) -> np.ndarray:
         """Return the cheapest input of a hold after the end of a plan, (m,).
 
-        It is the linear optimum, the last input of the plan, or that of the target, changed least
+        It is the linear optimum, the last input of the plan, or that of the trim, changed least
         such that fast states stay within their limits.
         """
         z = plan.z[-1]
-        gain, _ = hold.back(target.P)
-        linear = np.clip(target.v - gain @ (z - target.z), *self.scaled.input_limits)
-        inputs = [self._nearest(z, v) for v in (linear, plan.v[-1], target.v)]
+        gain, _ = hold.back(self.P)
+        linear = np.clip(-gain @ z, *self.scaled.input_limits)
+        inputs = [self._nearest(z, v) for v in (linear, plan.v[-1], np.zeros(len(linear)))]
         costs = []
         for v in inputs:
-            (after,) = self._nearest.model.moved_along(z[None], v[None], STILL)[0]
-            both = np.concatenate([z - target.z, v - target.v])
-            costs.append(both @ hold.W @ both + target.value(after) + self._price(after[None]))
+            (after,) = self._nearest.model.moved_along(z[None], v[None])[0]
+            both = np.concatenate([z, v])
+            costs.append(both @ hold.W @ both + self.value(after) + self._price(after[None], room))
         return inputs[int(np.argmin(costs))]

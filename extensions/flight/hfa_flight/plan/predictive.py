@@ -26,8 +26,6 @@ from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import (
     BadInputError,
-    numbers_in,
-    refuse_unknown,
     refuse_unless_positive,
     shown,
 )
@@ -54,7 +52,7 @@ class Predictive(SampledPolicy):
     initial: np.ndarray | None = field(default=None, kw_only=True)
 
     def reset(self) -> None:
-        """Forget the plan, the winds and the times of an earlier flight."""
+        """Forget the plan and the times of an earlier flight."""
         self.controller.reset(self.delay)
 
     def begin(self, X: Any) -> None:
@@ -84,46 +82,24 @@ class Predictive(SampledPolicy):
         initial = scenario.initial if np.size(scenario.initial) else None
         return replace(policy, initial=initial), scenario
 
-    @property
-    def winds(self) -> tuple[str, ...]:
-        """Names of the disturbances of the model in moving air that plans know."""
-        return self.controller.planner.model.winds
-
-    def in_air(self, winds: tuple[str, ...]) -> Self:
-        """Return the policy whose plans know some disturbances of the model in moving air."""
-        before = self.controller
-        planner, margin = before.planner, before.planner.margin
-        planner = Planner(planner.scaled, planner.grid, planner.trim.P, margin, winds)
-        controller = RecedingHorizon(planner, before.end, before.budget)
-        controller.rehearse()
-        return replace(self, controller=controller)
-
-    def __call__(self, t: float, X: Any, winds: Mapping[str, float] | None = None) -> np.ndarray:
+    def __call__(self, t: float, X: Any) -> np.ndarray:
         """Return the inputs U of the sample at t, absolute, (m,).
 
         A sample that is not finite or impossible is not used: its prediction is.
 
         t: s
         X: all states, absolute, (n,) or by name in their order
-        winds: estimated value of each disturbance of `winds`, in its unit, which the plan takes as
-            constant, or None. With it, X is an estimate too, and used as it is
         """
-        z = self.problem.followed_of(X)
-        w = None if winds is None else self._values(winds)
-        return self.problem.inputs_of(self.controller(z, w))
+        return self.problem.inputs_of(self.controller(self.problem.followed_of(X)))
 
-    def of_estimate(self, t: float, X: np.ndarray) -> np.ndarray:
-        """Return the inputs U (m,) from an estimate of all states, which is used as it is."""
-        return self.problem.inputs_of(self.controller(self.problem.followed_of(X), np.zeros(0)))
+    def of_estimate(self, t: float, X: np.ndarray, deviations: np.ndarray) -> np.ndarray:
+        """Return the inputs U (m,) from an estimate of all states, which is used as it is.
 
-    def _values(self, winds: Mapping[str, float]) -> np.ndarray:
-        """Return the winds in the order of the plans."""
-        for name in winds:
-            refuse_unknown("the plans do not know the wind", name, self.winds)
-        values = numbers_in("winds", [winds.get(name, 0.0) for name in self.winds])
-        if not np.isfinite(values).all():
-            raise BadInputError(f"winds is {shown(winds)}; give finite numbers")
-        return values
+        deviations: standard deviations of the predicted states, (n,), for which the limits of
+            states are narrowed
+        """
+        followed = deviations[self.problem.followed_places] / self.problem.sizes[0]
+        return self.problem.inputs_of(self.controller(self.problem.followed_of(X), followed))
 
     @property
     def holds(self) -> np.ndarray:
@@ -244,8 +220,9 @@ def predictive(
     takes over.
 
     This does not prove that a flight converges or stays within the limits. Plans are local optima.
-    The limits of states hold at the nodes of a plan, for the model in still air, or behind
-    `hfa.filter` in the winds that the filter estimates.
+    The limits of states hold at the nodes of a plan, for the model in still air. Behind
+    `hfa.filter`, they are narrowed by 4 standard deviations of the predicted states, at most to
+    half.
 
     model: the aircraft
     point: trim at which flights end

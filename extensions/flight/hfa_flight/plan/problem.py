@@ -16,7 +16,6 @@ from controller.riccati.gare import solve
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.simulate.envelope import control_limits, flight_envelope
 from hfa_support.errors import BadInputError, is_finite, numbers_in, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
@@ -188,20 +187,14 @@ class FlightProblem:
 
     @cached_property
     def rates(self) -> ca.Function:
-        """CasADi function (followed states, v) -> time derivatives, `rates_in` still air."""
-        return self.rates_in(())
-
-    def rates_in(self, winds: tuple[str, ...]) -> ca.Function:
-        """CasADi function (followed states, v, w) -> time derivatives of the followed states.
+        """CasADi function (followed states, v) -> time derivatives of the followed states.
 
         The argument is one column of deviations. Those of states and inputs, and the derivatives,
         are divided by nominal values. Inputs that do not move have their trim values.
-
-        winds: names of the disturbances w of the model in moving air
         """
         of_states, of_inputs = self.sizes
         count = len(self.followed) + len(self.inputs)
-        column = ca.SX.sym("column", count + len(winds))
+        column = ca.SX.sym("column", count)
         X = [ca.SX(value) for value in self.point.states]
         U = [ca.SX(value) for value in self.point.inputs]
         for row, place in enumerate(self.followed_places):
@@ -209,11 +202,7 @@ class FlightProblem:
         for row, place in enumerate(self.moved):
             U[place] += float(of_inputs[row]) * column[len(self.followed) + row]
         vectors = X, U, components(ca.DM(self.model.p))
-        model, air = self.model, dict(zip(winds, ca.vertsplit(column)[count:], strict=True))
-        if air.keys() - model.disturbances.keys():
-            model = in_gusts(model)
-        every_wind = [air.get(name, 0.0) for name in model.disturbances] if air else None
-        every_rate, _ = model.layout.expressions(vectors, (), every_wind)
+        every_rate, _ = self.model.layout.expressions(vectors, (), None)
         rates = ca.densify(every_rate[self.followed_places] / ca.DM(of_states))
         return ca.Function("rates", [column], [rates], {"cse": True})
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from hfa_flight.plan.end_law import EndLaw
 from hfa_flight.plan.measured import Measured
+from hfa_flight.plan.plan_program import Range
 from hfa_flight.plan.planner import Plan, Planner
-from hfa_flight.plan.target import CheapestEquilibrium, Target
 
 #: Largest numbers of steps of the quadratic program at the first sample, and at each later one. A
 #: later sample takes a further step only while the cost so far plus that of its plan exceeds the
@@ -66,7 +66,7 @@ class Samples:
 class _Memory:
     """What the samples of a flight leave for the next one.
 
-    target: equilibrium at which the flight ends, and the known winds
+    room: soft limits of the states of a plan at this sample
     plan: last plan, or None where none is to be continued
     waits: whether the plan was made before the flight, and waits for its first sample
     linear_agrees: whether the linear policy takes over at the next sample in its region
@@ -74,7 +74,7 @@ class _Memory:
     least: least sum of this cost and that of a plan
     """
 
-    target: Target
+    room: Range
     plan: Plan | None = None
     waits: bool = False
     linear_agrees: bool = False
@@ -95,18 +95,17 @@ class RecedingHorizon:
         k, n, _ = planner.scaled.sizes
         self.planner = planner
         self.end = end
-        self._equilibrium = CheapestEquilibrium(planner.model)
         self.budget = budget
         #: Cost below which a flight is at its target.
-        self.nothing = _NOTHING * planner.trim.value(np.pad(planner.scaled.box, (0, n - k)))
+        self.nothing = _NOTHING * planner.value(np.pad(planner.scaled.box, (0, n - k)))
         self.reset(delay=0.0)
 
     def reset(self, delay: float) -> None:
-        """Begin a flight: forget the plans, commands, winds and times of the one before.
+        """Begin a flight: forget the plans, commands and times of the one before.
 
         delay: time after which inputs act, s
         """
-        self._memory = _Memory(self.planner.trim)
+        self._memory = _Memory(self.planner.room)
         self._measured = Measured(self.planner.model, delay)
 
     @property
@@ -126,7 +125,7 @@ class RecedingHorizon:
         delay: time after which inputs act, s
         """
         self.reset(delay)
-        self._begin_plan(self._measured.when_acting(z, self._memory.target.w))
+        self._begin_plan(self._measured.when_acting(z))
         self._memory.waits = True
 
     def rehearse(self) -> None:
@@ -138,24 +137,24 @@ class RecedingHorizon:
             self(z)
         self.reset(delay=0.0)
 
-    def __call__(self, z: np.ndarray, w: np.ndarray | None = None) -> np.ndarray:
+    def __call__(self, z: np.ndarray, deviations: np.ndarray | None = None) -> np.ndarray:
         """Return the inputs v of the next sample, (m,), within their limits.
 
-        z: measured deviations of the followed states, (n,), or with w their estimate
-        w: estimated winds, or None
+        z: measured deviations of the followed states, (n,), or with `deviations` their estimate
+        deviations: standard deviations of the predicted states, (n,), or None
         """
         began = time.thread_time()
         memory = self._memory
         used: np.ndarray | None = z
-        if w is None:
-            used = self._measured.checked(z, memory.target.w)
+        if deviations is None:
+            used = self._measured.checked(z)
         else:
-            memory.target = self._equilibrium.near(memory.target, w)
+            memory.room = self.planner.narrowed(deviations)
         planned, first = memory.samples.planned, memory.samples.first
         v = np.zeros(self.planner.scaled.sizes[2])  # while nothing is known about the states
         if used is not None:
             with np.errstate(over="ignore", invalid="ignore"):  # the flight may be lost
-                acted = self._measured.when_acting(used, memory.target.w)
+                acted = self._measured.when_acting(used)
                 v = self._input(acted, began + self.budget)
         self._measured.command(v)
         if memory.samples.planned > planned and first is not None:
@@ -172,15 +171,14 @@ class RecedingHorizon:
         until: processor time after which no further program begins, s
         """
         memory = self._memory
-        target = memory.target
-        inside = self.end.contains(z, target)
+        inside = self.end.contains(z)
         if memory.linear_agrees and inside:
             memory.samples.linear += 1
             memory.plan = None
-            return self.end.inputs(z, target)
+            return self.end.inputs(z)
         plan = memory.plan = self._planned(z, until)
         memory.samples.planned += 1
-        value = target.value(z)
+        value = self.planner.value(z)
         agree = abs(plan.cost - value) <= _LINEAR * value
         memory.linear_agrees = bool(
             inside and agree and abs(self._linear_cost(z) - value) <= _LINEAR * value
@@ -189,13 +187,13 @@ class RecedingHorizon:
 
     def _linear_cost(self, z: np.ndarray) -> float:
         """Return the cost of the flight of the linear policy from z, inf beyond the limits."""
-        return self.planner.cost_of_gain(self.end.K, z, self._memory.target)
+        return self.planner.cost_of_gain(self.end.K, z)
 
     def _value(self, plan: Plan) -> float:
         """Return the cost of a plan with the flight of the linear policy after its end, or with
         z'Pz where that flight leaves the limits.
         """
-        at_end = plan.target.value(plan.z[-1])
+        at_end = self.planner.value(plan.z[-1])
         if at_end <= _SMALL_END * plan.cost:
             return plan.cost
         linear = self._linear_cost(plan.z[-1])
@@ -209,7 +207,7 @@ class RecedingHorizon:
             return self._begin_plan(z, until)
         if memory.waits:
             memory.waits = False
-            plan = self.planner.flown(z, last.v, memory.target)
+            plan = self.planner.flown(z, last.v, memory.room)
             if not plan.cost <= _LOST * last.cost:
                 return self._begin_plan(z, until)
             return last if np.array_equal(z, last.z[0]) else self._improved(plan, until)
@@ -225,7 +223,7 @@ class RecedingHorizon:
         began = time.thread_time()
         if memory.samples.first is None:
             until = np.inf
-        guesses = sorted(self.planner.guesses(z, memory.target), key=lambda each: each.cost)
+        guesses = sorted(self.planner.guesses(z, memory.room), key=lambda each: each.cost)
         improved = [self.planner.improved(guess, _FIRST, until) for guess in guesses]
         memory.samples.unsolved += sum(each.unsolved for each in improved)
         plan = min((each.plan for each in improved), key=lambda each: each.cost)
@@ -244,14 +242,14 @@ class RecedingHorizon:
         planner, memory = self.planner, self._memory
         promised_total = memory.spent + last.cost
         memory.spent += planner.cost_of_sample(last)
-        measured = planner.later(last, z, memory.target)
-        predicted = planner.later(last, last.z[1], last.target)
+        measured = planner.later(last, z, memory.room)
+        predicted = planner.later(last, last.z[1], last.room)
         unpredicted_cost = measured.cost - predicted.cost
         is_finite = np.isfinite(unpredicted_cost)
         memory.least = memory.least + unpredicted_cost if is_finite else np.inf
         plan = measured
         if not np.isfinite(plan.cost) or memory.spent + plan.cost > _LOST * promised_total:
-            plan = min(*planner.guesses(z, memory.target), plan, key=lambda each: each.cost)
+            plan = min(*planner.guesses(z, memory.room), plan, key=lambda each: each.cost)
         return self._improved(plan, until)
 
     def _improved(self, plan: Plan, until: float) -> Plan:

@@ -29,13 +29,8 @@ _KINK_POINTS = 500
 
 
 @lru_cache(maxsize=16)
-def smooth_rates(problem: FlightProblem, winds: tuple[str, ...] = ()) -> ca.Function:
-    """Return the rates of a problem in moving air with smoothed tables and kinks.
-
-    In still air, the result is `problem.rates` itself if no kink is smoothed.
-
-    winds: names of the disturbances w, the last elements of the argument
-    """
+def smooth_rates(problem: FlightProblem) -> ca.Function:
+    """Return the rates of a problem with smoothed tables and kinks, or themselves without one."""
     of_states, of_inputs = problem.sizes
     pairs = zip(problem.state_limits, problem.input_limits, strict=True)
     below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
@@ -47,8 +42,7 @@ def smooth_rates(problem: FlightProblem, winds: tuple[str, ...] = ()) -> ca.Func
     rng = np.random.default_rng(0)
     shape = (_KINK_POINTS, len(reach))
     near = rng.uniform(np.maximum(below, -reach), np.minimum(above, reach), shape)
-    rates = problem.rates_in(winds) if winds else problem.rates
-    return smoothed(rates, np.pad(near, [(0, 0), (0, len(winds))]), KINK_WIDTH)
+    return smoothed(problem.rates, near, KINK_WIDTH)
 
 
 def has_kinks(problem: FlightProblem) -> bool:

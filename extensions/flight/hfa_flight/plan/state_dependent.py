@@ -17,7 +17,6 @@ from controller.game.linear_game import game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
 from hfa_flight.plan.grid import sample_time
-from hfa_flight.plan.held_model import STILL
 from hfa_flight.plan.measured import Measured, wrong_samples_note
 from hfa_flight.plan.nearest_inputs import NearestInputs
 from hfa_flight.plan.problem import FlightProblem, flight_problem
@@ -155,10 +154,10 @@ class RiccatiLaw:
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Return the inputs (m,) from the measured states z (n,)."""
-        used = self._measured.checked(z, STILL)
+        used = self._measured.checked(z)
         v = np.zeros(self._scaled.sizes[2])  # while nothing is known about the states
         if used is not None:
-            acted = self._measured.when_acting(used, STILL)
+            acted = self._measured.when_acting(used)
             K = self.gain_at(acted)
             v = np.clip(-K @ acted[: K.shape[1]], *self._scaled.input_limits)
             v = self.nearest(acted, v)

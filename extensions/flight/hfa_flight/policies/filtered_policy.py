@@ -37,8 +37,9 @@ from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.results import storable
 from trim.point.operating_point import OperatingPoint
 
-#: Function (number of the sample, deviations of all states) -> deviations of the inputs.
-_Law = Callable[[int, np.ndarray], np.ndarray]
+#: Function (number of the sample, deviations of all states, standard deviations of the next
+#: ones) -> deviations of the inputs.
+_Law = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass
@@ -77,12 +78,14 @@ class _Part(NamedTuple):
 
 class _Functions(NamedTuple):
     """Functions of a filter: (memory, y) -> (memory, whether a value is left out), (memory, x, Φ)
-    -> memory of the next sample, and x -> linear states as seen from the air across the path.
+    -> memory of the next sample, x -> linear states as seen from the air across the path, and
+    memory -> standard deviations of the linear states.
     """
 
     updated: BoundFunction
     propagated: BoundFunction
     seen: BoundFunction
+    deviations: BoundFunction
 
 
 def _functions_of(known: KalmanFilter, is_extended: bool) -> _Functions:
@@ -96,6 +99,7 @@ def _functions_of(known: KalmanFilter, is_extended: bool) -> _Functions:
         "updated": ([memory, y], [now.estimate.packed(), now.is_left_out]),
         "propagated": ([memory, x, Phi], [propagated(known, before, x, Phi).packed()]),
         "seen": ([x], [seen_from_air(known, x[:k], winds_in(known, x))]),
+        "deviations": ([memory], [ca.sqrt(ca.diag(before.P)[:k])]),
     }
     made = (
         BoundFunction(ca.Function(name, given, [ca.densify(each) for each in found], {"cse": True}))
@@ -241,14 +245,17 @@ class FilteredPolicy(SampledPolicy):
         ahead = self._predicted(updated[:n], [*memory.waiting, still], self.ahead).x
         if self.is_extended:
             (ahead,) = self._functions.seen.at(ahead)
-        x = np.zeros(len(self.point.x))
-        x[self.point.model.state_places(known.states)] = ahead[:k]
+        x, spread = np.zeros((2, len(self.point.x)))
+        places = self.point.model.state_places(known.states)
+        x[places] = ahead[:k]
+        if self.is_extended:
+            likely = self._later(updated, [*memory.waiting, memory.waiting[-1]])
+            (spread[places],) = self._functions.deviations.at(likely)
         limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
-        command = memory.law(memory.samples, x) + self.point.u
+        command = memory.law(memory.samples, x, spread) + self.point.u
         u = np.clip(command, limits.lowest, limits.highest) - self.point.u
         memory.waiting.append(u)
-        later = self._predicted(updated[:n], memory.waiting, self.dt)
-        (memory.estimate,) = self._functions.propagated.at(updated, later.x, later.Phi.ravel("F"))
+        memory.estimate = self._later(updated, memory.waiting)
         memory.waiting.pop(0)
         memory.samples += 1
         memory.unused += bool(is_left_out[0])
@@ -269,6 +276,16 @@ class FilteredPolicy(SampledPolicy):
         u, later, is_left_out = sample_of(self, t, memory, y)
         results = [ca.densify(each) for each in (u, later, is_left_out)]
         return BoundFunction(ca.Function("sample", [t, memory, y], results, {"cse": True}))
+
+    def _later(self, updated: np.ndarray, commands: list[np.ndarray]) -> np.ndarray:
+        """Return the memory of the filter at the next sample.
+
+        updated: that of this sample
+        commands: the commands of the samples until this one, the latest last, (m,) each
+        """
+        moved = self._predicted(updated[: len(self.filter.Phi)], commands, self.dt)
+        (later,) = self._functions.propagated.at(updated, moved.x, moved.Phi.ravel("F"))
+        return np.asarray(later)
 
     def _predicted(self, x: np.ndarray, commands: list[np.ndarray], seconds: float) -> _Moved:
         """Return the states of the filter some seconds after a sample.
@@ -392,20 +409,22 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
     """Return the law of the estimate: a sampler of the policy, or its expression."""
     if isinstance(policy, DeployedPolicy):
         commanded = policy.commander()
-        return lambda _, x: commanded(x)
+        return lambda _, x, __: commanded(x)
     if isinstance(policy, SampledPolicy) and policy.plans:
         policy.sampler()  # makes the first plan, before the flight
-        return lambda sample, x: policy.of_estimate(sample * dt, point.x + x) - point.u
+        return lambda sample, x, deviations: (
+            policy.of_estimate(sample * dt, point.x + x, deviations) - point.u
+        )
     sampler = policy.sampler()
     if sampler is not None:
-        return sampler
+        return lambda sample, x, _: sampler(sample, x)
     rows = point.model.state_places(point.model.linear)
     t, z = ca.SX.sym("t"), ca.SX.sym("z", len(rows))
     held = ca.SX.sym("held", policy.held.shape[1])
     command = command_of(policy, t, z, held)
     function = BoundFunction(ca.Function("law", [t, z, held], [ca.densify(command)]))
 
-    def law(sample: int, x: np.ndarray) -> np.ndarray:
+    def law(sample: int, x: np.ndarray, _: np.ndarray) -> np.ndarray:
         (u,) = function.at(sample * dt, x[rows], policy.held_inputs(sample, sample * dt))
         return np.array(u)
 

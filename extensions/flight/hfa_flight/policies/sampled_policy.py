@@ -53,8 +53,11 @@ class SampledPolicy(Policy):
         """
         raise NotImplementedError
 
-    def of_estimate(self, t: float, X: np.ndarray) -> np.ndarray:
-        """Return the inputs U (m,) from an estimate of all states, which is used as it is."""
+    def of_estimate(self, t: float, X: np.ndarray, deviations: np.ndarray) -> np.ndarray:
+        """Return the inputs U (m,) from an estimate of all states, which is used as it is.
+
+        deviations: standard deviations of the states that are predicted for the next sample, (n,)
+        """
         return self(t, X)
 
     def reset(self) -> None:
