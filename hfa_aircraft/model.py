@@ -486,7 +486,8 @@ class Model(Reported):
         """Return the factor from a stated unit to the unit of a signal, an airspeed or a rate.
 
         An angle of what a lever moves is a share of its `Signal.full`. Capitals do not matter where
-        the unit has no other meaning (KT), and "%" is a share.
+        the unit has no other meaning (KT), "%" is a share, and an airspeed may repeat its name (250
+        KCAS).
 
         text: the value as stated, for the message
 
@@ -497,7 +498,8 @@ class Model(Reported):
         factor = conversion(unit, declared)
         if factor is None:
             is_share = unit == "%" and declared in ("1", "chord")
-            factor = 0.01 if is_share else conversion(unit.lower(), declared)
+            is_named = name in self.airspeeds and unit.lower() == name
+            factor = 0.01 if is_share else 1.0 if is_named else conversion(unit.lower(), declared)
         full, angle = self.signal(name).full, conversion(unit, "rad")
         if full and angle is not None:
             return angle / full

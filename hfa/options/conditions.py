@@ -146,12 +146,10 @@ class _Column(NamedTuple):
     @classmethod
     def of(cls, title: str, model: Model) -> _Column:
         """Return the column with a heading such as "gamma", "KCAS [kt]" or "c.g. [%]"."""
-        typed, _, unit = title.removesuffix("]").partition("[")
-        name = model.about.name_of(typed.strip())
-        if name not in _known(model):
-            plain = model.about.name_of(re.sub(r"\W+", "_", name.replace(".", "")).lower())
-            name = plain if plain in _known(model) or plain in (NAME, FREE, LIMIT) else name
-        return cls(title, name, unit.strip())
+        typed, _, unit = (part.strip() for part in title.removesuffix("]").partition("["))
+        if unit.lower() in model.airspeeds:  # "speed [KCAS]"
+            return cls(title, unit.lower(), "")
+        return cls(title, _name_of(model, typed), unit)
 
     def refuse_unknown(self, where: str, model: Model, cell: str) -> None:
         """Raise BadInputError for an unknown column, which may have labels, or a unit without
@@ -187,6 +185,14 @@ def _known(model: Model) -> set[str]:
     return {*model.holdable, *model.rates, *model.parameters}
 
 
+def _name_of(model: Model, typed: str) -> str:
+    """Return the name of a variable or column typed in capitals, with points or blanks: "c.g."."""
+    name = model.about.name_of(typed)
+    plain = model.about.name_of(re.sub(r"\W+", "_", name.replace(".", "")).lower())
+    is_plain = name not in _known(model) and plain in {*_known(model), NAME, FREE, LIMIT}
+    return plain if is_plain else name
+
+
 def _condition(
     where: str, model: Model, columns: Sequence[_Column], row: Mapping[str, str]
 ) -> ListedCondition:
@@ -200,7 +206,7 @@ def _condition(
             values[column.name] = quantity(model, column.name, column.text(cell))
         except BadInputError as error:
             raise BadInputError(f"{where}, column {column.name} {error}") from error
-    free = tuple(model.about.name_of(name) for name in _words(row.get(FREE, "")))
+    free = tuple(_name_of(model, name) for name in _words(row.get(FREE, "")))
     for name in free:
         if name in values:
             raise BadInputError(f"{where}: {name} is both free and held; clear one of its cells")
@@ -220,7 +226,7 @@ def _limits(where: str, model: Model, text: str) -> dict[str, tuple[float, float
     limits = {}
     for word in _words(text):
         typed, equals, ends = word.partition("=")
-        name = model.about.name_of(typed)
+        name = _name_of(model, typed)
         try:
             if not equals or name not in model.limits:
                 raise BadInputError(f"is {shown(word)}; give NAME=LOW:HIGH of a variable")

@@ -16,6 +16,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model, altitudes, recognized
 from hfa_aircraft.rigid.atmosphere import (
+    ALTITUDES,
     HEAT_RATIO,
     SEA_LEVEL,
     SEA_LEVEL_PRESSURE,
@@ -30,6 +31,8 @@ from hfa_support.units import FOOT, KNOT, conversion
 
 #: ft/s.
 _KNOT = KNOT / FOOT
+#: Accuracy of a crossover altitude, relative to that of all altitudes: a nanometre.
+_ACCURACY = 1e-14
 #: Outputs from which the air of a model follows, with their units here.
 _OF_AIR = {"dynamic_pressure": "lbf/ft^2", "mach": "1"}
 
@@ -38,36 +41,77 @@ def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of a trim, with the speed in place of an imposed airspeed.
 
     An airspeed that is an output of the model's own equations is kept: these equations determine
-    the speed. It is also kept without an imposed altitude.
+    the speed. It is also kept without an imposed altitude. Two airspeeds without an altitude, such
+    as kcas and mach at a crossover, give the altitude too.
 
     imposed: variable, output, airspeed or parameter -> number, or array of a common length
 
-    Raises BadInputError for an airspeed that is no output without an altitude, for two speeds at an
-    altitude, and for a speed that is not positive.
+    Raises BadInputError for one airspeed that is no output without an altitude, for two speeds at
+    an altitude, for two that agree at no altitude, and for a speed that is not positive.
     """
     names = [name for name in model.airspeeds if name in imposed]
     if not names:
         return dict(imposed)
     speed, altitude = recognized(model.states)["speed"], altitudes(model)[0]
     (name, *others) = names
+    for each in names:
+        least = np.min(imposed[each])
+        if not least > 0.0:
+            raise BadInputError(f"{each} is {model.describe(each, least)}; give a positive speed")
     if altitude not in imposed:
-        for each in names:
-            if each not in model.outputs:
-                raise BadInputError(f"{each} is imposed without an altitude; impose {altitude} too")
-        return dict(imposed)
-    if others or speed in imposed:
+        if {*names} <= {*model.outputs}:
+            return dict(imposed)
+        if len(others) != 1 or speed in imposed:
+            raise BadInputError(f"{name} is imposed without an altitude; impose {altitude} too")
+        imposed = {**imposed, altitude: _crossover(model, name, others[0], altitude, imposed)}
+        del imposed[others[0]]
+    elif others or speed in imposed:
         both = [name, *others, *([speed] * (speed in imposed))][:2]
         raise BadInputError(
             f"{' and '.join(both)} are both imposed, and each gives the speed at the altitude; give"
-            " one of them"
+            f" one of them, or free {altitude}"
         )
     if name in model.outputs and ISA not in model.parameters:
         return dict(imposed)
-    least = np.min(imposed[name])
-    if not least > 0.0:
-        raise BadInputError(f"{name} is {model.describe(name, least)}; give a positive speed")
     rest = {each: imposed[each] for each in imposed if each != name}
     return rest | {speed: _speed(model, name, altitude, imposed) * _per(model, speed, "ft/s")}
+
+
+def _crossover(
+    model: Model, first: str, second: str, altitude: str, imposed: Mapping[str, Any]
+) -> Any:
+    """Return the altitude at which two airspeeds are one true airspeed, a number or an array.
+
+    The true airspeed of a lower Mach number or of a higher kcas, keas and ktas grows with altitude:
+    two different kinds agree at one altitude at most.
+
+    Raises BadInputError if they agree at no altitude of the atmosphere.
+    """
+    from scipy.optimize import brentq
+
+    ends = [each * _per(model, altitude, "ft") for each in ALTITUDES]
+    names = {first, second, *model.parameters} & {*imposed}
+    columns = np.broadcast_arrays(*(imposed[name] for name in names))
+    heights = []
+    for values in zip(*(column.ravel() for column in columns), strict=True):
+        at = dict(zip(names, map(float, values), strict=True))
+
+        def apart(height: float, at: Mapping[str, float] = at) -> float:
+            each = {**at, altitude: height}
+            return float(
+                _speed(model, first, altitude, each) - _speed(model, second, altitude, each)
+            )
+
+        if apart(ends[0]) * apart(ends[1]) > 0.0:
+            words = " and ".join(
+                f"{name} {model.describe(name, at[name])}" for name in (first, second)
+            )
+            between = " and ".join(model.describe(altitude, end) for end in ends)
+            raise BadInputError(
+                f"{words} are one speed at no altitude between {between}; give other values"
+            )
+        heights.append(brentq(apart, *ends, xtol=_ACCURACY * (ends[1] - ends[0])))
+    return np.reshape(heights, columns[0].shape) if columns[0].ndim else heights[0]
 
 
 def _speed(model: Model, name: str, altitude: str, imposed: Mapping[str, Any]) -> Any:

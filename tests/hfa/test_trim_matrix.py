@@ -112,20 +112,21 @@ def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book):
     assert "thrust at maximum" in cells["weak"]["failure"]
     assert cells["climb full thrust"]["limits reached"].split(", ")[0] == "thrust"
     assert cells["cruise"]["worst level"] in ("1", "2", "3", "4")
-    words = ("--aircraft", str(book / "uav.toml"), "--conditions", str(book / "conditions.csv"))
+    names = ("name", "stall", "planted")
+    text = [line for line in CONDITIONS.split("\n") if line.partition(",")[0] in names]
+    (book / "few.csv").write_text("\n".join(text), "utf-8")
+    words = ("--aircraft", str(book / "uav.toml"), "--conditions", str(book / "few.csv"))
     run = command("trim", *words, "--json", "-q")
     sheets = {sheet["name"]: sheet for sheet in json.loads(run.out)["sheets"]}
     for name, entry in (("stall", "stalled"), ("planted", "doubts")):
         assert sheets[name]["sheet"][entry]["value"] == cells[name][entry]
         assert "results" not in sheets[name]["sheet"]
     model = hfa.load_model(str(book / "uav.toml"))
-    for row in hfa.conditions(book / "conditions.csv", model):
-        if RESULTS.get(row.name) != "no trim":
-            point = hfa.trim(model.with_parameters(**row.parameters), hold=row.hold, free=row.free)
-            names = {each.name for each in point.sheet}
-            assert ("stalled" in names) == (row.name == "stall")
-            found = point.sheet["L/D"].value
-            assert float(cells[row.name]["L/D"]) == pytest.approx(found, rel=1e-9)
+    for row in hfa.conditions(book / "few.csv", model):
+        point = hfa.trim(model.with_parameters(**row.parameters), hold=row.hold, free=row.free)
+        assert ("stalled" in {each.name for each in point.sheet}) == (row.name == "stall")
+        found = point.sheet["L/D"].value
+        assert float(cells[row.name]["L/D"]) == pytest.approx(found, rel=1e-9)
 
 
 @pytest.mark.parametrize("verb", ["trim", "linearize"])
@@ -145,6 +146,24 @@ def test_a_stall_is_said_by_linearize_too(book):
     assert "STALLED: CL" in run.out.partition("\n\n")[0]
     run = command(*words, str(book / "conditions.csv"), "--row", "turn", "-q")
     assert "load_factor 1.3" in run.out.partition("\n\n")[0]
+
+
+def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
+    """Its air has both; words may have capitals, and a unit may be KCAS."""
+    path = tmp_path / "climb.csv"
+    path.write_text("Name,Speed [KCAS],MACH,Free\na,60,0.1,Altitude\nb,60 KCAS,0.2,altitude\n")
+    words = ("--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
+    for name, mach in (("a", 0.1), ("b", 0.2)):
+        states = answer("trim", *words, "--row", name)["operating_point"]["states"]
+        around = air(states["altitude"])
+        assert states["speed"] == pytest.approx(mach * around.sound, rel=1e-5)
+        assert calibrated(states["speed"], around) == pytest.approx(60.0, rel=1e-5)
+    words = ("sweep", *words[:2], "--hold", "kcas=60", "--hold", "mach=0.1,0.2", "--free")
+    altitudes = [row[-1] for row in answer(*words, "altitude")["operating_states"]]
+    assert altitudes[1] == pytest.approx(states["altitude"], rel=1e-9)
+    held = ("--hold", "kcas=60", "--hold", "mach=0.02", "--free", "altitude")
+    refused = command("trim", *words[1:3], *held)
+    assert_refused(refused, 2, "no altitude between")
 
 
 def test_a_sweep_of_named_conditions_counts_stalls_as_their_trims_do(book, tmp_path):
