@@ -26,6 +26,7 @@ from trim.hfa.trim_report import trim_figure, trim_report
 from trim.point.solve import TrimError
 from trim.point.status import DOUBTED, RESULTS, STALLED, TRIMMED, UNTRIMMED
 from trim.reports.book import Condition, book_of, matrix_figure
+from trim.reports.brief import brief, brief_list
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
 from trim.reports.matrix import asked_sheet, matrix, result_of
 from trim.reports.point_figure import with_range
@@ -93,8 +94,10 @@ def trim(request: TrimRequest, points: GivenPoints) -> Outcome:
         point = trimmed(given)
         report = _documented(_named(_sheet(request, point), row.name), request)
         records = matrix([_asked(points.trims, row)], [report.sheet])
+        report = replace(report, records=records)
         return Outcome(
-            report=replace(report, records=records),
+            report=report,
+            printed=None if request.full else brief(report, point),
             source=given.source,
             figure=partial(trim_figure, point),
         )
@@ -104,7 +107,7 @@ def trim(request: TrimRequest, points: GivenPoints) -> Outcome:
     book = book_of(overview, conditions, model, _read(request, model))
     return Outcome(
         report=_documented(book, request),
-        printed=_documented(overview, request),
+        printed=_documented(overview if request.full else brief_list(overview), request),
         source=source,
         figure=partial(matrix_figure, conditions),
     )

@@ -21,6 +21,8 @@ from hfa_support.reporting.text import (
     wrapped,
 )
 
+#: Longest text that is printed as a value, characters.
+_LONGEST = 24
 #: Gap between two columns, and least width of the column of notes.
 _GAP = "  "
 _LEAST_NOTE = 24
@@ -64,7 +66,12 @@ class Row(Result):
         )
 
     def cells(self) -> tuple[str, str, str, str]:
-        """Return name, value, unit and note as text, with angles in degrees."""
+        """Return name, value, unit and note as text, with angles in degrees.
+
+        A sentence as a value is a note.
+        """
+        if isinstance(self.value, str) and len(self.value) > _LONGEST and not self.note:
+            return self.name, "", "", self.value
         return self.name, self._value_text(), self.printed_unit, self.note
 
     @property
@@ -100,7 +107,7 @@ class Group(NamedTuple):
     def table(self) -> Table:
         """Return the rows as a table. The column of notes is left out if no row has a note."""
         cells = [row.cells() for row in self.rows]
-        width = 4 if any(row.note for row in self.rows) else 3
+        width = 4 if any(row[3] for row in cells) else 3
         header = (self.title, "value", "unit", "note")
         return Table(header[:width], [row[:width] for row in cells])
 
@@ -125,7 +132,7 @@ class Group(NamedTuple):
             line = _GAP.join(
                 (name.ljust(name_width), value.rjust(value_width), unit.ljust(unit_width))
             )
-            note = "" if row is None else printable(row.note, lines=False)
+            note = "" if row is None else printable(row.cells()[3], lines=False)
             is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE)
             indent = begin if is_beside else len(_GAP)
             notes = [note] if width is None else textwrap.wrap(note, width - indent)

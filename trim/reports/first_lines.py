@@ -135,7 +135,7 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
             yield f"ISA {model.parameters[ISA].start:+g} K"
         names = [model.schedule] if model.schedule in (*model.states, *model.inputs) else []
         names += ["load_factor"] * _has_own_load_factor(trimmed)
-        engines_out = _engines_out(trimmed, imposed)
+        engines_out = engines_without_power(trimmed, imposed)
         said = {speed, "altitude", "gamma", "turn_rate", *typed, *engines_out}
         wanted = dict.fromkeys((*names, *changed))
         yield from (_named(point, name) for name in wanted if name not in said)
@@ -202,7 +202,7 @@ def _is_steady(trimmed: Trimmed, state: str) -> bool:
     return abs(trimmed.rates[state]) <= BALANCE * trimmed.given.model.rate_scale(state)
 
 
-def _engines_out(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[str, str]:
+def engines_without_power(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[str, str]:
     """Return input or switch -> "engine 1 out (throttle1)" for each engine whose input is held at
     its lowest value, or whose switch engine1 is held at 0, while that of another one is not.
 

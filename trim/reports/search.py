@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -115,7 +115,20 @@ def _is_one(problem: TrimProblem, z: np.ndarray, other: np.ndarray) -> bool:
     return all(problem.balanced(z + share * (other - z)) for share in (0.25, 0.5, 0.75))
 
 
-def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
+class Search(NamedTuple):
+    """What is said on the search for a trim.
+
+    data: entries of the file
+    sentences: sentences on unusual features
+    unlimited: sentences on variables without limits
+    """
+
+    data: dict[str, Any]
+    sentences: list[str]
+    unlimited: list[str]
+
+
+def search_of(point: OperatingPoint) -> Search:
     """Return data on the search for a trim, and sentences on unusual features of the search."""
     problem = point.trim_problem
     equations, unknowns = problem.count
@@ -136,12 +149,11 @@ def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
         )
     limits = problem.system.limits
     free = np.isinf(limits.lowest) & np.isinf(limits.highest)
-    if free.any():
-        names = ", ".join(problem.free[i] for i in np.flatnonzero(free))
-        sentences.append(f"No limits are declared for {names}; check that the values are reachable")
+    names = ", ".join(problem.free[i] for i in np.flatnonzero(free))
+    unlimited = f"No limits are declared for {names}; check that the values are reachable"
     if problem.idle:
-        names = ", ".join(problem.idle)
-        sentences.append(f"Neither held nor determined, kept at the start value: {names}")
+        idle = ", ".join(problem.idle)
+        sentences.append(f"Neither held nor determined, kept at the start value: {idle}")
     sentences += [_other_trim(problem, point, other) for other in others]
     search = {
         "equations": equations,
@@ -153,7 +165,7 @@ def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
         "undetermined": point._one_of_many[0],
         "other_trims": [{name: other.values[name] for name in problem.free} for other in others],
     }
-    return search, sentences
+    return Search(search, sentences, [unlimited] if names else [])
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from hfa_aircraft.model import Model
@@ -20,6 +20,7 @@ from trim.reports.doubts import doubts_of
 from trim.reports.first_lines import (
     condition_words,
     control_lines,
+    engines_without_power,
     subject,
     title_of,
     uniqueness_lines,
@@ -27,11 +28,11 @@ from trim.reports.first_lines import (
 )
 from trim.reports.flight import flight_rows, same_as_the_table
 from trim.reports.handling_qualities import mode_rows
-from trim.reports.levels import DEFAULT_AIRPLANE, Airplane
+from trim.reports.levels import DEFAULT_AIRPLANE, Airplane, chosen_airplane
 from trim.reports.limits import ASSUMED, limit_rows, named_nearest, nearest_first, variable_rows
 from trim.reports.matrix import asked_of, matrix
 from trim.reports.performance import performance_rows, stalled
-from trim.reports.search import balance_row, equations_of, equations_table, search_of
+from trim.reports.search import balance_row, equations_of, equations_table
 from trim.reports.stability import stability_rows
 from trim.reports.trimmed import Trimmed
 
@@ -79,28 +80,57 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
         groups += [("performance", loads, ()), *own]
         groups.append(("stability", [*stability_rows(trimmed)], ()))
         groups.append(("modes and levels", *mode_rows(trimmed, airplane)))
-    return Sheet.of([*groups, _findings(trimmed, Sheet.of(groups, first=VARIABLES))], VARIABLES)
+    sheet = Sheet.of(groups, first=VARIABLES)
+    return Sheet.of([*groups, ("findings", findings(trimmed, sheet, airplane), ())], VARIABLES)
 
 
-def _findings(trimmed: Trimmed, sheet: Sheet) -> tuple[str, list[Row], tuple[str, ...]]:
-    """Return the group of what the first lines say, and of what limits and levels amount to."""
+def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
+    """Return what the first lines and the sentences of a sheet say, as rows, and what limits and
+    levels amount to.
+
+    sheet: the other groups
+    """
     point = trimmed.given
-    reached = [each.name for each in nearest_first(trimmed) if each.at_limit]
-    levels = {row.name: row.level for row in sheet if row.level is not None}
-    worst = max(levels.values(), default=0)
-    said = {
-        "stalled": "; ".join(stalled(sheet)),
-        "doubts": "; ".join(doubts_of(trimmed)),
-        "not determined": "; ".join(uniqueness_lines(point)),
-        "far out": "; ".join(point._far_out),
-        "limits reached": ", ".join(reached),
-        "notes": "; ".join(without_lines(point.warnings)),
+    condition = None if point.found_by is None else point.found_by.asked
+    imposed = {} if condition is None else condition.imposed
+    margins = point.margins.values()
+    said: dict[str, Iterable[str]] = {
+        "stalled": stalled(sheet),
+        "doubts": doubts_of(trimmed),
+        "not determined": uniqueness_lines(point),
+        "far out": point._far_out,
+        "engines out": engines_without_power(trimmed, imposed).values(),
+        "limits reached": [each.name for each in nearest_first(trimmed) if each.at_limit],
     }
-    rows = [Row(name, text, rare=True) for name, text in said.items() if text]
+    elsewhere: dict[str, Iterable[str]] = {
+        "assumed limits": [each.name for each in margins if each.nearer and each.assumed],
+        "search": [*trimmed.search.sentences, *trimmed.search.unlimited],
+        "notes": without_lines(point.warnings),
+    }
+    for title, _, lines in sheet.groups:
+        elsewhere[f"on {title}"] = [line for line in lines if line != ASSUMED]
+    rows = [
+        Row(name, _joined(words), rare=is_rare)
+        for of_kind, is_rare in ((said, False), (elsewhere, True))
+        for name, words in of_kind.items()
+        if words
+    ]
+    levels = {row.name: row.level for row in sheet if row.level is not None}
     if levels:
-        names = ", ".join(name for name, level in levels.items() if level == worst)
-        rows.append(Row("worst level", worst, note=names, rare=True))
-    return "findings", rows, ()
+        chosen, why = chosen_airplane(trimmed, airplane)
+        worst = max(levels.values())
+        named = [name for name, level in levels.items() if level == worst > 1]
+        rows += [
+            Row("airplane class", chosen.class_, note=why),
+            Row("flight phase category", chosen.category),
+            Row("worst level", worst, note=", ".join(named)),
+        ]
+    return rows
+
+
+def _joined(words: Iterable[str]) -> str:
+    """Return names with commas between them, or sentences with semicolons."""
+    return ("; " if any(" " in word for word in words) else ", ").join(words)
 
 
 def report_of(
@@ -112,7 +142,7 @@ def report_of(
     """
     point = trimmed.given
     sheet = sheet_at(trimmed, airplane)
-    search, sentences = search_of(point)
+    search = trimmed.search
     equations = equations_of(point)
     nearest = named_nearest(nearest_first(trimmed))
     stalls = stalled(sheet)
@@ -122,7 +152,8 @@ def report_of(
     modes = trimmed.modes if point.ok else ()
     if full and modes:
         parts.append(modes_table(modes, point.model.time_unit))
-    parts += [tuple(sentences)] if sentences else []
+    parts += [tuple(search.sentences)] if search.sentences else []
+    parts += search.unlimited
     parts += others
     controls = control_lines(trimmed, {row.name: row for row in sheet}.get("L/D"))
     title = "\n".join(filter(None, [title_of(trimmed), controls]))
@@ -141,7 +172,7 @@ def report_of(
         "scaled_residuals": point.scaled_residuals,
         "balance_limit": BALANCE,
         "modes": modes,
-        "search": search,
+        "search": search.data,
         "warnings": point.warnings,
     } | without_empty(
         dihedral_deg=point.dihedral_deg,

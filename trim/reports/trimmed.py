@@ -21,6 +21,7 @@ from trim.linear.kinks import linearization_at
 from trim.linear.modes import Mode, modes_of
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
+from trim.reports.search import Search, search_of
 
 #: Outputs whose derivatives are figures.
 _SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust")
@@ -217,6 +218,11 @@ class Trimmed:
         rates = with_lags(slopes.A[kept], slopes.B[kept])
         outputs = {name: with_lags(*each) for name, each in slopes.outputs.items()}
         return Slopes(tuple(names[i] for i in kept), rates.by_states, rates.by_inputs, outputs)
+
+    @cached_property
+    def search(self) -> Search:
+        """What is said on the search for the trim."""
+        return search_of(self.given)
 
     # Maneuvers.
 

@@ -1,0 +1,91 @@
+"""The short sheet of a terminal: the rows of a trim that are read first, within 40 lines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.rows import Group, Row
+from trim.point.operating_point import OperatingPoint
+from trim.point.status import TRIMMED
+from trim.reports.first_lines import mode_lines, without_lines
+from trim.reports.limits import ASSUMED
+from trim.reports.matrix import result_of
+from trim.reports.trimmed import Trimmed
+
+#: Group of a sheet -> names of the rows that are printed. A row with a tone is printed too.
+_ROWS = {
+    "condition": ("true airspeed", "calibrated airspeed", "mach"),
+    "performance": (
+        "weight",
+        "thrust",
+        "thrust force",
+        "thrust available",
+        "rate of climb left",
+        "speed / stall speed",
+        "speed / stall speed at n",
+        "stall speed at 1 g",
+    ),
+    "stability": ("static margin",),
+}
+#: Beginning or end of the name of a row that is printed too: distances from the condition of the
+#: data, and stick-free gradients.
+_ALSO = (" from the table's", " per g", " per knot")
+
+
+def brief(report: Report, point: OperatingPoint) -> Report:
+    """Return the report of a trim with the rows that are read first.
+
+    These are airspeeds, variables that are not 0 with their limits,
+    performance, stability, the modes, and levels that are not 1. The data and records are those of
+    the report.
+
+    report: the whole report
+    point: the trim
+    """
+    groups = [group for each in report.sheet.groups if (group := _short(each)).rows]
+    modes = mode_lines(Trimmed(point).modes, point.model) if point.ok else ""
+    sentences = [part for part in report.parts if type(part) is tuple]
+    of_the_file = without_lines(point.model.about.notes)
+    notes = [note for note in report.notes if note not in of_the_file]
+    count = len(report.sheet) - sum(len(group.rows) for group in groups)
+    left_out = f"--full adds {count} rows" + " and notes" * (len(notes) < len(report.notes))
+    parts = [*groups, *filter(None, [modes]), *sentences, f"{left_out}; -o FILE has all"]
+    return replace(report, parts=parts, notes=notes)
+
+
+def brief_list(report: Report) -> Report:
+    """Return the report of several trims with their overview, and the first lines of those that
+    have no trim, are stalled, or are doubted. The data and records are those of the report.
+
+    report: the overview, then a report for each trim
+    """
+    overview, *sheets = report.parts
+    named = [
+        each for each in sheets if isinstance(each, Report) and result_of(each.sheet) != TRIMMED
+    ]
+    lines = [each.title for each in named]
+    return replace(report, parts=[overview, *lines, "--full prints each sheet; -o FILE has all"])
+
+
+def _short(group: Group) -> Group:
+    """Return a group with the rows that are printed."""
+    rows = tuple(row for row in group.rows if _is_read_first(group.title, row))
+    is_starred = any("*" in row.note for row in rows)
+    return group._replace(rows=rows, lines=(ASSUMED,) if is_starred else ())
+
+
+def _is_read_first(title: str, row: Row) -> bool:
+    """Return whether a short sheet prints a row of a group."""
+    if row.rare or title in ("configuration", "findings"):  # first and last lines say these
+        return False
+    match title:
+        case "trim":
+            return row.cells()[1] != "0"
+        case "limits":
+            return row.tone != ""
+        case "modes and levels":
+            return row.level is not None and row.level > 1
+    is_named = row.name in _ROWS.get(title, ()) or row.name.endswith(_ALSO)
+    is_load = row.name == "load factor" and row.cells()[1] != "1"
+    return is_named or is_load or row.tone != ""
