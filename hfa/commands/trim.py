@@ -65,7 +65,7 @@ class TrimRequest(Request, PointOptions):
     document: str = option(
         "number and revision, in the head of -o FILE.pdf and FILE.html", "TEXT", default=""
     )
-    full: bool = option("print each equation, all near limits, outputs and participations")
+    full: bool = option("print all figures, equations, limits and participations")
     class_: str = option(
         f"airplane class of MIL-F-8785C: {', '.join(CLASSES)}; default by weight",
         "CLASS",
@@ -249,6 +249,7 @@ def _failed(
     words = ", ".join(filter(None, (row.name, *values)))
     title = f"{words}: {error}"
     named = {"name": row.name} if row.name else {}
-    sheet = Sheet.of([("", [Row("failure", title)], ())])
+    sheet = Sheet.of([("findings", [Row("failure", str(error))], ())])
     head = {"condition": ", ".join(values)}
-    return Report(title, data={**named, **data}, failure=title, sheet=sheet, head=head)
+    rows = {"sheet": {**data.get("sheet", {}), **sheet.to_dict()}}
+    return Report(title, data={**named, **data, **rows}, failure=title, sheet=sheet, head=head)

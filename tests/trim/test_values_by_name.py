@@ -78,8 +78,8 @@ def test_a_sweep_is_a_sequence_of_linear_models() -> None:
 def test_results_become_tables_of_pandas() -> None:
     """Trims, solutions and verdicts are converted to pandas tables. A verdict can be plotted."""
     linear = _linear()
-    frame = linear.point.to_pandas().set_index("name")
-    assert frame.loc["alpha", "value"] == linear.point["alpha"] == linear.point.x[1]
+    frame = linear.point.to_pandas()
+    assert frame.loc[0, "alpha [deg]"] == pytest.approx(np.degrees(linear.point.x[1]), rel=1e-12)
     game = hfa.paper.published_game(linear)
     solution = hfa.solve(game)
     verdict = hfa.verify(game, hfa.from_value(game, solution.P))

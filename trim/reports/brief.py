@@ -44,7 +44,10 @@ def brief(report: Report, point: OperatingPoint) -> Report:
     point: the trim
     """
     groups = [group for each in report.sheet.groups if (group := _short(each)).rows]
-    modes = mode_lines(Trimmed(point).modes, point.model) if point.ok else ""
+    trimmed = Trimmed(point)
+    modes = f"no modes: {trimmed.fault}"
+    if not trimmed.fault:
+        modes = mode_lines(trimmed.modes, point.model)
     sentences = [part for part in report.parts if type(part) is tuple]
     of_the_file = without_lines(point.model.about.notes)
     notes = [note for note in report.notes if note not in of_the_file]
@@ -77,7 +80,7 @@ def _short(group: Group) -> Group:
 
 def _is_read_first(title: str, row: Row) -> bool:
     """Return whether a short sheet prints a row of a group."""
-    if row.rare or title in ("configuration", "findings"):  # first and last lines say these
+    if row.rare or title == "configuration":  # the last line says what was changed
         return False
     match title:
         case "trim":

@@ -101,29 +101,22 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
         "far out": point._far_out,
         "engines out": engines_without_power(trimmed, imposed).values(),
         "limits reached": [each.name for each in nearest_first(trimmed) if each.at_limit],
-    }
-    elsewhere: dict[str, Iterable[str]] = {
         "assumed limits": [each.name for each in margins if each.nearer and each.assumed],
         "search": [*trimmed.search.sentences, *trimmed.search.unlimited],
         "notes": without_lines(point.warnings),
     }
     for title, _, lines in sheet.groups:
-        elsewhere[f"on {title}"] = [line for line in lines if line != ASSUMED]
-    rows = [
-        Row(name, _joined(words), rare=is_rare)
-        for of_kind, is_rare in ((said, False), (elsewhere, True))
-        for name, words in of_kind.items()
-        if words
-    ]
+        said[f"on {title}"] = [line for line in lines if line != ASSUMED]
+    rows = [Row(name, _joined(words), rare=True) for name, words in said.items() if words]
     levels = {row.name: row.level for row in sheet if row.level is not None}
     if levels:
         chosen, why = chosen_airplane(trimmed, airplane)
         worst = max(levels.values())
         named = [name for name, level in levels.items() if level == worst > 1]
         rows += [
-            Row("airplane class", chosen.class_, note=why),
-            Row("flight phase category", chosen.category),
-            Row("worst level", worst, note=", ".join(named)),
+            Row("airplane class", chosen.class_, note=why, rare=True),
+            Row("flight phase category", chosen.category, rare=True),
+            Row("worst level", worst, note=", ".join(named), rare=True),
         ]
     return rows
 
