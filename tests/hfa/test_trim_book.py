@@ -134,6 +134,7 @@ def test_the_figure_has_the_values_of_the_sheets() -> None:
         assert margin["static margin"][index] == point.sheet["static margin"].value
     assert math.isnan(alpha["alpha"][2])
     assert math.isnan(used["thrust"][2])
+    assert math.isnan(margin["static margin"][2])
 
 
 def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder: Path) -> None:
