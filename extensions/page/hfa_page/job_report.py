@@ -191,11 +191,12 @@ def point_reports(position: Position) -> PointReports:
     if model is None:
         return PointReports(Report(title, (f"No trim: {position.reason}",)), Report(""))
     trim = trim_report(model.point)
+    sheet = replace(trim, title=f"The sheet, of {trim.head['data']}", head={})
     modes = modes_table(model.modes, model.point.model.time_unit, participation=False)
     pair = Report(f"A and B, in {units_in_words(model)}", matrices(model))
     return PointReports(
         Report(title, (trim.title, modes)),
-        Report("", (replace(trim, title="The sheet"), pair)),
+        Report("", (sheet, pair)),
     )
 
 
