@@ -317,6 +317,25 @@ def test_episodes_with_equal_seeds_have_equal_turbulence():
     assert np.abs(np.subtract(runs[0], runs[2])).max() > 1e-3
 
 
+@pytest.mark.filterwarnings("ignore:turbulence without")
+def test_turbulence_during_a_sample_is_the_mean_of_its_ends():
+    """The means of neighbouring ends of nearly independent winds have the autocorrelation 1/2."""
+    model = hfa.Model(
+        "drifting",
+        {"x": hfa.Signal("ft", nominal=10.0), "speed": hfa.Signal("ft/s", start=100.0)},
+        {"thrust": hfa.Signal("ft/s^2", nominal=1.0, start=100.0)},
+        lambda x, u, p, w: ({"x": w.headwind - 0.0 * x.x, "speed": u.thrust - x.speed}, {}),
+        disturbances={"headwind": hfa.Signal("ft/s")},
+        trim={"x": 0.0, "speed": 100.0},
+    )
+    env = environment(model, dt=1.0, seconds=1000.0, turbulence=Turbulence((1.0, 10.0)))
+    env.reset(seed=2, options={"state": env.point.x})
+    still = env.action_space.low * 0.0
+    places = [env.step(still)[4]["X"][0] for _ in range(1000)]
+    winds = np.diff(places)
+    assert np.corrcoef(winds[1:], winds[:-1])[0, 1] == pytest.approx(0.5, abs=0.07)
+
+
 def test_cost_weights_equal_those_of_a_game():
     """Q and R given to an environment have the same effect as the cost of a deployment.
 
