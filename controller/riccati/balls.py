@@ -62,14 +62,14 @@ class BallMatrix(Protocol):
     """Matrix whose entries are balls. All operations contain the exact result."""
 
     @classmethod
-    def of(cls, matrix: np.ndarray | arb_mat) -> Self:
-        """Return a matrix that contains the given one."""
+    def of(cls, matrix: np.ndarray | arb_mat | Self) -> Self:
+        """Return a matrix that contains the given one, itself if it is of this kind."""
 
     @classmethod
-    def around(cls, middle: arb_mat, spread: Sequence[arb]) -> Self:
+    def around(cls, middle: arb_mat | Self, spread: Sequence[arb]) -> Self:
         """Return the symmetric matrix with the radius s_i s_j about each entry of a middle.
 
-        middle: (n, n), exact
+        middle: (n, n), exact, or a matrix that contains it
         spread: s, (n,)
         """
 
@@ -111,15 +111,17 @@ class Balls:
     matrix: arb_mat
 
     @classmethod
-    def of(cls, matrix: np.ndarray | arb_mat) -> Self:
-        """Return a matrix that contains the given one."""
+    def of(cls, matrix: np.ndarray | arb_mat | Balls) -> Balls:
+        """Return a matrix that contains the given one, itself if it is of this kind."""
+        if isinstance(matrix, Balls):
+            return matrix
         return cls(ball_matrix(matrix) if isinstance(matrix, np.ndarray) else matrix)
 
     @classmethod
-    def around(cls, middle: arb_mat, spread: Sequence[arb]) -> Self:
+    def around(cls, middle: arb_mat | Balls, spread: Sequence[arb]) -> Balls:
         """Return the symmetric matrix with the radius s_i s_j about each entry of a middle."""
         column = ball_matrix([[each] for each in spread])
-        return cls(middle + _centered(column * column.transpose()))
+        return cls(cls.of(middle).matrix + _centered(column * column.transpose()))
 
     @property
     def rows(self) -> int:
@@ -127,31 +129,31 @@ class Balls:
         return int(self.matrix.nrows())
 
     @property
-    def T(self) -> Self:
+    def T(self) -> Balls:
         """The transpose."""
         return type(self)(self.matrix.transpose())
 
-    def beside(self, right: Self) -> Self:
+    def beside(self, right: Balls) -> Balls:
         """Return [self right]."""
         return type(self)(stacked([[self.matrix, right.matrix]]))
 
-    def block(self, rows: slice, columns: slice) -> Self:
+    def block(self, rows: slice, columns: slice) -> Balls:
         """Return some rows and columns."""
         return type(self)(part(self.matrix, rows, columns))
 
-    def __neg__(self) -> Self:
+    def __neg__(self) -> Balls:
         return type(self)(-self.matrix)
 
-    def __add__(self, other: Self) -> Self:
+    def __add__(self, other: Balls) -> Balls:
         return type(self)(self.matrix + other.matrix)
 
-    def __sub__(self, other: Self) -> Self:
+    def __sub__(self, other: Balls) -> Balls:
         return type(self)(self.matrix - other.matrix)
 
-    def __matmul__(self, other: Self) -> Self:
+    def __matmul__(self, other: Balls) -> Balls:
         return type(self)(self.matrix * other.matrix)
 
-    def times(self, factor: arb) -> Self:
+    def times(self, factor: arb) -> Balls:
         """Return the product with a ball."""
         return type(self)(self.matrix * factor)
 
@@ -185,8 +187,10 @@ class DoubleBalls:
     radius: np.ndarray
 
     @classmethod
-    def of(cls, matrix: np.ndarray | arb_mat) -> Self:
-        """Return a matrix that contains the given one."""
+    def of(cls, matrix: np.ndarray | arb_mat | DoubleBalls) -> DoubleBalls:
+        """Return a matrix that contains the given one, itself if it is of this kind."""
+        if isinstance(matrix, DoubleBalls):
+            return matrix
         if isinstance(matrix, np.ndarray):
             return cls(matrix, np.zeros_like(matrix))
         middle = midpoints(matrix)
@@ -194,7 +198,7 @@ class DoubleBalls:
         return cls(middle, UP * (spread + 2.0 * ROUNDOFF * np.abs(middle)) + UNDERFLOW)
 
     @classmethod
-    def around(cls, middle: arb_mat, spread: Sequence[arb]) -> Self:
+    def around(cls, middle: arb_mat | DoubleBalls, spread: Sequence[arb]) -> DoubleBalls:
         """Return the symmetric matrix with the radius s_i s_j about each entry of a middle."""
         inner = cls.of(middle)
         sizes = UP * np.array([float(each.upper()) for each in spread]) + UNDERFLOW**0.5
@@ -206,34 +210,34 @@ class DoubleBalls:
         return len(self.midpoint)
 
     @property
-    def T(self) -> Self:
+    def T(self) -> DoubleBalls:
         """The transpose."""
         return type(self)(self.midpoint.T, self.radius.T)
 
-    def beside(self, right: Self) -> Self:
+    def beside(self, right: DoubleBalls) -> DoubleBalls:
         """Return [self right]."""
         both = ((self.midpoint, right.midpoint), (self.radius, right.radius))
         return type(self)(*map(np.hstack, both))
 
-    def block(self, rows: slice, columns: slice) -> Self:
+    def block(self, rows: slice, columns: slice) -> DoubleBalls:
         """Return some rows and columns."""
         return type(self)(self.midpoint[rows, columns], self.radius[rows, columns])
 
-    def __neg__(self) -> Self:
+    def __neg__(self) -> DoubleBalls:
         return type(self)(-self.midpoint, self.radius)
 
-    def __add__(self, other: Self) -> Self:
+    def __add__(self, other: DoubleBalls) -> DoubleBalls:
         return self._rounded(self.midpoint + other.midpoint, other)
 
-    def __sub__(self, other: Self) -> Self:
+    def __sub__(self, other: DoubleBalls) -> DoubleBalls:
         return self._rounded(self.midpoint - other.midpoint, other)
 
-    def _rounded(self, middle: np.ndarray, other: Self) -> Self:
+    def _rounded(self, middle: np.ndarray, other: DoubleBalls) -> DoubleBalls:
         return type(self)(
             middle, UP * (self.radius + other.radius + ROUNDOFF * np.abs(middle)) + UNDERFLOW
         )
 
-    def __matmul__(self, other: Self) -> Self:
+    def __matmul__(self, other: DoubleBalls) -> DoubleBalls:
         terms = self.midpoint.shape[1] + 2
         left, right = np.abs(self.midpoint), np.abs(other.midpoint)
         with np.errstate(over="ignore", invalid="ignore"):  # a bound of inf or nan proves nothing
@@ -241,7 +245,7 @@ class DoubleBalls:
             spread = self.radius @ (right + other.radius)
             return type(self)(self.midpoint @ other.midpoint, UP * (rounding + spread) + UNDERFLOW)
 
-    def times(self, factor: arb) -> Self:
+    def times(self, factor: arb) -> DoubleBalls:
         """Return the product with a ball."""
         by = DoubleBalls.of(ball_matrix([[factor]]))
         value, spread = by.midpoint[0, 0], by.radius[0, 0]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.riccati.balls import DoubleBalls, midpoints, precision
+from controller.riccati.balls import Balls, DoubleBalls, midpoints, precision
 from controller.riccati.enclosure import (
     GAIN_CHANGE,
     RAISED,
@@ -143,70 +143,78 @@ def gain_change(enclosure: Enclosure) -> float:
 def _gain_change(enclosure: Enclosure) -> float:
     found = enclosure.proved
     equation = found.bounds
-    number = equation.arithmetic
-    n, m = equation.n, equation.R.nrows()
-    A, B, E, Q, N, R = (
-        *(equation.A, equation.B, equation.E, equation.Q, equation.N),
-        number.of(equation.R),
-    )
-    signs = _signs(n * (n + m + enclosure.game.E.shape[1]))
-    of_A, of_B, of_E = np.split(np.finfo(float).eps * signs, [n * n, n * (n + m)])
-    of_states, of_inputs = of_A[:n], of_B[:m]
+    # Bounds are not needed: doubles, or balls for their bits.
+    plain: Callable[[Any], Any] = _doubles if equation.arithmetic is DoubleBalls else _balls
+    n, m, k = equation.n, equation.R.nrows(), 0
+    A, E, Q, X = map(plain, (equation.A, equation.E, equation.Q, found.middle))
+    gains = plain(found.gains.mid())
+    F = plain(equation.loop(found.middle, equation.arithmetic.of(found.gains)))
+    if isinstance(equation, StepEquation):
+        G, C, W = map(plain, (equation.G, equation.C, equation.W))
+        k = len(found.equation.units.disturbances) if equation.is_disturbed else 0
+    else:
+        G, C, W = map(plain, (equation.B, equation.N, equation.R))
+    signs = np.finfo(float).eps * _signs(n * (n + m + enclosure.game.E.shape[1]))
+    of_A, of_B, of_E = np.split(signs, [n * n, n * (n + m)])
+    of_states, of_inputs = of_A[:n], np.append(of_B[:m], np.zeros(k))
 
     def changed(matrix: Any, factors: np.ndarray) -> Any:
-        middle = _middle(matrix)
-        return number.of(middle * factors.reshape(middle.shape))
+        middle = _doubles(matrix)
+        return plain(middle * factors.reshape(middle.shape))
 
-    dA, dB, dE = changed(A, of_A), changed(B, of_B), changed(E, of_E)
+    of_G = [of_B.reshape(n, m), of_E.reshape(n, -1)[:, :k]]
+    dA, dG = changed(A, of_A), changed(G, np.hstack(of_G))
     dQ = changed(Q, np.add.outer(of_states, of_states))
-    dN = changed(N, np.add.outer(of_states, of_inputs))
-    dR = changed(R, np.add.outer(of_inputs, of_inputs))
-    X, gains = number.of(found.X), number.of(found.gains.mid())
-    K, F = gains.block(slice(m), slice(None)), equation.loop(X, gains)
-    pushed = dA - dB @ K
-    if equation.is_disturbed:
-        L = -gains.block(slice(m, None), slice(None))
-        if not equation.is_discrete:
-            L = (E.T @ X).times(equation.w)
-        pushed = pushed + dE @ L
-    crossed = dN @ K
-    moved = dQ - crossed - crossed.T + K.T @ (dR @ K)
+    dC = changed(C, np.add.outer(of_states, of_inputs))
+    of_W = np.add.outer(of_inputs, of_inputs)
+    of_W[m:, m:] = 0.0  # the game's delta
+    dW = changed(W, of_W)
+    pushed = dA - dG @ gains
+    if equation.is_disturbed and not equation.is_discrete:
+        L = found.equation.E.matrix.transpose() * found.X * equation.w
+        pushed = pushed + changed(E, of_E) @ plain(L)
+    crossed = dC @ gains
+    moved = dQ - crossed - crossed.T + gains.T @ (dW @ gains)
     cross = F.T @ (X @ pushed) if equation.is_discrete else X @ pushed
     moved = moved + cross + cross.T
-    Z = number.of(_moved_value(F, moved, is_discrete=equation.is_discrete))
-    priced = dN.T - dR @ K
-    if isinstance(equation, StepEquation):
-        dG = dB.beside(dE) if equation.is_disturbed else dB
-        right = equation.G.T @ (Z @ F + X @ pushed) + dG.T @ (X @ F)
-        others = number.of(np.zeros((n, gains.rows - m)))
-        right = right + priced.T.beside(others).T
-        price = number.of(equation.W) + equation.G.T @ (X @ equation.G)
-        dK = number.of(_solved(price, right)).block(slice(m), slice(None))
+    Z = plain(_moved_value(F, moved, is_discrete=equation.is_discrete))
+    right = dC.T - dW @ gains
+    if equation.is_discrete:
+        right = right + G.T @ (Z @ F + X @ pushed) + dG.T @ (X @ F)
+        W = W + G.T @ (X @ G)
     else:
-        dK = number.of(_solved(R, B.T @ Z + dB.T @ X + priced))
-    change, pushed_by_K, plant = map(_middle, (B @ dK, B @ K, A))
-    return relative_change(change, pushed_by_K, plant)
+        right = right + G.T @ Z + dG.T @ X
+    of_gains = _doubles(_solved(W, right))
+    B = _doubles(equation.B)
+    return relative_change(B @ of_gains[:m], B @ _doubles(gains)[:m], _doubles(A))
 
 
-def _middle(matrix: Any) -> np.ndarray:
-    """Return the midpoints of a matrix of balls of either arithmetic."""
-    is_fast = isinstance(matrix, DoubleBalls)
-    return matrix.midpoint if is_fast else midpoints(matrix.matrix)
+def _doubles(matrix: Any) -> np.ndarray:
+    """Return the midpoints of a matrix of any kind."""
+    if isinstance(matrix, DoubleBalls):
+        return matrix.midpoint
+    if isinstance(matrix, np.ndarray):
+        return matrix
+    return midpoints(matrix.matrix if isinstance(matrix, Balls) else matrix)
+
+
+def _balls(matrix: Any) -> Balls:
+    """Return a matrix of any kind in `Balls`."""
+    return matrix if isinstance(matrix, Balls) else Balls.of(matrix)
 
 
 def _moved_value(F: Any, moved: Any, *, is_discrete: bool) -> np.ndarray | arb_mat:
     """Return Z of F'Z + Z F + moved = 0, (n, n), in discrete time F'Z F - Z + moved = 0."""
-    if isinstance(F, DoubleBalls):
-        solver = lyapunov_of(F.midpoint, is_discrete=is_discrete)
-        return solver.solve(-moved.midpoint)[0]
-    return lyapunov_in_bits(F.matrix.mid(), moved.matrix.mid(), is_discrete=is_discrete)
+    if isinstance(F, Balls):
+        return lyapunov_in_bits(F.matrix.mid(), moved.matrix.mid(), is_discrete=is_discrete)
+    return lyapunov_of(F, is_discrete=is_discrete).solve(-moved)[0]
 
 
 def _solved(matrix: Any, right: Any) -> np.ndarray | arb_mat:
     """Return matrix⁻¹ right."""
-    if isinstance(matrix, DoubleBalls):
-        return np.linalg.solve(matrix.midpoint, right.midpoint)
-    return matrix.matrix.mid().solve(right.matrix.mid()).mid()
+    if isinstance(matrix, Balls):
+        return matrix.matrix.mid().solve(right.matrix.mid()).mid()
+    return np.linalg.solve(matrix, right)
 
 
 def _signs(count: int) -> np.ndarray:

@@ -65,6 +65,30 @@ def scaled_balls(matrix: arb_mat, rows: np.ndarray, columns: np.ndarray) -> arb_
     return ball_matrix([[next(entries) * i * j for j in right] for i in left])
 
 
+class Entries(NamedTuple):
+    """Matrices of a game in exact units, without discount, in balls where doubles overflow."""
+
+    A: np.ndarray | arb_mat
+    B: np.ndarray | arb_mat
+    E: np.ndarray | arb_mat
+    Q: np.ndarray | arb_mat
+    R: np.ndarray | arb_mat
+    N: np.ndarray | arb_mat
+
+    @classmethod
+    def of(cls, game: Game, units: Units) -> Entries:
+        """Return the matrices of a game."""
+        z, u, d = units
+        return cls(
+            scaled(game.A, -z, z),
+            scaled(game.B, -z, u),
+            scaled(game.E, -z, d),
+            _symmetric(game.Q, z),
+            _symmetric(game.R, u),
+            scaled(game.N, z, u),
+        )
+
+
 class Sensitivity(NamedTuple):
     """Bounds of the changes if X is changed by a symmetric Z, (n, n), with price |Z| <= 1/2.
 
@@ -97,7 +121,12 @@ class Equation(ABC, Generic[Matrix]):
     is_discrete: ClassVar[bool]
 
     def __init__(
-        self, game: Game, units: Units, arithmetic: type[Matrix], delta: float | None = None
+        self,
+        game: Game,
+        units: Units,
+        arithmetic: type[Matrix],
+        delta: float | None = None,
+        entries: Entries | None = None,
     ) -> None:
         from flint import arb
 
@@ -107,25 +136,24 @@ class Equation(ABC, Generic[Matrix]):
         self.units = units
         self.arithmetic = arithmetic
         self.delta = game.delta if delta is None else delta
-        z, u, d = units
-        root = arb(game.discount).sqrt()
+        self.entries = entries or Entries.of(game, units)
+        A, B, E, Q, R, N = self.entries
 
-        def rates(matrix: np.ndarray, columns: np.ndarray) -> Matrix:
-            exact = arithmetic.of(scaled(matrix, -z, columns))
-            return exact if game.discount == 1.0 else exact.times(root)
+        def rates(exact: np.ndarray | arb_mat) -> Matrix:
+            found = arithmetic.of(exact)
+            return found if game.discount == 1.0 else found.times(arb(game.discount).sqrt())
 
         self.n = len(game.A)
         self.is_disturbed = math.isfinite(self.delta) and bool(game.E.any())
         self.w = 1 / arb(self.delta) ** 2 if self.is_disturbed else arb(0)
-        self.A, self.B, self.E = rates(game.A, z), rates(game.B, u), rates(game.E, d)
-        self.Q = arithmetic.of(_symmetric(game.Q, z))
-        self.R = _balls(_symmetric(game.R, u))
-        self.N = arithmetic.of(scaled(game.N, z, u))
+        self.A, self.B, self.E = rates(A), rates(B), rates(E)
+        self.Q, self.N = arithmetic.of(Q), arithmetic.of(N)
+        self.R = _balls(R)
 
     def with_arithmetic(self, arithmetic: type[Other]) -> Equation[Other]:
         """Return the same equation in another arithmetic."""
         if self._other is None or self._other.arithmetic is not arithmetic:
-            self._other = equation_of(self.game, self.units, arithmetic, self.delta)
+            self._other = equation_of(self.game, self.units, arithmetic, self.delta, self.entries)
         return self._other
 
     def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
@@ -290,7 +318,7 @@ class StepEquation(Equation[Matrix]):
     @cached_property
     def C(self) -> arb_mat:
         """[N 0], (n, m + k), in `Balls`."""
-        N = _balls(scaled(self.game.N, self.units.states, self.units.inputs))
+        N = _balls(self.entries.N)
         if not self.is_disturbed:
             return N
         return stacked([[N, ball_matrix(np.zeros(self.game.E.shape))]])
@@ -364,11 +392,17 @@ def _of(matrix: BallMatrix) -> arb_mat:
 
 
 def equation_of(
-    game: Game, units: Units, arithmetic: type[Matrix], delta: float | None = None
+    game: Game,
+    units: Units,
+    arithmetic: type[Matrix],
+    delta: float | None = None,
+    entries: Entries | None = None,
 ) -> Equation[Matrix]:
     """Return the Riccati equation of a game.
+
+    entries: of the game in the units, if they are known
 
     Raises ZeroDivisionError if R is singular in continuous time.
     """
     kind = StepEquation[Matrix] if game.is_discrete else ContinuousEquation[Matrix]
-    return kind(game, units, arithmetic, delta)
+    return kind(game, units, arithmetic, delta, entries)

@@ -18,7 +18,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic
 
-from controller.riccati.balls import Balls, ball_matrix, identity, norm, symmetric
+import numpy as np
+
+from controller.riccati.balls import Balls, ball_matrix, symmetric
 from controller.riccati.equation import Equation, Matrix, change_along
 
 if TYPE_CHECKING:
@@ -39,6 +41,7 @@ class Stabilizing(Generic[Matrix]):
     equation: the Riccati equation, in `Balls` and exact units
     bounds: the same equation, in the arithmetic of the bounds
     X: (n, n), exact
+    middle: X in the arithmetic of the bounds
     spread: s, (n,); |P_ij - X_ij| <= s_i s_j
     gains: of P, (m, n), in discrete time (m + k, n), in `Balls`
     """
@@ -46,17 +49,18 @@ class Stabilizing(Generic[Matrix]):
     equation: Equation[Balls]
     bounds: Equation[Matrix]
     X: arb_mat
+    middle: Matrix
     spread: tuple[arb, ...]
     gains: arb_mat
 
     @cached_property
     def P(self) -> Matrix:
         """P, (n, n), in the arithmetic of the bounds."""
-        return self.bounds.arithmetic.around(self.X, self.spread)
+        return self.bounds.arithmetic.around(self.middle, self.spread)
 
 
 def stabilizing(
-    equation: Equation[Balls], X: arb_mat, Y: arb_mat, arithmetic: type[Matrix]
+    equation: Equation[Balls], X: arb_mat, Y: arb_mat | np.ndarray, arithmetic: type[Matrix]
 ) -> Stabilizing[Matrix]:
     """Return the ball about X that is proved to contain the stabilizing solution.
 
@@ -70,18 +74,20 @@ def stabilizing(
     bounds: Equation[Any] = equation
     if arithmetic is not Balls:
         bounds = equation.with_arithmetic(arithmetic)
-    X, Y = symmetric(X), symmetric(Y)
+    X = symmetric(X)
+    Y = (Y + Y.T) / 2.0 if isinstance(Y, np.ndarray) else symmetric(Y)
     try:
         gains, residual = equation.gains_and_residual(X)
     except ZeroDivisionError:
         raise NotProvedError("the price at X may be singular") from None
-    loop, shape = bounds.loop(arithmetic.of(X), arithmetic.of(gains)), arithmetic.of(Y)
+    middle, shape = arithmetic.of(X), arithmetic.of(Y)
+    loop = bounds.loop(middle, arithmetic.of(gains))
     if not proves_stable(loop, shape, DEFECT, is_discrete=bounds.is_discrete):
         raise NotProvedError("the loop of both players at X")
-    size, rho = shape.norm(), norm(residual)
+    size, rho = shape.norm(), arithmetic.of(residual).norm()
     zeta = 4 * rho
     farthest = zeta * size  # |Z| is at most this
-    sensitivity = bounds.sensitivity(arithmetic.of(X), loop)
+    sensitivity = bounds.sensitivity(middle, loop)
     moved = sensitivity.loop * farthest  # bound of the change of the loop
     through = loop.norm() if equation.is_discrete else 1
     is_near = sensitivity.price * farthest <= 0.5
@@ -93,7 +99,7 @@ def stabilizing(
     spread = tuple((zeta * Y[i, i]).sqrt().upper() for i in range(equation.n))
     of_gains = sensitivity.gains * sum((each**2 for each in spread), zeta * 0).sqrt()
     changes = [[_ball(of_gains * each) for each in spread]] * gains.nrows()
-    return Stabilizing(equation, bounds, X, spread, gains + ball_matrix(changes))
+    return Stabilizing(equation, bounds, X, middle, spread, gains + ball_matrix(changes))
 
 
 def prove_value(found: Stabilizing[Matrix], Y: arb_mat | None = None) -> None:
@@ -127,7 +133,7 @@ def proves_stable(loop: Matrix, Y: Matrix, most: float = 1.0, *, is_discrete: bo
 
     In discrete time, |F'Y F - Y + 1| < most.
     """
-    one = type(Y).of(identity(Y.rows))
+    one = type(Y).of(np.eye(Y.rows))
     defect = (change_along(loop, Y, is_discrete=is_discrete) + one).norm()
     return bool(defect < most) and Y.is_positive_definite()
 

@@ -66,7 +66,7 @@ class Proposal(NamedTuple):
 
     equation: Equation[Balls]
     X: arb_mat
-    Y: arb_mat
+    Y: arb_mat | np.ndarray
 
 
 def in_doubles(game: Game, delta: float) -> Proposal:
@@ -125,7 +125,7 @@ def _corrected(game: Game, delta: float, units: Units, X: np.ndarray) -> Proposa
             break
         exact = (exact + ball_matrix(correction)).mid()
     Y, _ = lyapunov.solve(-np.eye(len(F)))
-    return Proposal(equation, exact, ball_matrix(Y))
+    return Proposal(equation, exact, Y)
 
 
 def lyapunov_of(F: np.ndarray, *, is_discrete: bool) -> Lyapunov:
