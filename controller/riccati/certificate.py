@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.riccati.balls import Balls, DoubleBalls, midpoints, precision
+from controller.riccati.balls import Balls, DoubleBalls, midpoints, part, precision
 from controller.riccati.enclosure import (
     GAIN_CHANGE,
     RAISED,
@@ -184,9 +184,15 @@ def _gain_change(enclosure: Enclosure) -> float:
         W = W + G.T @ (X @ G)
     else:
         right = right + G.T @ Z + dG.T @ X
-    of_gains = _doubles(_solved(W, right))
-    B = _doubles(equation.B)
-    return relative_change(B @ of_gains[:m], B @ _doubles(gains)[:m], _doubles(A))
+    B, inputs = plain(equation.B), slice(m)
+    change, K = (_rows(each, inputs) for each in (_solved(W, right), found.gains.mid()))
+    return relative_change(_doubles(B @ plain(change)), _doubles(B @ plain(K)), _doubles(A))
+
+
+def _rows(matrix: arb_mat | np.ndarray, rows: slice) -> arb_mat | np.ndarray:
+    if isinstance(matrix, np.ndarray):
+        return matrix[rows]
+    return part(matrix, rows, slice(None))
 
 
 def _doubles(matrix: Any) -> np.ndarray:
