@@ -22,7 +22,8 @@ from trim.point.system import Evaluation, TrimSystem, declared_start
 STARTS = 8
 _FAR = 10.0
 #: Part of an effect, in balanced units, below which it counts as a combination of other effects:
-#: half of the digits of a double, far above roundings and far below effects that are used.
+#: half of the digits of a double. Where equations depend on each other only at the trim, a trim
+#: that balances to `BALANCE` leaves a hundredth of it.
 DEPENDENT = float(np.sqrt(np.finfo(float).eps))
 #: Most names in the advice on an output that no free variable changes.
 _MOST_DECIDING = 6
