@@ -125,7 +125,7 @@ def _check(
 def _type_of(value: Any) -> str:
     """Return the name of a type, and that of an element which is not a text: "list of int"."""
     kind = type(value).__name__
-    if not isinstance(value, list | tuple):
+    if kind not in ("list", "tuple"):
         return kind
     others = {type(each).__name__ for each in value if not isinstance(each, str)}
     return f"{kind} of {min(others)}" if others else kind

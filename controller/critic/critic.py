@@ -210,8 +210,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     """
     n, m = game.B.shape
     names = game.names.completed(n, m)
-    gain = numbers_in("K", in_order("K", K, names.inputs, names.states))
-    gain = gain[None] if gain.ndim == m == 1 else gain
+    gain = in_order("K", K, names.inputs, names.states)
     return Critic(game.checked_gain(gain), is_discrete=game.is_discrete)
 
 

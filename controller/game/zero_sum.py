@@ -275,12 +275,13 @@ class Game(ByValue, Reported):
         return self.R + self.discount * self.B.T @ P @ self.B if self.is_discrete else self.R
 
     def checked_gain(self, K: ArrayLike) -> np.ndarray:
-        """Return K as an array of floats.
+        """Return K, (m, n), or (n,) for one input, as a matrix of floats.
 
         Raises BadInputError if K is not a real m x n matrix, or contains a number out of range.
         """
         K = numbers_in("K", K)
         n, m = self.B.shape
+        K = K[None] if K.ndim == m == 1 else K
         if K.shape != (m, n):
             hint = ", such as the transpose of K" if K.shape == (n, m) else ""
             raise BadInputError(

@@ -126,3 +126,13 @@ def test_deviations_of_an_aircraft_are_no_doubtful_flight(folder: Path) -> None:
     """At the origin of a linear model, the deviation of the speed is 0."""
     assert cli.hfa("linearize", "--dihedral", "10", "-o", "linear.json").code == 0
     assert "Check:" not in cli.hfa("linearize", "--aircraft", "linear.json").out
+
+
+def test_a_vector_is_the_gain_of_a_single_input() -> None:
+    """(n,) is the gain of one input for critics, margins and flights, and of two inputs refused."""
+    linear = hfa.LinearModel.of(A, B)
+    game = hfa.game(linear, Q=np.eye(2), R=[1.0])
+    assert hfa.from_gain(game, [5.0, 2.0]).K.tolist() == [[5.0, 2.0]]
+    assert hfa.margins(linear, [5.0, 2.0])["u1"] == hfa.margins(linear, [[5.0, 2.0]])["u1"]
+    with pytest.raises(BadInputError, match="K is 2; give 2 x 2"):
+        hfa.margins(hfa.LinearModel.of(A, np.eye(2)), [5.0, 2.0])

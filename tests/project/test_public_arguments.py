@@ -15,6 +15,10 @@ FUNCTIONS = [name for name in dir(hfa) if inspect.isfunction(getattr(hfa, name))
 GAME = hfa.Game(np.eye(2), np.eye(2), Q=np.eye(2), R=np.eye(2))
 
 
+#: A point of the paper's aircraft.
+POINT = (hfa.trim(hfa.aircraft()).x, hfa.trim(hfa.aircraft()).u)
+
+
 class Other:
     """An object of no kind that a function accepts."""
 
@@ -48,6 +52,7 @@ def flown_with(weights):
         (lambda: hfa.game(control.tf([1], [1, 1])), "hfa.linearize"),
         (lambda: hfa.optimize(hfa.aircraft(), inputs="elevator"), "give a list"),
         (lambda: hfa.trim(hfa.aircraft(), free=["throttle", 3]), "list of int; .* a list of texts"),
+        (lambda: hfa.game(hfa.aircraft().at(*POINT)), "of type Linearization; give a LinearModel"),
         (lambda: hfa.identify(hfa.aircraft(), 3, free=["mass"]), "give a path or a table"),
         (lambda: hfa.identify(hfa.aircraft(), [3], free=["mass"]), "record 1 .* a dictionary"),
         (lambda: hfa.Scenario(delay="1 s"), "Scenario: delay is of type str; give a number"),

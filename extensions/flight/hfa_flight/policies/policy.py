@@ -120,7 +120,7 @@ class GainPolicy(Policy):
     """Policy u = -K z + u_d(t), with the measured error z = x - x_d of the states of the linear
     model.
 
-    K: (m, k), held column by column
+    K: (m, k), or (k,) for one input, held column by column
     feedforward: u_d, (m,), or None for 0
 
     Raises BadInputError for another shape or a number that is not finite.
@@ -132,6 +132,7 @@ class GainPolicy(Policy):
     def __post_init__(self) -> None:
         """Raise BadInputError for an invalid gain, and store it in `held`."""
         K = numbers_in("the gain", self.K)
+        K = K[None] if K.ndim == 1 else K
         if K.ndim != 2 or not K.size or not np.all(np.isfinite(K)):
             raise BadInputError(
                 f"the gain has shape {np.shape(self.K)}; give a matrix of finite numbers, "
