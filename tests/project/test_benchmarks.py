@@ -30,6 +30,26 @@ def test_a_job_refuses_a_peer_with_another_result():
             jobs.same_points(condition, [wrong], peers)
 
 
+def test_the_job_of_games_refuses_another_value(monkeypatch):
+    """A value of the peer that differs by 1e-5 is found."""
+    right = jobs.schur_value
+    monkeypatch.setattr(jobs, "schur_value", lambda game: 1.00001 * right(game))
+    with pytest.raises(AssertionError):
+        jobs.games(quick=True)
+
+
+def test_the_job_of_a_flight_refuses_another_loop(monkeypatch):
+    """A flight of the gain with its columns at the wrong places is found."""
+    right = hfa.fly
+
+    def fly(model, point, solution, **given):
+        return right(model, point, np.roll(solution.K, 1, axis=1), **given)
+
+    monkeypatch.setattr(hfa, "fly", fly)
+    with pytest.raises(AssertionError):
+        jobs.flight(quick=True)
+
+
 @pytest.mark.slow
 def test_every_job_runs(capsys, monkeypatch):
     """Every job runs at a toy size, and no result is stored."""
