@@ -27,6 +27,7 @@ from hfa_support.errors import (
     BadInputError,
     NotFiniteError,
     is_finite,
+    numbers_in,
     pair_of,
     refuse_unknown,
     shortened,
@@ -656,8 +657,15 @@ class Model(Reported):
         outputs: names of outputs or states
         disturbances: names of the disturbances in w
 
-        Raises BadInputError as `linearized` does, and NotFiniteError if a result is not finite.
+        Raises BadInputError for vectors of another length and as `linearized` does, and
+        NotFiniteError if a result is not finite.
         """
+        for vector, values, names in (("x", x, self.states), ("u", u, self.inputs)):
+            shape = numbers_in(vector, values).shape
+            if shape != (len(names),):
+                raise BadInputError(f"{vector} has shape {shape}; give {len(names)} numbers")
+        for name in outputs:
+            refuse_unknown("unknown output", name, (*self.outputs, *self.states))
         rows = linearized_rows(self.layout, tuple(outputs), tuple(disturbances))
         ((flat,),) = rows(*(np.asarray(vector)[None] for vector in (x, u, self.p)))
         n, m, k, d = len(self.states), len(self.inputs), len(outputs), len(disturbances)

@@ -136,3 +136,19 @@ def test_a_vector_is_the_gain_of_a_single_input() -> None:
     assert hfa.margins(linear, [5.0, 2.0])["u1"] == hfa.margins(linear, [[5.0, 2.0]])["u1"]
     with pytest.raises(BadInputError, match="K is 2; give 2 x 2"):
         hfa.margins(hfa.LinearModel.of(A, np.eye(2)), [5.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("x", "u", "outputs", "said"),
+    [
+        ([1.0], [0.0] * 5, (), "x has shape"),
+        ([0.0] * 7, "u", (), "u is 'u'; give numbers"),
+        ([0.0] * 7, [0.0] * 5, ("lif",), "unknown output 'lif'"),
+    ],
+)
+def test_a_point_of_another_length_is_refused(
+    x: object, u: object, outputs: object, said: str
+) -> None:
+    """`Model.at` names the vector and the number of its entries."""
+    with pytest.raises(BadInputError, match=said):
+        hfa.aircraft().at(x, u, outputs)
