@@ -35,7 +35,7 @@ from hfa_support.arrays.one_matrix import UNKNOWN
 from hfa_support.arrays.read import read_arrays
 from hfa_support.entry_points import CRITICS, loaded, offered
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shortened
-from hfa_support.files import MATRIX_FILES
+from hfa_support.files import MATRIX_FILES, regular_file
 from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.text import numbered
 
@@ -289,7 +289,7 @@ def is_network(path: Path) -> bool:
     names: list[str] = []
     try:
         if suffix == ".npz":
-            with zipfile.ZipFile(path) as archive:
+            with zipfile.ZipFile(regular_file(path)) as archive:
                 names = [name.removesuffix(".npy") for name in archive.namelist()]
         elif suffix == ".json":
             names = [str(name) for name in read_arrays(path)]

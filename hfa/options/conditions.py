@@ -110,8 +110,9 @@ def _table_of(path: Path) -> tuple[int, list[str], list[tuple[int, list[str]]]]:
             if any(cell.strip() for cell in row) and not row[0].strip().startswith("#")
         ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or error
         raise BadInputError(
-            f"{path} cannot be read ({error}); give a readable CSV file of conditions"
+            f"{path} cannot be read ({reason}); give a readable CSV file of conditions"
         ) from error
     if len(numbered) < 2:
         raise BadInputError(

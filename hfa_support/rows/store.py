@@ -20,7 +20,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from hfa_support.errors import BadInputError, missing_package, on_one_line, shown, warn
-from hfa_support.files import read_json
+from hfa_support.files import read_json, resolved
 from hfa_support.progress import Progress
 from hfa_support.rows.workers import open_workers
 from hfa_support.version import VERSION
@@ -122,7 +122,7 @@ def fill_store(
     Raises BadInputError if the store exists and `resume` is False, or if `resume` is True and the
     store is missing, damaged, or of another job or version.
     """
-    store = path.resolve()
+    store = resolved(path)
     chunks = job.chunks
     with open_workers(workers) as run:
         if resume:

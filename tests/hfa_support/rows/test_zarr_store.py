@@ -331,3 +331,9 @@ def test_a_link_out_of_a_store_is_refused(path, tmp_path):
     (path / "square" / "c").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(BadInputError, match="'square/c' differs from the store of this test"):
         fill_store(row_job(), path, resume=True)
+
+
+def test_a_link_to_itself_is_no_store(tmp_path):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with pytest.raises(BadInputError, match="loop"):
+        fill_store(row_job(), tmp_path / "loop", resume=True)

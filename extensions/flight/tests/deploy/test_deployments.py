@@ -200,7 +200,8 @@ def test_damaged_files_are_refused(folder, monkeypatch):
     monkeypatch.chdir(folder)
     (folder / "calls.pkl").write_bytes(pickle.dumps(Caller()))
     (folder / "empty.pkl").write_bytes(b"")
-    os.mkfifo(folder / "fifo.zip")
+    for name in ("fifo.zip", "fifo.npz"):
+        os.mkfifo(folder / name)
     K = np.full((2, 4), np.nan)
     np.savez("K.npz", K=K)
     np.savez("flat.npz", K=np.ones(4))
@@ -213,6 +214,7 @@ def test_damaged_files_are_refused(folder, monkeypatch):
         ("ppo_gtm.pkl", "calls.pkl", "would call"),
         ("ppo_gtm.pkl", "empty.pkl", "empty.pkl: the data are not a pickle"),
         ("ppo_gtm.zip", "fifo.zip", "not a regular file"),
+        ("ppo_gtm.zip", "fifo.npz", "not a regular file"),
         ("ppo_gtm.zip", "K.npz", "give finite entries"),
         ("ppo_gtm.zip", "flat.npz", "returns 1 actions"),
         ("ppo_gtm.zip", "text.npz", "text.npz cannot be read as .npz"),
