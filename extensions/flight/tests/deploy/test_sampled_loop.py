@@ -10,6 +10,7 @@ import pytest
 from policy_cases import GTM, gtm_deployment, model_of
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 from scipy.signal import cont2discrete
+from small_plants import oscillator
 
 import hfa
 from hfa import assess
@@ -153,17 +154,6 @@ def test_delays_are_searched_upward(case):
     assert all(radius < 1.0 for radius in delays.radii[:-1])
     assert delays.radii[-1] >= 1.0
     assert gain_case(delay=delays.limit)[0].radius >= 1.0
-
-
-def oscillator(high=9.0, sign=1.0):
-    """Return v' = -w^2 x - 2 v with sign * x' = v and x from -1 to `high`, of 1 Hz."""
-    w = 2.0 * np.pi
-    return hfa.Model(
-        "oscillator",
-        {"x": hfa.Signal("m", min=-1.0, max=high), "v": hfa.Signal("m/s", nominal=6.0)},
-        {"force": hfa.Signal("N", min=-1.0, max=1.0)},
-        lambda x, u, p, _: ({"x": sign * x.v, "v": -sign * w * w * x.x - 2.0 * x.v + u.force}, {}),
-    )
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ from policy_cases import (
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import block_diag, eigh, expm, solve_discrete_are
 from scipy.optimize import brentq
+from small_plants import deployed, scalar
 
 import hfa
 from hfa import Deployment, assess
@@ -26,18 +27,10 @@ from hfa_flight import Deployed
 
 
 def test_the_cost_ratio_is_that_of_the_closed_form():
-    """v' = v + u with u = -8 v held for 20 ms: its cost over (1 + sqrt 2) v(0)^2 of the optimum."""
+    """v' = v + f with f = -8 v held for 20 ms: its cost over (1 + sqrt 2) v(0)^2 of the optimum."""
     k, dt = 8.0, 0.02
-    limits = {"v": hfa.Signal("m/s", 1.0, -10.0, 10.0)}, {"u": hfa.Signal("N", 1.0, -50.0, 50.0)}
-    model = hfa.Model("cart", *limits, lambda x, u, p, w: ({"v": x.v + u.u}, {}), trim={"v": 0.0})
-    o = ca.SX.sym("o", 1)
-    eager = Deployment(
-        policy={"file": ca.Function("gain", [o], [-k * o])},
-        observation={"v": {}},
-        action={"u": {"box": [-50.0, 50.0]}},
-        timing={"dt": dt},
-        cost={"Q": {"v": 1.0}, "R": {"u": 1.0}},
-    )
+    model = scalar(lambda v, f: v + f, 10.0, 50.0)
+    eager = deployed(lambda v: -k * v, dt, [-50.0, 50.0])
 
     def held(t):
         return math.exp(t) - k * (math.exp(t) - 1.0)
@@ -114,22 +107,8 @@ def test_flights_that_do_not_return_are_counted_and_not_compared(strong, slope, 
 
     f = -6 v returns from v < 1.12, and f = -2 v + 4 v^3 from v < .354.
     """
-    model = hfa.Model(
-        "cubic",
-        {"v": hfa.Signal(min=-3.0, max=3.0)},
-        {"f": hfa.Signal(min=-10.0, max=10.0)},
-        lambda x, u, p, w: ({"v": x.v + 4.0 * x.v**3 + u.f}, {}),
-        trim={"v": 0.0},
-    )
-    o = ca.SX.sym("o")
-    command = -slope * o + (0.0 if strong else 4.0 * o**3)
-    deployment = Deployment(
-        policy={"file": ca.Function("gain", [o], [command])},
-        observation={"v": {}},
-        action={"f": {"box": [-10.0, 10.0]}},
-        timing={"dt": 0.02},
-        cost={"Q": {"v": 1.0}, "R": {"f": 1.0}},
-    )
+    model = scalar(lambda v, f: v + 4.0 * v**3 + f, 3.0, 10.0)
+    deployment = deployed(lambda v: -slope * v + (not strong) * 4.0 * v**3, 0.02, [-10.0, 10.0])
     found = assess(model, deployment, samples=3, seed=7, box={"v": 1.0})
     costs = found.points[0].costs
     assert (costs.starts, costs.lost, costs.lqr_lost, costs.both) == (3, lost, 1, both)
@@ -141,23 +120,10 @@ def stiff_case():
 
     At v = 1, the mode is 121 times faster than at the trim.
     """
-    model = hfa.Model(
-        "stiff",
-        {"v": hfa.Signal("m/s", nominal=1.0)},
-        {"force": hfa.Signal("m/s^2", min=-2.0, max=2.0, nominal=1.0)},
-        lambda x, u, p, w: ({"v": -x.v - 40.0 * x.v**3 + u.force}, {}),
-        trim={"v": 0.0},
-    )
+    model = scalar(lambda v, f: -v - 40.0 * v**3 + f, force=2.0)
     linear = hfa.linearize(model, hfa.trim(model))
     K = np.asarray(hfa.solve(hfa.game(linear, Q=[1.0], R=[1.0])).K).item()
-    o = ca.SX.sym("o")
-    deployment = Deployment(
-        policy={"file": ca.Function("gain", [o], [-K * o])},
-        observation={"v": {}},
-        action={"force": {}},
-        timing={"dt": 0.2},
-        cost={"Q": {"v": 1.0}, "R": {"force": 1.0}},
-    )
+    deployment = deployed(lambda v: -K * v, 0.2)
     return model, deployment, K
 
 
@@ -216,17 +182,8 @@ def test_the_first_departure_is_reported():
 
     v' = v leaves at 2 after ln(2 / v) s. The first of 20 begins beyond half the box, at 1.
     """
-    model = hfa.Model(
-        "unstable",
-        {"v": hfa.Signal("m/s", min=-2.0, max=2.0, nominal=2.0)},
-        {"f": hfa.Signal("m/s^2")},
-        lambda x, u, p, w: ({"v": x.v + u.f}, {}),
-        trim={"v": 0.0},
-    )
-    o = ca.SX.sym("o")
-    nothing = {"file": ca.Function("policy", [o], [0.0 * o])}
-    cost = {"Q": {"v": 1.0}, "R": {"f": 1.0}}
-    deployment = Deployment(nothing, {"v": {}}, {"f": {}}, {"dt": 0.01}, cost)
+    model = scalar(lambda v, f: v + f, 2.0)
+    deployment = deployed(lambda v: 0.0 * v, 0.01)
     sides = set()
     for seed in (0, 2):
         (found,) = assess(model, deployment, samples=20, seed=seed, box={"v": 1.0}).points

@@ -2,40 +2,21 @@
 
 import math
 
-import casadi as ca
 import numpy as np
 import pytest
+from small_plants import deployed, scalar
 
 import hfa
 
 #: v' = v + f with |f| <= 0.5: flights from |v| > 0.5 leave the limits.
-UNSTABLE = hfa.Model(
-    "unstable",
-    {"v": hfa.Signal("m/s", min=-2.0, max=2.0, nominal=1.0)},
-    {"f": hfa.Signal("m/s^2", min=-0.5, max=0.5, nominal=1.0)},
-    lambda x, u, p, w: ({"v": x.v + u.f}, {}),
-    trim={"v": 0.0},
-)
-
-#: v' = f - 0.1 v.
-SLOW = hfa.Model(
-    "slow",
-    {"v": hfa.Signal("m/s", min=-2.0, max=2.0, nominal=1.0)},
-    {"f": hfa.Signal("m/s^2", min=-0.5, max=0.5, nominal=1.0)},
-    lambda x, u, p, w: ({"v": u.f - 0.1 * x.v}, {}),
-    trim={"v": 0.0},
-)
+UNSTABLE = scalar(lambda v, f: v + f, 2.0, 0.5)
+SLOW = scalar(lambda v, f: f - 0.1 * v, 2.0, 0.5)
 
 
 def deployment(gain, offset=0.0):
-    """Return f = -gain v + offset at 20 Hz."""
-    o = ca.SX.sym("o")
-    return hfa.Deployment(
-        policy={"file": ca.Function("policy", [o], [-gain * o + offset])},
-        observation={"v": {"about": 0.0}},
-        action={"f": {}},
-        timing={"dt": 0.05},
-    )
+    """Return f = -gain v + offset at 20 Hz, without a cost."""
+    policy = lambda v: -gain * v + offset  # noqa: E731
+    return deployed(policy, 0.05, observation={"v": {"about": 0.0}}, cost=None)
 
 
 def test_every_flight_must_converge_or_the_required_share():
@@ -106,13 +87,7 @@ def test_an_equilibrium_beyond_the_limits_fails_without_flights(offset, passes):
 
 def test_a_flight_that_departs_again_has_not_converged():
     """v' = .005 v grows by 5 % in the last ten seconds, also from the 15 of 400 starts near 0."""
-    model = hfa.Model(
-        "slow",
-        {"v": hfa.Signal(nominal=1.0, min=-50.0, max=50.0)},
-        {"f": hfa.Signal()},
-        lambda x, u, p, w: ({"v": 0.005 * x.v + u.f}, {}),
-        trim={"v": 0.0},
-    )
+    model = scalar(lambda v, f: 0.005 * v + f, 50.0)
     for gain, converged in ((0.0, 0), (0.2, 400)):
         (found,) = hfa.assess(model, deployment(gain), samples=400, box={"v": 0.1}).points
         assert found.flights.converged == converged

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from policy_cases import ROOT, aircraft, gtm_deployment, model_of, stored_deployment, trims
+from small_plants import oscillator
 from tolerances import SAME_FORMULA
 
 import hfa
@@ -185,14 +186,7 @@ def test_the_limit_that_is_left_is_named(side):
 
 def test_a_limit_passed_between_two_samples_is_named():
     """An oscillator of 1 Hz is below -1 m only in the middle of a sample of half a second."""
-    w = 2.0 * np.pi
-    model = hfa.Model(
-        "oscillator",
-        {"x": hfa.Signal("m", min=-1.0, max=9.0), "v": hfa.Signal("m/s", nominal=6.0)},
-        {"force": hfa.Signal("N", min=-1.0, max=1.0)},
-        lambda x, u, p, _: ({"x": x.v, "v": -w * w * x.x - 2.0 * x.v + u.force}, {}),
-    )
-    env = environment(model, dt=0.5)
+    env = environment(oscillator(), dt=0.5)
     env.reset(options={"state": {"x": 0.0, "v": -9.0}})
     *_, lost, _, info = env.step(np.array([0.0]))
     assert lost
