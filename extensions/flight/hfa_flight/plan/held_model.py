@@ -173,7 +173,7 @@ class HeldModel:
 
     @cached_property
     def _one(self) -> BoundFunction:
-        return BoundFunction(self.sample)
+        return BoundFunction(machine_code(self.sample))
 
     def after(self, z: np.ndarray, v: np.ndarray, seconds: float) -> np.ndarray:
         """Return the states after a hold that is not longer than the first one, (n,)."""

@@ -111,6 +111,7 @@ class Planner:
         self.model = HeldModel(scaled, grid.dt * longest)
         self._halves = HeldModel(scaled, 0.5 * grid.dt * longest)
         self._flights = HeldModel(scaled, np.full(2 * count, 0.5 * grid.dt))
+        self._gains, _ = gains_of(grid.at(0).linear, P)
         self._gain_flight = self._flight_of_gain()
         self._programs = self._all_programs()
 
@@ -358,9 +359,8 @@ class Planner:
 
     def _inputs_of_gains(self, z: np.ndarray, factor: float) -> np.ndarray:
         """Return the inputs of the linear optimum times a factor, within the limits, (N, m)."""
-        holds = self.grid.at(0)
         inputs = []
-        for gain, samples in zip(gains_of(holds.linear, self.P)[0], holds.samples, strict=True):
+        for gain, samples in zip(self._gains, self.grid.at(0).samples, strict=True):
             inputs.append(np.clip(-factor * gain @ z, *self.scaled.input_limits))
             for _ in range(samples):
                 z = self.model.after(z, inputs[-1], self.grid.dt)

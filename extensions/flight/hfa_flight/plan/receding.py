@@ -209,7 +209,8 @@ class RecedingHorizon:
             memory.waits = False
             plan = self.planner.flown(z, last.v, memory.room)
             if not plan.cost <= _LOST * last.cost:
-                return self._begin_plan(z, until)
+                plan = min(plan, *self.planner.guesses(z, memory.room), key=lambda each: each.cost)
+                memory.least = self._value(plan)
             return last if np.array_equal(z, last.z[0]) else self._improved(plan, until)
         return self._one_sample_later(last, z, until)
 

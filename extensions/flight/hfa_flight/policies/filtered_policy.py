@@ -172,6 +172,25 @@ class FilteredPolicy(SampledPolicy):
         """Forget the samples of an earlier flight: the estimate is the trim."""
         object.__setattr__(self, "_memory", self._new())
 
+    def begin(self, X: Any) -> None:
+        """Begin a flight, and make the first plan of a law that plans before its first sample.
+
+        X: all states that are expected at the first sample, absolute, (n,)
+        """
+        memory = self._new()
+        memory.law = self._made_law()
+        object.__setattr__(self, "_memory", memory)
+        if isinstance(self.law, SampledPolicy):
+            self.law.begin(X)
+
+    def _made_law(self) -> _Law:
+        """Return the law of a flight. All functions of a sample are made before the flight."""
+        if self._sample is None:
+            memory = self._new()
+            self._functions.updated.at(memory.estimate, np.zeros(len(self.filter.sensors)))
+            self._later(memory.estimate, [*memory.waiting, memory.waiting[-1]])
+        return _law_of(self.law, self.point, self.dt)
+
     def _new(self) -> _Memory:
         late = in_samples(self.delay, self.dt).whole
         still = [np.zeros(len(self.point.u)) for _ in range(late + 1)]
@@ -221,7 +240,7 @@ class FilteredPolicy(SampledPolicy):
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,)."""
         memory = self._new()
-        memory.law = _law_of(self.law, self.point, self.dt)
+        memory.law = self._made_law()
         object.__setattr__(self, "_memory", memory)
         rows = self.point.model.state_places(self.filter.sensors)
         return self._held_between_samples(lambda _, measured: self._next(memory, measured[rows]))
@@ -238,7 +257,7 @@ class FilteredPolicy(SampledPolicy):
             memory.unused += bool(is_left_out[0])
             return u
         if memory.law is None:
-            memory.law = _law_of(self.law, self.point, self.dt)
+            memory.law = self._made_law()
         known, n, k = self.filter, len(self.filter.Phi), len(self.filter.states)
         still = np.zeros(len(self.point.u))
         updated, is_left_out = self._functions.updated.at(memory.estimate, y)

@@ -63,6 +63,10 @@ class SampledPolicy(Policy):
     def reset(self) -> None:
         """Forget the samples of an earlier flight."""
 
+    def begin(self, X: Any) -> None:
+        """Begin a flight from expected states, (n,): a policy that plans makes its first plan."""
+        self.reset()
+
     def report(self) -> Report:
         """Return a report of the policy and of what the samples of its last flight needed."""
         return Report(f"Policy: {self.name}", self.notes(), data=self.data(self.point.model))
