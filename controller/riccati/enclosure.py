@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -21,7 +22,7 @@ from controller.riccati.balls import (
     part,
     precision,
 )
-from controller.riccati.equation import Equation, Matrix, Units, equation_of, scaled_balls
+from controller.riccati.equation import Matrix, equation_of, scaled_balls
 from controller.riccati.proof import (
     NotProvedError,
     Stabilizing,
@@ -147,7 +148,7 @@ def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str
     """
     if has_exact_weights(game):
         return _decided(game, delta, digits=digits)
-    with suppress(FailedError, NotProvedError), precision(BITS):
+    with suppress(FailedError, NotProvedError), precision(BITS), np.errstate(all="ignore"):
         proposal = in_doubles(game, delta)
         found = stabilizing(proposal.equation, proposal.X, proposal.Y, DoubleBalls)
         prove_value(found)
@@ -194,44 +195,46 @@ def relative_change(change: np.ndarray, pushed: np.ndarray, plant: np.ndarray) -
 
 def _decided(game: Game, delta: float, *, digits: bool) -> Enclosure | str:
     """Return the enclosure of a game with semidefinite weights, or why it has no value."""
-    proposal = None
-    with precision(BITS):
-        try:
-            proposal = in_doubles(game, delta)
-        except FailedError:
-            equation = _equation(game, first_units(game, delta), delta)
-            if reason := why_no_value(equation, None, in_bits=False):
-                return reason
-        else:
-            outcome = _outcome(proposal, DoubleBalls, digits=digits, in_bits=False)
-            if outcome is not None:
-                return outcome
-    if reason := why_never(game):
-        return reason
-    for attempt in ATTEMPTS:
-        with precision(attempt):
-            if proposal is not None and attempt <= 2 * BITS:
-                with suppress(FailedError):
-                    outcome = _outcome(corrected(proposal), Balls, digits=digits, in_bits=False)
-                    if outcome is not None:
-                        return outcome
-            try:
-                in_bits = proposal_in_bits(game, delta)
-            except FailedError:
-                equation = _equation(game, first_units(game, delta), delta)
-                if reason := why_no_value(equation, None, in_bits=True):
-                    return reason
-            else:
-                outcome = _outcome(in_bits, Balls, digits=digits, in_bits=True)
-                if outcome is not None:
-                    return outcome
-        is_time = attempt == 2 * BITS and len(game.A) <= MOST_STATES
-        if is_time and (reason := why_never_at(game, delta)):
-            return reason
+    for outcome in _outcomes(game, delta, digits=digits):
+        if outcome:
+            return outcome
     raise UndecidedError(
         f"neither a value nor that there is none is proved with {ATTEMPTS[-1]} bits: the game is on"
         " a boundary; change delta or the weights slightly"
     )
+
+
+def _outcomes(game: Game, delta: float, *, digits: bool) -> Iterator[Enclosure | str]:
+    """Yield what proposals prove with more and more bits, and what rationals decide, or ""."""
+
+    def in_lapack() -> Proposal:
+        return in_doubles(game, delta)
+
+    def refined() -> Proposal:
+        return corrected(in_lapack())
+
+    def with_bits() -> Proposal:
+        return proposal_in_bits(game, delta)
+
+    def proved(attempt: int, propose: Callable[[], Proposal], arithmetic: Any) -> Enclosure | str:
+        in_bits = propose is with_bits
+        with precision(attempt), np.errstate(all="ignore"):  # what is not finite proves nothing
+            try:
+                proposal = propose()
+            except FailedError:
+                equation = equation_of(game, first_units(game, delta), Balls, delta)
+                return why_no_value(equation, None, in_bits=in_bits)
+            return _outcome(proposal, arithmetic, digits=digits, in_bits=in_bits)
+
+    yield proved(BITS, in_lapack, DoubleBalls)
+    yield proved(BITS, refined, Balls)
+    yield why_never(game)
+    for attempt in ATTEMPTS:
+        yield proved(attempt, with_bits, Balls)
+        if attempt == BITS:
+            yield proved(2 * BITS, refined, Balls)
+        if attempt == 2 * BITS and len(game.A) <= MOST_STATES:
+            yield why_never_at(game, delta)
 
 
 def enclosed_in_bits(game: Game, attempt: int) -> Enclosure:
@@ -262,8 +265,8 @@ def _value(proposal: Proposal, arithmetic: type[Matrix]) -> Stabilizing[Matrix]:
 
 def _outcome(
     proposal: Proposal, arithmetic: type[Matrix], *, digits: bool, in_bits: bool
-) -> Enclosure | str | None:
-    """Return what a proposal proves: an enclosure, a reason why there is no value, or None."""
+) -> Enclosure | str:
+    """Return what a proposal proves: an enclosure, a reason why there is no value, or ""."""
     found = None
     try:
         found = stabilizing(proposal.equation, proposal.X, proposal.Y, arithmetic)
@@ -274,14 +277,10 @@ def _outcome(
                 return reason
             prove_value(found, of_control_loop(found))
     except (FailedError, NotProvedError):
-        return why_no_value(proposal.equation, found, in_bits=in_bits) or None
+        return why_no_value(proposal.equation, found, in_bits=in_bits)
     if digits and uncertain(found, zeros=bits() > BITS):
-        return None
+        return ""
     return Enclosure(found, bits())
-
-
-def _equation(game: Game, units: Units, delta: float) -> Equation[Balls]:
-    return equation_of(game, units, Balls, delta)
 
 
 def has_exact_weights(game: Game) -> bool:

@@ -97,8 +97,8 @@ def _columns(matrix: fmpq_mat) -> fmpq_mat:
     """Return independent columns that span the same space."""
     from flint import fmpq_mat
 
-    rows = matrix.tolist()
-    return fmpq_mat([[row[j] for j in _pivots(matrix)] for row in rows])
+    pivots = _pivots(matrix)
+    return fmpq_mat([[row[j] for j in pivots] for row in matrix.tolist()])
 
 
 def _kernel(matrix: fmpq_mat) -> fmpq_mat:
