@@ -12,8 +12,8 @@ from trim.point.condition import TrimCondition, release
 from trim.point.problem import DEPENDENT, TrimProblem
 from trim.point.status import BALANCE
 
-#: Residuals below this fraction of the largest are not named.
-_MINOR = 1e-3
+#: Residuals, and differences of two trims, below this fraction of the largest are not named.
+MINOR = 1e-3
 
 
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
@@ -78,7 +78,7 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
     by_size = sorted(
         zip(problem.system.equations.rows, scaled, strict=True), key=lambda pair: -abs(pair[1])
     )
-    least = max(BALANCE, _MINOR * max(map(abs, scaled)))
+    least = max(BALANCE, MINOR * max(map(abs, scaled)))
     words = []
     for row, residual in by_size:
         if abs(residual) > least:

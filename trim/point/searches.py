@@ -19,6 +19,7 @@ from hfa_support.errors import BadInputError
 from trim.point.condition import usual_condition
 from trim.point.halving import newton
 from trim.point.problem import TrimProblem
+from trim.point.status import BALANCE
 from trim.point.system import Structure, TrimSystem, equations as equations_of
 
 #: Continuation from the trim that the model declares: first and smallest step of s, and largest
@@ -182,6 +183,7 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
     part = _PartOfUnknowns(problem, nearest, moving)
     bounds = (lowest[moving], highest[moving])
     inside = np.clip(nearest[moving], bounds[0] + _INSIDE, bounds[1] - _INSIDE)
+    # It stops where doubles end; `TrimProblem.solved` judges where.
     tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": bounds}
     solution = least_squares(part.residual, inside, jac=part.jacobian, **tight)
     return part.all_unknowns(solution.x)
@@ -215,7 +217,7 @@ class _PartOfUnknowns(NamedTuple):
 _IPOPT: dict[str, Any] = {
     "print_level": 0,
     "sb": "yes",
-    "tol": 1e-10,
+    "tol": BALANCE,
     "bound_relax_factor": 0.0,
     "max_iter": 200,
 }

@@ -8,7 +8,7 @@ import numpy as np
 
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import Cell, Table, shown_value
-from trim.point.diagnosis import failure
+from trim.point.diagnosis import MINOR, failure
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import STARTS, TrimProblem
 from trim.point.status import BALANCE, Status
@@ -17,8 +17,6 @@ from trim.point.system import declared_start
 #: Smaller scaled residuals are printed as this: they are about fifty roundings, and differ between
 #: processors.
 _NOISE = 1e-14
-#: Fraction of the largest difference of two trims below which a variable is not named.
-_MINOR = 1e-3
 
 
 def equations_of(point: OperatingPoint) -> dict[str, dict[str, Any]]:
@@ -172,7 +170,7 @@ def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoi
     """Return a sentence on another trim, with an initial point that leads to it."""
     model = problem.model
     apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values))
-    names = [problem.free[i] for i in np.flatnonzero(apart > _MINOR * apart.max())]
+    names = [problem.free[i] for i in np.flatnonzero(apart > MINOR * apart.max())]
     values = ", ".join(f"{name} {model.describe(name, other.values[name])}" for name in names)
     # states decide which trim is found; the search chooses the inputs that balance them
     begin = [name for name in names if name not in model.inputs] or names
