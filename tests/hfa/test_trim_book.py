@@ -158,6 +158,24 @@ def test_a_model_without_a_speed_has_a_book(folder: Path) -> None:
     assert "torque [N m]" in (folder / "pendulum.html").read_text("utf-8")
 
 
+@pytest.mark.parametrize(
+    ("held", "said"),
+    [
+        (("mass=20", "speed=30,35"), "mass13.5kgasloaded;20kgintheconditions"),
+        (("mass=12,20",), "mass13.5kgasloaded;12to20kgintheconditions"),
+        (("Ixz=0.2", "speed=30,35"), "mass13.5kgasloadedissued"),
+    ],
+)
+def test_the_cover_has_the_mass_as_loaded_and_in_the_conditions(held, said, folder: Path) -> None:
+    options = [f"--hold={each}" for each in held]
+    path = folder / "mass.pdf"
+    run = command(
+        "trim", "--aircraft", f"{ROOT}/examples/uav.toml", *options, "-q", "-o", str(path)
+    )
+    assert run.code == 0, run.err
+    assert said in "".join(pypdf.PdfReader(path).pages[0].extract_text().split())
+
+
 def test_a_single_sheet_has_its_document_too(folder: Path) -> None:
     """The same words in Python."""
     model = hfa.load_model(str(folder / "uav.toml"))

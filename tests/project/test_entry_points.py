@@ -207,7 +207,7 @@ def test_commands_declared_twice_are_refused_by_the_names_of_their_packages(tmp_
 #: Program that loads every command without the packages of the extras.
 WITHOUT_EXTRAS = """
 import sys
-for name in "distributed flint gymnasium jsbsim onnx plotly xarray zarr".split():
+for name in "distributed flint gymnasium jsbsim onnx plotly reportlab xarray zarr".split():
     sys.modules[name] = None
 import hfa
 from hfa.entry_points import commands

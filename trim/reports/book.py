@@ -25,7 +25,7 @@ from hfa_support.reporting.text import (
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import RESULTS, TRIMMED
-from trim.reports.configuration import configuration_of
+from trim.reports.configuration import PARAMETER_OF_ENTRY, configuration_of
 from trim.reports.first_lines import subject
 from trim.reports.matrix import result_of
 from trim.reports.trimmed import Trimmed
@@ -108,24 +108,38 @@ def _numbered(number: int, count: int, condition: Condition) -> Condition:
 def _loaded(conditions: Sequence[Condition]) -> dict[str, str]:
     """Return mass and center of gravity as the aircraft was loaded, and over the conditions."""
     points = [each.point for each in conditions if each.point is not None]
-    found = [configuration_of(Trimmed(point)) for point in points]
-    unchanged = [each for each, point in zip(found, points, strict=True) if not point.model.changed]
+    found = [(point, configuration_of(Trimmed(point))) for point in points]
     entries = {}
     for name, label in _LOADED.items():
-        values = [each[name][0] for each in found if name in each]
-        if not values:
+        known = [(point, *entry[name]) for point, entry in found if name in entry]
+        if not known:
             continue
-        unit = next(each[name][1] for each in found if name in each)
+        unit = known[0][2]
+        loaded = (_as_loaded(point, name, value) for point, value, _ in known)
+        first = next((value for value in loaded if value is not None), None)
+        values = [value for _, value, _ in known]
         low, high = (short_number(end, unit, 6) for end in (min(values), max(values)))
-        texts = []
-        if unchanged:
-            loaded = short_number(unchanged[0][name][0], unit, 6)
-            texts.append(f"{beside_unit(loaded, unit)} as loaded")
-        if low != high or not texts:
-            ends = low if low == high else f"{low} to {high}"
-            texts.append(f"{beside_unit(ends, unit)} in the conditions")
+        ends = low if low == high else f"{low} to {high}"
+        texts = [f"{beside_unit(ends, unit)} in the conditions"]
+        if first is not None:
+            usual = short_number(first, unit, 6)
+            same = usual == ends
+            texts = [f"{beside_unit(usual, unit)} as loaded", *([] if same else texts)]
         entries[label] = "; ".join(texts)
     return entries
+
+
+def _as_loaded(point: OperatingPoint, name: str, value: float) -> float | None:
+    """Return an entry of the configuration as the aircraft was loaded, or None where it is unknown
+    because it may depend on a changed parameter.
+
+    value: the entry at the point
+    """
+    changed = point.model.changed
+    parameter = PARAMETER_OF_ENTRY.get(name, name)
+    if parameter in changed:
+        return changed[parameter]
+    return value if parameter in point.model.parameters or not changed else None
 
 
 # The matrix
@@ -134,11 +148,11 @@ def _loaded(conditions: Sequence[Condition]) -> dict[str, str]:
 def _moved(conditions: Sequence[Condition]) -> list[str]:
     """Return the inputs that are not 0 in each condition."""
     points = [each.point for each in conditions if each.point is not None]
-    moved: dict[str, None] = {}
-    for point in points:
-        margins = (point.margins[name] for name in point.model.inputs)
-        moved |= {each.name: None for each in margins if not is_zero(each.value, each.scale)}
-    return [*moved]
+    return [
+        name
+        for name in (points[0].model.inputs if points else ())
+        if not all(is_zero(each.margins[name].value, each.margins[name].scale) for each in points)
+    ]
 
 
 def _matrix(conditions: Sequence[Condition]) -> tuple[Table | str, ...]:
@@ -150,7 +164,7 @@ def _matrix(conditions: Sequence[Condition]) -> tuple[Table | str, ...]:
         called = f"{number} {condition.name}".rstrip()
         entries.append({**_named(condition, called), **_figures(condition, controls)})
         said = {row.name: str(row.value) for row in condition.report.sheet}
-        texts = [said[name].removeprefix(f"{condition.name}, ") for name in _SAID if name in said]
+        texts = [said[name] for name in _SAID if name in said]
         if texts:
             notes.append(f"{called}: {'; '.join(texts)}")
     header = tuple(dict.fromkeys(name for entry in entries for name in entry))

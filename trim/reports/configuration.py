@@ -31,6 +31,7 @@ _ENTRIES = {
 }
 #: Parameter of a table -> its entry, where that has another name.
 _ENTRY_OF_PARAMETER = {"cg": "center_of_gravity"}
+PARAMETER_OF_ENTRY = {entry: name for name, entry in _ENTRY_OF_PARAMETER.items()}
 #: Entries that are optional, because 0 or unimportant where they are missing.
 _OPTIONAL = ("center_of_gravity_y", "Ixz")
 
