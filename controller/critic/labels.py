@@ -61,8 +61,9 @@ def blocks_in_order(
     names = [each for word in stated for each in own.get(word, (word,))]
     wanted = [each for block in own.values() if set(block) & set(names) for each in block]
     if sorted(names) != sorted(wanted):
-        known = ", ".join([*own, *(each for block in own.values() for each in block)])
+        signals = ", ".join(each for block in own.values() for each in block)
         raise BadInputError(
-            f"{name} lists {shortened(', '.join(stated), 200)}; give each of {known} once"
+            f"{name} lists {shortened(', '.join(stated), 200)}; give the blocks "
+            f"{', '.join(own)}, or their signals ({shortened(signals, 200)}), each of them once"
         )
     return [names.index(each) for each in wanted]
