@@ -253,7 +253,7 @@ def test_h_is_read_in_the_order_that_its_file_lists() -> None:
     for signals in (["u", "x"], names):
         turned = stored("turned.json", H=H[np.ix_(places, places)], H_signals=signals)
         np.testing.assert_array_equal(critic_in(turned, STEPS).K, own.K)
-    with pytest.raises(BadInputError, match="H_signals lists u, z; give each of x, u, w"):
+    with pytest.raises(BadInputError, match="H_signals lists u, z; give the blocks x, u, w, or"):
         critic_in(stored("odd.json", H=H, H_signals=["u", "z"]), STEPS)
 
 
