@@ -57,6 +57,17 @@ _RECOGNIZED = {
     "r": (("r", "yaw_rate"), _RATE),
     "phi": (("phi", "roll", "bank", "roll_angle", "bank_angle"), _ANGLE),
 }
+#: Usual word or symbol -> name of another variable in the models of this project.
+_WORDS = {
+    **dict.fromkeys(("n", "nz", "g", "g_load"), "load_factor"),
+    **dict.fromkeys(("m", "mach_number", "ma"), "mach"),
+    **dict.fromkeys(("fpa", "flight_path", "flight_path_angle", "climb"), "gamma"),
+    **dict.fromkeys(("psi", "heading"), "yaw"),
+    "psi_dot": "turn_rate",
+    "omega": "turn_rate",
+    **dict.fromkeys(("cas", "ias", "kias"), "kcas"),
+    "eas": "keas",
+}
 #: Mode -> states that dominate it, and another mode whose states must exist.
 _MODES = {
     "short period": (("alpha", "q"), "short period"),
@@ -419,15 +430,24 @@ class Model(Reported):
                 f"{ISA}"
             )
         known = dict.fromkeys((*self.holdable, *also, *self.parameters))
-        if (
-            name in ("bank", "bank_angle")
-            and name not in known
-            and {"roll", "turn_rate"} <= {*known}
-        ):
+        meant = "" if name in known else self._meant(name)
+        if meant == recognized(self.states).get("phi") and "turn_rate" in known:
             raise BadInputError(
-                f"{meaning} {name!r}; give a level turn by --hold roll=ANGLE --free turn_rate"
+                f"{meaning} {name!r}; give a level turn by --hold {meant}=ANGLE --free turn_rate"
             )
+        if meant in known:
+            raise BadInputError(f"{meaning} {name!r}; did you mean {meant}?")
         refuse_unknown(meaning, name, known)
+
+    def _meant(self, word: str) -> str:
+        """Return the variable that a usual word or symbol names: roll of "phi", or ""."""
+        plain = word.lower()
+        for role, state in recognized(self.states).items():
+            if plain in _RECOGNIZED[role][0]:
+                return state
+        if plain in _ALTITUDES:
+            return next(iter(altitudes(self)), "")
+        return _WORDS.get(plain, "")
 
     @cached_property
     def limits(self) -> dict[str, tuple[float, float]]:

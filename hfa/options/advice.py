@@ -58,6 +58,8 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
     """
     if failure.attempt._unmoved:
         return ""
+    if of_inputs := _free_inputs(given):
+        return of_inputs
     model, condition = given.model, given.condition
     changing = [name for name in model.states if conversion(model.unit(name), "m")]
     if "load_factor" in condition.imposed:
@@ -94,6 +96,25 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
     if not found:
         return ""
     return f"a trim exists with {' or '.join(found)}"
+
+
+def _free_inputs(given: GivenTrim) -> str:
+    """Return which inputs to set free if the default trim of an aircraft, as of an FMU, holds all
+    at their start values, or "": those that are not 0, else all, if a trim then exists.
+    """
+    model, condition = given.model, given.condition
+    declared = usual_condition(model).imposed
+    held = [name for name in model.inputs if name in declared and name not in given.hold]
+    if not held or any(name not in (*declared, *given.hold) for name in model.inputs):
+        return ""
+    for names in ([name for name in held if declared[name]], held):
+        try:
+            trim(model, release(condition, free=[*names]), given.start)
+        except (BadInputError, TrimError):
+            continue
+        options = " ".join(f"--free {name}" for name in names)
+        return f"the trim holds the inputs at their start values; one exists with {options}"
+    return ""
 
 
 def _too_weak(given: GivenTrim, failure: TrimError) -> dict[str, float]:

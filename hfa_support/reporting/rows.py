@@ -21,6 +21,8 @@ from hfa_support.reporting.text import (
     wrapped,
 )
 
+#: Text for a quality below level 3, the last one.
+BELOW_LEVEL_3 = "> 3"
 #: Longest text that is printed as a value, characters.
 _LONGEST = 24
 #: Gap between two columns, and least width of the column of notes.
@@ -62,7 +64,7 @@ class Row(Result):
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {"value": self.value, "unit": self.unit} | without_empty(
-            note=self.note or None, level=self.level
+            note=self.note or None, level=self.stated_level
         )
 
     def cells(self) -> tuple[str, str, str, str]:
@@ -73,6 +75,11 @@ class Row(Result):
         if isinstance(self.value, str) and len(self.value) > _LONGEST and not self.note:
             return self.name, "", "", self.value
         return self.name, self._value_text(), self.printed_unit, self.note
+
+    @property
+    def stated_level(self) -> int | str | None:
+        """Level of flying qualities, with "> 3" for none of the three."""
+        return BELOW_LEVEL_3 if self.level is not None and self.level > 3 else self.level
 
     @property
     def printed_unit(self) -> str:
@@ -235,7 +242,7 @@ def matrix_of(sheets: Sequence[Sheet]) -> Table:
                 shown = float(shown_values(value, row.unit)) + 0.0 if is_angle else value  # not -0
                 entry[f"{name} [{row.printed_unit}]" if row.printed_unit else name] = shown
             if row.level is not None:
-                entry[f"{row.name} level"] = row.level
+                entry[f"{row.name} level"] = row.stated_level
         entries.append(entry)
         place = 0
         for name in entry:

@@ -68,10 +68,10 @@ def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(file, variable, v
         entry = data.pop(row.name)
         stored = complex(*entry["value"]) if isinstance(row.value, complex) else entry["value"]
         found = stored, entry["unit"], entry.get("level")
-        assert found == (row.value, row.unit, row.level)
+        assert found == (row.value, row.unit, row.stated_level)
         level = cells.pop(f"{row.name} level", None)
-        assert level == (None if row.level is None else str(row.level))
-        assert records.pop(f"{row.name} level", None) == row.level
+        assert level == (None if row.level is None else str(row.stated_level))
+        assert records.pop(f"{row.name} level", None) == row.stated_level
         parts = {row.name: row.value}
         if isinstance(row.value, complex):
             parts = {

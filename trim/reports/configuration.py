@@ -89,6 +89,10 @@ def configuration_rows(trimmed: Trimmed) -> tuple[list[Row | Lacking], list[str]
     rows: list[Row | Lacking] = [
         Row(label, *entries[name], notes.get(name, ""), digits=6) for name, label in labels.items()
     ]
+    for name, label in labels.items():
+        full = model.signals[name].full if name in model.signals else 0.0
+        if full:  # as it acts, beside the share that is typed
+            rows.append(Row(f"{label} angle", entries[name][0] * full, "rad", rare=True))
     if entries.keys() & _ENTRIES.keys() or "alpha" in trimmed.roles:
         missing = [label for name, label in _ENTRIES.items() if name not in (*entries, *_OPTIONAL)]
         has_center = any(name.startswith("center_of_gravity") for name in entries)

@@ -108,15 +108,15 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
     for title, _, lines in sheet.groups:
         said[f"on {title}"] = [line for line in lines if line != ASSUMED]
     rows = [Row(name, _joined(words), rare=True) for name, words in said.items() if words]
-    levels = {row.name: row.level for row in sheet if row.level is not None}
+    levels = {row.name: row for row in sheet if row.level is not None}
     if levels:
         chosen, why = chosen_airplane(trimmed, airplane)
-        worst = max(levels.values())
-        named = [name for name, level in levels.items() if level == worst > 1]
+        worst = max(levels.values(), key=lambda row: row.level or 0)
+        named = [name for name, row in levels.items() if row.level == worst.level != 1]
         rows += [
             Row("airplane class", chosen.class_, note=why, rare=True),
             Row("flight phase category", chosen.category, rare=True),
-            Row("worst level", worst, note=", ".join(named), rare=True),
+            Row("worst level", worst.stated_level, note=", ".join(named), rare=True),
         ]
     return rows
 
