@@ -252,9 +252,15 @@ def digits_with_unit(value: float, unit: str, count: int = 3, nominal: float = 1
 def eigenvalue_text(value: complex) -> str:
     """Return the text of a real eigenvalue or a conjugate pair, for example "-0.0144 ± 0.7458i".
 
+    A part that four decimals do not show has an exponent; rounding is 0 in `value`.
+
     value: the eigenvalue, or either member of the pair
     """
-    return f"{value.real:.4f}" + (f" ± {abs(value.imag):.4f}i" if value.imag else "")
+    real, imaginary = (
+        four_decimals(part) if part == 0.0 or abs(part) >= 5e-5 else f"{part:.1e}"
+        for part in (value.real, abs(value.imag))
+    )
+    return real + (f" ± {imaginary}i" if value.imag else "")
 
 
 def _entry_text(value: float) -> str:
