@@ -28,8 +28,8 @@ report: .venv/report
 
 # Every stored picture of the documents anew; those of the page and of sheets need the browser Chromium and pdftoppm.
 # docs/pictures/NAME has those that the commands of docs/NAME.md draw.
-# Pages have few colors: 64 are enough.
-SHRINK = import sys; from PIL import Image; [Image.open(path).convert("RGB").quantize(64).save(path, optimize=True) for path in sys.argv[1:]]
+# Pages have few colors: 64 are enough, if they cover all (method 1).
+SHRINK = import sys; from PIL import Image; [Image.open(path).convert("RGB").quantize(64, 1).save(path, optimize=True) for path in sys.argv[1:]]
 ILLUSTRATE = import sys; sys.path[:0] = ['tests/support', 'tests/project', '.']; import test_docs; test_docs.illustrate()
 pictures: .venv/ready
 	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results --beside examples/uav.toml

@@ -62,9 +62,7 @@ class TrimRequest(Request, PointOptions):
         "the HFA from the front with its loads, the variables of another aircraft in their "
         "limits, or alpha, controls and static margin of several conditions"
     )
-    document: str = option(
-        "number and revision, in the head of -o FILE.pdf and FILE.html", "TEXT", default=""
-    )
+    document: str = option("number and revision, in the head of files of -o", "TEXT", default="")
     full: bool = option("print all figures, equations, limits and participations")
     class_: str = option(
         f"airplane class of MIL-F-8785C: {', '.join(CLASSES)}; default by weight",

@@ -106,7 +106,8 @@ class Report:
         """
         from hfa_support.reporting.markup import as_markdown, report_as_markdown
 
-        shown = [
+        shown = ["\n".join(f"- {printable(': '.join(entry))}" for entry in self.head.items())]
+        shown += [
             part.markdown(level + 1) if isinstance(part, Report) else as_markdown(part)
             for part in self.parts
             if not isinstance(part, Picture)

@@ -99,10 +99,10 @@ def test_each_trim_has_a_numbered_page_with_all_its_rows(pages: list[str], folde
         assert ("STALLED" in text, "Check:" in text) == (name == "stall", name == "planted")
 
 
-def test_html_and_latex_say_the_same(folder: Path) -> None:
+def test_html_latex_and_markdown_say_the_same(folder: Path) -> None:
     """The matrix in HTML links to the sheets."""
     document = ("--document", "TR-12, revision B")
-    for suffix in ("html", "tex"):
+    for suffix in ("html", "tex", "md"):
         written(folder, *document, "-o", str(folder / f"book.{suffix}"))
         text = (folder / f"book.{suffix}").read_text("utf-8")
         for said in ("TR-12, revision B", "STALLED: CL", "principal moment", "a value between"):
