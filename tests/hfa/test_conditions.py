@@ -46,6 +46,7 @@ def test_ranges_and_lists_have_units():
     for typed, speeds in (
         ("speed=60kt:80kt:10kt", [60 * knot, 70 * knot, 80 * knot]),
         ("speed=60kt,35", [60 * knot, 35.0]),
+        ("speed=35:35.3:0.1", [35.0, 35.1, 35.2, 35.3]),  # (35.3 - 35) / 0.1 is below 3
     ):
         values = answer(*words, typed)["values"]
         assert [row[0] for row in values] == pytest.approx(speeds)
