@@ -157,7 +157,7 @@ def _on_basis(
         z = symbols_for([psi], len(scales))
         psi = ca.Function("basis", [z], [psi(ca.DM(scales) * z)])
     critic = from_weights(game, weights, psi, float(layer.bias[0]), stored.precision)
-    return replace(critic, origin=origin, is_layer=True)
+    return replace(critic, origin=origin, is_layer=True, stated=stored.stated)
 
 
 def is_taken_as_policy(name: str, size: int, m: int) -> bool:

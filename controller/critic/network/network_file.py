@@ -208,11 +208,14 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         for kind, part in parts.items()
     }
     on_basis = _layer_on_basis(chosen, asked)
-    if on_basis is not None:
-        chain = f"{asked.basis_size} functions -> 1"
-        return NetworkFile({}, chain, precision, on_basis=on_basis)
     read = {layer.name for layers in chosen.values() for layer in layers}
     unread = [name for name in tensors if _layer(name) not in read]
+    if unread:
+        names = shortened(", ".join(roots(unread)), 200)
+        stated = stated._replace(notes=(*stated.notes, f"not used: {names}"))
+    if on_basis is not None:
+        chain = f"{asked.basis_size} functions -> 1"
+        return NetworkFile({}, chain, precision, stated, on_basis)
     functions: dict[str, ca.Function] = {}
     rows: dict[str, RowNetwork] = {}
     chains = [stated.algorithm] if stated.algorithm else []
@@ -222,9 +225,6 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         chains.append(_description(kind, layers))
         if of_rows is not None:
             rows[kind] = of_rows
-    if unread:
-        names = shortened(", ".join(roots(unread)), 200)
-        stated = stated._replace(notes=(*stated.notes, f"not used: {names}"))
     return NetworkFile(functions, "; ".join(chains), precision, stated, rows=rows)
 
 

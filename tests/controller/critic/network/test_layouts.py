@@ -289,3 +289,11 @@ def test_a_policy_of_other_observations_is_no_q_function() -> None:
     game = hfa.Game(-np.eye(2), np.ones((2, 1)), Q=np.ones(2), R=np.ones(1))
     with pytest.raises(BadInputError, match="has 3 inputs, but 2 observations are given"):
         hfa.read_critic(ZIPS / "sac.zip", game)
+
+
+def test_a_layer_on_a_basis_says_what_its_file_contains_besides() -> None:
+    """A value of 6 weights beside an actor, which is not used."""
+    stored = chain("value", widths=(6, 1)) | chain(*ACTOR)
+    critic = read(torch_file("both.pt", stored), network="V=value")
+    assert critic.weights is not None
+    assert critic.stated.notes == ("not used: actor",)
