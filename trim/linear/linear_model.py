@@ -13,7 +13,7 @@ from hfa_aircraft.matrices import plant_model
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.signals import Signal, StatesAndInputs
 from hfa_support.arguments import ArrayLike
-from hfa_support.errors import BadInputError, file_faults, prefix_errors
+from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors
 from hfa_support.files import read_json
 from hfa_support.labels import in_order, labels_of
 from hfa_support.matrices import LARGEST, balanced, checked_matrix, shape_text
@@ -82,8 +82,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def __post_init__(self) -> None:
         """Make A and B indexable by names."""
         vars(self).update(
-            A=with_names(self.A, self.states, self.states),
-            B=with_names(self.B, self.states, self.inputs),
+            A=with_names(numbers_in("A", self.A), self.states, self.states),
+            B=with_names(numbers_in("B", self.B), self.states, self.inputs),
         )
 
     @classmethod
