@@ -7,6 +7,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.riccati.gare import Solution
 from hfa_support.reporting.text import percent
+from verification.critic_errors import relative_error
 
 #: Number of random states in the box, half of them corners, and the same for a wide network.
 STATES = 8000
@@ -15,6 +16,8 @@ STATES_OF_WIDE = 200
 CLIPPED = 3
 #: Largest error of the rest of a policy with a bias or clipped actions.
 REST = 0.01
+#: An input that stays below this part of the largest exact one is squashed.
+SQUASHED = 0.9
 
 
 def mistake_of_policy(critic: Critic, exact: Solution, box: np.ndarray, limit: float) -> str:
@@ -58,9 +61,27 @@ def mistake_of_policy(critic: Critic, exact: Solution, box: np.ndarray, limit: f
     if clips:
         facts.append(f"{', '.join(clips)} of the box")
     if not facts or not rest <= REST:
-        return ""
+        return _squashed(critic, exact, u, sizes)
     otherwise = "exact" if rest <= limit else f"off by {rest:.2g}"
     return f"{'; '.join(facts)}; otherwise the policy is {otherwise}"
+
+
+def _squashed(critic: Critic, exact: Solution, u: np.ndarray, sizes: np.ndarray) -> str:
+    """Return a sentence on inputs with right slopes that stay below the exact ones, or "".
+
+    u: inputs at states in the box, (N, m)
+    sizes: largest exact inputs in the box, (m,)
+    """
+    if relative_error(critic.K, exact.K) > REST:
+        return ""
+    texts = [
+        f"{name} stays within ±{reach:.4g}{_shown(unit)}, where the exact one reaches {size:.4g}"
+        for name, unit, reach, size in zip(
+            exact.names.inputs, exact.names.input_units, np.abs(u).max(axis=0), sizes, strict=True
+        )
+        if reach < SQUASHED * size
+    ]
+    return f"K is right, but {', '.join(texts)}: a squash, as tanh" if texts else ""
 
 
 def bias_text(critic: Critic, exact: Solution) -> str:
