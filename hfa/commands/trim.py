@@ -173,7 +173,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
         records=matrix(asked, sheets),
         failure=f"{failed} of {count} conditions have no trim" if failed else "",
-        notes=_repeated(points),
+        notes=(*_repeated(points), *_kept_cells(points)),
     )
     names = [str(report.data.get("name", "")) for report in reports]
     made = zip(names, reports, trims, strict=True)
@@ -191,6 +191,15 @@ def _repeated(points: GivenPoints) -> tuple[str, ...]:
             notes.append(f"condition {row.name or number} is that of condition {first} again")
         seen.append(plain)
     return tuple(notes)
+
+
+def _kept_cells(points: GivenPoints) -> list[str]:
+    """Return notes on cells that replace a value of --hold."""
+    return [
+        f"{name} of {', '.join(row.name or 'a condition' for row in rows)} is that of the file, "
+        "not that of the option"
+        for name, rows in points.trims.rows_with_their_own().items()
+    ]
 
 
 def _named(report: Report, name: str) -> Report:

@@ -159,21 +159,27 @@ class TrimInput(NamedTuple):
         return self.trim(at, self.held())
 
     def for_row(self, row: ListedCondition) -> TrimInput:
-        """Return what the options and a condition say about its trim.
+        """Return what the options and a condition say about its trim. A cell replaces an option.
 
-        Raises BadInputError for a variable that both give.
+        Raises BadInputError for a variable that an option and each condition give.
         """
-        names = {*self.hold, *([] if self.at is None else [self.model.schedule])}
-        for name in row.values:
-            if name in names:
+        for name, rows in self.rows_with_their_own().items():
+            if len(rows) == len(self.rows):
                 raise BadInputError(f"give {name} either in the file of --conditions or by --hold")
         free = tuple(name for name in self.free if name not in row.values)
         return self._replace(
             hold={**self.hold, **{name: (value,) for name, value in row.values.items()}},
             free=tuple(dict.fromkeys((*free, *row.free))),
             limits={**self.limits, **row.limits},
+            at=None if self.model.schedule in row.values else self.at,
             rows=(),
         )
+
+    def rows_with_their_own(self) -> dict[str, list[ListedCondition]]:
+        """Return variable of --hold or --at -> conditions that give it too, if any do."""
+        names = [*self.hold, *([] if self.at is None else [self.model.schedule])]
+        stated = {name: [row for row in self.rows if name in row.values] for name in names}
+        return {name: rows for name, rows in stated.items() if rows}
 
     def of(self, row: ListedCondition) -> GivenTrim:
         """Return the trim of a condition, of a file or of a grid."""

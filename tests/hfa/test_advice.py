@@ -92,3 +92,18 @@ def test_a_pull_up_is_advised_and_its_first_line_says_so():
         first = hfa("trim", "--aircraft", UAV, *steady).out.partition("unstable")[0]
         assert "accelerated" not in first
         assert "load_factor" not in first
+
+
+def test_inputs_held_at_their_start_values_are_freed(folder):
+    """The advice for a first trim names the inputs that are not 0, and balances the climb."""
+    held = 'TRIM = {"thrust": 1.0, "lift": 9.81, "roll_rate": 0.0}'
+    Path("glider.py").write_text(re.sub("TRIM = .*", held, GLIDER, count=1), "utf-8")
+    words = ("trim", "--aircraft", "glider.py:GLIDER", "--hold", "pitch=5", "--hold", "speed=50")
+    refused = " ".join(hfa(*words).err.split())
+    advice = re.search(
+        r"the trim holds the inputs at their start values; one exists with (.*)", refused
+    )
+    assert advice is not None, refused
+    assert advice[1] == "--free thrust --free lift"
+    inputs = answer(*words, *advice[1].split())["operating_point"]["inputs"]
+    assert inputs["thrust"] == pytest.approx(1.0 + 9.81 * np.sin(np.radians(5.0)), rel=1e-9)

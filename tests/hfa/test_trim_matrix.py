@@ -319,6 +319,19 @@ def test_other_commands_take_a_row(verb, book):
     assert of_row.partition("\nhfa 0")[0] == of_options.partition("\nhfa 0")[0] != ""
 
 
+def test_a_cell_replaces_an_option(tmp_path):
+    """The option holds for the other rows, and a note names the row that keeps its own value."""
+    path = tmp_path / "conditions.csv"
+    path.write_text("name,speed,mass\na,30,\nb,30,20\n", "utf-8")
+    words = ("trim", "--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
+    run = command(*words, "--hold", "mass=15", "-o", str(tmp_path / "matrix.csv"))
+    masses = {
+        name: float(cells["mass [kg]"]) for name, cells in rows_of(tmp_path / "matrix.csv").items()
+    }
+    assert masses == {"a": 15.0, "b": 20.0}
+    assert "mass of b is that of the file" in " ".join((run.out + run.err).split())
+
+
 def test_a_repeated_condition_is_noted(tmp_path):
     path = tmp_path / "conditions.csv"
     path.write_text("name,speed\na,30\nb,35\nc,30\n", "utf-8")
