@@ -242,6 +242,7 @@ class Recursion:
             P = self.after(P, L, c, r)
         self.trim = np.array([known.point[name] for name in known.sensors])
         self.in_a_row = self.samples = self.left_out = 0
+        self.is_doubtful = True
 
     @staticmethod
     def after(P, L, c, r):
@@ -276,7 +277,9 @@ class Recursion:
             gains.append(L * min(1.0, self.largest[j] / (c @ L)))
             if used[j] or not used.any():
                 self.G = self.after(self.G, gains[j], c, r)
-        if impossible.any() and (not self.samples or most):
+        begins = impossible.any() and (self.is_doubtful or most)
+        self.is_doubtful = not self.samples and impossible.any()
+        if begins:
             self.in_a_row, rows = 0, np.flatnonzero(C[finite].any(axis=0))
             self.x, self.P = self.x.copy(), self.P.copy()
             self.x[rows] = seen[finite]
@@ -341,6 +344,15 @@ def test_after_half_a_second_without_values_the_filter_is_the_stationary_one(poi
     expected = known.Phi @ known.L @ error + known.Gamma @ u
     estimate = [policy.estimate[name] - point[name] for name in known.states]
     np.testing.assert_allclose(estimate, expected[:6], rtol=1e-9, atol=1e-12)
+
+
+def test_an_impossible_first_value_is_not_believed_for_good(point, known, gain):
+    """A spike in the first sample, after which the second sample is right: it begins anew there."""
+    policy, trim = known.policy(gain), np.array([point[name] for name in known.sensors])
+    policy(0.0, trim + np.eye(6)[0] * 20.0 * innovations_of(known))
+    policy(0.01, trim)
+    assert policy.estimate["speed"] == pytest.approx(point["speed"], abs=0.1)
+    assert policy.unused == 0
 
 
 def test_an_estimate_returns_after_minutes_without_a_sample():

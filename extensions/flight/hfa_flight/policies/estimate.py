@@ -35,20 +35,20 @@ class Estimate(NamedTuple):
     P: covariance of their errors, (n, n)
     G: covariance from which the gains follow, (n, n): P without the samples that have no value
     missed: number of samples in a row with impossible values, (1,)
-    is_begun: 1 once a sample was taken, (1,)
+    begun: 0 before the first sample, 1 after a first one with an impossible value, 2 later, (1,)
     """
 
     x: ca.SX
     P: ca.SX
     G: ca.SX
     missed: ca.SX
-    is_begun: ca.SX
+    begun: ca.SX
 
     def packed(self) -> ca.SX:
         """Return the memory of the filter, (memory_size,)."""
         pairs = _lower_triangle(self.x.numel())
         entries = [covariance[i, j] for covariance in (self.P, self.G) for i, j in pairs]
-        return ca.vertcat(self.x, self.missed, self.is_begun, *entries)
+        return ca.vertcat(self.x, self.missed, self.begun, *entries)
 
 
 def _lower_triangle(n: int) -> list[tuple[int, int]]:
@@ -66,17 +66,17 @@ def memory_size(known: KalmanFilter) -> int:
 def unpacked(known: KalmanFilter, memory: ca.SX) -> Estimate:
     """Return the estimate in a memory, with the stationary P and G before the first sample."""
     n = len(known.Phi)
-    x, missed, is_begun, entries = ca.vertsplit(memory, [0, n, n + 1, n + 2, memory.numel()])
-    P, G = (_symmetric(known.P, is_begun, each) for each in ca.vertsplit(entries, n * (n + 1) // 2))
-    return Estimate(x, P, G, missed, is_begun)
+    x, missed, begun, entries = ca.vertsplit(memory, [0, n, n + 1, n + 2, memory.numel()])
+    P, G = (_symmetric(known.P, begun, each) for each in ca.vertsplit(entries, n * (n + 1) // 2))
+    return Estimate(x, P, G, missed, begun)
 
 
-def _symmetric(stationary: np.ndarray, is_begun: ca.SX, triangle: ca.SX) -> ca.SX:
+def _symmetric(stationary: np.ndarray, begun: ca.SX, triangle: ca.SX) -> ca.SX:
     """Return the covariance with this lower triangle, or the stationary one before the first."""
     n = len(stationary)
     covariance = ca.SX(n, n)
     for place, (i, j) in enumerate(_lower_triangle(n)):
-        entry = ca.if_else(is_begun, triangle[place], float(stationary[i, j]))
+        entry = ca.if_else(begun, triangle[place], float(stationary[i, j]))
         covariance[i, j] = covariance[j, i] = entry
     return covariance
 
@@ -94,7 +94,8 @@ def updated(
     """Return the estimate with the measured deviations y, (p,).
 
     A value that is not finite or impossible is left out. The estimate begins at the finite values
-    if one is impossible at the first sample, or most are at the end of LOST such samples in a row.
+    if one is impossible at the first sample, or then at the second, because the first was, or most
+    are at the end of LOST such samples in a row.
     With the linear model, a value corrects its own state at most as in the stationary filter, and
     a measured speed is taken without what the predicted wind across the path adds to it, if all
     values on which this depends are used.
@@ -127,10 +128,11 @@ def updated(
     impossible, finite = sum(is_impossible, ca.SX(0)), sum(is_finite, ca.SX(0))
     missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(finite > 0, 0, before.missed))
     is_lost = ca.logic_and(missed >= LOST, 2 * impossible > finite)
-    begins = ca.logic_and(impossible > 0, ca.logic_or(ca.logic_not(before.is_begun), is_lost))
+    begins = ca.logic_and(impossible > 0, ca.logic_or(before.begun < 2, is_lost))
     new_x, new_P = _at_values(before, rows, seen, noise, is_finite)
     x, P = ca.if_else(begins, new_x, x), ca.if_else(begins, new_P, P)
-    estimate = Estimate(x, P, P if is_extended else G, ca.if_else(begins, 0, missed), ca.SX(1))
+    begun = ca.if_else(ca.logic_and(before.begun == 0, impossible > 0), 1, 2)
+    estimate = Estimate(x, P, P if is_extended else G, ca.if_else(begins, 0, missed), begun)
     left_out = ca.if_else(begins, 0, sum(is_used) < len(rows))
     return Updated(estimate, left_out)
 
