@@ -30,7 +30,7 @@ TOLERANCE = 1e-6
 BESIDE = 1.0 + 0.75 * TOLERANCE
 #: and of bounds in doubles that are near enough.
 SAME = 1.0 - 0.1 * TOLERANCE
-#: Smallest delta of a game.
+#: Smallest delta of a game; the largest is its inverse.
 LEAST = LARGEST**-0.5
 #: If delta exceeds delta_min by a smaller fraction, a larger one is advised.
 CLOSE = 0.01
@@ -191,7 +191,7 @@ def _estimate(search: _Search) -> float:
             square = low + 0.9 * (guess - low)
         else:
             square, factor = secant.farther(factor), min(factor**1.5, MOST_FACTOR)
-        if not 0.0 < square < LEAST**-2:
+        if not LEAST**2 < square < LEAST**-2:
             break
     if secant.low is first:  # doubles find no value
         return search.first_square()
