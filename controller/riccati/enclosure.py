@@ -156,7 +156,9 @@ def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str
             return Enclosure(found, BITS)
     outcome = _decided(raised(game), delta, digits=digits)
     if isinstance(outcome, str):
-        return outcome
+        if outcome == why_never(game):
+            return outcome
+        return f"{outcome}, with weights raised by {RAISED:g}, since they are not semidefinite"
     with suppress(UndecidedError):
         given = _decided(game, delta, digits=digits)
         if isinstance(given, Enclosure):
