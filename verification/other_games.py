@@ -165,7 +165,8 @@ def _nearest(family: Family, of: str, given: np.ndarray) -> OtherGame | None:
         return None
     ends = _GRID[best - 1], _GRID[best + 1]
     options = {"xatol": _ACCURACY}
-    place = float(minimize_scalar(error, bounds=ends, method="bounded", options=options).x)
+    with np.errstate(invalid="ignore"):  # the error of a game without a value is inf
+        place = float(minimize_scalar(error, bounds=ends, method="bounded", options=options).x)
     if not error(place) <= _NEAR:
         return None
     with suppress(NoSolutionError):
