@@ -9,6 +9,7 @@ from itertools import chain
 import numpy as np
 
 from controller.game.weights import disturbance_text, matrix_text
+from controller.riccati.enclosure import has_exact_weights
 from controller.riccati.gare import Solution
 from controller.riccati.stability import stabilizes
 from hfa_support.reporting.report import Part, Report
@@ -29,10 +30,11 @@ def solution_report(solution: Solution) -> Report:
     game = solution.game
     states = solution.names.states
     smallest = solution.delta_min_bounds
+    of_raised = "" if has_exact_weights(game) else " of weights raised to be semidefinite"
     title = (
         f"Exact game solution{' in discrete time' * game.is_discrete} for"
         f" {solution.names.origin}: proved\n"
-        f"delta {solution.delta:.6g}, smallest possible {smallest.value:.7g}"
+        f"delta {solution.delta:.6g}, smallest possible {smallest.value:.7g}{of_raised}"
         f", margin {solution.delta_margin:.4g}"
     )
     if game.is_discrete:
