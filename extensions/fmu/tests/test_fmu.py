@@ -406,7 +406,9 @@ def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number():
     by the length, gravity / length² sin(angle), is one.
     """
     written = with_parameters(2)
-    said = " ".join(run("trim", "--full", "--aircraft", written, "--hold", "the_moon=1").out.split())
+    said = " ".join(
+        run("trim", "--full", "--aircraft", written, "--hold", "the_moon=1").out.split()
+    )
     assert "parameters that --hold sets: length, damping, the_moon, links" in said
     assert "whole numbers (1 is true, 0 false): the_moon, links" in said
     for typed, refusal in (
