@@ -173,12 +173,17 @@ def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str
 
 
 def _have_same_gains(first: Enclosure, second: Enclosure) -> bool:
-    """Return whether the gains of two enclosures move the plant alike, within 1 %."""
+    """Return whether the gains of two enclosures move the plant alike, within 1 %.
+
+    A sets the rounding floor (`relative_change`).
+    """
     A, B = first.game.A, first.game.B
-    pushed = [B @ midpoints(each.K) for each in (first, second)]
     units = np.exp2(first.proved.equation.units.states.astype(float))
-    one, other, plant = (each / units[:, None] * units for each in (*pushed, A))
-    return relative_change(other - one, one, plant) <= GAIN_CHANGE
+    BK_first, BK_second, A_scaled = (
+        each / units[:, None] * units
+        for each in (B @ midpoints(first.K), B @ midpoints(second.K), A)
+    )
+    return relative_change(BK_second - BK_first, BK_first, A_scaled) <= GAIN_CHANGE
 
 
 def relative_change(change: np.ndarray, pushed: np.ndarray, plant: np.ndarray) -> float:
@@ -218,9 +223,9 @@ def _outcomes(game: Game, delta: float, *, digits: bool) -> Iterator[Enclosure |
     def with_bits() -> Proposal:
         return proposal_in_bits(game, delta)
 
-    def proved(attempt: int, propose: Callable[[], Proposal], arithmetic: Any) -> Enclosure | str:
+    def proved(bits: int, propose: Callable[[], Proposal], arithmetic: Any) -> Enclosure | str:
         in_bits = propose is with_bits
-        with precision(attempt), np.errstate(all="ignore"):  # what is not finite proves nothing
+        with precision(bits), np.errstate(all="ignore"):  # what is not finite proves nothing
             try:
                 proposal = propose()
             except FailedError:
@@ -231,25 +236,25 @@ def _outcomes(game: Game, delta: float, *, digits: bool) -> Iterator[Enclosure |
     yield proved(BITS, in_lapack, DoubleBalls)
     yield proved(BITS, refined, Balls)
     yield why_never(game)
-    for attempt in ATTEMPTS:
-        yield proved(attempt, with_bits, Balls)
-        if attempt == BITS:
+    for bits in ATTEMPTS:
+        yield proved(bits, with_bits, Balls)
+        if bits == BITS:
             yield proved(2 * BITS, refined, Balls)
-        if attempt == 2 * BITS and len(game.A) <= MOST_STATES:
+        if bits == 2 * BITS and len(game.A) <= MOST_STATES:
             yield why_never_at(game, delta)
 
 
-def enclosed_in_bits(game: Game, attempt: int) -> Enclosure:
+def enclosed_in_bits(game: Game, bits: int) -> Enclosure:
     """Return the proved enclosure of a game with a number of bits.
 
     Raises FailedError or NotProvedError.
     """
-    with precision(attempt):
+    with precision(bits):
         try:
             proposal = corrected(in_doubles(game, game.delta))
-            return Enclosure(_value(proposal, Balls), attempt)
+            return Enclosure(_value(proposal, Balls), bits)
         except (FailedError, NotProvedError):
-            return Enclosure(_value(proposal_in_bits(game, game.delta), Balls), attempt)
+            return Enclosure(_value(proposal_in_bits(game, game.delta), Balls), bits)
 
 
 def _value(proposal: Proposal, arithmetic: type[Matrix]) -> Stabilizing[Matrix]:

@@ -116,14 +116,14 @@ def excess_of(game: Game, K: np.ndarray, box: np.ndarray) -> Excess:
     """
     game = game if has_exact_weights(game) else raised(game)
     found = without_bound(game)
-    for attempt in ATTEMPTS:
-        with precision(attempt):
+    for bits in ATTEMPTS:
+        with precision(bits):
             gain, is_discrete = ball_matrix(K), game.is_discrete
             if stability_of(discounted_loop(game, gain), is_discrete=is_discrete) is False:
                 is_stable = stability_of(loop_with(game, gain), is_discrete=is_discrete)
                 return replace(found, is_stable=is_stable is True)
             try:
-                found = _Policy(enclosed_in_bits(game, attempt), K).excess(box)
+                found = _Policy(enclosed_in_bits(game, bits), K).excess(box)
             except (FailedError, NotProvedError):
                 continue
         if found.is_known and found.matrix is not None:

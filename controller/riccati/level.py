@@ -142,9 +142,9 @@ class Level:
         if moves_nothing(game, K) if K is not None else costs_nothing(game):
             return GainBounds(0.0, 0.0)
         best = GainBounds(0.0, math.inf)
-        for attempt in ATTEMPTS[:2]:
-            with precision(attempt), suppress(FailedError, NotProvedError):
-                gain = self._enclosure(attempt).K if K is None else ball_matrix(K)
+        for bits in ATTEMPTS[:2]:
+            with precision(bits), suppress(FailedError, NotProvedError):
+                gain = self._enclosure(bits).K if K is None else ball_matrix(K)
                 found = self._disturbed(gain).gain()
                 best = min(best, found, key=lambda each: each.high)
             if best.is_narrow:

@@ -54,10 +54,10 @@ def poles_of(loop: Callable[[int], arb_mat], *, is_discrete: bool) -> Poles:
     loop: bits -> the loop, (n, n), balls
     """
     best: Poles | None = None
-    for attempt in ATTEMPTS:
-        with precision(attempt):
+    for bits in ATTEMPTS:
+        with precision(bits):
             try:
-                found = enclosed_poles(loop(attempt))
+                found = enclosed_poles(loop(bits))
             except (FailedError, NotProvedError):
                 continue
         if best is None or found.radii.max() < best.radii.max():

@@ -153,6 +153,10 @@ def lyapunov_ball(
     Raises NotProvedError if Y does not prove that F is stable.
     """
     F, shape, D = Balls(loop), Balls(symmetric(Y)), symmetric(D)
+    # With a defect below 1/2, F'Y + Y F < -1/2. The error Z of D solves F'Z + Z F + residual = 0.
+    # Therefore ζ Y ± Z, with ζ = 2 |residual|, are costs of the stable F of weights
+    # > |residual| ± residual >= 0. From -ζ Y <= Z <= ζ Y follows |Z_ij|² <= ζ² Y_ii Y_jj: the
+    # radius of entry ij is the product of √(ζ Y_ii) and √(ζ Y_jj). Likewise in discrete time.
     if not proves_stable(F, shape, 0.5, is_discrete=is_discrete):
         raise NotProvedError("the loop")
     residual = change_along(F, Balls(D), is_discrete=is_discrete) + Balls(C)

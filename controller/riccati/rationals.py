@@ -330,13 +330,13 @@ def costs_nothing(game: Game) -> bool:
 
 def moves_nothing(game: Game, K: np.ndarray) -> bool:
     """Return whether the disturbance moves only states without cost, for u = -K z."""
-    A, B, E, Q, R, N, gain = (
+    A, B, E, Q, R, N, K_exact = (
         rational(each) for each in (game.A, game.B, game.E, game.Q, game.R, game.N, K)
     )
-    price = (R + R.transpose()) / 2 * gain
-    # of [z; u], with 2 (z'N u) = -2 z'N K z
-    cost = _stacked([[(Q + Q.transpose()) / 2 - N * gain], [N.transpose() - price]])
-    return _never_costs(A - B * gain, E, cost)
+    RK = (R + R.transpose()) / 2 * K_exact
+    # Half the gradient of the cost z'Q z + 2 z'N u + u'R u by z and by u, at u = -K z.
+    cost = _stacked([[(Q + Q.transpose()) / 2 - N * K_exact], [N.transpose() - RK]])
+    return _never_costs(A - B * K_exact, E, cost)
 
 
 def _never_costs(A: fmpq_mat, E: fmpq_mat, cost: fmpq_mat) -> bool:
