@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from operator import mul
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -259,15 +260,12 @@ def from_parts(
     Raises BadInputError if no part is given, if a shape or number is wrong, or if W and P define
     different values.
     """
-    gain = from_gain(game, parts["K"]) if "K" in parts else None
-    critic = gain
-    if "P" in parts:
-        critic = from_value(game, parts["P"])
-    if "W" in parts:
-        weighted = from_weights(game, parts["W"], basis)
-        if "P" in parts and weighted.P is not None:
-            refuse_different_values(parts["P"], weighted.P)
-        critic = weighted
+    by_gain = from_gain(game, parts["K"]) if "K" in parts else None
+    by_matrix = from_value(game, parts["P"]) if "P" in parts else None
+    by_weights = from_weights(game, parts["W"], basis) if "W" in parts else None
+    if by_matrix is not None and by_weights is not None and by_weights.P is not None:
+        refuse_different_values(parts["P"], by_weights.P)
+    critic = by_weights or by_matrix or by_gain
     if critic is None:
         raise BadInputError("no critic is given; give W, P or K, or a file")
     if policy is not None:
@@ -277,9 +275,9 @@ def from_parts(
             outputs["V"] = critic.value(z)
         functions = from_functions(game, z, outputs, f"{critic.origin} and policy_weights")
         return replace(functions, weights=critic.weights, basis=critic.basis, has_weights=True)
-    if gain is None or critic is gain:
+    if by_gain is None or critic is by_gain:
         return critic
-    return _with_policy(critic, gain.K)
+    return _with_policy(critic, by_gain.K)
 
 
 def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
@@ -355,28 +353,35 @@ def from_functions(
     at_trim = {name: function(np.zeros(z.numel())).full() for name, function in network.items()}
     P = None if gradient is None else _derivative_at_0(gradient, z) / 2.0
     _refuse_not_finite(at_trim | ({} if P is None else {"second derivative of V": P}))
-    has_kink = False
-    if u is not None:
-        K, has_kink = _gain_at_0(u, z)
-        _refuse_not_finite({"slope of the policy": K})
-        if has_kink:
-            origin += "; kink at the trim: K has the mean slopes of both sides"
-    else:
-        assert P is not None  # a critic has u or V
-        K = game.gain(P)
+    shared: dict[str, Any] = {
+        "P": P,
+        "constant": 0.0 if V is None else float(at_trim["V"].item()),
+        "precision": precision,
+        "network": network,
+        "is_discrete": game.is_discrete,
+    }
+    return _of_value(game, origin, shared) if u is None else _of_policy(u, z, origin, shared)
+
+
+def _of_policy(u: ca.SX, z: ca.SX, origin: str, shared: Mapping[str, Any]) -> Critic:
+    """Return the critic with a given policy u(z), and the fields that do not depend on it."""
+    K, has_kink = _gain_at_0(u, z)
+    _refuse_not_finite({"slope of the policy": K})
+    if has_kink:
+        origin += "; kink at the trim: K has the mean slopes of both sides"
+    return Critic(K, origin=origin, has_kink=has_kink, **shared)
+
+
+def _of_value(game: Game, origin: str, shared: Mapping[str, Any]) -> Critic:
+    """Return the critic whose policy is that of its value, and the fields of the value."""
     critic = Critic(
-        K,
-        P,
-        origin,
-        constant=0.0 if V is None else float(at_trim["V"].item()),
-        precision=precision,
-        slope_gain=_slope_gain(game) if u is None else None,
-        F=game.F if u is None and game.N.any() else None,
-        network=network,
-        is_discrete=game.is_discrete,
-        has_kink=has_kink,
+        game.gain(shared["P"]),
+        origin=origin,
+        slope_gain=_slope_gain(game),
+        F=game.F if game.N.any() else None,
+        **shared,
     )
-    return critic if u is not None else _with_implied_policy(game, critic)
+    return _with_implied_policy(game, critic)
 
 
 def _refuse_not_finite(at_trim: Mapping[str, np.ndarray]) -> None:

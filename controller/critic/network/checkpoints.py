@@ -26,8 +26,9 @@ def checkpoint_of(tensors: Tensors) -> tuple[dict[str, np.ndarray], Stated] | No
     for layout in (_rsl_rl, _rl_games, _cleanrl):
         found = layout(tensors)
         if found is not None:
-            stated, read = found
-            return {name: each for name, each in tensors.items() if name not in read}, stated
+            stated, not_layers = found
+            layers = {name: each for name, each in tensors.items() if name not in not_layers}
+            return layers, stated
     return None
 
 
@@ -37,7 +38,7 @@ def _find(tensors: Tensors, end: str) -> str:
 
 
 def _rsl_rl(tensors: Tensors) -> tuple[Stated, list[str]] | None:
-    """Return what a checkpoint of rsl_rl states, and the names of the tensors that were read.
+    """Return what a checkpoint of rsl_rl states, and the names of the tensors that are no layers.
 
     Its normalizer is (o - mean) / (deviation + 0.01), in `obs_norm_state_dict` or beside the actor.
     """
@@ -46,8 +47,8 @@ def _rsl_rl(tensors: Tensors) -> tuple[Stated, list[str]] | None:
     is_new = any(name.startswith("actor_state_dict.mlp.") for name in tensors)
     if not is_old and not is_new:
         return None
-    words = actor if is_old else "actor_state_dict.mlp"
-    read = [
+    actor_prefix = actor if is_old else "actor_state_dict.mlp"
+    not_layers = [
         name
         for name in tensors
         if name.rpartition(".")[2] in ("std", "std_param", "log_std_param", "log_std", "count")
@@ -59,11 +60,11 @@ def _rsl_rl(tensors: Tensors) -> tuple[Stated, list[str]] | None:
         if mean is not None and deviation is not None:
             divisor = np.ravel(deviation) + _RSL_RL_EPSILON
             normalizer = Normalizer(np.ravel(mean), divisor**2, 0.0, np.inf, "of the checkpoint")
-    return Stated("PPO of rsl_rl", words, normalizer=normalizer), read
+    return Stated("PPO of rsl_rl", actor_prefix, normalizer=normalizer), not_layers
 
 
 def _rl_games(tensors: Tensors) -> tuple[Stated, list[str]] | None:
-    """Return what a checkpoint of rl_games states, and the names of the tensors that were read."""
+    """Return what a checkpoint of rl_games states, and the names of tensors that are no layers."""
     head = _find(tensors, "a2c_network.mu.weight")
     if not head or not any(".actor_mlp." in name for name in tensors):
         return None
@@ -79,13 +80,13 @@ def _rl_games(tensors: Tensors) -> tuple[Stated, list[str]] | None:
             _RL_GAMES_CLIP,
             "of the checkpoint",
         )
-    read = [name for name in tensors if "mean_std" in name or name.endswith("sigma")]
-    read += [name for name in tensors if tensors[name].ndim == 0]
-    return Stated("PPO of rl_games", "actor_mlp+mu", normalizer=normalizer), read
+    not_layers = [name for name in tensors if "mean_std" in name or name.endswith("sigma")]
+    not_layers += [name for name in tensors if tensors[name].ndim == 0]
+    return Stated("PPO of rl_games", "actor_mlp+mu", normalizer=normalizer), not_layers
 
 
 def _cleanrl(tensors: Tensors) -> tuple[Stated, list[str]] | None:
-    """Return what a checkpoint of CleanRL states, and the names of the tensors that were read.
+    """Return what a checkpoint of CleanRL states, and the names of the tensors that are no layers.
 
     Its actors of TD3, DDPG and SAC return tanh(output) action_scale + action_bias.
     """
