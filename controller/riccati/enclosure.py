@@ -223,9 +223,9 @@ def _outcomes(game: Game, delta: float, *, digits: bool) -> Iterator[Enclosure |
     def with_bits() -> Proposal:
         return proposal_in_bits(game, delta)
 
-    def proved(bits: int, propose: Callable[[], Proposal], arithmetic: Any) -> Enclosure | str:
+    def proved(n_bits: int, propose: Callable[[], Proposal], arithmetic: Any) -> Enclosure | str:
         in_bits = propose is with_bits
-        with precision(bits), np.errstate(all="ignore"):  # what is not finite proves nothing
+        with precision(n_bits), np.errstate(all="ignore"):  # what is not finite proves nothing
             try:
                 proposal = propose()
             except FailedError:
@@ -236,25 +236,25 @@ def _outcomes(game: Game, delta: float, *, digits: bool) -> Iterator[Enclosure |
     yield proved(BITS, in_lapack, DoubleBalls)
     yield proved(BITS, refined, Balls)
     yield why_never(game)
-    for bits in ATTEMPTS:
-        yield proved(bits, with_bits, Balls)
-        if bits == BITS:
+    for n_bits in ATTEMPTS:
+        yield proved(n_bits, with_bits, Balls)
+        if n_bits == BITS:
             yield proved(2 * BITS, refined, Balls)
-        if bits == 2 * BITS and len(game.A) <= MOST_STATES:
+        if n_bits == 2 * BITS and len(game.A) <= MOST_STATES:
             yield why_never_at(game, delta)
 
 
-def enclosed_in_bits(game: Game, bits: int) -> Enclosure:
+def enclosed_in_bits(game: Game, n_bits: int) -> Enclosure:
     """Return the proved enclosure of a game with a number of bits.
 
     Raises FailedError or NotProvedError.
     """
-    with precision(bits):
+    with precision(n_bits):
         try:
             proposal = corrected(in_doubles(game, game.delta))
-            return Enclosure(_value(proposal, Balls), bits)
+            return Enclosure(_value(proposal, Balls), n_bits)
         except (FailedError, NotProvedError):
-            return Enclosure(_value(proposal_in_bits(game, game.delta), Balls), bits)
+            return Enclosure(_value(proposal_in_bits(game, game.delta), Balls), n_bits)
 
 
 def _value(proposal: Proposal, arithmetic: type[Matrix]) -> Stabilizing[Matrix]:

@@ -54,10 +54,10 @@ def poles_of(loop: Callable[[int], arb_mat], *, is_discrete: bool) -> Poles:
     loop: bits -> the loop, (n, n), balls
     """
     best: Poles | None = None
-    for bits in ATTEMPTS:
-        with precision(bits):
+    for n_bits in ATTEMPTS:
+        with precision(n_bits):
             try:
-                found = enclosed_poles(loop(bits))
+                found = enclosed_poles(loop(n_bits))
             except (FailedError, NotProvedError):
                 continue
         if best is None or found.radii.max() < best.radii.max():
