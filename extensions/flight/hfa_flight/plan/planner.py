@@ -281,15 +281,12 @@ class Planner:
         slopes: derivatives of the states
         correction: differences of the states from their linear prediction
         """
+        limited, program = self._program_for(plan)
+        fast = limited[program.fast]
+        states, fast_states = self.soft[limited], self.soft[fast]
+        ends = (plan.z[1:] + correction.ends)[:, states]
+        middles = (plan.middle + correction.middles)[:, fast_states]
         lows, highs = plan.room
-        ends, middles = plan.z[1:] + correction.ends, plan.middle + correction.middles
-        states = plan.z[1:, self.soft]
-        near = (states > _NEAR * highs) | (states < _NEAR * lows)
-        needed = set(np.flatnonzero(near.any(axis=0)).tolist())
-        known, program = next(each for each in self._programs if needed <= each[0])
-        soft = np.array(sorted(known), dtype=int)
-        fast = soft[program.fast]
-        ends, middles = ends[:, self.soft[soft]], middles[:, self.soft[fast]]
         lowest, highest = self.scaled.input_limits
         holds = self.grid.at(plan.age)
         seconds = holds.seconds[:, None]
@@ -298,17 +295,28 @@ class Planner:
             v=plan.v,
             weights=holds.weights,
             P=self.P,
-            slack_slopes=seconds * self._slopes[soft],
-            slack_curvatures=seconds * self._curvatures[soft],
+            slack_slopes=seconds * self._slopes[limited],
+            slack_curvatures=seconds * self._curvatures[limited],
             value=plan.cost,
         )
         room = Room(
-            ends=Range(lows[soft] - ends, highs[soft] - ends),
+            ends=Range(lows[limited] - ends, highs[limited] - ends),
             middles=Range(lows[fast] - middles, highs[fast] - middles),
             inputs=Range(lowest - plan.v, highest - plan.v),
         )
-        of_fast = slopes.middles[:, self.soft[fast]]
+        of_fast = slopes.middles[:, fast_states]
         return program.step(cost, AlongHolds(slopes.ends, of_fast), room)
+
+    def _program_for(self, plan: Plan) -> tuple[np.ndarray, PlanProgram]:
+        """Return the smallest program that knows the states near their limits, and their places in
+        `soft`.
+        """
+        lows, highs = plan.room
+        states = plan.z[1:, self.soft]
+        near = (states > _NEAR * highs) | (states < _NEAR * lows)
+        needed = set(np.flatnonzero(near.any(axis=0)).tolist())
+        known, program = next(each for each in self._programs if needed <= each[0])
+        return np.array(sorted(known), dtype=int), program
 
     def _all_programs(self) -> list[tuple[set[int], PlanProgram]]:
         """Return the quadratic programs with the limits of some states, given by number.
