@@ -135,8 +135,8 @@ class _Files:
         """Return the aircraft as a `Model`, from paths joined by + and the hash of the files."""
         inputs = SimpleNamespace(**dict.fromkeys(self.inputs, 0.0))
         parameters = {name: _start(*each) for name, each in self.parameters.items()}
-        constants = self._values(_standing(), inputs, SimpleNamespace(**parameters))
-        self._refuse_not_positive(constants)
+        value_at_rest = self._values(_standing(), inputs, SimpleNamespace(**parameters))
+        self._refuse_not_positive(value_at_rest)
         low, high = self._range("angleOfAttack", _WIDEST_ALPHA)
         sideslip = self._range("angleOfSideslip", _WIDEST_BETA)
         alpha = Signal("rad", 0.1, low, high, min(_ALPHA, high), assumed=high == _WIDEST_ALPHA)
@@ -145,7 +145,7 @@ class _Files:
             self._documents[0].title or Path(self._documents[0].path).stem,
             self._equations,
             system="english",
-            speed=self._usual_speed(constants),
+            speed=self._usual_speed(value_at_rest),
             altitude=0.0,
             alpha=alpha,
             beta=beta,
@@ -156,42 +156,42 @@ class _Files:
             source=source,
             about=About(
                 notes=("read from DAVE-ML over a flat Earth in standard air",),
-                doubts=self._doubts(constants),
+                doubts=self._doubts(value_at_rest),
                 configuration=self._configuration,
             ),
             domain=Domain(self._table_ranges()),
         )
 
-    def _refuse_not_positive(self, constants: Callable[[str], Any]) -> None:
+    def _refuse_not_positive(self, value_at_rest: Callable[[str], Any]) -> None:
         """Raise BadInputError if a mass, moment of inertia or reference length is not positive."""
         for name in names.POSITIVE:
-            size = _number(constants(name))
+            size = _number(value_at_rest(name))
             if not size > 0.0:
                 document, variable = self._outputs[name]
                 raise document.error(
                     f"variable {variable.key}", f"{name} is {size:g}; give a positive number"
                 )
 
-    def _doubts(self, constants: Callable[[str], Any]) -> tuple[str, ...]:
+    def _doubts(self, value_at_rest: Callable[[str], Any]) -> tuple[str, ...]:
         """Return a sentence if no rigid body has the inertias of the files."""
         inertia = inertia_matrix(
-            [_number(constants(name)) for name in names.INERTIA],
-            [_number(self._vector(constants, (name,))) for name in names.PRODUCTS],
+            [_number(value_at_rest(name)) for name in names.INERTIA],
+            [_number(self._vector(value_at_rest, (name,))) for name in names.PRODUCTS],
         )
         doubt = inertia_doubt(ca.DM(inertia).full())
         return (doubt,) if doubt else ()
 
-    def _usual_speed(self, constants: Callable[[str], Any]) -> float:
+    def _usual_speed(self, value_at_rest: Callable[[str], Any]) -> float:
         """Return the speed, ft/s, of level flight at sea level and alpha = `_ALPHA`."""
-        upward = -_number(self._coefficients(constants, _ALPHA)[2])
+        upward = -_number(self._coefficients(value_at_rest, _ALPHA)[2])
         if not upward > 0.0:
             files = "+".join(document.path for document in self._documents)
             raise BadInputError(
                 f"{files}: the aerodynamic force at alpha = 5 deg is not upward; check the signs "
                 "of the force coefficients"
             )
-        weight = _number(constants(names.MASS)) * _GRAVITY
-        area = _number(constants(names.AREA))
+        weight = _number(value_at_rest(names.MASS)) * _GRAVITY
+        area = _number(value_at_rest(names.AREA))
         return math.sqrt(2.0 * weight / (SEA_LEVEL.density * area * upward))
 
     def _range(self, name: str, widest: float) -> tuple[float, float]:
@@ -296,26 +296,30 @@ class _Files:
         return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in three))
 
     def _values(self, motion: Mapping[str, Any], u: Any, p: Any) -> Callable[[str], Any]:
-        """Return a function from the name of an output to its value in the units of the model."""
+        """Return a function from the name of an output to its value in the units of the model.
+
+        A file is built when its first output is needed: its inputs may be outputs of other files,
+        which are then built first.
+        """
         table = Interpolator()
-        made: dict[str, Expressions] = {}
+        built: dict[str, Expressions] = {}
 
         def value(name: str) -> Any:
             document, variable = self._outputs[name]
-            if document.path not in made:
-                made[document.path] = Expressions(document, given(document), table)
+            if document.path not in built:
+                built[document.path] = Expressions(document, inputs_of(document), table)
             _, factor = _unit(document, variable)
-            return factor * made[document.path][variable.key]
+            return factor * built[document.path][variable.key]
 
-        def given(document: Document) -> dict[str, Any]:
+        def inputs_of(document: Document) -> dict[str, Any]:
             values = {}
             for variable in document.variables.values():
                 if variable.is_input:
                     _, factor = _unit(document, variable)
-                    values[variable.key] = taken(variable) / factor
+                    values[variable.key] = input_value(variable) / factor
             return values
 
-        def taken(variable: Variable) -> Any:
+        def input_value(variable: Variable) -> Any:
             if variable.name in names.MOTION:
                 return motion[names.MOTION[variable.name]]
             if variable.name in self._outputs:
