@@ -88,20 +88,22 @@ def step_of_integration(
     inputs = layout.names.inputs
     parameters = layout.names.parameters
     sizes = (len(states), len(inputs), len(linear) + len(winds), len(parameters))
-    X, U, push, p = (ca.SX.sym("x", size) for size in sizes)
+    vectors = zip(("X", "U", "push", "p"), sizes, strict=True)
+    X, U, push, p = (ca.SX.sym(name, size) for name, size in vectors)
     every_wind = None
     if winds:
         wind = dict(zip(winds, ca.vertsplit(push)[len(linear) :], strict=True))
         every_wind = [wind.get(name, 0.0) for name in layout.names.disturbances]
-    rates, _ = layout.expressions([components(vector) for vector in (X, U, p)], (), every_wind)
-    pushed = [
+    unpushed, _ = layout.expressions([components(vector) for vector in (X, U, p)], (), every_wind)
+    rates = [
         rate + (push[linear.index(name)] if name in linear else 0.0)
-        for name, rate in zip(states, ca.vertsplit(rates), strict=True)
+        for name, rate in zip(states, ca.vertsplit(unpushed), strict=True)
     ]
-    once = {"cse": True, "never_inline": True}
-    rate = ca.Function("rate", [ca.vertcat(X, U, push, p)], [ca.densify(ca.vertcat(*pushed))], once)
+    arguments = ca.vertcat(X, U, push, p)
+    column = ca.densify(ca.vertcat(*rates))
+    rate_of = ca.Function("rate", [arguments], [column], {"cse": True, "never_inline": True})
     h = ca.SX.sym("h")
-    after = rk4(lambda X, _: rate(ca.vertcat(X, U, push, p)), X, h)
+    after = rk4(lambda X, _: rate_of(ca.vertcat(X, U, push, p)), X, h)
     return ca.Function("step", [ca.vertcat(X, U, push, p, h)], [after], {"never_inline": True})
 
 
