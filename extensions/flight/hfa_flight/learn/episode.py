@@ -113,23 +113,32 @@ class Episode:
         self._allocate()
 
     def _allocate(self) -> None:
-        """Allocate the row of the states and that of the held values, and name their parts.
+        """Allocate the rows of an episode, name their parts, and bind the compiled code to them.
 
-        The compiled code, bound to these rows, advances the episode by one sample in place.
+        The code advances the episode by one sample in place.
         """
         # The row of the states contains state, memory, extremes, and the number of remaining
         # samples. The row of the held values contains actions, trim, push, and the limits of the
-        # state. The trim ends with the parameters, the memory with the inputs, and the push with
-        # the winds.
+        # state.
+        flight = self._flight
+        n = len(self.deployed.model.states)
+        self._state = np.zeros((1, sum(flight.sizes) + 1))
+        self._held = np.zeros((1, sum(flight.held_sizes) + 2 * n))
+        self._observed = np.zeros((1, self.deployed.observe.numel_out(0)))
+        self._outcome = np.zeros((1, 3))  # reward, lost, over
+        self._name_parts()
+        tables = (self._state, self._outcome, self._observed)
+        self._fly = _bound(self._code, (self._state, self._held), tables)
+
+    def _name_parts(self) -> None:
+        """Name the parts of the rows that are read and set between samples, as views."""
+        # The memory ends with the inputs, the trim with the parameters, and the push with the
+        # winds.
         flight = self._flight
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         X, memory, *_ = flight.slices
         actions, trim, push = flight.held_slices
-        self._state = np.zeros((1, sum(flight.sizes) + 1))
-        self._held = np.zeros((1, push.stop + 2 * n))
-        self._observed = np.zeros((1, self.deployed.observe.numel_out(0)))
-        self._outcome = np.zeros((1, 3))
         self._X = self._state[0, X]
         self._U = self._state[0, memory.stop - m : memory.stop]
         self._action = self._held[0, actions]
@@ -137,8 +146,6 @@ class Episode:
         self._winds = self._held[0, push.stop - len(flight.winds) : push.stop]
         names = list(model.parameters)
         self._places_of_varied = [n + m + names.index(name) for name in self.varied]
-        tables = (self._state, self._outcome, self._observed)
-        self._fly = _bound(self._code, (self._state, self._held), tables)
 
     def _present(self) -> dict[str, Any]:
         """Return the values that change from sample to sample, by name."""
