@@ -489,12 +489,12 @@ def scenario_of(
             if name not in names
         },
     )
-    is_flown = request.gust is not None and not isinstance(request.gust, SmallestGust)
-    if is_flown and request.turbulence is not None:
-        raise BadInputError("--gust and --turbulence cannot be combined; remove one of the two")
     gust: Gust | None = gust_at(request.gust, point, common.duration)
+    if gust is not None and request.turbulence is not None:
+        raise BadInputError("--gust and --turbulence cannot be combined; remove one of the two")
     turbulence = at_held_altitude(request.turbulence, hold)
     factors = each_of("--error", model, request.error, lambda *words: number(words[-1]))
+    # Each flight draws errors within the factors, or the only flight has the factors themselves.
     errors = {} if drawn else factors
     uncertainty = Uncertainty(factors if drawn else {}, noise, turbulence)
     return replace(common, errors=errors, uncertainty=uncertainty, gust=gust).on(model)
