@@ -53,15 +53,16 @@ class Measured:
     def checked(self, z: np.ndarray) -> np.ndarray | None:
         """Return the states of this sample, or their prediction if it is wrong, (n,).
 
-        The result is None if the sample is wrong and no sample before predicts it.
+        The result is None if the sample is wrong and no sample before predicts it. A wrong but
+        finite z is kept as a second hypothesis, from which the next sample is predicted too.
 
         z: measured states, (n,)
         """
         acting = self._acting(self._count - 1, self._dt)
         predicted = [self._moved(each, acting) for each in self._last]
-        near = [bool((np.abs(z - each) <= self._most).all()) for each in predicted]
+        is_expected = [bool((np.abs(z - each) <= self._most).all()) for each in predicted]
         used: np.ndarray | None = z
-        if not np.isfinite(z).all() or (near and not any(near)):
+        if not np.isfinite(z).all() or (is_expected and not any(is_expected)):
             self.wrong += 1
             used = predicted[0] if predicted else None
         states = (used,) if used is z else (used, z)
