@@ -98,7 +98,7 @@ class Predictive(SampledPolicy):
         deviations: standard deviations of the predicted states, (n,), for which the limits of
             states are narrowed
         """
-        followed = deviations[self.problem.followed_places] / self.problem.sizes[0]
+        followed = deviations[self.problem.followed_places] / self.problem.sizes.states
         return self.problem.inputs_of(self.controller(self.problem.followed_of(X), followed))
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -29,6 +29,13 @@ MARGIN = 4e-3
 #: Two trims have the same value of a state if they differ by less than this fraction of its nominal
 #: value.
 _SAME = 1e-6
+
+
+class NominalSizes(NamedTuple):
+    """Nominal values of the followed states, (followed,), and of the moving inputs, (m,)."""
+
+    states: np.ndarray
+    inputs: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,11 +131,13 @@ class FlightProblem:
         return self.model.input_places(self.inputs)
 
     @cached_property
-    def sizes(self) -> tuple[np.ndarray, np.ndarray]:
+    def sizes(self) -> NominalSizes:
         """Nominal values of the followed states, (followed,), and of the moving inputs, (m,)."""
         signals = self.model.signals
-        of_states = np.array([signals[name].nominal for name in self.followed])
-        return of_states, np.array([signals[name].nominal for name in self.inputs])
+        return NominalSizes(
+            states=np.array([signals[name].nominal for name in self.followed]),
+            inputs=np.array([signals[name].nominal for name in self.inputs]),
+        )
 
     def followed_of(self, X: Any) -> np.ndarray:
         """Return the deviations of the followed states in nominal values, (followed,).
@@ -144,7 +153,7 @@ class FlightProblem:
                 f"{', '.join(self.model.states)}"
             )
         away: np.ndarray = states - trim
-        return away[self.followed_places] / self.sizes[0]
+        return away[self.followed_places] / self.sizes.states
 
     def inputs_of(self, v: np.ndarray) -> np.ndarray:
         """Return all inputs, absolute, from the deviations of the moving inputs in nominal values.
@@ -152,7 +161,7 @@ class FlightProblem:
         v: (m,)
         """
         U = self.point.u
-        U[self.moved] += v * self.sizes[1]
+        U[self.moved] += v * self.sizes.inputs
         return U
 
     @cached_property

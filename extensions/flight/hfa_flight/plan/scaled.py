@@ -73,7 +73,7 @@ class ScaledProblem:
     @cached_property
     def box(self) -> np.ndarray:
         """Half-widths of the usual box of initial deviations, (k,)."""
-        return usual_box(self.problem) / self.problem.sizes[0][: self.sizes[0]]
+        return usual_box(self.problem) / self.problem.sizes.states[: self.sizes[0]]
 
     def excess_weight(self, P: np.ndarray) -> float:
         """Return the relative increase of the mean cost z'Pz over the usual box, against the
@@ -89,14 +89,14 @@ class ScaledProblem:
     def state_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest deviations of the followed states, (n,) each."""
         lowest, highest = self.problem.state_limits
-        sizes = self.problem.sizes[0]
+        sizes = self.problem.sizes.states
         return lowest / sizes, highest / sizes
 
     @cached_property
     def input_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest deviations of the inputs, (m,) each."""
         lowest, highest = self.problem.input_limits
-        sizes = self.problem.sizes[1]
+        sizes = self.problem.sizes.inputs
         return lowest / sizes, highest / sizes
 
     def reached(self, dt: float) -> np.ndarray:

@@ -250,7 +250,7 @@ def state_dependent(
     problem = flight_problem(model, point, Q, R, limits=limits)
     at_trim = game(problem.linear, Q=problem.Q, R=problem.R, delta=delta, E=E)
     scaled = ScaledProblem(problem)
-    of_states = problem.sizes[0][: scaled.sizes[0]]
+    of_states = problem.sizes.states[: scaled.sizes[0]]
     P = np.array(solve(at_trim).P) * np.outer(of_states, of_states)
     step = sample_time(scaled, dt)
     disturbing = np.array(at_trim.E) / of_states[:, None]
