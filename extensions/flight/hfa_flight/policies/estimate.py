@@ -228,6 +228,9 @@ def _added_speed(known: KalmanFilter, y: ca.SX, winds: ca.SX, is_used: list[ca.S
 def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX | ca.DM) -> Estimate:
     """Return the estimate that is predicted for the next sample.
 
+    If a variance of the predicted P is too large, nothing is known: the states and P stay as they
+    are. G stays if one of its own is.
+
     x: predicted states, (n,)
     Phi: their derivatives by the states of the estimate, (n, n)
     """
