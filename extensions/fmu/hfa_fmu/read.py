@@ -142,34 +142,40 @@ def _model(
     instance: Instance, description: Description, start: list[float], source: Source
 ) -> Model:
     """Return the model of the variables of an FMU."""
-    of = description
     states, inputs, parameters, outputs = (
-        {of.names[each.name]: _signal(each) for each in group}
-        for group in (of.states, of.inputs, of.parameters, of.outputs)
+        {description.names[each.name]: _signal(each) for each in group}
+        for group in (
+            description.states,
+            description.inputs,
+            description.parameters,
+            description.outputs,
+        )
     )
     nominals = [
         np.array([each.nominal for each in group.values()])
         for group in (states, inputs, parameters)
     ]
-    whole = [each.is_whole for each in of.parameters]
-    evaluator = Evaluator(instance, nominals, len(states) + len(outputs), of.indicators, whole)
+    whole = [each.is_whole for each in description.parameters]
+    values = len(states) + len(outputs)
+    evaluator = Evaluator(instance, nominals, values, description.indicators, whole)
     begun = _beside_events(evaluator, np.array(start), len(states))
-    about = _about(evaluator, of, begun)
-    of_events = _of_events(of.indicators, begun.tolist() != start)
-    about = replace(about, notes=(*about.notes, *of_events, *_told_apart(of.names)))
+    about = _about(evaluator, description, begun)
+    of_events = _of_events(description.indicators, begun.tolist() != start)
+    about = replace(about, notes=(*about.notes, *of_events, *_told_apart(description.names)))
+    begun_states = begun[: len(states)].tolist()
     states = {
         name: signal._replace(start=value)
-        for (name, signal), value in zip(states.items(), begun.tolist(), strict=False)
+        for (name, signal), value in zip(states.items(), begun_states, strict=True)
     }
     function = casadi_function(evaluator)
 
     def equations(x: Any, u: Any, p: Any, _: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         values = ca.vertsplit(function(ca.vertcat(*x, *u, *p)))
-        rates = dict(zip(states, values, strict=False))
+        rates = dict(zip(states, values[: len(states)], strict=True))
         return rates, dict(zip(outputs, values[len(states) :], strict=True))
 
     return Model(
-        of.title,
+        description.title,
         states=states,
         inputs=inputs,
         equations=equations,
