@@ -95,21 +95,21 @@ def constant_commands(parts: Parts, equations: Equations) -> list[str]:
 
     Programs around JSBSim set such commands, for example an autopilot.
     """
-    reached = equations.properties
+    properties = equations.properties
     names = [
         name
         for name in equations.declared
-        if name in reached.asked
-        and reached.writer(name) is None
+        if name in properties.asked
+        and properties.writer(name) is None
         and re.search("cmd|command", name.rsplit("/", 1)[-1])
     ]
     if not names:
         return []
     with_inputs = copy(parts)
     with_inputs.choices = replace(parts.choices, inputs=(*parts.choices.inputs, *names))
-    tried = Equations(with_inputs)
-    moving = tried.used_inputs()
-    return [name for name in names if tried.chosen[name] in moving]
+    as_inputs = Equations(with_inputs)
+    moving = as_inputs.used_inputs()
+    return [name for name in names if as_inputs.chosen[name] in moving]
 
 
 @lru_cache
