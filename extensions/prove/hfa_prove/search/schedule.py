@@ -116,22 +116,37 @@ def prove_schedule(
             "not stable"
         )
     rate = _SHARE * sampled if decay_rate is None else decay_rate
-    wanted = [(ScheduleStatement(flight, gains, rate), still)]
+    still_statement = ScheduleStatement(flight, gains, rate)
+    candidates = [(still_statement, still)]
     if moving or scheduled_rate is not None:
-        wanted = list(_motions(wanted[0][0], samples, scheduled_rate))
-    for number, (statement, witness) in enumerate(wanted, 1):
+        candidates = list(_motions(still_statement, samples, scheduled_rate))
+    if not candidates:
+        raise NoSolutionError(
+            "no Lyapunov function was found for a motion of the scheduling variable"
+            + (f" at {scheduled_rate:g} per s" if scheduled_rate is not None else "")
+        )
+    return _first_proved(candidates, progress)
+
+
+def _first_proved(
+    candidates: Sequence[tuple[ScheduleStatement, ScheduleWitness]], progress: Progress | None
+) -> ScheduleFound:
+    """Return the first of some statements, at least one, that is proved with its witness.
+
+    Raises NoSolutionError with the open claim of the last one if none is proved.
+    """
+    rejected: Rejected | None = None
+    for statement, witness in candidates:
         try:
             size = check_schedule(statement, witness, progress)
         except Rejected as error:
-            if number == len(wanted):
-                raise NoSolutionError(str(error)) from error
+            rejected = error
             continue
+        # Halving into `size` pieces tries less than twice as many. 100 more are spare, for a
+        # processor whose roundoff requires further pieces.
         kept = ScheduleWitness(2 * size + 100, witness.breakpoints, witness.P)
         return ScheduleFound(statement, kept, size)
-    raise NoSolutionError(
-        "no Lyapunov function was found for a motion of the scheduling variable"
-        + (f" at {scheduled_rate:g} per s" if scheduled_rate is not None else "")
-    )
+    raise NoSolutionError(str(rejected)) from rejected
 
 
 def _samples(proof: ScheduleProof) -> list[Sample]:
