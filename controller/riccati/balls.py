@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
@@ -327,11 +327,16 @@ def radii(matrix: arb_mat) -> np.ndarray:
 
 def stacked(rows: list[list[arb_mat]]) -> arb_mat:
     """Return the matrix of these blocks."""
-    lines: list[list[arb]] = []
+    return ball_matrix(joined(rows))
+
+
+def joined(rows: list[list[Any]]) -> list[list[Any]]:
+    """Return the entries of the matrix of these blocks, row by row."""
+    lines = []
     for blocks in rows:
         tables = [block.tolist() for block in blocks]
         lines += [[*chain.from_iterable(parts)] for parts in zip(*tables, strict=True)]
-    return ball_matrix(lines)
+    return lines
 
 
 def part(matrix: arb_mat, rows: slice, columns: slice) -> arb_mat:
@@ -352,6 +357,11 @@ def symmetric(matrix: arb_mat) -> arb_mat:
     if matrix == mirrored:  # only if both are exact
         return matrix
     return ((matrix.mid() + mirrored.mid()) * arb(0.5)).mid()
+
+
+def symmetric_part(matrix: arb_mat) -> arb_mat:
+    """Return the balls of the symmetric part."""
+    return (matrix + matrix.transpose()) * 0.5
 
 
 def norm(matrix: arb_mat) -> arb:

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import BallMatrix, Balls, ball_matrix, identity, stacked
+from controller.riccati.balls import (
+    BallMatrix,
+    Balls,
+    ball_matrix,
+    identity,
+    stacked,
+    symmetric_part,
+)
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
@@ -207,8 +214,7 @@ def _symmetric(weights: np.ndarray, units: np.ndarray) -> np.ndarray | arb_mat:
     exact = scaled(weights, units, units)
     if np.array_equal(weights, weights.T):
         return exact
-    whole = _balls(exact)
-    return (whole + whole.transpose()) * 0.5
+    return symmetric_part(_balls(exact))
 
 
 def _balls(matrix: np.ndarray | arb_mat) -> arb_mat:

@@ -35,6 +35,7 @@ from controller.riccati.balls import (
     norm,
     precision,
     symmetric,
+    symmetric_part,
 )
 from controller.riccati.enclosure import (
     ATTEMPTS,
@@ -165,7 +166,7 @@ class _Policy:
         self.game = game
         self.is_discrete = game.is_discrete
         self.A, self.B, self.E = (ball_matrix(each) * root for each in (game.A, game.B, game.E))
-        self.R = _symmetric(game.R)
+        self.R = symmetric_part(ball_matrix(game.R))
         self.P, self.K_exact, self.L = enclosure.P, enclosure.K, enclosure.L
         self.K = ball_matrix(K)
         self.is_disturbed = math.isfinite(game.delta) and bool(game.E.any())
@@ -492,8 +493,3 @@ def _at_edge(direction: np.ndarray, box: np.ndarray) -> np.ndarray:
     shares = direction / box
     largest = shares[np.argmax(np.abs(shares))]
     return direction / largest if largest else direction
-
-
-def _symmetric(matrix: np.ndarray) -> arb_mat:
-    balls = ball_matrix(matrix)
-    return (balls + balls.transpose()) * 0.5

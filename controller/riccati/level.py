@@ -15,7 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.riccati.balancing import is_stable_in_doubles
-from controller.riccati.balls import Balls, ball_matrix, identity, midpoints, precision
+from controller.riccati.balls import (
+    Balls,
+    ball_matrix,
+    identity,
+    midpoints,
+    precision,
+    symmetric_part,
+)
 from controller.riccati.enclosure import ATTEMPTS, Enclosure, enclosed_in_bits
 from controller.riccati.equation import scaled_balls
 from controller.riccati.l2_gain import DisturbedLoop, GainBounds
@@ -163,9 +170,8 @@ class Level:
         crossed = N * K
         cost = Q + K.transpose() * R * K - crossed - crossed.transpose()
         C = back.transpose() * scaled_balls(cost, states, states) * back
-        C = (C + C.transpose()) * 0.5
         F = self.to_level * scaled_balls(loop_with(game, K), -states, states) * back
-        return DisturbedLoop(F * root, E * root, C, game.is_discrete)
+        return DisturbedLoop(F * root, E * root, symmetric_part(C), game.is_discrete)
 
     def distance(self, K: np.ndarray) -> float:
         """Return the smallest change of A - B K that gives an undamped mode, relative to its norm.

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from enum import Enum
 from fractions import Fraction
-from itertools import chain, pairwise
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from controller.game.zero_sum import Game
+from controller.riccati.balls import joined
 
 if TYPE_CHECKING:
     from flint import acb, fmpq, fmpq_mat, fmpq_poly, fmpz_poly
@@ -294,11 +295,7 @@ def _stacked(rows: list[list[fmpq_mat]]) -> fmpq_mat:
     """Return the matrix of these blocks."""
     from flint import fmpq_mat
 
-    lines = []
-    for blocks in rows:
-        tables = [block.tolist() for block in blocks]
-        lines += [[*chain.from_iterable(parts)] for parts in zip(*tables, strict=True)]
-    return fmpq_mat(lines)
+    return fmpq_mat(joined(rows))
 
 
 def _zeros(rows: int, columns: int) -> fmpq_mat:
