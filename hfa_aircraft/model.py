@@ -429,8 +429,10 @@ class Model(Reported):
                 f"{self.name} has air of its own, whose temperature {ISA} does not change; remove "
                 f"{ISA}"
             )
+        if name in self.holdable:
+            return
         known = dict.fromkeys((*self.holdable, *also, *self.parameters))
-        meant = "" if name in known else self._meant(name)
+        meant = self._meant(name)
         if meant == recognized(self.states).get("phi") and "turn_rate" in known:
             raise BadInputError(
                 f"{meaning} {name!r}; give a level turn by --hold {meant}=ANGLE --free turn_rate"

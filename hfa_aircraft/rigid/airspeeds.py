@@ -7,7 +7,7 @@ aircraft; without these outputs, or if they are those of the standard atmosphere
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -53,28 +53,41 @@ def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
     if not names:
         return dict(imposed)
     speed, altitude = recognized(model.states)["speed"], altitudes(model)[0]
-    (name, *others) = names
     for each in names:
         least = np.min(imposed[each])
         if not least > 0.0:
             raise BadInputError(f"{each} is {model.describe(each, least)}; give a positive speed")
+    name = names[0]
     if altitude not in imposed:
-        if {*names} <= {*model.outputs}:
+        if {*names} <= {*model.outputs}:  # the model's equations find the speed and the altitude
             return dict(imposed)
-        if len(others) != 1 or speed in imposed:
-            raise BadInputError(f"{name} is imposed without an altitude; impose {altitude} too")
-        imposed = {**imposed, altitude: _crossover(model, name, others[0], altitude, imposed)}
-        del imposed[others[0]]
-    elif others or speed in imposed:
-        both = [name, *others, *([speed] * (speed in imposed))][:2]
+        imposed = _with_crossover(model, names, speed, altitude, imposed)
+    elif len(names) > 1 or speed in imposed:  # two speeds at an altitude
+        both = [*names, *([speed] * (speed in imposed))][:2]
         raise BadInputError(
             f"{' and '.join(both)} are both imposed, and each gives the speed at the altitude; give"
             f" one of them, or free {altitude}"
         )
+    # The model's equations find the speed, or else the standard atmosphere gives it.
     if name in model.outputs and ISA not in model.parameters:
         return dict(imposed)
     rest = {each: imposed[each] for each in imposed if each != name}
     return rest | {speed: _speed(model, name, altitude, imposed) * _per(model, speed, "ft/s")}
+
+
+def _with_crossover(
+    model: Model, names: Sequence[str], speed: str, altitude: str, imposed: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the imposed values with the altitude at which two airspeeds agree, for the second one.
+
+    Raises BadInputError unless two airspeeds and no speed are imposed.
+    """
+    if len(names) != 2 or speed in imposed:
+        raise BadInputError(f"{names[0]} is imposed without an altitude; impose {altitude} too")
+    first, second = names
+    imposed = {**imposed, altitude: _crossover(model, first, second, altitude, imposed)}
+    del imposed[second]
+    return imposed
 
 
 def _crossover(
