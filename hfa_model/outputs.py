@@ -92,7 +92,7 @@ def _load_factor(at: Instant) -> Quantity:
 def _center_load_factor(at: Instant) -> Quantity:
     """Return the load factor n_c = cos θ - a_z / g of the center panel."""
     # θ is the pitch angle, and a_z the downward acceleration of the panel in body axes.
-    descent = _body_descent(at, center_height(at.x.dihedral, at.p), 1 / 3)
+    descent = _body_descent(at, center_height(at.x.dihedral, at.p), factor=1 / 3)
     return ca.cos(at.x.pitch) - descent / at.p.gravity
 
 
@@ -106,13 +106,16 @@ def _outer_load_factor(at: Instant) -> Quantity:
     outward = (
         -at.p.panel_span / 2 * (sin_eta * at.rates.dihedral_rate + cos_eta * at.x.dihedral_rate**2)
     )
-    descent = _body_descent(at, outer_height(at.x.dihedral, at.p), -1 / 6)
+    descent = _body_descent(at, outer_height(at.x.dihedral, at.p), factor=-1 / 6)
     return ca.cos(at.x.pitch) * cos_eta - (descent * cos_eta + outward * sin_eta) / at.p.gravity
 
 
 def _body_descent(at: Instant, height: Quantity, factor: float) -> Quantity:
     """Return the downward acceleration of a panel in body axes, ft/s^2."""
-    # a_z = (V sin α)' - q V cos α - q² z + z'', z = factor s sin η.
+    # a_z = (V sin α)' - q V cos α - q² z + z''. z = factor s sin η, `height`, is the distance of
+    # the panel below the center of mass. The middles of both outer panels are (s/2) sin η above the
+    # center panel, and the center of mass of the three equal panels is 2/3 of this, (s/3) sin η,
+    # above it: the factor is 1/3 for the center panel, and 1/3 - 1/2 = -1/6 for an outer one.
     sin_eta = ca.sin(at.x.dihedral)
     cos_eta = ca.cos(at.x.dihedral)
     sin_alpha = ca.sin(at.x.alpha)

@@ -156,10 +156,9 @@ def unsteady_equations(
     outer_motion = _panel_motion("outer", x, p, winds)
     center = _lagged_panel(center_motion, x, u, p, air)
     outer = _lagged_panel(outer_motion, x, u, p, air)
-    loads = sum_of_panels(x, u, center.loads, outer.loads, p, NEWTON)
+    of_panels = sum_of_panels(x, u, center.loads, outer.loads, p, NEWTON)
     tip_moment, tip_rates = _tip_moment(x, p, flow_of(*outer_motion.calm).speed, air)
-    loads = loads._replace(hinge_moment=loads.hinge_moment + tip_moment)
-    of_flow = loads
+    of_flow = of_panels._replace(hinge_moment=of_panels.hinge_moment + tip_moment)
     loads = _with_apparent_mass(x, of_flow, (center_motion, outer_motion), p, air)
     rates = rates_from_loads(x, loads, p, NEWTON)
     lift_coefficient = (center.lift_coefficient + 2 * outer.lift_coefficient) / 3
