@@ -252,6 +252,7 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
         array = np.asarray(values)
     except ValueError:  # rows that differ in length
         array = np.empty(0, dtype=object)
+    # A Solution that is given for K has an attribute K.
     if array.dtype.kind not in "iuf" and hasattr(values, what):
         raise BadInputError(f"{what} is a {type(values).__name__}; give its {what}")
     if array.dtype.kind not in "iuf":

@@ -172,7 +172,8 @@ def split_unit(text: str) -> tuple[str, str]:
         return repr(geometric), "ft"
     digits = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
     unit = r"(?![eE][-+]?\d)[a-zA-Z°µμ].*"  # a text that begins with a letter, but is no exponent
-    found = re.fullmatch(rf"({digits})(?:\s*(?={unit})|\s+)(\S.*)", text.strip())
+    gap = rf"(?:\s*(?={unit})|\s+)"  # before another unit, at least one blank
+    found = re.fullmatch(rf"({digits}){gap}(\S.*)", text.strip())
     return (found[1], found[2]) if found else (text, "")
 
 

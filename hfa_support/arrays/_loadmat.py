@@ -61,6 +61,12 @@ def _is_text(cell: Any) -> bool:
     return isinstance(cell, np.ndarray) and (cell.dtype.kind == "U" or cell.size == 0)
 
 
+def _refuse_larger(size: int, largest: int) -> None:
+    """Raise ValueError if a size exceeds the largest permitted one, both in bytes."""
+    if size > largest:
+        raise ValueError(f"the file unpacks to more than {largest >> 20} MiB")
+
+
 def main(path: str, largest: int) -> None:
     """Read a .mat file and write its entries to standard output, as .npz.
 
@@ -68,16 +74,14 @@ def main(path: str, largest: int) -> None:
     """
     warnings.simplefilter("ignore")
     declared = [_BYTES.get(kind, 0) * math.prod(shape) for _, shape, kind in whosmat(path)]
-    if sum(declared) > largest:  # before any number is read
-        raise ValueError(f"the file unpacks to more than {largest >> 20} MiB")
+    _refuse_larger(sum(declared), largest)  # before any number is read
     content = {
         name: value
         for name, value in loadmat(path, appendmat=False).items()
         if not name.startswith("__")
     }
     found = list(leaves(content, (), largest))
-    if sum(array.nbytes for _, array in found) > largest:
-        raise ValueError(f"the file unpacks to more than {largest >> 20} MiB")
+    _refuse_larger(sum(array.nbytes for _, array in found), largest)
     stream = io.BytesIO()
     arrays: Any = {str(place): array for place, (_, array) in enumerate(found)}
     np.savez(stream, allow_pickle=False, paths=json.dumps([names for names, _ in found]), **arrays)
