@@ -287,21 +287,28 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
             "error bands exist only for the identified parameters with their covariance; "
             "use the parameters.toml of `python -m studies.identification`, unchanged"
         )
-    own = replace(aircraft(), equations=Equations(variant_named(model.point.dynamics)))
-    shown = model.model
-    variables = [model.point.values[name] for name in own.variables]
-    v = shown.native_values(own.variables, variables)
-    free = [own.variables.index(name) for name in condition.free]
+    given_model = model.model
+    variant_model = replace(aircraft(), equations=Equations(variant_named(model.point.dynamics)))
+    variables = [model.point.values[name] for name in variant_model.variables]
+    v = given_model.native_values(variant_model.variables, variables)
+    free = [variant_model.variables.index(name) for name in condition.free]
     rows = [STATES.index(name) for name in STATES if name in condition.rates]
     identified = [Parameters._fields.index(name) for name in parameters.identified]
-    _, by_parameters = entries_at(own.layout, v, np.array(parameters.values), free, rows)
+    _, by_parameters = entries_at(variant_model.layout, v, np.array(parameters.values), free, rows)
     variances = quadratic_forms(by_parameters[:, identified], parameters.covariance)
     entries = (2 * np.sqrt(variances)).reshape(len(LINEAR_STATES), -1, order="F")
-    if shown.source.native is not None:
-        rows_in_si = np.array([si_factor(own.unit(name)) for name in LINEAR_STATES])
-        columns_in_si = np.array([si_factor(own.unit(name)) for name in (*LINEAR_STATES, *INPUTS)])
-        entries = entries * rows_in_si[:, None] / columns_in_si
+    if given_model.source.native is not None:  # a model in SI units
+        entries = _in_si(entries, variant_model)
     return Bands(*np.split(entries, [len(LINEAR_STATES)], axis=1))
+
+
+def _in_si(entries: np.ndarray, model: Model) -> np.ndarray:
+    """Return entries of [A B] in SI units, from the units of the model."""
+    rows, columns = (
+        np.array([si_factor(model.unit(name)) for name in names])
+        for names in (LINEAR_STATES, (*LINEAR_STATES, *INPUTS))
+    )
+    return entries * rows[:, None] / columns
 
 
 def entries_at(

@@ -221,12 +221,15 @@ class SweepPlan:
 
         The shape is (stop - start, variables).
         """
-        index = np.arange(start, stop)
-        indices = np.unravel_index(index, self.sizes)
+        flat_index = np.arange(start, stop)
+        if self.listed:  # one row for each point
+            per_axis = [flat_index] * len(self.axes)
+        else:
+            per_axis = [*np.unravel_index(flat_index, self.sizes)]
         columns = []
-        for number, values in enumerate(self.axes.values()):
+        for values, place in zip(self.axes.values(), per_axis, strict=True):
             axis = values if isinstance(values, Steps) else np.array(values)
-            columns.append(axis[index if self.listed else indices[number]])
+            columns.append(axis[place])
         return np.stack(columns, axis=-1)
 
     def task(
