@@ -11,6 +11,7 @@ The scale of a linear problem is arbitrary. Therefore each bound is valid for ev
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -120,19 +121,8 @@ def matrix_errors(name: str, matrix: np.ndarray, solution: Solution, limit: floa
     solution: the exact solution
     limit: limit of each error
     """
-    game = solution.game
-    units = balanced_units(game)
     exact = solution.P if name == "P" else solution.K
-    price = solution.excess_weight
-    if name == "P":
-        scales = np.outer(units, units)
-        entry_scales = scales
-        root = np.eye(len(matrix))
-    else:
-        eigenvalues, vectors = np.linalg.eigh(price)
-        root = np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T
-        scales = np.outer(np.ones(len(matrix)), units)
-        entry_scales = np.sqrt(np.diag(price))[:, None] * scales
+    root, scales, entry_scales = _scales_of_P(solution) if name == "P" else _scales_of_K(solution)
     norm = relative_error(matrix, exact)
     balanced = relative_error(root @ matrix * scales, root @ exact * scales)
     entry = entry_error((matrix - exact) * entry_scales, exact * entry_scales)
@@ -141,6 +131,30 @@ def matrix_errors(name: str, matrix: np.ndarray, solution: Solution, limit: floa
         error_check(f"{name}_balanced_error", balanced, limit, f"{name} in balanced units"),
         error_check(f"{name}_entry_error", entry, limit, f"an entry of {name}"),
     ]
+
+
+class _Scales(NamedTuple):
+    """Factors of a matrix M: root M * scales in balanced units, and M * entry_scales by entry."""
+
+    root: np.ndarray
+    scales: np.ndarray
+    entry_scales: np.ndarray
+
+
+def _scales_of_P(solution: Solution) -> _Scales:
+    """Return the factors of U P U."""
+    units = balanced_units(solution.game)
+    scales = np.outer(units, units)
+    return _Scales(np.eye(len(units)), scales, scales)
+
+
+def _scales_of_K(solution: Solution) -> _Scales:
+    """Return the factors of R^(1/2) K U and diag(R)^(1/2) K U."""
+    units, price = balanced_units(solution.game), solution.excess_weight
+    eigenvalues, vectors = np.linalg.eigh(price)
+    root = np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T
+    scales = np.outer(np.ones(len(price)), units)
+    return _Scales(root, scales, np.sqrt(np.diag(price))[:, None] * scales)
 
 
 def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -> list[Check]:

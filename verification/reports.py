@@ -136,9 +136,13 @@ def _scope(verdict: Verdict) -> str:
 def _facts(verdict: Verdict) -> list[str]:
     """Return at least two findings, the most important one first.
 
-    They are a kink of the policy, a failed check that no other finding mentions, the cost (of a
-    simulated critic with
-    equilibrium and K), exactness and stability (first if not stabilizing), and the L2 gain.
+    - exactness, here only if a critic with a kink fails
+    - a failed check that no other finding mentions
+    - the cost; of a simulated critic also the equilibrium and K
+    - not stabilizing
+    - exactness
+    - stabilizing
+    - the L2 gain
     """
     failed = [check for check in verdict.checks if not check.ok]
     exactness = _exactness(verdict, failed)
