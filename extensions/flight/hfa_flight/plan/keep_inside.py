@@ -81,10 +81,10 @@ class KeptInside(Policy):
             z = known.when_acting(problem.followed_of(trim + measured))
             acted = measured.copy()
             if self.delay:
-                acted[problem.followed_places] = z * problem.sizes[0]
+                acted[problem.followed_places] = z * problem.sizes.states
             held = policy_held(tick, acted)
             (u,) = command.at(tick * step, measured, held)
-            v = u[problem.moved] / problem.sizes[1]
+            v = u[problem.moved] / problem.sizes.inputs
             inside = nearest(z, v)
             acts = bool(np.abs(inside - v).max() > _ROUNDING)
             known.command(inside)
