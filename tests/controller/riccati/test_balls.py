@@ -70,7 +70,7 @@ def test_norms_are_upper_bounds(arithmetic):
 
 @pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
 def test_only_positive_matrices_are_proved_positive(arithmetic):
-    """In balls, all of which must be positive."""
+    """A matrix of balls is positive only if every matrix in it is positive definite."""
     with precision(256):
         for seed in range(5):
             modes = np.linalg.qr(np.random.default_rng(seed).standard_normal((4, 4)))[0]

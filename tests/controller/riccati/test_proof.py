@@ -15,6 +15,7 @@ from controller.riccati.balls import (
 )
 from controller.riccati.enclosure import enclosed, lyapunov_enclosure
 from controller.riccati.proof import (
+    NotProvedError,
     lyapunov_ball,
     proves_stable,
 )
@@ -40,7 +41,7 @@ def test_an_indefinite_Y_proves_no_stability():
 
 @pytest.mark.parametrize("is_discrete", [False, True])
 def test_a_lyapunov_ball_contains_the_solution(is_discrete):
-    """Whatever D is proposed, and D of an unstable loop is refused."""
+    """The ball about any D contains the solution. An unstable loop has neither ball nor enclosure."""
     F, C = np.array([[-0.5, 1.0], [0.0, -0.25]]), np.array([[1.0, 2.0], [2.0, -3.0]])
     with precision(BITS):
         exact = lyapunov_enclosure(ball_matrix(F), ball_matrix(C), is_discrete=is_discrete)
@@ -57,6 +58,8 @@ def test_a_lyapunov_ball_contains_the_solution(is_discrete):
             assert all(map(arb.contains, found.entries(), exact.mid().entries()))
         unstable = ball_matrix(np.array([[2.0]])), identity(1)
         assert lyapunov_enclosure(*unstable, is_discrete=is_discrete) is None
+        with pytest.raises(NotProvedError):
+            lyapunov_ball(*unstable, identity(1), identity(1), is_discrete=is_discrete)
 
 
 def test_the_number_of_bits_is_restored():
