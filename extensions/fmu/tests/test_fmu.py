@@ -496,13 +496,15 @@ def test_an_event_at_the_start_values_hinders_no_trim(version):
 
 
 def test_types_steps_and_capitals():
-    """Units and limits of a type, an input that changes in steps, .FMU."""
+    """A type gives units and limits, an input may change in steps, and a file may be an .FMU."""
     written = fmu(
         name="PENDULUM.FMU",
         torque='causality="input" variability="discrete"',
     )
     model = hfa.load_model(written)
+    # The type of the angle declares its unit and limits.
     assert model.states["body_angle"][:3] == ("rad", 1.0, -1.5)
+    # The discrete torque is an input like any other, and the report says so.
     linear = hfa.linearize(model, hfa.trim(model, hold={"torque": 1.5}))
     np.testing.assert_allclose(linear.B, [[0.0], [1.0]], atol=1e-8)
     said = " ".join(hfa.trim(model).report().text().split())

@@ -72,16 +72,23 @@ def test_different_equations_have_different_digests():
         return u.lift + p.pull * x.depth - p.drag * x.heave
 
     added = changed_rates(heave=heave)
-    models = [replace(FLOAT, equations=each) for each in (float_equations, added, loaded)]
-    models += [replace(FLOAT, equations=renamed, inputs={"push": FLOAT.inputs["lift"]})]
     gusty = changed_rates(depth=lambda x, u, p, w: x.heave + w.wind)
     windy = {"disturbances": {"wind": FLOAT.states["heave"]}}
-    models += [replace(FLOAT, **windy), replace(FLOAT, equations=gusty, **windy)]
-    models += [replace(FLOAT, replaced={"depth": "load"}, trim={"load": 0.5, "heave": 0.0})]
-    models += [replace(FLOAT, equations=added, name="published")]
-    digests = [facts(model)["equations"] for model in models]
-    assert len(set(digests[:-1])) == 7
-    assert digests[-1] == digests[1]
+    push = {"push": FLOAT.inputs["lift"]}
+    load = {"load": 0.5, "heave": 0.0}
+    models = {
+        "unchanged": replace(FLOAT, equations=float_equations),
+        "another operation": replace(FLOAT, equations=added),
+        "another output": replace(FLOAT, equations=loaded),
+        "another name of an input": replace(FLOAT, equations=renamed, inputs=push),
+        "a disturbance without effect": replace(FLOAT, **windy),
+        "a disturbance": replace(FLOAT, equations=gusty, **windy),
+        "another trim variable": replace(FLOAT, replaced={"depth": "load"}, trim=load),
+    }
+    digests = {name: facts(model)["equations"] for name, model in models.items()}
+    assert len(set(digests.values())) == len(models)
+    published = replace(FLOAT, equations=added, name="published")
+    assert facts(published)["equations"] == digests["another operation"]
 
 
 def test_different_functions_have_different_digests():

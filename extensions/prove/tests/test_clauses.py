@@ -208,14 +208,15 @@ def test_trims_and_loop_of_two_unknowns_are_enclosed():
 
 def test_a_jump_to_another_branch_is_refused(monkeypatch):
     """A search that continues on the branch u = -√p above p = 0.75 is refused."""
-    whole = SteadyFlight.estimate
+    proof = fold(0.5, 1.0, BOTH)
+    first = proof.statement.flight.first["u"]
+    estimate = SteadyFlight.estimate
 
     def jumping(flight, guess, s):
         u, v = guess
-        return whole(flight, np.array([np.copysign(u, u if s < 0.75 else -first), v]), s)
+        sign = u if s < 0.75 else -first
+        return estimate(flight, np.array([np.copysign(u, sign), v]), s)
 
-    proof = fold(0.5, 1.0, BOTH)
-    first = proof.statement.flight.first["u"]
     assert check_schedule(proof.statement, proof.witness) > 0
     monkeypatch.setattr(SteadyFlight, "estimate", jumping)
     with pytest.raises(NoSolutionError, match="one branch"):

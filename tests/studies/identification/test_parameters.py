@@ -114,10 +114,9 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters):
 @pytest.mark.parametrize("matrix_row_column", ENTRIES[1::8], ids="-".join)
 def test_one_changed_entry_prevents_a_fit(parameters, matrix_row_column):
     """If one printed entry at 5 deg is changed by 0.01, no parameters fit all entries."""
-    near = np.log(
-        np.array([getattr(parameters, name) for name in IDENTIFIED]) / list(ROUGH.values())
-    )
-    found = fit(changed(*matrix_row_column), VARIANTS["published"], noise=near)
+    identified = np.array([getattr(parameters, name) for name in IDENTIFIED])
+    log_shift = np.log(identified / list(ROUGH.values()))
+    found = fit(changed(*matrix_row_column), VARIANTS["published"], noise=log_shift)
     assert found.sum_of_squares > 5 * found.expected_sum
 
 
