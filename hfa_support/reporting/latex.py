@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hfa_support.errors import imported
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Table, are_words, flowing, printable
-
-if TYPE_CHECKING:
-    from hfa_support.reporting.report import Report
 
 #: Character with a meaning in LaTeX -> how it is printed.
 _ESCAPED = {each: f"\\{each}" for each in "&%$#_{}"} | {
@@ -22,7 +19,7 @@ _ESCAPED = {each: f"\\{each}" for each in "&%$#_{}"} | {
 }
 
 
-def latex_of(report: Report) -> str:
+def latex_of(report: Any) -> str:
     r"""Return a report as LaTeX that \input places in a document: its lines and notes are
     paragraphs, its tables `tabular`. Requires pandas and Jinja2.
     """

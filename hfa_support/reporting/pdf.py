@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from reportlab.lib.pagesizes import A4, landscape
 from reportlab.pdfgen.canvas import Canvas
@@ -43,9 +43,6 @@ from hfa_support.reporting.pdf_parts import (
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Table, flowing, is_warning, printable
 
-if TYPE_CHECKING:
-    from hfa_support.reporting.report import Report
-
 #: Margin of a page, and distance of its footer from the edge, points.
 _MARGIN, _FOOT = 34.0, 18.0
 #: Name of a page -> width and height, points.
@@ -57,7 +54,7 @@ _LABEL, _LINE = 90.0, 26.0
 _IN_FRAMES = [("GRID", (0, 0), (-1, -1), 0.5, FRAME), ("VALIGN", (0, 0), (-1, -1), "TOP")]
 
 
-def write_pdf(report: Report, path: Path) -> None:
+def write_pdf(report: Any, path: Path) -> None:
     """Write a report as PDF, completely or not at all.
 
     A sheet has one page if it fits. A report of reports has its head as cover, its tables on wide
@@ -131,7 +128,7 @@ def _beginning(text: str, room: float) -> str:
     return f"{text}…"
 
 
-def _story(report: Report, level: int) -> Iterator[Flowable]:
+def _story(report: Any, level: int) -> Iterator[Flowable]:
     """Yield the parts of a report in reading order.
 
     level: 0 for the document, 1 for a report in it
@@ -160,7 +157,7 @@ def _story(report: Report, level: int) -> Iterator[Flowable]:
         yield from _small(after)
 
 
-def _heading(report: Report, level: int) -> Iterator[Flowable]:
+def _heading(report: Any, level: int) -> Iterator[Flowable]:
     """Yield the first line of the title as heading and in the outline, and the others below it."""
     first, _, others = flowing(report.title).partition("\n")
     if first:

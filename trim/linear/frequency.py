@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,10 +15,8 @@ from trim.linear.transfer import Transfer, transfers
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from trim.linear.linear_model import LinearModel
 
-
-def draw_bode(linear: LinearModel, figure: Figure) -> Figure:
+def draw_bode(linear: Any, figure: Figure) -> Figure:
     """Draw the Bode plots of a linear model, and return the figure.
 
     python-control draws a panel for the magnitude (dB) and one for the phase (deg) of each output
@@ -107,7 +105,7 @@ def transfers_table(functions: Iterable[Transfer], time: str) -> Table:
     return Table(header, rows)
 
 
-def zeros_in_words(linear: LinearModel, zeros: np.ndarray) -> str:
+def zeros_in_words(linear: Any, zeros: np.ndarray) -> str:
     """Return a sentence on the transmission zeros of a linear model."""
     return (
         f"Transmission zeros from {', '.join(linear.inputs)} to {', '.join(linear.outputs)}, "

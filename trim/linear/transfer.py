@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from trim.linear.modes import (
     spectrum,
     without_roundings,
 )
-
-if TYPE_CHECKING:
-    from trim.linear.linear_model import LinearModel
 
 #: Number of times that inputs, outputs and states are balanced in turn; the third changes nothing.
 _TURNS = 3
@@ -82,7 +79,7 @@ class _Roots(NamedTuple):
     errors: np.ndarray
 
 
-def transfers(linear: LinearModel) -> list[Transfer]:
+def transfers(linear: Any) -> list[Transfer]:
     """Return the transfer functions of a linear model from each input to each output.
 
     All inputs of the first output come first, then those of the second output, and so on.
@@ -96,7 +93,7 @@ def transfers(linear: LinearModel) -> list[Transfer]:
     return functions
 
 
-def transmission_zeros(linear: LinearModel) -> np.ndarray:
+def transmission_zeros(linear: Any) -> np.ndarray:
     """Return the transmission zeros from all inputs to all outputs, 1/s, fastest first."""
     system, _ = _levelled(StateSpace(*linear))
     zeros, _ = _zeros(system)

@@ -4,6 +4,7 @@ searches."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from trim.point.condition import TrimCondition, refuse_unfit, release, usual_con
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
 from trim.point.status import Status
+from trim.point.uniqueness import is_determined, keepable, kept_states
 
 
 class TrimError(NoSolutionError):
@@ -125,21 +127,26 @@ def trim(
         ) from error
 
 
+def _unknowns_of(problem: TrimProblem) -> np.ndarray | None:
+    """Return the unknowns of the trim of a problem, (k,), or None without a trim."""
+    with suppress(BadInputError, TrimError):
+        return problem.unknowns(solution(problem).values)
+    return None
+
+
 def _unique(problem: TrimProblem) -> OperatingPoint:
     """Return the trim in which the states that the equations do not determine have their start
     values.
 
     Raises TrimError if no trim is found.
     """
-    from trim.point.uniqueness import is_determined, keepable, kept_states
-
     equations, unknowns = problem.count
     point = None
     if unknowns <= equations or not keepable(problem):
         point = solution(problem)
         if not keepable(problem) or is_determined(problem, problem.unknowns(point.values)):
             return point
-    kept = kept_states(problem)
+    kept = kept_states(problem, _unknowns_of)
     return solution(problem.keeping(kept)) if kept else point or solution(problem)
 
 

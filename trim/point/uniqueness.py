@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -51,15 +51,17 @@ def undetermined(problem: TrimProblem, z: np.ndarray) -> tuple[list[str], int]:
     return [problem.free[i] for i in order if parts[i] > DEPENDENT], len(directions)
 
 
-def kept_states(problem: TrimProblem) -> tuple[str, ...]:
+def kept_states(
+    problem: TrimProblem, trim_of: Callable[[TrimProblem], np.ndarray | None]
+) -> tuple[str, ...]:
     """Return the states that keep their start values, so that the equations determine the trim.
 
     Of the states that no equation determines, the one that moves farthest for its size is kept,
     until the trim is unique. A state without a trim at its start value is not kept. The result does
     not depend on where the search begins.
-    """
-    from trim.point.solve import TrimError, solution
 
+    trim_of: problem -> its unknowns at the trim, (k,), or None if there is none
+    """
     problem = problem.keeping((), from_start=False)
     points = [problem.clip(problem.system.start)]
     points.append(problem.newton(points[0]))
@@ -67,13 +69,12 @@ def kept_states(problem: TrimProblem) -> tuple[str, ...]:
         candidates = _candidates(problem, points)
         points = []
         for name in candidates:
-            try:
+            with suppress(BadInputError):
                 tried = problem.keeping((*problem.kept, name))
-                points = [tried.unknowns(solution(tried).values)]
-            except (BadInputError, TrimError):
-                continue
-            problem = tried
-            break
+                found = trim_of(tried)
+                if found is not None:
+                    problem, points = tried, [found]
+                    break
     return problem.kept
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -13,9 +13,6 @@ from hfa_flight.policies.deployment.sampled_loop import Chain, held, margins
 from hfa_support.errors import BadInputError
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Result
-
-if TYPE_CHECKING:
-    from hfa_flight.policies.kalman import KalmanFilter
 
 #: Longest unknown delay that is searched, in samples, and parts of a sample of the search.
 _MOST_SAMPLES = 30
@@ -60,7 +57,7 @@ class FilterMargins(Result):
         )
 
 
-def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
+def margins_of(known: Any, K: np.ndarray) -> FilterMargins:
     """Return the margins of the loop of a gain u = -K x̂ behind a filter.
 
     K: (m, k)
@@ -89,7 +86,7 @@ def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
     )
 
 
-def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
+def _delayed(known: Any, gain: np.ndarray, delay: float) -> Chain:
     """Return the loop in which all inputs are late, and the filter does not know.
 
     Its states are those of aircraft and air, the commands under way, the latest first, and those of
@@ -127,7 +124,7 @@ def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
     return Chain(F, G, command, n, known.dt, np.eye(size, n))
 
 
-def _unknown_delay(known: KalmanFilter, gain: np.ndarray) -> float | None:
+def _unknown_delay(known: Any, gain: np.ndarray) -> float | None:
     """Return the smallest delay of all inputs, unknown to the filter, that is unstable, s."""
 
     def excess(delay: float) -> Any:

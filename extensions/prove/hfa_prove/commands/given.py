@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from hfa_prove.search.family import Family, exact_gains
 from hfa_prove.statements.aircraft import SAME_TRIM
 from hfa_prove.statements.schedule import ScheduleStatement
 from hfa_prove.subject import Given, close_to, within
-
-if TYPE_CHECKING:
-    from hfa_prove.commands.check import CheckRequest
 
 #: Options that name an aircraft or its trim.
 _OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", *OF_THE_TRIM)
@@ -40,21 +37,19 @@ class AskedTrim(NamedTuple):
     ends: tuple[float, ...]
 
 
-def asked_trim(request: CheckRequest) -> AskedTrim:
+def asked_trim(request: Any) -> AskedTrim:
     """Return the trims that the options define."""
     asked = trim_input(request, scheduled=interval_of)
     ends = () if asked.at is None else tuple(array_of("--at", asked.at, 2).tolist())
     return AskedTrim(asked.trim(None, asked.held()), ends)
 
 
-def _names_one(request: CheckRequest, names: tuple[str, ...]) -> bool:
+def _names_one(request: Any, names: tuple[str, ...]) -> bool:
     """Return whether one of these options is given."""
     return any(is_given(request, name) for name in names)
 
 
-def given_for(
-    statement: ScheduleStatement, request: CheckRequest, trim: AskedTrim
-) -> dict[str, Given]:
+def given_for(statement: ScheduleStatement, request: Any, trim: AskedTrim) -> dict[str, Given]:
     """Return path of an entry of the statement -> the value that the user's options give.
 
     Raises BadInputError or NoSolutionError if the options do not define the subject.
