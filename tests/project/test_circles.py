@@ -54,4 +54,5 @@ def test_no_modules_import_each_other():
     assert circles(sources) == []
     kalman, filtered = "hfa_flight.policies.kalman", "hfa_flight.policies.filtered_policy"
     planted = sources[kalman] + f"def f():\n    from {filtered} import FilteredPolicy\n"
-    assert circles(sources | {kalman: planted}) == [{kalman, filtered}]
+    (circle,) = circles(sources | {kalman: planted})
+    assert {kalman, filtered} <= circle

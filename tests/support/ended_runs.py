@@ -28,12 +28,14 @@ proc = pytest.mark.skipif(
 class Ended(NamedTuple):
     """Result of a run that was ended by a signal.
 
+    seconds: duration of the run
     workers: process numbers of its workers
     """
 
     code: int
     out: str
     err: str
+    seconds: float
     workers: set[int]
 
 
@@ -80,6 +82,7 @@ def run(folder, *words, number=None, after=0.0, working=0):
     """
     (folder / "temporary").mkdir(parents=True, exist_ok=True)
     environment = {**os.environ, "TMPDIR": str(folder / "temporary")}
+    begun = time.monotonic()
     seen = set[int]()
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = subprocess.Popen(
@@ -96,7 +99,7 @@ def run(folder, *words, number=None, after=0.0, working=0):
         out, err = process.communicate(timeout=120)
     finally:
         process.kill()
-    return Ended(process.returncode, out, err, seen)
+    return Ended(process.returncode, out, err, time.monotonic() - begun, seen)
 
 
 def result_of(folder):
