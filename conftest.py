@@ -19,6 +19,9 @@ os.environ.pop("PYTHONUNBUFFERED", None)
 # Ctrl-C.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# So is SIGHUP of `nohup`. A handler that does nothing keeps this here, but is not inherited.
+if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, lambda *_: None)
 
 
 sys.dont_write_bytecode = False  # also for this process

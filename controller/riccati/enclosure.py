@@ -23,6 +23,7 @@ from controller.riccati.balls import (
     precision,
 )
 from controller.riccati.equation import Matrix, equation_of, scaled_balls
+from controller.riccati.pickled_balls import make_balls_picklable
 from controller.riccati.proof import (
     NotProvedError,
     Stabilizing,
@@ -75,6 +76,10 @@ class Enclosure:
     proved: Stabilizing[Any]
     bits: int
     is_raised: bool = False
+
+    def __post_init__(self) -> None:
+        """Let results that hold an enclosure be pickled."""
+        make_balls_picklable()
 
     @property
     def game(self) -> Game:

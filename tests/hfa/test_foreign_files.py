@@ -16,10 +16,17 @@ from hfa.main import BAD_INPUT
 #: Commands that write .csv files -> columns of numbers without a unit.
 _ENTRIES = ("half_units", "percent")
 _ERRORS = ("P_rel_error", "K_rel_error", "largest_error")
+_OF_A_TRIM = (
+    *("mach", "load factor", "load factor center", "load factor outer", "largest residual"),
+    *("throttle", "throttle margin", "L/D", "lift coefficient", "drag coefficient"),
+    *("lift coefficient center", "lift coefficient outer"),
+    *("short period damping", "short period damping level", "CAP level"),
+    *("phugoid damping", "phugoid damping level", "worst level"),
+)
 TABLES = {
     "linearize --dihedral 10 --outputs load_factor,gamma": (),
-    "sweep --dihedral 5,60 --hold alpha=1,2": (),
-    "trim --dihedral 10": (),
+    "sweep --dihedral 5,60 --hold alpha=1,2": ("input throttle",),
+    "trim --dihedral 10": _OF_A_TRIM,
     "regenerate": _ENTRIES,
     "solve --dihedral 10": (),
     "verify --dihedral 10 --weights learn.npz": _ERRORS,

@@ -96,15 +96,29 @@ def test_progress_is_erased_at_the_end(tmp_path):
     assert b"\x1b" not in done.stdout
 
 
+#: Packages of extensions; of the page, `hfa --help` reads the entry of its command.
 EXTENSIONS = [name for name, folder in FOLDERS.items() if "extensions" in folder.parts]
+EXTENSIONS[EXTENSIONS.index("hfa_page")] = "hfa_page.command"
 #: Command lines, and packages that they and the preceding ones must not import.
 LIGHT = [
     (["--help", "--version", "frobnicate"], ["casadi", "control", "matplotlib", "numpy", "scipy"]),
-    (["trim --dihedral 15", "trim --dihedral abc"], ["matplotlib", "scipy"]),
+    (
+        ["trim --dihedral 15", "trim --dihedral abc"],
+        ["matplotlib", *(f"scipy.{each}" for each in ("io", "optimize", "sparse", "spatial"))],
+    ),
     (["linearize --dihedral 10"], ["controller", "verification"]),
     (
-        ["solve --dihedral 15", "verify --dihedral 15"],
-        ["control", "matplotlib", "scipy.optimize", "pandas", "xarray", "onnx", *EXTENSIONS],
+        ["solve --dihedral 15 -o gain.npz", "verify --dihedral 15 --weights gain.npz"],
+        [
+            "control",
+            "matplotlib",
+            "scipy.io",
+            "scipy.signal",
+            "pandas",
+            "xarray",
+            "onnx",
+            *EXTENSIONS,
+        ],
     ),
 ]
 #: Program that runs lists of command lines and prints the imported modules after each list.
@@ -119,6 +133,7 @@ for commands in {lists}:
 
 
 @pytest.mark.parametrize("count", [1, pytest.param(len(LIGHT), marks=pytest.mark.slow)])
+@pytest.mark.usefixtures("folder")
 def test_commands_import_no_packages_that_they_do_not_need(count):
     """No command imports a heavy package or an extension without need, no trim a game.
 

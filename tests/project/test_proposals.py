@@ -144,6 +144,7 @@ AIRCRAFT = (
     ["--aircraft", "examples/gtm.py:GTM"],
     ["--aircraft", "examples/glider.toml"],
     ["--dihedral", "10", "--dynamics", "unsteady"],
+    ["--aircraft", "jsbsim:c310"],
     ["--aircraft", "jsbsim:737?throttles=each"],
     ["--aircraft", "jsbsim:c310?throttles=each"],
 )

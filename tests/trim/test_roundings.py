@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hfa import Model, Signal, linearize, sweep, trim
-from hfa_aircraft.model import Domain
+from hfa.extend import Domain
 from hfa_support.linear_table import LinearTable
 from trim import release, usual_condition
 

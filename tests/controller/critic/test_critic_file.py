@@ -14,9 +14,8 @@ from tolerances import FEW_ROUNDINGS
 
 import hfa
 from controller import basis, critic_in
-from hfa import BadInputError, Game
+from hfa import BadInputError, Game, LinearModel
 from hfa.extend import Reading
-from hfa_aircraft.names import PlantNames
 
 #: Game with two states and two inputs: 3 weights, 4 entries of P and of K.
 GAME = Game(
@@ -272,7 +271,8 @@ def test_the_table_of_hfa_solve_is_read_back(tmp_path: Path) -> None:
 
 def test_other_names_in_a_file_are_noted() -> None:
     """Names of the plant in another order are refused; others are taken in its order, and told."""
-    named = replace(GAME, names=PlantNames(("angle", "rate"), ("roll", "pitch")))
+    plant = LinearModel.of(GAME.A, GAME.B, states=("angle", "rate"), inputs=("roll", "pitch"))
+    named = hfa.game(plant, Q=GAME.Q, R=GAME.R, E=GAME.E, delta=GAME.delta)
     for given, said in ((("Angle", "rate"), ""), (("angel", "rate"), "angel, rate of the file")):
         np.savez("K.npz", K=np.eye(2), states=given)
         told = hfa.verify(named, hfa.read_critic("K.npz", named)).report()

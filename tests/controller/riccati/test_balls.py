@@ -1,10 +1,16 @@
 """Balls in doubles contain what the arithmetic of FLINT computes with many bits."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
-from flint import arb
+from flint import arb, arb_mat, fmpq
 
 from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, midpoints, precision
+from controller.riccati.pickled_balls import make_balls_picklable
+
+make_balls_picklable()
 
 #: Sums of thirds cancel: only their last digits remain.
 OPERATIONS = {
@@ -86,3 +92,26 @@ def test_only_positive_matrices_are_proved_positive(arithmetic):
         assert not arithmetic.of(np.ones((2, 2))).is_positive_definite()
         assert not arithmetic.of(np.diag([1.0, np.nan])).is_positive_definite()
         assert not arithmetic.of(np.diag([1.0, 0.0])).is_positive_definite()
+
+
+@pytest.mark.parametrize("text", ["0.1 +/- 1e-9", "1/3 +/- 1e-70", "-2", "0", "0 +/- 3e-300"])
+@pytest.mark.parametrize("again", [lambda ball: pickle.loads(pickle.dumps(ball)), copy.deepcopy])
+def test_a_pickled_ball_contains_the_ball_and_hardly_more(text, again):
+    """Also of more bits than those of the process that reads it."""
+    middle, _, radius = text.partition(" +/- ")
+    with precision(300):
+        ball = arb(fmpq(*map(int, middle.split("/")))) if "/" in middle else arb(middle)
+        ball += arb(0, radius or "0")
+    restored = again(arb_mat([[ball, 1]]))[0, 0]
+    assert restored.mid() == ball.mid()
+    assert ball.rad() <= restored.rad() <= ball.rad() * (1.0 + 2.0**-27)
+
+
+def test_balls_that_are_not_finite_can_be_pickled():
+    with precision(128):
+        balls = [arb("inf"), arb("-inf"), arb("nan"), arb(2, "inf")]
+    restored = pickle.loads(pickle.dumps(balls))
+    assert restored[0] > 1e300
+    assert restored[1] < -1e300
+    assert [ball.is_finite() for ball in restored] == [False] * 4
+    assert [repr(ball.mid()) for ball in restored] == [repr(ball.mid()) for ball in balls]
