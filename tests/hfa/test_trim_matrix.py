@@ -115,8 +115,10 @@ def test_the_terminal_shows_a_short_sheet(book):
         "--conditions",
         str(book / "conditions.csv"),
     )
-    short = command(*words, "--row", "cruise").out.splitlines()
-    assert len(short) <= 40
+    short, provenance = command(*words, "--row", "cruise").out.rsplit("\n\n", 1)
+    assert provenance.startswith("hfa ")  # as long as the paths of the files
+    short = short.splitlines()
+    assert len(short) <= 38
     assert max(map(len, short)) <= 80
     names = {line.split("  ")[0] for line in short}
     assert {"elevator", "static margin", "speed / stall speed"} <= names
