@@ -38,6 +38,7 @@ def _radius(moment: str) -> Callable[[_Values], float]:
 
 _INERTIAS = "check the inertias and the mass, and their units (1 slug = 32.17 lb)"
 _PER_DEGREE = "it may be given per deg (a factor of 57.3)"
+_PER_RADIAN = "it may be given per rad (a factor of 57.3)"
 _RATES = (
     'a weak damping; derivatives of rates are per rad, with per = "deg" too: multiply those per '
     "deg by 57.3"
@@ -80,13 +81,12 @@ _RANGES = (
     ),
     _Usual(
         lambda of: abs(of("CL_alpha")), 0.0, 20.0,
-        "CL_alpha is {:.3g} per rad, usual are 1 to 7; it may be given per rad (a factor of 57.3)",
+        f"CL_alpha is {{:.3g}} per rad, usual are 1 to 7; {_PER_RADIAN}",
     ),
     _Usual(
         lambda of: -of("Cm_alpha") / of("CL_alpha") if 0.3 <= abs(of("CL_alpha")) <= 20.0 else 0.0,
         -3.0, 3.0,
-        "Cm_alpha is that of a static margin of {:.2g} chords; it may be given per rad (a factor "
-        "of 57.3)",
+        f"Cm_alpha is that of a static margin of {{:.2g}} chords; {_PER_RADIAN}",
     ),
     _Usual(
         lambda of: max(abs(of("CY_beta")) / 3.0, abs(of("Cl_beta")), abs(of("Cn_beta"))), 0.01,
@@ -104,8 +104,7 @@ _RANGES = (
     ),
     _Usual(
         lambda of: abs(of("Cm_elevator")), 0.0, 10.0,
-        "Cm_elevator is {:.3g} per rad, usual are 0.3 to 3; it may be given per rad (a factor of "
-        "57.3)",
+        f"Cm_elevator is {{:.3g}} per rad, usual are 0.3 to 3; {_PER_RADIAN}",
     ),
     _Usual(
         lambda of: -of("Cl_p") if of("Cl_p") < 0.0 else math.nan, 0.03, math.inf,
