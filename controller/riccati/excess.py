@@ -27,6 +27,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
+    ROUNDOFF,
     Balls,
     ball_matrix,
     identity,
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
 #: Relative width of an enclosure that shows three digits, in all but ties.
 WIDTH = 1e-6
 #: A cost that is higher by less than this fraction is the same double.
-SAME_DOUBLE = 2.0**-53
+SAME_DOUBLE = ROUNDOFF
 #: Steps in which an upper bound is sought above the estimate, as powers of ten.
 _ABOVE = range(-12, -5)
 #: Largest number of Newton steps; they converge quadratically, from below.

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from controller.riccati.balls import ball_matrix, bits, identity, midpoints, norm, precision
+from controller.riccati.balls import (
+    ROUNDOFF,
+    ball_matrix,
+    bits,
+    identity,
+    midpoints,
+    norm,
+    precision,
+)
 from controller.riccati.enclosure import ATTEMPTS
 from controller.riccati.equation import scaled_balls
 from controller.riccati.proof import NotProvedError
@@ -18,8 +26,6 @@ if TYPE_CHECKING:
 
 #: Largest number of corrections of proposed eigenvectors; each doubles their digits.
 CORRECTIONS = 4
-#: Relative radius of a number that is right to the last digit of doubles.
-DIGITS = 2.0**-53
 
 
 class Poles(NamedTuple):
@@ -63,7 +69,7 @@ def poles_of(loop: Callable[[int], arb_mat], *, is_discrete: bool) -> Poles:
         if best is None or found.radii.max() < best.radii.max():
             best = found
         sizes = np.abs(best.values) if is_discrete else np.abs(best.values.real)
-        if (best.radii <= DIGITS * (sizes.max() if is_discrete else sizes)).all():
+        if (best.radii <= ROUNDOFF * (sizes.max() if is_discrete else sizes)).all():
             break
     assert best is not None
     return best
