@@ -33,6 +33,7 @@ from hfa_jsbsim.surfaces import PilotInput
 from hfa_jsbsim.xml_file import Folders
 from hfa_support.errors import BadInputError, advice, choice_of, shortened
 from hfa_support.files import resolved
+from hfa_support.native.bound import RowFunction
 
 #: Outputs that are surface positions: name -> property, in rad.
 _POSITIONS = {
@@ -659,16 +660,21 @@ class _Declaration:
 
 
 def _density(altitude: Any, warmer: Any) -> Any:
-    """Return the air density, slug/ft³, at altitudes in ft."""
-    altitudes, deviations = np.broadcast_arrays(np.atleast_2d(altitude), np.atleast_2d(warmer))
-    density = _density_function()(altitudes, deviations).full().ravel()
-    return float(density[0]) if density.size == 1 else density
+    """Return the air density, slug/ft³, a number or an array (N,).
+
+    altitude, warmer: altitude, ft, and deviation of the temperature, K, numbers or arrays (N,)
+    """
+    columns = [column.reshape(-1, 1) for column in np.broadcast_arrays(altitude, warmer)]
+    (densities,) = _density_function()(*columns)
+    return float(densities[0, 0]) if len(densities) == 1 else densities[:, 0]
 
 
 @cache
-def _density_function() -> ca.Function:
+def _density_function() -> RowFunction:
+    """Return the function (altitude, ft; deviation of the temperature, K) -> density, slug/ft³."""
     altitude, warmer = ca.SX.sym("altitude"), ca.SX.sym("warmer")
-    return ca.Function("density", [altitude, warmer], [air_at(altitude, "english", warmer).density])
+    density = air_at(altitude, "english", warmer).density
+    return RowFunction(ca.Function("density", [altitude, warmer], [density]))
 
 
 def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterator[str]:
