@@ -6,53 +6,26 @@ names the entries that were not given.
 
 from __future__ import annotations
 
-import math
+import operator
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_prove.fields import Stated
+from hfa_prove.fields import Stated, stored
 from hfa_support.errors import NoSolutionError
-
-
-def _same(stated: Any, own: Any) -> bool:
-    """Return whether two entries are exactly equal, with names in any order."""
-    if isinstance(own, Mapping):
-        return (
-            isinstance(stated, Mapping)
-            and set(stated) == set(own)
-            and all(_same(stated[name], value) for name, value in own.items())
-        )
-    if isinstance(own, float) and math.isinf(own):
-        return stated in ("inf", own)
-    if isinstance(own, (list, tuple, np.ndarray)):
-        return (
-            isinstance(stated, (list, tuple, np.ndarray))
-            and len(stated) == len(own)
-            and all(_same(*pair) for pair in zip(stated, own, strict=True))
-        )
-    return bool(stated == own)
-
-
-def _numbers(stated: Any) -> np.ndarray:
-    """Return the entries of an array as doubles, or an empty array if they are not numbers."""
-    try:
-        return np.asarray(stated, dtype=float)
-    except (TypeError, ValueError):
-        return np.zeros(0)
 
 
 class Given(NamedTuple):
     """A value from the user's data that is compared with an entry of a statement.
 
-    value: the value, in the form that is stored in a certificate
-    same: (value in the certificate, user's value) -> whether the values agree, exact equality by
-        default
+    value: the value
+    same: (value in the certificate, user's value), both in the form of a file -> whether they
+        agree, exact equality by default
     """
 
     value: Any
-    same: Callable[[Any, Any], bool] = _same
+    same: Callable[[Any, Any], bool] = operator.eq
 
 
 def close_to(relative: float, sizes: Any = 1.0) -> Callable[[Any, Any], bool]:
@@ -66,8 +39,7 @@ def close_to(relative: float, sizes: Any = 1.0) -> Callable[[Any, Any], bool]:
     """
 
     def same(stated: Any, own: Any) -> bool:
-        claimed = _numbers(stated)
-        values = np.asarray(own, dtype=float)
+        claimed, values = np.array(stated), np.array(own)
         if claimed.shape != values.shape:
             return False
         size = np.max(np.abs(values / sizes), initial=0.0)
@@ -103,9 +75,10 @@ def compare(statement: Stated, given: Mapping[str, Given]) -> list[str]:
     stated = {path: (declared, value) for path, declared, value in statement.entries()}
     for path, own in given.items():
         name = path.rpartition(".")[2]
-        value = stated[path][1]
-        if not own.same(value, own.value):
-            other = _first_other(name, value, own)
+        _, value = stated[path]
+        asked = own._replace(value=stored(own.value))
+        if not own.same(value, asked.value):
+            other = _first_other(name, value, asked)
             what = f"limit of {other}" if name == "limits" else other
             raise NoSolutionError(
                 f"{what} in the certificate differs from the value of the options; give the "

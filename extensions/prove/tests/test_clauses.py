@@ -60,7 +60,9 @@ def test_a_proved_motion_does_not_depend_on_units(monkeypatch):
     found = []
     for units in ((1.0, 1.0), (1e3, 1e-3)):
         model, gains = in_other_units(*units)
-        statement = prove_schedule(Family(model), gains, 1.0, 1.5, moving=True).statement
+        statement = prove_schedule(
+            Family(model), gains, 1.0, 1.5, scheduled_rate="largest"
+        ).statement
         found.append((statement.decay_rate, statement.scheduled_rate))
     assert found[1] == pytest.approx(found[0], rel=1e-9)
 
@@ -304,7 +306,7 @@ def test_v_decreases_between_the_ends_and_breakpoints(ends, weights, is_proved):
 @pytest.fixture(scope="module")
 def content():
     """Return the content of a certificate of the float, with V for a moving pull."""
-    found = proved(1.0, 2.0, moving=True)
+    found = proved(1.0, 2.0, scheduled_rate="largest")
     assert found.statement.scheduled_rate == math.inf
     return certificate(found.statement, found.witness.content())
 

@@ -11,8 +11,7 @@ from hfa.options.option import is_given
 from hfa.options.ranges import array_of
 from hfa.options.trims import OF_THE_TRIM, GivenTrim, trim_input
 from hfa_aircraft.model import Model
-from hfa_prove.commands.options import interval_of
-from hfa_prove.commands.schedule import gains_of_file, refuse_weights
+from hfa_prove.commands.schedule import gains_of_file, interval_of, refuse_weights
 from hfa_prove.search.family import Family, exact_gains
 from hfa_prove.statements.aircraft import SAME_TRIM
 from hfa_prove.statements.schedule import ScheduleStatement
@@ -67,15 +66,16 @@ def given_for(statement: ScheduleStatement, request: Any, trim: AskedTrim) -> di
         given["flight.first"] = Given(content["first"], same=within(widths))
     if request.weights is not None:
         refuse_weights(request)
-        gains, same = gains_of_file(request.weights, trim.given.model), close_to(0.0)
+        gains = gains_of_file(request.weights, trim.given.model)
+        K = Given(gains.K)
     elif _names_one(request, _OF_THE_GAME):
         weights = given_weights(request)
         gains = exact_gains(family, statement.gains.breakpoints, **weights)
-        same = close_to(SAME_GAIN, sizes_of_gain(trim.given.model))
+        K = Given(gains.K, close_to(SAME_GAIN, sizes_of_gain(trim.given.model)))
     else:
         return given
     given["gains.breakpoints"] = Given(gains.breakpoints)
-    given["gains.K"] = Given(gains.K, same=same)
+    given["gains.K"] = K
     return given
 
 

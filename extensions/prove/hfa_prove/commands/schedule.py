@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa.options.argument_types import input_file, positive
+from hfa.options.argument_types import input_file, number, output_file, positive
 from hfa.options.command import Outcome, Request, command
 from hfa.options.games import WeightOptions, given_weights
 from hfa.options.option import option, refuse
@@ -20,12 +21,12 @@ from hfa.options.trims import (
     dihedral_option,
     trim_input,
 )
-from hfa_prove.commands.options import interval_of, not_negative, refuse_no_certificate
-from hfa_support.errors import BadInputError
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import MATRIX_FILES
+from hfa_support.schema import Number
 
 if TYPE_CHECKING:
-    from hfa_aircraft.model import Model
     from hfa_prove.statements.schedule import Gains
 
 
@@ -37,6 +38,9 @@ class ScheduleRequest(Request, TrimOptions, WeightOptions):
     start: None = None
     conditions: None = None
     row: None = None
+    output: Path | None = option(
+        "write the certificate: .json", "FILE", output_file(".json"), names="-o --output"
+    )
     at: str | None = at_option("interval that the proof covers", "LOW:HIGH")
     dihedral: str | None = dihedral_option("interval of the dihedral angle", "LOW:HIGH")
     weights: Path | None = option(
@@ -46,7 +50,9 @@ class ScheduleRequest(Request, TrimOptions, WeightOptions):
         input_file(*MATRIX_FILES),
     )
     decay: float | None = option(
-        "decay rate to prove, 1/s; default: 0.99 of the lowest of samples", "RATE", not_negative
+        "decay rate to prove, 1/s; default: 0.99 of the lowest of samples",
+        "RATE",
+        partial(number, declared=Number(0.0)),
     )
     rate: float | None = option(
         "also prove stability for a moving scheduling variable: up to this rate, or without a "
@@ -65,7 +71,6 @@ def schedule(request: ScheduleRequest) -> Outcome:
     eigenvalues of A - B K to have real parts below a decay rate. -o FILE.json writes a certificate
     for `hfa prove --check FILE`. Not covered: actuators, delay, the nonlinear aircraft. Exit code
     0: the statement is proved. Exit code 1: it is false or open; the message states where."""
-    refuse_no_certificate(request.output)
     from hfa_prove.certificate import write_certificate
     from hfa_prove.search.family import Family, breakpoints_of, exact_gains
     from hfa_prove.search.schedule import prove_schedule
@@ -86,8 +91,7 @@ def schedule(request: ScheduleRequest) -> Outcome:
         low,
         high,
         decay_rate=request.decay,
-        scheduled_rate=request.rate or None,
-        moving=request.rate is not None,
+        scheduled_rate="largest" if request.rate == 0.0 else request.rate,
         progress=ProgressLine("prove"),
     )
 
@@ -96,6 +100,17 @@ def schedule(request: ScheduleRequest) -> Outcome:
         write_certificate(path, found.statement, found.witness, origin)
 
     return Outcome(report=found.report(), source=given.source, write=write)
+
+
+def interval_of(_model: Model, _name: str, text: str) -> tuple[float, ...]:
+    """Return the ends LOW and HIGH of the scheduling variable, or one value, in the unit typed.
+
+    Raises BadInputError unless there is one number, or LOW < HIGH.
+    """
+    ends = tuple(number(part) for part in text.split(":"))
+    if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
+        raise BadInputError(f"is {shortened(text)!r}; give one number, or LOW:HIGH with LOW < HIGH")
+    return ends
 
 
 def refuse_weights(request: Request) -> None:

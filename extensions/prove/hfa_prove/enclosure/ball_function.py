@@ -10,13 +10,14 @@ import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain, islice
+from operator import methodcaller
 from typing import Any, NamedTuple
 
 import casadi as ca
 from flint import arb, fmpq
 
 import hfa_prove.enclosure.precision  # noqa: F401  # sets the precision of balls
-from hfa_prove.enclosure.splines import Spline, Table, is_table, tables_of
+from hfa_prove.enclosure.splines import Spline, Table, is_table, polynomial, tables_of
 from hfa_support.errors import BadInputError, NoSolutionError
 
 #: Largest number of operations of a function.
@@ -67,11 +68,6 @@ def _power(a: Any, b: Any) -> Any:
     return (b * a.log()).exp()
 
 
-def _method(name: str) -> Callable[[Any], Any]:
-    """Return the operation that calls a method of a ball."""
-    return operator.methodcaller(name)
-
-
 #: Operation of CasADi -> the operation on balls.
 _OPERATIONS: Mapping[int, Callable[..., Any]] = {
     ca.OP_ASSIGN: lambda a: a,
@@ -85,19 +81,19 @@ _OPERATIONS: Mapping[int, Callable[..., Any]] = {
     ca.OP_INV: lambda a: 1 / a,
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
-    ca.OP_SQRT: _method("sqrt"),
-    ca.OP_EXP: _method("exp"),
-    ca.OP_EXPM1: _method("expm1"),
-    ca.OP_LOG: _method("log"),
-    ca.OP_LOG1P: _method("log1p"),
-    ca.OP_SIN: _method("sin"),
-    ca.OP_COS: _method("cos"),
-    ca.OP_TAN: _method("tan"),
-    ca.OP_ASIN: _method("asin"),
-    ca.OP_ACOS: _method("acos"),
-    ca.OP_ATAN: _method("atan"),
+    ca.OP_SQRT: methodcaller("sqrt"),
+    ca.OP_EXP: methodcaller("exp"),
+    ca.OP_EXPM1: methodcaller("expm1"),
+    ca.OP_LOG: methodcaller("log"),
+    ca.OP_LOG1P: methodcaller("log1p"),
+    ca.OP_SIN: methodcaller("sin"),
+    ca.OP_COS: methodcaller("cos"),
+    ca.OP_TAN: methodcaller("tan"),
+    ca.OP_ASIN: methodcaller("asin"),
+    ca.OP_ACOS: methodcaller("acos"),
+    ca.OP_ATAN: methodcaller("atan"),
     ca.OP_ATAN2: _atan2,
-    ca.OP_TANH: _method("tanh"),
+    ca.OP_TANH: methodcaller("tanh"),
     ca.OP_FMIN: _minimum,
     ca.OP_FMAX: _maximum,
     ca.OP_FABS: lambda a: _maximum(a, -a),
@@ -161,7 +157,7 @@ class BallFunction:
         elif code in _OPERATIONS:
             operation = _OPERATIONS[code]
         elif code not in (ca.OP_INPUT, ca.OP_OUTPUT):
-            raise _refusal(self._name, operation_name(code))
+            raise _refusal(self._name, _operation_name(code))
         sources, targets = scalars.instruction_input(index), scalars.instruction_output(index)
         return _Step(code, operation, sources, targets)
 
@@ -252,16 +248,13 @@ def _of_spline(spline: Spline, a: Any) -> Any:
     Raises Undecided unless one piece is proved to contain it, without an end with a jump.
     """
     ends = [-arb("inf"), *map(arb, spline.knots), arb("inf")]
-    is_jump = [False, *(spline.smoothness < 0).tolist(), False]
+    is_jump = [False, *spline.has_jumps, False]
     for k, piece in enumerate(spline.pieces):
         above = a > ends[k] if is_jump[k] else a >= ends[k]
         below = a < ends[k + 1] if is_jump[k + 1] else a <= ends[k + 1]
         if above and below:
-            d = a - arb(float(spline.origins[k]))
-            value = 0 * d
-            for coefficient in reversed(piece):
-                value = d * value + arb(fmpq(coefficient.numerator, coefficient.denominator))
-            return value
+            exact = tuple(arb(fmpq(c.numerator, c.denominator)) for c in piece)
+            return polynomial(exact, a - arb(spline.origins[k]))
     raise Undecided("a table of the equations has a breakpoint within a box")
 
 
@@ -273,7 +266,7 @@ def _refusal(name: str, what: str) -> BadInputError:
     )
 
 
-def operation_name(code: int) -> str:
+def _operation_name(code: int) -> str:
     """Return the lower-case name of a CasADi operation code, or the code if it has no name."""
     for name in dir(ca):
         if name.startswith("OP_") and getattr(ca, name) == code:

@@ -8,11 +8,13 @@ exact. CasADi continues linear tables with the slopes of their ends, and smooth 
 from __future__ import annotations
 
 import struct
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import pairwise, zip_longest
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -48,37 +50,24 @@ class Spline:
     knots: tuple[float, ...]
     pieces: tuple[Coefficients, ...]
 
-    def __str__(self) -> str:
-        return f"table {hash(self)}"
-
     @cached_property
-    def origins(self) -> np.ndarray:
+    def origins(self) -> tuple[float, ...]:
         """The point t_0 of each piece, (k + 1,)."""
-        return np.array([self.knots[0], *self.knots])
+        return (self.knots[0], *self.knots)
 
     @cached_property
-    def coefficients(self) -> np.ndarray:
-        """Coefficients of the pieces, (k + 1, `HIGHEST` + 1)."""
-        return np.array([[float(c) for c in _filled(piece)] for piece in self.pieces])
-
-    @cached_property
-    def smoothness(self) -> np.ndarray:
-        """Number of continuous derivatives at each knot, from -1 for a jump to `HIGHEST`, (k,)."""
+    def has_jumps(self) -> tuple[bool, ...]:
+        """Whether the spline is discontinuous at each knot, (k,)."""
         found = []
-        for i, knot in enumerate(self.knots):
-            step = Fraction(knot) - Fraction(self.origins[i])
-            left = _about(self.pieces[i], step)
-            right = _filled(self.pieces[i + 1])
-            same = [a == b for a, b in zip(_filled(left), right, strict=True)]
-            found.append(same.index(False) - 1 if False in same else HIGHEST)
-        return np.array(found)
+        for k, knot in enumerate(self.knots):
+            length = Fraction(knot) - Fraction(self.origins[k])
+            found.append(polynomial(self.pieces[k], length) != self.pieces[k + 1][0])
+        return tuple(found)
 
-    def at(self, t: np.ndarray) -> np.ndarray:
-        """Return the values at t, in double precision."""
-        piece = np.searchsorted(self.knots, t, side="right")
-        d = t - self.origins[piece]
-        c = self.coefficients[piece]
-        return np.asarray(c[..., 0] + d * (c[..., 1] + d * (c[..., 2] + d * c[..., 3])))
+    def at(self, t: float) -> float:
+        """Return the value at t, in double precision."""
+        piece = bisect_right(self.knots, t)
+        return float(polynomial(self.pieces[piece], t - self.origins[piece]))
 
     def combined(self, weights: Sequence[Fraction], others: Sequence[Spline]) -> Spline:
         """Return the weighted sum of splines with the same knots."""
@@ -92,6 +81,14 @@ class Spline:
                 )
             )
         return Spline(self.knots, tuple(pieces))
+
+
+def polynomial(coefficients: Sequence[Any], step: Any) -> Any:
+    """Return a polynomial in t - t_0 at a step from t_0, a fraction, double or ball (Horner)."""
+    value = 0 * step
+    for coefficient in reversed(coefficients):
+        value = value * step + coefficient
+    return value
 
 
 @dataclass(frozen=True)
@@ -115,7 +112,7 @@ class Table:
         total = 0.0
         for i, spline in enumerate(basis):
             part = Table(tuple(inner), self.values[i * size : (i + 1) * size])
-            factor = float(spline.at(np.array(last)))
+            factor = spline.at(last)
             total += factor * part.at(before) if factor else 0.0
         return total
 
@@ -292,14 +289,6 @@ def _sum_of(a: Coefficients, b: Coefficients) -> Coefficients:
 def _filled(piece: Coefficients) -> Coefficients:
     """Return the coefficients with zeros up to the highest degree."""
     return piece + (Fraction(0),) * (HIGHEST + 1 - len(piece))
-
-
-def _about(piece: Coefficients, step: Fraction) -> Coefficients:
-    """Return a polynomial in s as a polynomial in s - step (Horner)."""
-    result: Coefficients = (Fraction(0),)
-    for c in reversed(piece):
-        result = _sum_of(_times_line(result, step, 1, Fraction(1)), (c,))
-    return _filled(result[: HIGHEST + 1])
 
 
 def _derivative(spline: Spline) -> Spline:

@@ -23,8 +23,8 @@ from trim.point.solve import trim
 
 #: Limits beyond this value are treated as infinite.
 _FAR = 1e300
-#: Largest distance between two breakpoints of exact gains: 2 deg of an angle, or this part of the
-#: nominal value of another variable.
+#: Largest distance between two breakpoints of exact gains, deg; of a variable that is no angle, as
+#: a part of its nominal value, rad.
 _STEP = 2.0
 
 
@@ -38,18 +38,6 @@ class Family:
 
     model: Model
     flights: TrimCondition | None = None
-
-    @property
-    def step(self) -> float:
-        """Unit of box widths, in the unit of the scheduling variable.
-
-        The unit is 1 deg for an angle. For another variable, it is the power of two nearest to π /
-        180 nominal values on a logarithmic scale.
-        """
-        if self.model.schedule_unit == "deg":
-            return 1.0
-        nominal = self.model.signals[self.model.schedule].nominal
-        return float(2.0 ** round(math.log2(math.radians(nominal))))
 
     def condition(self, scheduling_value: float | None = None) -> TrimCondition:
         """Return the trim condition at a scheduling value, by default at the model's own value."""
@@ -137,7 +125,11 @@ class Family:
 
 def breakpoints_of(family: Family, low: float, high: float) -> np.ndarray:
     """Return the breakpoints of exact gains from `low` to `high`, equally spaced."""
-    count = max(2, math.ceil((high - low) / (_STEP * family.step)) + 1)
+    model = family.model
+    longest = _STEP
+    if model.schedule_unit != "deg":
+        longest = math.radians(_STEP) * model.signals[model.schedule].nominal
+    count = max(2, math.ceil((high - low) / longest) + 1)
     return np.linspace(low, high, count)
 
 

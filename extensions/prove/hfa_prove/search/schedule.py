@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -79,8 +79,7 @@ def prove_schedule(
     high: float,
     *,
     decay_rate: float | None = None,
-    scheduled_rate: float | None = None,
-    moving: bool = False,
+    scheduled_rate: float | Literal["largest"] | None = None,
     progress: Progress | None = None,
 ) -> ScheduleFound:
     """Return a proved statement about a gain schedule at every scheduling value from `low` to
@@ -89,8 +88,8 @@ def prove_schedule(
     family: aircraft and its trims
     gains: the gains, over scheduling values in the user's unit
     decay_rate: decay rate to prove, 1/s, or None for 99 % of the lowest of samples
-    scheduled_rate: rate of the scheduling variable to prove, per s
-    moving: whether to find and prove a rate of the scheduling variable
+    scheduled_rate: rate of the scheduling variable to prove, per s, "largest" for one that the
+        search finds, or None for a variable that does not move
 
     Raises BadInputError if proofs do not support the trims. Raises NoSolutionError if the statement
     is not proved; the message states the place and the open claim.
@@ -118,12 +117,13 @@ def prove_schedule(
     rate = _SHARE * sampled if decay_rate is None else decay_rate
     still_statement = ScheduleStatement(flight, gains, rate)
     candidates = [(still_statement, still)]
-    if moving or scheduled_rate is not None:
-        candidates = list(_motions(still_statement, samples, scheduled_rate))
+    if scheduled_rate is not None:
+        wanted = None if scheduled_rate == "largest" else scheduled_rate
+        candidates = list(_motions(still_statement, samples, wanted))
     if not candidates:
+        how = "" if scheduled_rate == "largest" else f" at {scheduled_rate:g} per s"
         raise NoSolutionError(
-            "no Lyapunov function was found for a motion of the scheduling variable"
-            + (f" at {scheduled_rate:g} per s" if scheduled_rate is not None else "")
+            f"no Lyapunov function was found for a motion of the scheduling variable{how}"
         )
     return _first_proved(candidates, progress)
 
@@ -196,12 +196,12 @@ def _motions(
     flight, gains, rate = statement.flight, statement.gains, statement.decay_rate
 
     def motion(speed: float, nodes: Any, P: Any) -> tuple[ScheduleStatement, ScheduleWitness]:
-        moving = ScheduleStatement(flight, gains, rate, speed)
+        claim = ScheduleStatement(flight, gains, rate, speed)
         nominal = _nominal(flight.model)
         in_units = np.array(P) / np.outer(nominal, nominal)
-        return moving, ScheduleWitness(_MOST, np.array(nodes, dtype=float), in_units)
+        return claim, ScheduleWitness(_MOST, np.array(nodes, dtype=float), in_units)
 
-    _, W = _weight(samples[:: max(1, len(samples) // 16)])
+    W = _weight(samples[:: max(1, len(samples) // 16)])
     middle = samples[len(samples) // 2]
     for weight in (W, _first_weight(middle.C)):
         P = _lyapunov(middle.C, weight)
@@ -256,15 +256,15 @@ def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
     return np.asarray((P + P.T) / 2)
 
 
-def _weight(samples: Sequence[Sample]) -> tuple[float, np.ndarray]:
-    """Return the largest rate of the scheduling variable that was found, and its W > 0.
+def _weight(samples: Sequence[Sample]) -> np.ndarray:
+    """Return W > 0 that permits the largest rate of the scheduling variable that was found.
 
     P(s) solves C'P + P C = -W at every s. A rate r requires W ± r dP/ds > 0 at all samples. For the
     first W, P is a multiple of the identity in the modes of the middle sample. W is then moved,
     step by step, toward the p-norm of |dP/ds| over the samples, in units of W.
     """
     W = _first_weight(samples[len(samples) // 2].C)
-    best = (0.0, np.eye(len(W)))
+    best, permitted = np.eye(len(W)), 0.0
     for _ in range(_TRIES):
         try:
             root = np.linalg.cholesky(W)
@@ -279,8 +279,8 @@ def _weight(samples: Sequence[Sample]) -> tuple[float, np.ndarray]:
             sizes, axes = np.linalg.eigh(growth)
             largest = max(largest, float(np.abs(sizes).max()))
             total += (axes * np.abs(sizes) ** _POWER) @ axes.T
-        if largest > 0.0 and 1.0 / largest > best[0]:
-            best = (1.0 / largest, W)
+        if largest > 0.0 and 1.0 / largest > permitted:
+            best, permitted = W, 1.0 / largest
         sizes, axes = np.linalg.eigh(total)
         sizes = (sizes / sizes.max()).clip(0.0) ** (1.0 / _POWER)
         W = root @ ((axes * (1.0 + sizes)) @ axes.T) @ root.T / 2
