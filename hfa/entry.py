@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import signal
@@ -9,7 +10,8 @@ import sys
 import threading
 import time
 
-from hfa.exit_codes import BAD_INPUT, TERMINATED
+from hfa.exit_codes import BAD_INPUT, DONE, TERMINATED
+from hfa_support.version import VERSION
 
 #: Time in which Python can end a run after a signal, s.
 _GRACE = 5.0
@@ -22,6 +24,10 @@ def main() -> int:
     compiled library does not return to Python, the process ends after `_GRACE`. The exit code is 2
     if the package cannot be imported.
     """
+    if sys.argv[1:] == ["--version"]:  # before anything else is loaded
+        with contextlib.suppress(OSError):  # of a closed or full output, reported below
+            os.write(1, f"hfa {VERSION}\n".encode())
+            return DONE
     if os.name == "posix":
         _watch()
     for name in ("SIGTERM", "SIGHUP"):

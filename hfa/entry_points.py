@@ -236,8 +236,6 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
         raise BadInputError(f"{shortened(first)!r} is one argument; type its words without quotes")
     if _is_single(first):
         return first, words[1:]
-    if words == ["--version"]:  # without the packages of others, which take time to find
-        return "", words
     names = {*own_commands(), *_of_others()}
     two_words = " ".join(words[:2])
     if len(words) > 1 and two_words in names:  # prove schedule ...

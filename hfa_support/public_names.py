@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import ast
+import os
 import sys
-from collections.abc import Callable, Iterable
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
-from types import FunctionType, ModuleType
-from typing import Any
+from types import FunctionType
 
-from hfa_support.files import resolved
+TYPE_CHECKING = False  # known to mypy; importing typing would take 3 ms of `hfa --version`
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from types import ModuleType
+    from typing import Any
 
 
 def refuse_hidden(file: str, packages: Iterable[str]) -> None:
@@ -20,13 +21,18 @@ def refuse_hidden(file: str, packages: Iterable[str]) -> None:
 
     A script's own trim.py or controller.py is found before the installed package of this name.
     """
-    installed = resolved(file).parent.parent
+    installed = _folder_of_package(file)
     for name in packages:
         spec = find_spec(name)
-        if spec is not None and spec.origin and resolved(spec.origin).parent.parent != installed:
+        if spec is not None and spec.origin and _folder_of_package(spec.origin) != installed:
             raise ImportError(
                 f"{spec.origin} hides the package {name} that hfa imports; rename this file"
             )
+
+
+def _folder_of_package(file: str) -> str:
+    """Return the folder that contains the package of an `__init__.py`."""
+    return os.path.dirname(os.path.dirname(os.path.realpath(file)))
 
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
@@ -38,8 +44,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
     package: name of the package
     file: `__file__` of the package, with the stub `__init__.pyi` in the same folder
     """
-
-    stub = Path(file).with_suffix(".pyi")
+    stub = f"{os.path.splitext(file)[0]}.pyi"
 
     def get(name: str) -> Any:
         """Return the object with a public name, imported from its module.
@@ -96,15 +101,19 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
 
 
 @cache
-def _origins(stub: Path) -> dict[str, tuple[str, str]]:
+def _origins(stub: str) -> dict[str, tuple[str, str]]:
     """Return the origin of each public name: (module that defines it, name in this module).
 
     The second name is "" if the public name is a module.
 
     stub: file with imports, and with further names of imported ones, `other = known`
     """
+    import ast
+
     origins = {}
-    for statement in ast.parse(stub.read_text("utf-8")).body:
+    with open(stub, encoding="utf-8") as file:
+        statements = ast.parse(file.read()).body
+    for statement in statements:
         if isinstance(statement, ast.ImportFrom):
             dots = "." * statement.level
             for alias in statement.names:

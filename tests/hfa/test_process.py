@@ -12,6 +12,7 @@ from cli import SCRIPT, hfa, hfa_process
 from project import FOLDERS
 
 from hfa.main import BAD_INPUT, DONE, FAILED
+from hfa_support.version import VERSION
 
 
 @pytest.mark.slow
@@ -101,7 +102,7 @@ EXTENSIONS = [name for name, folder in FOLDERS.items() if "extensions" in folder
 EXTENSIONS[EXTENSIONS.index("hfa_page")] = "hfa_page.command"
 #: Command lines, and packages that they and the preceding ones must not import.
 LIGHT = [
-    (["--help", "--version", "frobnicate"], ["casadi", "control", "matplotlib", "numpy", "scipy"]),
+    (["--help", "frobnicate"], ["casadi", "control", "matplotlib", "numpy", "scipy"]),
     (
         ["trim --dihedral 15", "trim --dihedral abc"],
         ["matplotlib", *(f"scipy.{each}" for each in ("io", "optimize", "sparse", "spatial"))],
@@ -149,3 +150,16 @@ def test_commands_import_no_packages_that_they_do_not_need(count):
         assert "hfa.main" in names
         packages = tuple(f"{each}." for each in unwanted)
         assert [name for name in names if f"{name}.".startswith(packages)] == []
+
+
+def test_the_version_is_printed_without_loading_commands():
+    """`hfa --version` prints the version before modules of commands are imported."""
+    program = """
+import sys
+from hfa.entry import main
+sys.argv[1:] = ["--version"]
+code = main()
+print(code, *{"argparse", "hfa.main", "hfa_support.errors", "numpy", "typing"} & {*sys.modules})
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout.splitlines() == [f"hfa {VERSION}", "0"]
