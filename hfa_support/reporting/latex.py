@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from hfa_support.errors import imported
+from hfa_support.reporting.parts import Contents
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Table, are_words, flowing, printable
 
@@ -19,7 +20,7 @@ _ESCAPED = {each: f"\\{each}" for each in "&%$#_{}"} | {
 }
 
 
-def latex_of(report: Any) -> str:
+def latex_of(report: Contents) -> str:
     r"""Return a report as LaTeX that \input places in a document: its lines and notes are
     paragraphs, its tables `tabular`. Requires pandas and Jinja2.
     """
@@ -40,7 +41,7 @@ def _blocks(part: Any) -> Iterator[str]:
     elif isinstance(part, (tuple, list)):
         for each in part:
             yield from _blocks(each)
-    elif hasattr(part, "parts"):
+    elif isinstance(part, Contents):
         yield from _blocks(part.title)
         yield from (_paragraph(f"{label}: {text}") for label, text in part.head.items())
         yield from _blocks(tuple(part.parts))

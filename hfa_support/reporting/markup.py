@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from itertools import groupby
 from typing import Any
 
-from hfa_support.reporting.parts import BLANKS, SIGNERS, Picture
+from hfa_support.reporting.parts import BLANKS, SIGNERS, Contents, Picture
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Cell, Table, are_words, flowing, is_warning, printable
 
@@ -39,32 +41,30 @@ _STYLE = (
 )
 
 
-def report_as_markdown(
-    title: str, shown: Sequence[str], notes: Sequence[str], source: str, level: int
-) -> str:
-    """Return a report as Markdown.
+def markdown_of(report: Contents, level: int) -> str:
+    """Return a report as Markdown without pictures.
 
-    title: heading, and further lines that are shown below the heading
-    shown: parts of the report as Markdown
-    notes: notes on the result
-    source: the provenance
-    level: level of the heading
+    level: level of the heading, increased by one for each nested report
     """
-    first, *others = printable(flowing(title)).split("\n")
+    first, *others = printable(flowing(report.title)).split("\n")
     heading = [f"{'#' * level} {first}"] if first else []
-    last = (printable(f"Note: {note}") for note in notes)
-    return "\n\n".join(filter(None, [*heading, *others, *shown, *last, source]))
+    head = "\n".join(f"- {printable(': '.join(entry))}" for entry in report.head.items())
+    parts = [_markdown(part, level) for part in report.parts if not isinstance(part, Picture)]
+    notes = [printable(f"Note: {note}") for note in report.notes]
+    return "\n\n".join(filter(None, [*heading, *others, head, *parts, *notes, report.source]))
 
 
-def as_markdown(part: str | Table | Group | tuple[str | Table, ...]) -> str:
-    """Return a paragraph, a table, or a tuple of these, separated by blank lines, as Markdown."""
+def _markdown(part: Any, level: int) -> str:
+    """Return a part of a report as Markdown."""
+    if isinstance(part, Contents):
+        return markdown_of(part, level + 1)
     if isinstance(part, Group):
         part = (*([part.table()] if part.rows else []), *part.lines)
     if isinstance(part, Table):
         return markdown_table(part)
     if isinstance(part, str):
         return printable(part)
-    return "\n\n".join(map(as_markdown, part))
+    return "\n\n".join(_markdown(each, level) for each in part)
 
 
 def markdown_table(table: Table) -> str:
@@ -73,47 +73,57 @@ def markdown_table(table: Table) -> str:
     return "\n".join([header, "|" + "---|" * len(table.header), *body])
 
 
-def report_as_html(
-    title: str, shown: Sequence[str], notes: Sequence[str], source: str, level: int, anchor: str
-) -> str:
+def html_of(report: Contents, level: int, in_book: bool = False) -> str:
     """Return a report as an HTML fragment without styles.
 
-    title: heading, and further lines that are shown below the heading
-    shown: parts of the report as HTML
-    notes: notes on the result
-    source: the provenance
-    level: level of the heading
-    anchor: key by which cells link to the report, or ""
+    level: level of the heading, increased by one for each nested report
+    in_book: whether it is a part of a book, which has the lines to sign on its cover
     """
-    first, *others = flowing(title).split("\n")
-    key = f' id="{anchor}"' if anchor else ""
-    heading = [f"<h{level}{key}>{escaped(first)}</h{level}>"] if first else []
-    last = [f"Note: {note}" for note in notes]
-    last += filter(None, source.split("\n"))
-    said = [
-        f'<p class="bad"><b>{escaped(line)}</b></p>' if is_warning(line) else paragraph(line)
+    first, *others = flowing(report.title).split("\n")
+    key = f' id="{report.anchor}"' if report.anchor else ""
+    shown = [f"<h{level}{key}>{_escaped(first)}</h{level}>"] if first else []
+    shown += [
+        f'<p class="bad"><b>{_escaped(line)}</b></p>' if is_warning(line) else _paragraph(line)
         for line in others
     ]
-    return "\n".join([*heading, *said, *shown, *map(paragraph, last)])
+    shown += ['<div class="part">'] * in_book
+    if report.head:
+        shown.append(_cover(report.head) if report.is_book else _signed_head(report.head, in_book))
+    for kind, parts in groupby(report.parts, key=type):
+        made = [
+            html_of(part, level + 1, report.is_book) if isinstance(part, Contents) else _html(part)
+            for part in parts
+        ]
+        name = "sheet" if kind is Group else "matrix" if report.is_book and kind is tuple else ""
+        shown += [f'<div class="{name}">', *made, "</div>"] if name else made
+    shown += ["</div>"] * in_book
+    shown += [_paragraph(f"Note: {note}") for note in report.notes]
+    shown += [_paragraph(line) for line in filter(None, report.source.split("\n"))]
+    return "\n".join(shown)
 
 
-def as_html(part: str | Table | Group | tuple[str | Table, ...] | Picture) -> str:
-    """Return a paragraph, a table, a tuple of these, or a picture as HTML.
-
-    Special characters are escaped.
-    """
+def _html(part: Any) -> str:
+    """Return a part of a report, but for nested reports, as HTML."""
     if isinstance(part, Picture):
-        return part.html()
+        return figure_html(part)
     if isinstance(part, Group):
-        return group_html(part)
+        return _group(part)
     if isinstance(part, Table):
-        return html_table(part)
+        return _table(part)
     if isinstance(part, str):
-        return "\n".join(map(paragraph, part.split("\n")))
-    return "\n".join(map(as_html, part))
+        return "\n".join(map(_paragraph, part.split("\n")))
+    return "\n".join(map(_html, part))
 
 
-def html_table(table: Table) -> str:
+def figure_html(picture: Picture) -> str:
+    """Return a picture with its text as caption."""
+    data = base64.b64encode(picture.png).decode("ascii")
+    text = _escaped(picture.text)
+    image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
+    return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
+
+
+def _table(table: Table) -> str:
     """Return a table as HTML, in a box that is scrolled by pointer or keyboard.
 
     The class of a cell is its tone. Columns of words have the class `words` (`are_words`).
@@ -123,7 +133,7 @@ def html_table(table: Table) -> str:
         for i in range(len(table.header))
     ]
     head = "".join(
-        f'<th scope="col"{_class(words)}>{escaped(cell)}</th>'
+        f'<th scope="col"{_class(words)}>{_escaped(cell)}</th>'
         for cell, words in zip(table.header, columns, strict=True)
     )
     body = "\n".join(
@@ -134,25 +144,25 @@ def html_table(table: Table) -> str:
     )
     box = (
         '<div class="table" role="group" tabindex="0" aria-label="table:'
-        f' {escaped(table.header[0])}">'
+        f' {_escaped(table.header[0])}">'
     )
     return (
         f"{box}<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>"
     )
 
 
-def signed_head(head: Mapping[str, str], is_part: bool) -> str:
+def _signed_head(head: Mapping[str, str], is_part: bool) -> str:
     """Return the head of a sheet: its entries, and space to sign, unless it is part of a book."""
-    entries = "".join(f"<td><b>{escaped(k)}</b><br>{escaped(v)}</td>" for k, v in head.items())
+    entries = "".join(f"<td><b>{_escaped(k)}</b><br>{_escaped(v)}</td>" for k, v in head.items())
     blanks = "".join(f"<td><b>{name}</b><br>&nbsp;</td>" for name in BLANKS)
     below = "" if is_part else f'<table class="signed"><tr>{blanks}</tr></table>'
     return f'<table class="signed"><tr>{entries}</tr></table>{below}'
 
 
-def cover(head: Mapping[str, str]) -> str:
+def _cover(head: Mapping[str, str]) -> str:
     """Return the head of a book: its entries below each other, and space to sign."""
     entries = "".join(
-        f'<tr><th scope="row">{escaped(label)}</th><td>{escaped(text)}</td></tr>'
+        f'<tr><th scope="row">{_escaped(label)}</th><td>{_escaped(text)}</td></tr>'
         for label, text in head.items()
     )
     blanks = "".join(f"<td><b>{name}</b><br>&nbsp;</td>" for name in BLANKS)
@@ -160,31 +170,31 @@ def cover(head: Mapping[str, str]) -> str:
     return f'<table class="signed">{entries}</table><table class="signed">{lines}</table>'
 
 
-def group_html(group: Group) -> str:
+def _group(group: Group) -> str:
     """Return rows of a sheet as HTML: a table whose head is the title, and its sentences below."""
     rows = []
     for row in group.rows:
-        name, value, unit, note = map(escaped, row.cells())
+        name, value, unit, note = map(_escaped, row.cells())
         tone = f' class="{row.tone}"' if row.tone else ""
         noted = f'<td class="words note"><span{tone}>{note}</span></td>'
         cells = f'<td>{value}</td><td class="words">{unit}</td>{noted}'
         rows.append(f'<tr><th scope="row">{name}</th>{cells}</tr>')
-    title = escaped(group.title)
+    title = _escaped(group.title)
     head = f'<thead><tr><th scope="col" colspan="4">{title}</th></tr></thead>'
     table = f"<table>\n{head}\n<tbody>\n" + "\n".join(rows) + "\n</tbody>\n</table>"
-    lines = [paragraph(line) for line in group.lines]
+    lines = [_paragraph(line) for line in group.lines]
     return "\n".join(['<section class="rows">', *([table] if rows else []), *lines, "</section>"])
 
 
 def _linked(cell: Any) -> str:
     """Return the text of a cell as HTML, with the link of the cell if it has one."""
     link = getattr(cell, "link", "")
-    return f'<a href="#{link}">{escaped(cell)}</a>' if link else escaped(cell)
+    return f'<a href="#{link}">{_escaped(cell)}</a>' if link else _escaped(cell)
 
 
 def _td(cell: Any, column: list[str]) -> str:
     tone = [cell.tone] if isinstance(cell, Cell) and cell.tone else []
-    return f"<td{_class([*column, *tone])}>{escaped(cell)}</td>"
+    return f"<td{_class([*column, *tone])}>{_escaped(cell)}</td>"
 
 
 def _class(names: list[str]) -> str:
@@ -197,14 +207,14 @@ def _cell(cell: Any) -> str:
     return text.replace("|", "\\|").replace("](", "]\\(")
 
 
-def escaped(text: Any) -> str:
+def _escaped(text: Any) -> str:
     """Return a text for HTML, with special characters and control characters escaped."""
     return html.escape(printable(str(text), lines=False))
 
 
-def paragraph(line: str) -> str:
+def _paragraph(line: str) -> str:
     """Return a line as an HTML paragraph, in which text in backquotes is shown as code."""
-    text = re.sub("`([^`]+)`", r"<code>\1</code>", escaped(line))
+    text = re.sub("`([^`]+)`", r"<code>\1</code>", _escaped(line))
     return f"<p>{text}</p>"
 
 

@@ -1,13 +1,15 @@
-"""Parts of reports beside paragraphs and tables: pictures, and lines to sign."""
+"""What a report contains, from which text, HTML, PDF, LaTeX and data files are made."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hfa_support.reporting.text import printable
+from hfa_support.reporting.results import storable
+from hfa_support.reporting.rows import Group, Sheet
+from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,12 +44,44 @@ class Picture:
 
         return png_bytes(self.figure)
 
-    def html(self) -> str:
-        """Return the figure as HTML with an embedded PNG and its text as caption."""
-        import base64
-        import html
 
-        data = base64.b64encode(self.png).decode("ascii")
-        text = html.escape(printable(self.text, lines=False))
-        image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
-        return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
+NO_RECORDS = Table((), ())
+Part: TypeAlias = "str | Table | Group | tuple[str | Table, ...] | Picture | Contents"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Contents:
+    """What a report contains, in reading order.
+
+    title: heading, and further lines that are printed below the heading
+    parts: paragraphs (str), tables of formatted cells (Table), rows of a sheet (Group), pictures,
+      nested reports, and tuples of paragraphs and tables that are printed without a blank line
+      between them
+    notes: notes on the result
+    data: entries of the result by name, for JSON, .npz and .mat
+    records: the result for CSV, with numbers in full precision
+    source: the provenance, shown last
+    head: label -> text of a sheet or of a book of sheets, shown in HTML and PDF with lines to sign
+    anchor: key by which cells of tables link to the report, or ""
+    failure: reason why the command fails after it has shown this report, or ""
+    sheet: all rows of a sheet, found by name, also those that `parts` leave out
+    """
+
+    title: str
+    parts: Sequence[Part] = ()
+    notes: Sequence[str] = ()
+    data: Mapping[str, Any] = field(default_factory=dict)
+    records: Table = NO_RECORDS
+    source: str = ""
+    failure: str = ""
+    head: Mapping[str, str] = field(default_factory=dict)
+    anchor: str = ""
+    sheet: Sheet = field(default_factory=Sheet)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "data", storable(self.data))
+
+    @property
+    def is_book(self) -> bool:
+        """Whether it contains the reports of several trims behind a cover."""
+        return bool(self.head) and any(isinstance(part, Contents) for part in self.parts)

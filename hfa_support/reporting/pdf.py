@@ -21,7 +21,7 @@ from reportlab.platypus import (
 )
 
 from hfa_support.files import written_whole
-from hfa_support.reporting.parts import BLANKS, SIGNERS, Picture
+from hfa_support.reporting.parts import BLANKS, SIGNERS, Contents, Picture
 from hfa_support.reporting.pdf_parts import (
     BAD,
     BOLD,
@@ -54,7 +54,7 @@ _LABEL, _LINE = 90.0, 26.0
 _IN_FRAMES = [("GRID", (0, 0), (-1, -1), 0.5, FRAME), ("VALIGN", (0, 0), (-1, -1), "TOP")]
 
 
-def write_pdf(report: Any, path: Path) -> None:
+def write_pdf(report: Contents, path: Path) -> None:
     """Write a report as PDF, completely or not at all.
 
     A sheet has one page if it fits. A report of reports has its head as cover, its tables on wide
@@ -128,7 +128,7 @@ def _beginning(text: str, room: float) -> str:
     return f"{text}…"
 
 
-def _story(report: Any, level: int) -> Iterator[Flowable]:
+def _story(report: Contents, level: int) -> Iterator[Flowable]:
     """Yield the parts of a report in reading order.
 
     level: 0 for the document, 1 for a report in it
@@ -136,8 +136,8 @@ def _story(report: Any, level: int) -> Iterator[Flowable]:
     yield from _heading(report, level)
     after = [f"Note: {note}" for note in report.notes]
     after += filter(None, report.source.split("\n"))
-    nested = [part for part in report.parts if isinstance(part, type(report))]
-    others = [part for part in report.parts if not isinstance(part, type(report))]
+    nested = [part for part in report.parts if isinstance(part, Contents)]
+    others = [part for part in report.parts if not isinstance(part, Contents)]
     if nested:
         yield from _book(report.head, others, after)
         for each in nested:
@@ -157,7 +157,7 @@ def _story(report: Any, level: int) -> Iterator[Flowable]:
         yield from _small(after)
 
 
-def _heading(report: Any, level: int) -> Iterator[Flowable]:
+def _heading(report: Contents, level: int) -> Iterator[Flowable]:
     """Yield the first line of the title as heading and in the outline, and the others below it."""
     first, _, others = flowing(report.title).partition("\n")
     if first:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from itertools import groupby
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from hfa_support.errors import imported, shortened
 from hfa_support.reporting.checks import Check, checks_block
-from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.parts import Contents, Part, Picture
 from hfa_support.reporting.results import Result, storable
-from hfa_support.reporting.rows import Group, Sheet
+from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import (
     WIDTH,
     Table,
@@ -25,7 +24,6 @@ from hfa_support.reporting.text import (
     wrapped,
 )
 
-NO_RECORDS = Table((), ())
 #: Largest size of matrices and arrays whose entries are shown, and longest text of a field.
 _MOST = 12
 _LONGEST = 110
@@ -34,36 +32,8 @@ SUFFIXES = (".json", ".npz", ".mat", ".csv", ".md", ".html", ".tex")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Report:
-    """Report of a result, with its parts in reading order.
-
-    title: heading, and further lines that are printed below the heading
-    parts: paragraphs (str), tables of formatted cells (Table), rows of a sheet (Group), pictures,
-      nested reports, and tuples of paragraphs and tables that are printed without a blank line
-      between them
-    notes: notes on the result
-    data: entries of the result by name, for JSON, .npz and .mat
-    records: the result for CSV, with numbers in full precision
-    source: the provenance, shown last
-    head: label -> text of a sheet or of a book of sheets, shown in HTML and PDF with lines to sign
-    anchor: key by which cells of tables link to the report, or ""
-    failure: reason why the command fails after it has shown this report, or ""
-    sheet: all rows of a sheet, found by name, also those that `parts` leave out
-    """
-
-    title: str
-    parts: Sequence[Part] = ()
-    notes: Sequence[str] = ()
-    data: Mapping[str, Any] = field(default_factory=dict)
-    records: Table = NO_RECORDS
-    source: str = ""
-    failure: str = ""
-    head: Mapping[str, str] = field(default_factory=dict)
-    anchor: str = ""
-    sheet: Sheet = field(default_factory=Sheet)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "data", storable(self.data))
+class Report(Contents):
+    """Report of a result, with its contents in reading order."""
 
     def __repr__(self) -> str:
         return self.text()
@@ -104,15 +74,9 @@ class Report:
 
         level: level of the heading, increased by one for each nested report
         """
-        from hfa_support.reporting.markup import as_markdown, report_as_markdown
+        from hfa_support.reporting.markup import markdown_of
 
-        shown = ["\n".join(f"- {printable(': '.join(entry))}" for entry in self.head.items())]
-        shown += [
-            part.markdown(level + 1) if isinstance(part, Report) else as_markdown(part)
-            for part in self.parts
-            if not isinstance(part, Picture)
-        ]
-        return report_as_markdown(self.title, shown, self.notes, self.source, level)
+        return markdown_of(self, level)
 
     def html(self, level: int = 1) -> str:
         """Return the report as an HTML fragment with embedded pictures.
@@ -121,25 +85,9 @@ class Report:
 
         level: level of the heading, increased by one for each nested report
         """
-        return self._html(level, is_part=False)
+        from hfa_support.reporting.markup import html_of
 
-    def _html(self, level: int, is_part: bool) -> str:
-        """Return the report as HTML, as part of a book without lines to sign."""
-        from hfa_support.reporting.markup import as_html, cover, report_as_html, signed_head
-
-        is_book = bool(self.head) and any(isinstance(part, Report) for part in self.parts)
-        head = cover(self.head) if is_book else signed_head(self.head, is_part)
-        shown = [head] if self.head else []
-        for kind, parts in groupby(self.parts, key=type):
-            made = [
-                part._html(level + 1, is_book) if isinstance(part, Report) else as_html(part)
-                for part in parts
-            ]
-            name = "sheet" if kind is Group else "matrix" if is_book and kind is tuple else ""
-            shown += [f'<div class="{name}">', *made, "</div>"] if name else made
-        if is_part:
-            shown = ['<div class="part">', *shown, "</div>"]
-        return report_as_html(self.title, shown, self.notes, self.source, level, self.anchor)
+        return html_of(self, level)
 
     def page(self) -> str:
         """Return the report as a page in HTML with embedded pictures and styles."""
@@ -205,9 +153,6 @@ class Report:
                 yield part
             elif isinstance(part, Report):
                 yield from part.pictures()
-
-
-Part: TypeAlias = "str | Table | Group | tuple[str | Table, ...] | Picture | Report"
 
 
 class Reported:

@@ -24,7 +24,7 @@ from hfa_support.errors import (
 )
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least
-from hfa_support.reporting.report import Part
+from hfa_support.reporting.parts import Part
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import LIMIT, critic_errors, relative_error

@@ -25,8 +25,9 @@ from hfa_page.turbulence import flight_in_turbulence
 from hfa_support.errors import missing_package
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
-from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.markup import figure_html
+from hfa_support.reporting.parts import Part, Picture
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
 from trim.hfa.linear_report import linear_model_report
 from trim.hfa.printed import printed_at
@@ -303,7 +304,7 @@ def any_value(slider: Slider, drawn: Report, verdicts: str = "") -> str:
         shown = point_reports(point)
         beside.append(f'<section class="point" {place}>{shown.beside.html(3)}</section>')
         below.append(f'<section class="point below" {place}>{shown.below.html(3)}</section>')
-    pictures = [picture.html() for picture in drawn.pictures()]
+    pictures = [figure_html(picture) for picture in drawn.pictures()]
     aircraft = "".join(pictures[:1])
     locus = "".join(pictures[1:])
     label = slider.points[slider.first].label
