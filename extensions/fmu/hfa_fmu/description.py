@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -122,9 +122,9 @@ def described(folder: Path) -> Description:
 
 def library_of(folder: Path, description: Description) -> Path:
     """Return the path of the library for this system. Raises BadInputError if there is none."""
-    of_two, system, suffix = _PLATFORMS.get(sys.platform, ("", "", ""))
+    folder_of_fmi_2, system, suffix = _PLATFORMS.get(sys.platform, ("", "", ""))
     processor = _PROCESSORS.get(platform.machine(), platform.machine())
-    here = of_two if description.version == 2 else f"{processor}-{system}"
+    here = folder_of_fmi_2 if description.version == 2 else f"{processor}-{system}"
     library = folder / "binaries" / here / f"{description.identifier}{suffix}"
     if not library.is_file():
         found = ", ".join(sorted(each.name for each in folder.glob("binaries/*"))) or "none"
@@ -145,90 +145,121 @@ def _read(root: ElementTree.Element) -> Description:
         raise BadInputError("the FMU has no model exchange; export it for model exchange")
     provides = exchange.get(f"providesDirectionalDerivative{'s' * (version == 3)}", "false")
     variables, state_of = _variables(root, version)
-    structure = root.find("ModelStructure")
-    unknowns = [] if structure is None else list(structure)
-    if version == 2:
-        listed = {part.tag: part.findall("Unknown") for part in unknowns}
-        places = {
-            tag: [int(each.attrib["index"]) - 1 for each in entries]
-            for tag, entries in listed.items()
-        }
-        names = list(variables)
-        rates = [names[place] for place in places.get("Derivatives", [])]
-        outputs = [names[place] for place in places.get("Outputs", [])]
-        count = int(root.get("numberOfEventIndicators") or 0)
-        indicators = [f"event indicator {number}" for number in range(1, count + 1)]
-    else:
-        name_of = {each.reference: name for name, each in variables.items()}
-        of_tag = {
-            tag: [
-                name_of[int(each.attrib["valueReference"])] for each in unknowns if each.tag == tag
-            ]
-            for tag in ("ContinuousStateDerivative", "Output", "EventIndicator")
-        }
-        rates, outputs, indicators = of_tag.values()
-    if not rates:
-        raise BadInputError(
-            "the FMU has no continuous states; export a model whose equations have der(x)"
-        )
-    states = [state_of[name] for name in rates]
-    for name in (*states, *rates):
-        if not variables[name].is_real:
-            raise BadInputError(
-                f"the state {shortened(name)} is {variables[name].kind}; export it with scalars "
-                "of 64 bits"
-            )
+    structure = _structure(root, version, variables)
+    states = [state_of[rate] for rate in structure.rates]
+    _refuse_states(structure.rates, states, variables)
     inputs = [each for each in variables.values() if each.causality == "input" and each.is_real]
     constants = [each for each in variables.values() if each.is_constant]
-    of_outputs = [variables[name] for name in outputs if name not in states]
-    real_outputs = [each for each in of_outputs if each.is_real]
+    outputs = [variables[name] for name in structure.outputs if name not in states]
+    real_outputs = [each for each in outputs if each.is_real]
     taken = [*(variables[name] for name in states), *inputs, *constants, *real_outputs]
-    names_in_model = _names_in_model([each.name for each in taken], states)
-    known = [each for each in variables.values() if each.causality in ("input", "parameter")]
-    left_out = [each for each in (*known, *of_outputs) if each not in taken]
-    unlisted = [state for rate, state in state_of.items() if rate not in rates]
-
-    def named(these: list[Variable]) -> list[str]:
-        return [names_in_model[each.name] for each in these]
-
-    said = (
-        ("parameters that --hold sets: {}", named(constants)),
-        (
-            "parameters of whole numbers (1 is true, 0 false): {}",
-            named([each for each in constants if each.is_whole]),
-        ),
-        (
-            "left out: texts, arrays, and outputs that are not real numbers: {}",
-            [each.name for each in left_out],
-        ),
-        (
-            "inputs that the FMU changes in steps are taken as continuous: {}",
-            named([each for each in inputs if each.is_discrete]),
-        ),
-        (
-            "no states, because ModelStructure does not list their derivatives: {}",
-            [name for name in unlisted if name not in states],
-        ),
-        (
-            "states without a unit, which the sheet of an aircraft requires: {}",
-            named([variables[name] for name in states if not variables[name].unit]),
-        ),
-    )
+    names = _names_in_model([each.name for each in taken], states)
+    settable = [each for each in variables.values() if each.causality in ("input", "parameter")]
+    left_out = [each for each in (*settable, *outputs) if each not in taken]
+    unlisted = [
+        variables[state]
+        for rate, state in state_of.items()
+        if rate not in structure.rates and state not in states
+    ]
     return Description(
         version,
         root.get("modelName") or "FMU",
         exchange.attrib["modelIdentifier"],
         root.get("guid" if version == 2 else "instantiationToken", ""),
         provides in ("true", "1"),
-        tuple(shortened(name) for name in indicators),
+        tuple(shortened(name) for name in structure.indicators),
         tuple(variables[name] for name in states),
-        tuple(variables[name] for name in rates),
+        tuple(variables[name] for name in structure.rates),
         tuple(inputs),
         tuple(constants),
         tuple(real_outputs),
-        names_in_model,
-        tuple(sentence.format(_listed(names)) for sentence, names in said if names),
+        names,
+        tuple(_sentences(taken, states, names, left_out, unlisted)),
     )
+
+
+class _Structure(NamedTuple):
+    """Names of the derivatives of the states, of the outputs and of the event indicators."""
+
+    rates: list[str]
+    outputs: list[str]
+    indicators: list[str]
+
+
+def _structure(
+    root: ElementTree.Element, version: int, variables: Mapping[str, Variable]
+) -> _Structure:
+    """Return what <ModelStructure> lists. Raises BadInputError if it lists no derivatives."""
+    structure = root.find("ModelStructure")
+    parts = [] if structure is None else list(structure)
+    if version == 2:
+        in_order = list(variables)
+
+        def listed(tag: str) -> list[str]:
+            unknowns = [each for part in parts if part.tag == tag for each in part.iter("Unknown")]
+            return [in_order[int(each.attrib["index"]) - 1] for each in unknowns]
+
+        count = int(root.get("numberOfEventIndicators") or 0)
+        indicators = [f"event indicator {number}" for number in range(1, count + 1)]
+        found = _Structure(listed("Derivatives"), listed("Outputs"), indicators)
+    else:
+        name_of = {each.reference: name for name, each in variables.items()}
+
+        def referenced(tag: str) -> list[str]:
+            unknowns = [part for part in parts if part.tag == tag]
+            return [name_of[int(each.attrib["valueReference"])] for each in unknowns]
+
+        tags = ("ContinuousStateDerivative", "Output", "EventIndicator")
+        found = _Structure(*map(referenced, tags))
+    if not found.rates:
+        raise BadInputError(
+            "the FMU has no continuous states; export a model whose equations have der(x)"
+        )
+    return found
+
+
+def _refuse_states(rates: list[str], states: list[str], variables: Mapping[str, Variable]) -> None:
+    """Raise BadInputError for a state, or its derivative, that is not a scalar of 64 bits."""
+    for name in (*states, *rates):
+        if not variables[name].is_real:
+            raise BadInputError(
+                f"the state {shortened(name)} is {variables[name].kind}; export it with scalars "
+                "of 64 bits"
+            )
+
+
+def _sentences(
+    taken: list[Variable],
+    states: list[str],
+    names: Mapping[str, str],
+    left_out: list[Variable],
+    unlisted: list[Variable],
+) -> Iterator[str]:
+    """Yield sentences on the variables that the model has and does not have.
+
+    taken: variables of the model, of which `states` are states
+    names: name in the FMU -> name in the model
+    left_out, unlisted: variables, and states of unlisted derivatives, that the model does not have
+    """
+    constants = [each for each in taken if each.is_constant]
+    inputs = [each for each in taken if each.causality == "input" and each.is_real]
+    groups = {
+        "parameters that --hold sets": constants,
+        "parameters of whole numbers (1 is true, 0 false)": [
+            each for each in constants if each.is_whole
+        ],
+        "left out: texts, arrays, and outputs that are not real numbers": left_out,
+        "inputs that the FMU changes in steps are taken as continuous": [
+            each for each in inputs if each.is_discrete
+        ],
+        "no states, because ModelStructure does not list their derivatives": unlisted,
+        "states without a unit, which the sheet of an aircraft requires": [
+            each for each in taken if each.name in states and not each.unit
+        ],
+    }
+    for text, group in groups.items():
+        if group:
+            yield f"{text}: {_listed([names.get(each.name, each.name) for each in group])}"
 
 
 def _names_in_model(names: list[str], states: list[str]) -> dict[str, str]:

@@ -89,28 +89,28 @@ class Instance:
 
     def __init__(self, interface: Interface) -> None:
         """Load the library. Raises OSError if that fails."""
-        self._of = of = interface
-        self._library = ctypes.CDLL(of.library)
-        self._names: dict[str, Any] = {}
+        self._interface = interface
+        self._library = ctypes.CDLL(interface.library)
+        self._functions: dict[str, Any] = {}
         self._said = ""
         self._lock = RLock()
         self._component: c_void_p | None = None
-        self._is_dead = False
+        self._has_ended = False
         self._time = 0.0
-        n, m = len(of.states), len(of.inputs)
-        self._v = (c_double * (n + m + len(of.parameters)))()
-        self._f = (c_double * (n + len(of.outputs)))()
+        n, m = len(interface.states), len(interface.inputs)
+        self._v = (c_double * (n + m + len(interface.parameters)))()
+        self._f = (c_double * (n + len(interface.outputs)))()
         self._v_bytes, self._f_bytes = (memoryview(each).cast("B") for each in (self._v, self._f))
         self._x = self._v, c_size_t(n)
         self._rates = self._f, c_size_t(n)
-        self._inputs = self._reals(of.inputs, self._v, n)
-        self._outputs = self._reals(of.outputs, self._f, n)
+        self._inputs = self._reals(interface.inputs, self._v, n)
+        self._outputs = self._reals(interface.outputs, self._f, n)
         #: Bytes of the inputs in v, and of the parameters.
         self._of_inputs, self._of_parameters = slice(8 * n, 8 * (n + m)), slice(8 * (n + m), None)
         self._stepped = self._begun_with = b""
         self._signs: list[bool] = []
-        self._keep: list[Any] = self._callbacks()
-        is_two = of.version == 2
+        self._callbacks: list[Any] = self._made_callbacks()
+        is_two = interface.version == 2
         self._of_rates = "GetDerivatives" if is_two else "GetContinuousStateDerivatives"
         self._set_reals, self._get_reals = (
             f"{verb}{'Real' if is_two else 'Float64'}" for verb in ("Set", "Get")
@@ -124,7 +124,7 @@ class Instance:
         with self._lock:
             self._set(v, time)
             self._call(self._of_rates, *self._rates)
-            if self._of.outputs:
+            if self._interface.outputs:
                 self._call(self._get_reals, *self._outputs)
             return self._f_bytes
 
@@ -136,7 +136,7 @@ class Instance:
 
     def indicators(self, v: Any) -> list[float]:
         """Return the event indicators after the events. Raises FmuError if a call fails."""
-        if not self._of.indicators:
+        if not self._interface.indicators:
             return []
         with self._lock:
             self._set(v, 0.0)
@@ -150,16 +150,16 @@ class Instance:
 
         Raises FmuError if a call fails.
         """
-        of = self._of
+        interface = self._interface
         with self._lock:
             self._set(v, 0.0)
-            references = (*of.states, *of.inputs)
+            references = (*interface.states, *interface.inputs)
             known = (c_uint * len(references))(*references)
             seed = (c_double * len(references))(*direction)
-            unknown = (c_uint * len(self._f))(*of.rates, *of.outputs)
+            unknown = (c_uint * len(self._f))(*interface.rates, *interface.outputs)
             found = (c_double * len(self._f))()
             few, many = c_size_t(len(references)), c_size_t(len(self._f))
-            ends = (seed, found) if of.version == 2 else (seed, few, found, many)
+            ends = (seed, found) if interface.version == 2 else (seed, few, found, many)
             self._call("GetDirectionalDerivative", unknown, many, known, few, *ends)
             return list(found)
 
@@ -168,7 +168,7 @@ class Instance:
         count = c_size_t(len(references))
         place = ctypes.byref(memory, first * ctypes.sizeof(c_double))
         which = (c_uint * len(references))(*references)
-        return (which, count, place, *([count] if self._of.version == 3 else []))
+        return (which, count, place, *([count] if self._interface.version == 3 else []))
 
     def _set(self, v: Any, time: float) -> None:
         """Set time and all variables, with an event where an input changes at events only.
@@ -192,14 +192,14 @@ class Instance:
             self._time = time
         self._call("SetContinuousStates", *self._x)
         inputs = bytes(self._v_bytes[self._of_inputs])
-        if inputs and not self._of.has_steps:
+        if inputs and not self._interface.has_steps:
             self._call(self._set_reals, *self._inputs)
         elif inputs != self._stepped:
             self._call("EnterEventMode")
             self._call(self._set_reals, *self._inputs)
             self._leave_event()
             self._stepped = inputs
-        if self._of.indicators:
+        if self._interface.indicators:
             if not self._signs:
                 self._call("EnterEventMode")
                 self._leave_event()
@@ -210,22 +210,23 @@ class Instance:
 
     def _begin(self) -> None:
         """Make the instance, and enter continuous-time mode."""
-        if self._is_dead:
+        if self._has_ended:
             raise FmuError("the FMU has ended with the status fatal")
-        of = self._of
-        title, token, resources = (text.encode() for text in (of.title, of.token, of.resources))
-        if of.version == 2:
+        interface = self._interface
+        title, token = interface.title.encode(), interface.token.encode()
+        resources = interface.resources.encode()
+        if interface.version == 2:
             make = self._function("Instantiate", c_void_p)
-            made = make(title, 0, token, resources, ctypes.byref(self._keep[0]), 0, 0)
+            made = make(title, 0, token, resources, ctypes.byref(self._callbacks[0]), 0, 0)
         else:
             make = self._function("InstantiateModelExchange", c_void_p)
-            made = make(title, token, resources or None, 0, 0, None, self._keep[0])
+            made = make(title, token, resources or None, 0, 0, None, self._callbacks[0])
         if not made:
             raise FmuError(f"the FMU makes no instance{self._reason()}")
         self._component = c_void_p(made)
         zero = c_double(0.0)
         experiment = (0, zero, zero, 0, zero)
-        if of.version == 2:
+        if interface.version == 2:
             self._call("SetupExperiment", *experiment)
             self._call("EnterInitializationMode")
         else:
@@ -238,35 +239,35 @@ class Instance:
 
     def _set_parameters(self) -> None:
         """Set the parameters that differ from their start values."""
-        of = self._of
-        values = self._v[len(of.states) + len(of.inputs) :]
-        for parameter, value in zip(of.parameters, values, strict=True):
+        interface = self._interface
+        values = self._v[len(interface.states) + len(interface.inputs) :]
+        for parameter, value in zip(interface.parameters, values, strict=True):
             name, reference, kind, is_whole, start = parameter
             if value == start:
                 continue
             if is_whole and not value.is_integer():
                 raise FmuError(f"the parameter {name} is {value:g}; hold it at a whole number")
-            setter, number = _setter(of.version, kind)
+            setter, number = _setter(interface.version, kind)
             one = c_size_t(1)
             memory = (number * 1)(int(value) if is_whole else value)
-            more = [one] if of.version == 3 else []
+            more = [one] if interface.version == 3 else []
             self._call(setter, (c_uint * 1)(reference), one, memory, *more)
 
     def _leave_event(self) -> None:
         """End the event. Raises FmuError if it changes the states."""
-        is_told = self._iterate_event()
-        n = len(self._of.states)
+        changes_states = self._iterate_event()
+        n = len(self._interface.states)
         found = (c_double * n)()
         self._call("GetContinuousStates", found, c_size_t(n))
         # An FMU in other units than its library's returns states with an error of rounding.
-        if is_told and found[:] != self._v[:n]:
+        if changes_states and found[:] != self._v[:n]:
             raise FmuError("an event of the FMU changes its states")
 
     def _iterate_event(self) -> bool:
         """Iterate an event, enter continuous-time mode, and return whether states changed."""
         changes = False
         for _ in range(_MOST_ITERATIONS):
-            if self._of.version == 2:
+            if self._interface.version == 2:
                 info = _EventInfo()
                 self._call("NewDiscreteStates", ctypes.byref(info))
                 again, ends, changed = bool(info.again), bool(info.terminate), bool(info.states)
@@ -289,50 +290,50 @@ class Instance:
         return [value > 0.0 for value in self._indicated()]
 
     def _indicated(self) -> list[float]:
-        found = (c_double * self._of.indicators)()
+        found = (c_double * self._interface.indicators)()
         self._call("GetEventIndicators", found, c_size_t(len(found)))
         return found[:]
 
     def _call(self, name: str, *arguments: Any) -> None:
         """Call a function of the FMU. Raises FmuError unless its status is OK or warning."""
-        function = self._names.get(name) or self._function(name, c_int)
+        function = self._functions.get(name) or self._function(name, c_int)
         status = function(self._component, *arguments)
         if status < 2:
             return
         said = _STATUS[status] if status < len(_STATUS) else str(status)
         if status >= _ERROR or name[:3] not in ("Get", "Set"):
             self._end(status)
-        raise FmuError(f"fmi{self._of.version}{name} returns {said}{self._reason()}")
+        raise FmuError(f"fmi{self._interface.version}{name} returns {said}{self._reason()}")
 
     def _end(self, status: int = _ERROR) -> None:
         """Give up the instance, which has no known state after an error or within an event."""
         if status <= _ERROR:
             self._function("FreeInstance", None)(self._component)
-        self._is_dead = status == _FATAL
+        self._has_ended = status == _FATAL
         self._component = None
 
     def _function(self, name: str, result: Any) -> Any:
-        name = f"fmi{self._of.version}{name}"
+        full_name = f"fmi{self._interface.version}{name}"
         try:
-            function = getattr(self._library, name)
+            function = getattr(self._library, full_name)
         except AttributeError:
-            raise FmuError(f"its library has no function {name}") from None
+            raise FmuError(f"its library has no function {full_name}") from None
         function.restype = result
-        self._names[name.removeprefix(f"fmi{self._of.version}")] = function
+        self._functions[name] = function
         return function
 
     def _reason(self) -> str:
         said, self._said = " ".join(self._said.split()), ""
         return f" ({said[:_LONGEST]})" if said else ""
 
-    def _callbacks(self) -> list[Any]:
+    def _made_callbacks(self) -> list[Any]:
         """Return the argument of the constructor that has the callbacks, and what it refers to."""
 
         def say(message: bytes | None) -> None:
             # The texts of FMI 2.0 may have fields of printf, which are not filled in.
             self._said = (message or b"").decode(errors="replace")
 
-        if self._of.version == 3:
+        if self._interface.version == 3:
             kind: Any = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
             return [kind(lambda _, __, ___, message: say(message))]
         kind = CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)

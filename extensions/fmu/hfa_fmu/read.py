@@ -96,26 +96,26 @@ def _unpacked(path: Path) -> Path:
 
 def _interface(folder: Path, description: Description) -> Interface:
     """Return what the calls of an unpacked FMU require."""
-    of, resources = description, folder / "resources"
-    groups = (of.states, of.rates, of.inputs, of.outputs)
-    states, rates, inputs, outputs = ([each.reference for each in group] for group in groups)
+    resources = folder / "resources"
     parameters = [
-        Parameter(of.names[each.name], each.reference, each.kind, each.is_whole, each.start)
-        for each in of.parameters
+        Parameter(
+            description.names[each.name], each.reference, each.kind, each.is_whole, each.start
+        )
+        for each in description.parameters
     ]
     return Interface(
-        str(library_of(folder, of)),
-        of.version,
-        of.title,
-        of.token,
-        f"{resources}/" if of.version == 3 else resources.as_uri(),
-        len(of.indicators),
-        states,
-        rates,
-        inputs,
-        parameters,
-        outputs,
-        any(each.is_discrete for each in of.inputs),
+        library=str(library_of(folder, description)),
+        version=description.version,
+        title=description.title,
+        token=description.token,
+        resources=f"{resources}/" if description.version == 3 else resources.as_uri(),
+        indicators=len(description.indicators),
+        states=[each.reference for each in description.states],
+        rates=[each.reference for each in description.rates],
+        inputs=[each.reference for each in description.inputs],
+        parameters=parameters,
+        outputs=[each.reference for each in description.outputs],
+        has_steps=any(each.is_discrete for each in description.inputs),
     )
 
 
@@ -160,8 +160,9 @@ def _model(
     evaluator = Evaluator(instance, nominals, values, description.indicators, whole)
     begun = _beside_events(evaluator, np.array(start), len(states))
     about = _about(evaluator, description, begun)
-    of_events = _of_events(description.indicators, begun.tolist() != start)
-    about = replace(about, notes=(*about.notes, *of_events, *_told_apart(description.names)))
+    on_events = _note_on_events(description.indicators, begun.tolist() != start)
+    on_names = _note_on_similar_names(description.names)
+    about = replace(about, notes=(*about.notes, *on_events, *on_names))
     begun_states = begun[: len(states)].tolist()
     states = {
         name: signal._replace(start=value)
@@ -182,7 +183,7 @@ def _model(
         parameters=parameters,
         outputs=outputs,
         trim={name: signal.start for name, signal in inputs.items()},
-        domain=Domain(flown=_flown(evaluator)),
+        domain=Domain(flown=_fault_of_flight(evaluator)),
         about=about,
         source=source,
     )
@@ -202,16 +203,17 @@ def _beside_events(evaluator: Evaluator, start: np.ndarray, n: int) -> np.ndarra
     return start
 
 
-def _of_events(indicators: tuple[str, ...], is_moved: bool) -> tuple[str, ...]:
+def _note_on_events(indicators: tuple[str, ...], is_moved: bool) -> tuple[str, ...]:
     """Return a note on the events of an FMU, and whether a search begins beside one."""
     if not indicators:
         return ()
-    said = f"event indicators of the FMU: {len(indicators)}; its equations change where one is 0"
-    at_start = f", as at the start values: searches begin {_BESIDE:g} nominal values beside"
-    return (said + at_start * is_moved,)
+    note = f"event indicators of the FMU: {len(indicators)}; its equations change where one is 0"
+    if is_moved:
+        note += f", as at the start values: searches begin {_BESIDE:g} nominal values beside"
+    return (note,)
 
 
-def _told_apart(names: Mapping[str, str]) -> tuple[str, ...]:
+def _note_on_similar_names(names: Mapping[str, str]) -> tuple[str, ...]:
     """Return a note on variables whose names differ only in characters that become "_"."""
     shared = Counter(plain.rstrip("_") for plain in names.values())
     alike = [
@@ -223,15 +225,10 @@ def _told_apart(names: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _about(evaluator: Evaluator, description: Description, start: np.ndarray) -> About:
-    """Return what reports say about an FMU, and decide how it is differentiated."""
+    """Return what reports say about an FMU. Its derivatives are used if it gives them."""
     doubts: tuple[str, ...] = ()
-    why = "the FMU provides no derivatives"
-    if description.has_directional:
-        try:
-            evaluator.instance.along(start.tobytes(), np.ones(evaluator.of_dynamics))
-            evaluator.gives_slopes = True
-        except FmuError as error:
-            why = f"the FMU declares derivatives, but {error}"
+    why_none = _why_no_derivatives(evaluator, description, start)
+    evaluator.gives_slopes = not why_none
     try:
         of_differences = f"about {_error_of_differences(evaluator, start):.1g}"
         if evaluator.gives_slopes:
@@ -242,7 +239,7 @@ def _about(evaluator: Evaluator, description: Description, start: np.ndarray) ->
     if not evaluator.gives_slopes:
         note = (
             f"A and B: central differences, steps {STEP:g} of the nominal values; error "
-            f"{of_differences} at the start values ({why})"
+            f"{of_differences} at the start values ({why_none})"
         )
     names = description.names
     written = {plain: names[name] for name, plain in identifiers(names).items()}
@@ -253,6 +250,17 @@ def _about(evaluator: Evaluator, description: Description, start: np.ndarray) ->
         equations="FMU",
         fault=lambda: evaluator.fault,
     )
+
+
+def _why_no_derivatives(evaluator: Evaluator, description: Description, start: np.ndarray) -> str:
+    """Return why an FMU gives no derivatives at the start values, or "" if it does."""
+    if not description.has_directional:
+        return "the FMU provides no derivatives"
+    try:
+        evaluator.instance.along(start.tobytes(), np.ones(evaluator.of_dynamics))
+    except FmuError as error:
+        return f"the FMU declares derivatives, but {error}"
+    return ""
 
 
 def _error_of_differences(evaluator: Evaluator, start: np.ndarray) -> float:
@@ -302,7 +310,7 @@ def _largest(error: np.ndarray, slopes: np.ndarray, nominals: np.ndarray) -> flo
     return float(np.max(np.divide(apart, sizes, out=np.zeros_like(apart), where=sizes > 0.0)))
 
 
-def _flown(evaluator: Evaluator) -> Callable[[Any, Any, Any], str]:
+def _fault_of_flight(evaluator: Evaluator) -> Callable[[Any, Any, Any], str]:
     """Return `Domain.flown` of an FMU: failed calls, and events."""
 
     def reason(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
@@ -321,8 +329,7 @@ def _flown(evaluator: Evaluator) -> Callable[[Any, Any, Any], str]:
 
 def _signal(variable: Variable) -> Signal:
     """Return the unit, nominal value, limits and start value of a variable of an FMU."""
-    of = variable
-    nominal = of.nominal
+    nominal = variable.nominal
     if nominal in (0.0, 1.0):  # not stated
-        nominal = max(1.0, abs(of.start))
-    return Signal(of.unit or "1", nominal, of.low, of.high, of.start)
+        nominal = max(1.0, abs(variable.start))
+    return Signal(variable.unit or "1", nominal, variable.low, variable.high, variable.start)
