@@ -20,12 +20,11 @@ from hfa_identify.bands import (
     white_covariance,
     whiteness,
 )
-from hfa_identify.fit import Fit
+from hfa_identify.fit import Fit, OutputError
 from hfa_identify.identified import Estimate, FittedQuantity, Identified
 from hfa_identify.records import Record, columns_of_table, read_record, record_of
-from hfa_identify.residuals import partings
+from hfa_identify.residuals import misfits
 from hfa_identify.response import Responses
-from hfa_identify.search import Search
 from hfa_identify.sensors import biases
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unknown, shown
 
@@ -88,15 +87,15 @@ def identify(
     responses = Responses(model, names, measured)
     if sum(len(record.time) for record in read) > _MANY:
         responses.compile()
-    search = Search(responses, read, held)
+    guesses = [_initial_state(model, record, held) for record in read]
     try:
-        fit = search.fit(progress)
+        fit = OutputError(responses, read, guesses).fit(progress)
     except FloatingPointError as error:
         raise NoSolutionError(
             f"no parameters were found: {error} with the initial parameter values; give better "
             "initial values, or shorter records, and check units and signs of the columns"
         ) from error
-    return _identified(search, fit)
+    return _identified(fit)
 
 
 def _listed(records: Any) -> list[Any]:
@@ -193,9 +192,27 @@ def _free_names(
     return tuple(dict.fromkeys(names))
 
 
-def _identified(search: Search, fit: Fit) -> Identified:
+def _initial_state(model: Model, record: Record, held: Mapping[str, float]) -> np.ndarray:
+    """Return the guess of a record's initial state, (n,), to which `held` gives values by name.
+
+    Each component is the first finite measured value, the held value, the value in the
+    model's trim, or the declared start of the state, in this order of precedence.
+    """
+    start = []
+    for name, signal in model.states.items():
+        values = record.measured.get(name)
+        seen = values[np.isfinite(values)] if values is not None else np.empty(0)
+        if len(seen):
+            start.append(float(seen[0]))
+        else:
+            start.append(float(held.get(name, model.trim.get(name, signal.start))))
+    return np.array(start)
+
+
+def _identified(fit: Fit) -> Identified:
     """Return the result of an identification, from the best fit."""
-    responses, theta, names = search.responses, fit.theta.tolist(), search.responses.free
+    search, theta = fit.search, fit.theta.tolist()
+    responses, names = search.responses, search.responses.free
     model = responses.model
     C = covariance(fit)
     half = BAND * np.sqrt(np.maximum(np.diag(C), 0.0))
@@ -218,7 +235,7 @@ def _identified(search: Search, fit: Fit) -> Identified:
         parameters=estimates,
         quantities=_quantities(responses, fit),
         covariance=C,
-        partings=tuple(partings(search, fit)),
+        misfits=tuple(misfits(fit)),
         coloured=_widest(half, white),
         correlated=tuple(_correlated(names, C)),
         undetermined=wide,

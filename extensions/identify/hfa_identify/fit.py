@@ -180,7 +180,7 @@ class Fit:
 class OutputError:
     """Search for the parameters and initial states that fit records best.
 
-    bounds: limits of the parameters, (p, 2).
+    bounds: limits of the unknowns, (p, 2).
     guesses: guess of each record's initial state, (n,) each.
     least: least noise variance of each quantity, (k,).
     """
@@ -189,12 +189,13 @@ class OutputError:
         self,
         responses: Responses,
         records: Sequence[Record],
-        bounds: np.ndarray,
         guesses: Sequence[np.ndarray],
     ) -> None:
         self.responses = responses
         self.records = tuple(records)
-        self.bounds = bounds
+        signals = responses.signals.values()
+        self.bounds = np.array([(each.min, each.max) for each in signals])
+        self._begin = np.array([each.start for each in signals])
         self.guesses = tuple(guesses)
         self._priors = tuple(_start_weights(responses.model, record) for record in self.records)
         tables = [record.table(responses.measured) for record in self.records]
@@ -206,21 +207,13 @@ class OutputError:
         sizes = [responses.model.signals[name].nominal for name in responses.measured]
         self.least = (1e-9 * np.array(sizes)) ** 2
 
-    def fit(
-        self,
-        theta: np.ndarray,
-        starts: Sequence[np.ndarray],
-        progress: Callable[[float, float], None] | None = None,
-    ) -> Fit:
-        """Return the fit with the least L that Gauss-Newton steps reach.
-
-        theta: initial parameters, (p,)
-        starts: initial state of each record at which the search begins, (n,) each
+    def fit(self, progress: Callable[[float, float], None] | None = None) -> Fit:
+        """Return the fit with the least L that Gauss-Newton steps reach from the start values.
 
         Raises FloatingPointError if the first simulation diverges or its sensitivities are not
         finite.
         """
-        found = self.at(theta, tuple(starts))
+        found = self.at(self._begin, self.guesses)
         level = 0
         for step in range(1, MOST_STEPS + 1):
             if progress is not None:

@@ -12,7 +12,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.uncertain import ParameterSpread
 from hfa_identify.bands import WHITE
 from hfa_identify.records import Record
-from hfa_identify.residuals import Parting
+from hfa_identify.residuals import Misfit
 from hfa_support.errors import NoSolutionError, refuse_unknown
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report, Reported
@@ -79,8 +79,7 @@ class Identified(Result, Reported):
     undetermined: parameters that the records do not determine.
     at_bounds: parameters with an estimate at a limit of the model.
     unexplained: quantities whose simulated motion contradicts the measured motion.
-    partings: where records and model part, in quantities whose residuals are not noise, the
-        clearest first.
+    misfits: differences between records and model that are not noise, the clearest first.
     converged: whether the search converged to a maximum of the likelihood.
     steps: number of Gauss-Newton steps.
     """
@@ -92,7 +91,7 @@ class Identified(Result, Reported):
     parameters: Mapping[str, Estimate]
     quantities: Mapping[str, FittedQuantity]
     covariance: Matrix
-    partings: tuple[Parting, ...]
+    misfits: tuple[Misfit, ...]
     coloured: float
     correlated: tuple[tuple[str, str, float], ...]
     undetermined: tuple[str, ...]
@@ -132,14 +131,14 @@ class Identified(Result, Reported):
             yield "the search did not converge"
         if self.unexplained:
             yield f"the model does not explain {', '.join(self.unexplained)}"
-        yield from map(self._parted, self.partings)
+        yield from map(self._misfit_text, self.misfits)
         if self.coloured > _BEYOND:
             yield "residuals are colored beyond the correction of the bands"
         if self.at_bounds:
             yield f"at a limit of the model: {', '.join(self.at_bounds)}"
 
-    def _parted(self, each: Parting) -> str:
-        """Return the finding on a quantity whose record parts from the model."""
+    def _misfit_text(self, each: Misfit) -> str:
+        """Return the finding on a misfit."""
         where = f" in {each.record}" if len(self.records) > 1 else ""
         far = beside_unit(shown_value(each.difference, each.unit, ".3g"), each.unit)
         why = "as the inputs move"

@@ -1,4 +1,4 @@
-"""Test of the residuals: which quantity, when, and how far the model and a record part.
+"""Test of the residuals: which quantity of a record differs from the model, when and how far.
 
 The residuals of a model that explains a record are noise, which depends on no input. Residuals that
 follow the inputs are motion that the model lacks, or an error of a column. The test does not decide
@@ -11,17 +11,16 @@ J. Granger, Econometrica 37 (1969) 424-438.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from hfa_identify.directions import beyond_unknowns
 from hfa_identify.fit import Fit
-from hfa_identify.records import Record
-from hfa_identify.search import Search
 from hfa_support.reporting.results import Result
 
-#: The model and a record part if chance causes such residuals with a smaller probability, in any
-#: quantity of any record.
+#: Probability that chance causes such residuals in any quantity of any record, below which they are
+#: a misfit.
 _CHANCE = 1e-3
 #: Number of delays at which residuals are compared with an input, and the part of the record that
 #: the delays span.
@@ -39,8 +38,8 @@ _ALONE = 8.0
 
 
 @dataclass(frozen=True)
-class Parting(Result):
-    """Where a record and the model part.
+class Misfit(Result):
+    """A difference between a record and the model that is not noise.
 
     record: name of the record.
     quantity: the measured quantity.
@@ -58,8 +57,8 @@ class Parting(Result):
     samples: int = 0
 
 
-def partings(search: Search, fit: Fit) -> list[Parting]:
-    """Return where the records and the model part, the least likely by chance first.
+def misfits(fit: Fit) -> list[Misfit]:
+    """Return the misfits of the records, the least likely by chance first.
 
     For each quantity of each record, there are three cases:
     - A few samples stand alone: each is far from the mean of its neighbors.
@@ -71,31 +70,39 @@ def partings(search: Search, fit: Fit) -> list[Parting]:
         for number, present in enumerate(fit.present)
         for place in np.flatnonzero(present.any(axis=0))
     ]
-    found = [_parting(search, fit, number, place) for number, place in measured]
-    clear = [each for each in found if each[0] < _CHANCE / len(measured)]
-    return [parting for _, parting in sorted(clear, key=lambda each: each[0])]
+    candidates = [_candidate(fit, number, place) for number, place in measured]
+    clear = [each for each in candidates if each.chance < _CHANCE / len(measured)]
+    return [each.misfit for each in sorted(clear, key=lambda each: each.chance)]
 
 
-def _parting(search: Search, fit: Fit, number: int, place: int) -> tuple[float, Parting]:
-    """Return the probability that residuals are noise, and where they are largest."""
-    record, name = search.records[number], search.responses.measured[place]
+class _Candidate(NamedTuple):
+    """The largest residual of a quantity, and the probability that chance causes the residuals."""
+
+    chance: float
+    misfit: Misfit
+
+
+def _candidate(fit: Fit, number: int, place: int) -> _Candidate:
+    """Return the largest residual of a quantity, by the indices of the record and the quantity."""
+    record, name = fit.search.records[number], fit.search.responses.measured[place]
     residuals, present = fit.residuals[number][:, place], fit.present[number][:, place]
     alone = _standing_alone(residuals, present)
     if len(alone):
         chance, largest, difference = 0.0, int(alone[0]), residuals
     else:
-        driven = _driven(search, fit, number, place)
+        driven = _driven(fit, number, place)
         chance = _chance(residuals[present], driven[present])
         difference = driven @ np.linalg.lstsq(driven[present], residuals[present])[0]
         largest = int(np.abs(difference * present).argmax())
-    return chance, Parting(
+    misfit = Misfit(
         record.name,
         name,
         float(record.time[largest]),
         float(difference[largest]),
-        search.responses.model.unit(name),
+        fit.search.responses.model.unit(name),
         len(alone),
     )
+    return _Candidate(chance, misfit)
 
 
 def _standing_alone(residuals: np.ndarray, present: np.ndarray) -> np.ndarray:
@@ -111,9 +118,9 @@ def _standing_alone(residuals: np.ndarray, present: np.ndarray) -> np.ndarray:
     return rows[far + 1] if len(far) <= max(1, len(v) // 50) else rows[:0]
 
 
-def _driven(search: Search, fit: Fit, number: int, place: int) -> np.ndarray:
+def _driven(fit: Fit, number: int, place: int) -> np.ndarray:
     """Return changes of a quantity that follow the inputs, and that no unknown explains, (N, d)."""
-    inputs = _delayed_inputs(search, search.records[number])
+    inputs = _delayed_inputs(fit, number)
     changes = np.zeros((*fit.residuals[number].shape, inputs.shape[1]))
     changes[:, place] = inputs
     found = beyond_unknowns(fit, {number: changes})
@@ -122,11 +129,14 @@ def _driven(search: Search, fit: Fit, number: int, place: int) -> np.ndarray:
     return np.asarray(found.beyond[number][:, place] / size @ axes[:, parts > _CONFOUNDED])
 
 
-def _delayed_inputs(search: Search, record: Record) -> np.ndarray:
-    """Return a constant and each moving input of a record at several delays, (N, c)."""
-    names = list(search.responses.model.inputs)
-    moving = [record.inputs[:, names.index(name)] for name in search.moving_inputs()]
-    time = record.time
+def _delayed_inputs(fit: Fit, number: int) -> np.ndarray:
+    """Return a constant and the inputs of a record at several delays, (N, c).
+
+    Inputs that are constant in all records are left out.
+    """
+    records = fit.search.records
+    varies = np.any([np.ptp(record.inputs, axis=0) > 0.0 for record in records], axis=0)
+    time, moving = records[number].time, records[number].inputs[:, varies].T
     most = len(time) // (_SAMPLES * max(len(moving), 1))
     delays = np.linspace(0.0, _SPAN * (time[-1] - time[0]), max(1, min(_DELAYS, most)))
     late = [np.interp(time - delay, time, u - u[0]) for u in moving for delay in delays]

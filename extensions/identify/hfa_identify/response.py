@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -86,35 +85,41 @@ class Responses:
         known = biases(model, (*model.inputs, *self.measured))
         self._biases = {name: known[name] for name in self.free if name in known}
         x, u = model.layout.symbols("x", "u")
-        after = ca.SX.sym("after", u.numel())
         theta = ca.SX.sym("theta", len(self.free))
-        duration = ca.SX.sym("duration")
-        values = list(map(ca.SX, model.p.tolist()))
-        symbols = dict(zip(self.free, components(theta), strict=True))
-        for place, name in enumerate(model.parameters):
-            values[place] = symbols.get(name, values[place])
-        of_column = {column: symbols[name] for name, column in self._biases.items()}
-        of_inputs = [of_column.get(name, 0.0) for name in model.inputs]
-        true_inputs = [each - bias for each, bias in zip(components(u), of_inputs, strict=True)]
-        rates, seen = model.layout.expressions([components(x), true_inputs, values], self.measured)
-        of_measured = [of_column.get(name, 0.0) for name in self.measured]
-        recorded = [each + bias for each, bias in zip(components(seen), of_measured, strict=True)]
-        seen = ca.densify(ca.vertcat(ca.SX(0, 1), *recorded))
-        f = ca.Function("f", [x, u, theta], [rates])
+        rates, recorded = self._expressions(x, u, theta)
+        self._step = _runge_kutta_step(ca.Function("f", [x, u, theta], [rates]))
+        self._advances: dict[int, BoundFunction] = {}
         unknowns = ca.vertcat(x, theta)
-        inputs_at = {0.0: u, 0.5: 0.5 * (u + after), 1.0: after}
-        moved = rk4(lambda x, c: f(x, inputs_at[c], theta), x, duration)
-        self._step = ca.Function(
-            "step", [x, u, after, theta, duration], ca.cse([ca.densify(moved)])
-        )
         slopes = ca.densify(ca.jacobian(rates, unknowns))
-        self._advances: dict[Any, BoundFunction] = {}
+        recorded_slopes = ca.densify(ca.jacobian(recorded, unknowns))
         # Slopes are transposed, so that a row contains the columns of a matrix in succession.
         arguments = [x, u, theta]
         self._rates = RowFunction(ca.Function("rates", arguments, ca.cse([rates, slopes.T])))
-        self._seen = RowFunction(ca.Function("seen", arguments, [seen]))
-        seen_slopes = ca.densify(ca.jacobian(seen, unknowns))
-        self._seen_slopes = RowFunction(ca.Function("seen_slopes", arguments, [seen_slopes.T]))
+        self._recorded = RowFunction(ca.Function("recorded", arguments, [recorded]))
+        self._recorded_slopes = RowFunction(
+            ca.Function("recorded_slopes", arguments, [recorded_slopes.T])
+        )
+
+    def _expressions(self, x: ca.SX, u: ca.SX, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Return the rates and the recorded quantities, of recorded inputs u and unknowns θ."""
+        model = self.model
+        unknowns = dict(zip(self.free, components(theta), strict=True))
+        bias_of = {column: unknowns[name] for name, column in self._biases.items()}
+        parameters = [
+            unknowns.get(name, ca.SX(signal.start)) for name, signal in model.parameters.items()
+        ]
+        true_inputs = [
+            recorded - bias_of.get(name, 0.0)
+            for name, recorded in zip(model.inputs, components(u), strict=True)
+        ]
+        rates, true = model.layout.expressions(
+            [components(x), true_inputs, parameters], self.measured
+        )
+        recorded = [
+            value + bias_of.get(name, 0.0)
+            for name, value in zip(self.measured, components(true), strict=True)
+        ]
+        return rates, ca.densify(ca.vertcat(ca.SX(0, 1), *recorded))
 
     def compile(self) -> None:
         """Compile derivatives and integration steps, if a C compiler is available."""
@@ -266,7 +271,7 @@ class Responses:
     def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Return the measured quantities, (N, k)."""
         # states (N, n), inputs (N, m), theta (p,)
-        return self._seen(states, inputs, np.tile(theta, (len(states), 1)))[0]
+        return self._recorded(states, inputs, np.tile(theta, (len(states), 1)))[0]
 
     def _observed_slopes(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
@@ -274,8 +279,18 @@ class Responses:
         """Return the derivatives of the measured quantities by x and θ, (N, k, n + p)."""
         # states (N, n), inputs (N, m), theta (p,)
         n, p, k = self.sizes
-        (slopes,) = self._seen_slopes(states, inputs, np.tile(theta, (len(states), 1)))
+        (slopes,) = self._recorded_slopes(states, inputs, np.tile(theta, (len(states), 1)))
         return slopes.reshape(-1, k, n + p)
+
+
+def _runge_kutta_step(rates: ca.Function) -> ca.Function:
+    """Return Φ: (x, u, u⁺, θ, Δt) -> x⁺ of x' = rates(x, u, θ), with u linear over the step."""
+    x, u, theta = rates.sx_in()
+    after = ca.SX.sym("after", u.numel())
+    duration = ca.SX.sym("duration")
+    inputs_at = {0.0: u, 0.5: 0.5 * (u + after), 1.0: after}
+    moved = rk4(lambda x, c: rates(x, inputs_at[c], theta), x, duration)
+    return ca.Function("step", [x, u, after, theta, duration], ca.cse([ca.densify(moved)]))
 
 
 def grid(record: Record, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

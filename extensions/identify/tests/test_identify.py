@@ -105,7 +105,7 @@ def test_coverage(pole):
     for seed in range(40):
         result = identify(begun(1.2), record(seed, pole), FREE)
         held += [each.low < true_value(n) < each.high for n, each in result.parameters.items()]
-        assert not result.partings
+        assert not result.misfits
     assert np.mean(held) > 0.9
 
 
@@ -178,7 +178,7 @@ def test_a_planted_fault_is_seen(column, fault, seen, size):
     wrong[column] = fault(wrong[column])
     result = identify(begun(1.2), wrong, FREE)
     assert not result.ok
-    (clearest,) = [each for each in result.partings[:2] if each.quantity == seen]
+    (clearest,) = [each for each in result.misfits[:2] if each.quantity == seen]
     assert abs(clearest.difference) == pytest.approx(size, rel=0.5)
     if fault is spike:
         assert (clearest.time, clearest.samples) == (pytest.approx(3.96), 1)
@@ -234,7 +234,7 @@ def test_right_records_in_turbulence_pass_the_residual_test(lag):
         noise = random.standard_normal((400, 2)) * [0.002, 0.005]
         measured = dict(zip(model.states, (states[:, :2] + noise).T, strict=True))
         columns = {"time": time, "elevator": elevator, **measured}
-        assert not identify(model, columns, list(true), inputs="steps").partings
+        assert not identify(model, columns, list(true), inputs="steps").misfits
 
 
 def test_undetermined_parameters_are_named():
