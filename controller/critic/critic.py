@@ -25,6 +25,7 @@ from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
 from hfa_support.matrices import checked_matrix, shape_text
+from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
 
@@ -176,8 +177,12 @@ class Critic(Reported):
         n = self.K.shape[1]
         if rows.ndim not in (1, 2) or rows.shape[-1] != n:
             raise BadInputError(f"z has shape {rows.shape}; give ({n},) or (N, {n})")
-        columns = self.policy(np.atleast_2d(rows).T).full()
-        return np.asarray(columns.T.reshape(*rows.shape[:-1], -1))
+        (u,) = self._policy_of_rows(np.atleast_2d(rows))
+        return u.reshape(*rows.shape[:-1], -1)
+
+    @cached_property
+    def _policy_of_rows(self) -> RowFunction:
+        return RowFunction(self.policy)
 
     def _beyond_quadratic(self, z: ca.SX) -> ca.SX:
         """Return W'ψ(z) without the monomials z_i z_j, as an expression of z."""

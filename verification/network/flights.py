@@ -15,6 +15,7 @@ from controller.critic.critic import Critic
 from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
 from hfa_aircraft.march.ending import Outcome
+from hfa_support.matrices import quadratic_forms
 from hfa_support.reporting.checks import Check, at_most
 from hfa_support.reporting.text import percent
 from verification.box import starts_in
@@ -139,40 +140,42 @@ def costs_above_optimum(
     exact: Solution, critic: Critic, excess: Excess, b: np.ndarray, flights: int
 ) -> tuple[np.ndarray, float | None]:
     """Return the cost above V* from each initial condition, in percent of V*, (flights,), and the
-    end of the clock of the first simulation that is not decided, s or steps, or None.
+    end of the clock, s or steps, if a simulation is not decided, or None.
 
     The first initial condition is the worst one of the linear loop. The loop is under the worst
     disturbance of the critic's linear part. The cost after the end of a simulation is computed for
-    the linear loop. All costs are inf if a simulation
-    diverges or the linear loop has no bounded cost, and nan if a simulation is not decided.
+    the linear loop. All costs are inf if a simulation diverges or the linear loop has no bounded
+    cost, and nan if a simulation is not decided.
     """
     remaining = excess.matrix
     if remaining is None:
         return np.full(flights, math.inf), None
-    P = exact.P
     loop = worst_loop(exact, critic, excess, b)
     worst = excess.worst if np.any(np.nan_to_num(excess.worst)) else b
     starts = np.vstack([worst, starts_in(b, flights - 1)])
-    losses = []
-    for start in starts:
-        end = loop.simulate(start)
-        if end.outcome is Outcome.LEFT:
-            return np.full(flights, math.inf), None
-        if end.outcome is Outcome.UNDECIDED:
-            return np.full(flights, math.nan), end.time
-        cost = end.cost + end.discount * (end.z @ remaining @ end.z)
-        optimum = float(start @ P @ start)
-        without_cost = math.inf if cost > 0.0 else 0.0
-        losses.append(max(100.0 * cost / optimum, 0.0) if optimum > 0.0 else without_cost)
-    return np.array(losses), None
+    end = loop.simulate(starts)
+    if end.outcome is Outcome.LEFT:
+        return np.full(flights, math.inf), None
+    if end.outcome is Outcome.UNDECIDED:
+        return np.full(flights, math.nan), float(end.times.max())
+    left = exact.game.discount**end.times * quadratic_forms(end.z, remaining)
+    costs, optima = end.costs + left, quadratic_forms(starts, exact.P)
+    without_optimum = np.where(costs > 0.0, math.inf, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        losses = np.maximum(100.0 * costs / optima, 0.0)
+    return np.where(optima > 0.0, losses, without_optimum), None
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
     """Return the largest tested multiple of the box from which all simulations converge, or 0."""
 
     def converges(size: float) -> bool:
+        starts = size * starts_in(b, few)
+        first, others = starts[:1], starts[1:]  # the corner may fail before all fly
         return all(
-            loop.simulate(start).outcome is Outcome.CONVERGED for start in size * starts_in(b, few)
+            loop.simulate(each).outcome is Outcome.CONVERGED
+            for each in (first, others)
+            if len(each)
         )
 
     size = 1.0

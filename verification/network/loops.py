@@ -1,16 +1,14 @@
 """Closed loops of critics that are not quadratic, on the linear and on the nonlinear plant.
 
 A policy u costs J = V* + ∫ (u - u*)'R (u - u*) - δ² (d - d*)'(d - d*) dt, and in discrete time a
-sum over the steps (`excess_cost_rate`). The worst disturbance of u = -K z is that of its
-`Excess`.
+sum over the steps (`excess_cost`). The worst disturbance of u = -K z is that of its `Excess`.
+
+All flights of a loop are simulated at once, one in each row.
 """
 
 from __future__ import annotations
 
-import contextlib
-import math
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -18,7 +16,6 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.critic.symbols import symbols_for
 from controller.riccati.balancing import abscissa_of
 from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
@@ -32,131 +29,154 @@ from verification.plant import NonlinearPlant
 #: fast.
 DECAY = 5.0
 SLOWEST = 100.0
-#: Largest number of ticks of a simulation: 500 time constants of the linear loop.
+#: Largest number of ticks of a simulation in continuous time: 500 time constants of the linear
+#: loop.
 TICKS = 100
-#: Largest number of LSODA steps in a simulation of the linear plant, in one that is slow to
-#: evaluate (a wide network, the nonlinear plant), and of steps of a discrete loop.
+#: Largest number of steps of a simulation, LSODA's or those of a discrete loop, and that of a loop
+#: that is slow to evaluate (a wide network, the nonlinear plant).
 STEPS = 20_000
-FEW_STEPS = 1000
-#: Number of steps of a discrete loop that are computed together.
+FEW_STEPS = 2000
+#: Number of steps of a discrete loop in a tick, unless it is slow.
 _PER_TICK = 100
 #: Largest number of Newton steps to an equilibrium, and its largest distance, in boxes.
 _NEWTON_STEPS = 30
 _FARTHEST_REST = 100.0
-Expression = Callable[[ca.SX], ca.SX]
+#: Error of a step of LSODA, relative to a number, and to its size in the box: three digits of costs
+#: are printed, also of a ten-thousandth of the optimum.
+_ACCURACY, _OF_BOX = 1e-7, 1e-9
+#: A last Newton step, relative to the box, after which only rounding changes the equilibrium.
+_SETTLED = 1e-12
 
 
 class End(NamedTuple):
-    """End of a simulation.
+    """End of the flights of a loop.
 
-    outcome: whether the loop converges, diverges, or is not decided at the end of the clock
-    time: duration, s or steps
-    z: state minus the equilibrium, (n,)
-    cost: cost until then
-    discount: discount of the cost after the end
+    outcome: CONVERGED if all flights converge, LEFT if one diverges, otherwise UNDECIDED, by the
+        end of the clock
+    times: durations, s or steps, (N,)
+    z: last states minus the equilibrium, (N, n)
+    costs: (N,)
     """
 
     outcome: Outcome
-    time: float
+    times: np.ndarray
     z: np.ndarray
-    cost: float
-    discount: float
+    costs: np.ndarray
 
 
-class Ticks(Protocol):
-    """Simulation of one loop, tick by tick.
+class Changes(Protocol):
+    """How rows [z, cost] of flights change in a tick.
 
-    tick: duration of a tick, s or steps
-    most_steps: largest number of steps of the simulation
+    tick: duration, s or steps
+    longest: duration of the longest flight, s or steps
+    most_steps: largest number of steps of a simulation
     """
 
     tick: float
+    longest: float
     most_steps: int
 
-    def __call__(self, state: np.ndarray, steps: int) -> tuple[np.ndarray, int]:
-        """Return the state after a tick, nan where the loop diverges, and the steps it took.
+    def after(self, rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
+        """Return the rows after a tick, nan where a flight diverges, and the number of steps.
 
-        steps: largest number of steps; if the tick takes more, the state is the first one
+        rows: (N, n + 1)
+        time: when the tick begins
+        most: largest number of steps; if the tick takes more, the rows are the first ones
         """
 
 
-class FlowTicks:
-    """Ticks of x' = f(x), by LSODA with error control.
+class Rates:
+    """Changes of z' = f(z), by LSODA with error control.
 
-    rate: x -> (x', V*)
-    tick: duration, s
-    largest: V* above which the loop diverges
-    most_steps: largest number of LSODA's own steps of a simulation
+    closed: Function [z; cost] -> (its rate, V*)
+    largest: V* above which a flight diverges
+    sizes: sizes of the states and of the cost, to which errors are relative, (n + 1,)
     """
 
-    def __init__(self, rate: ca.Function, tick: float, largest: float, most_steps: int) -> None:
+    def __init__(
+        self,
+        closed: ca.Function,
+        largest: float,
+        sizes: np.ndarray,
+        tick: float,
+        most_steps: int,
+    ) -> None:
         self.tick = tick
+        self.longest = TICKS * tick
         self.most_steps = most_steps
-        self._rate = BoundFunction(rate)
+        self._closed = closed
         self._largest = largest
+        self._sizes = sizes
 
-    def __call__(self, state: np.ndarray, steps: int) -> tuple[np.ndarray, int]:
-        """Return the state after a tick, and the number of LSODA's steps."""
+    def after(self, rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
+        """Return the rows after a tick, and the number of LSODA's steps."""
         from scipy.integrate import odeint
 
-        with (
-            contextlib.suppress(FloatingPointError),  # the loop diverges
-            warnings.catch_warnings(action="ignore"),  # of LSODA when it fails
-        ):
-            (_, reached), report = odeint(
-                self._rates,
-                state,
-                [0.0, self.tick],
-                full_output=True,
-                rtol=1e-7,
-                atol=1e-9 * np.abs(state).max(),
-                mxstep=steps,
-            )
-            if report["message"] == "Integration successful.":
-                return reached, int(report["nst"][-1])
-            return state, steps
-        return np.full(state.shape, np.nan), 0
+        shares = np.abs(rows / self._sizes).max(axis=1, keepdims=True)
+        band = rows.shape[1] - 1  # no flight acts on another
+        bound = BoundFunction(self._closed.map(len(rows)))
 
-    def _rates(self, x: np.ndarray, _: float) -> np.ndarray:
-        """Return x'. Raises FloatingPointError where the loop diverges."""
-        self._rate.inputs[0][:] = x
-        self._rate()
-        rates, value = self._rate.results
-        if not value[0] <= self._largest:
-            raise FloatingPointError
-        return rates
+        def rates(numbers: np.ndarray, _: float) -> np.ndarray:
+            bound.inputs[0][:] = numbers
+            bound()
+            rates, values = bound.results
+            if not (values <= self._largest).all():
+                raise FloatingPointError
+            return rates
+
+        try:
+            with warnings.catch_warnings(action="ignore"):  # of LSODA when it fails
+                (_, reached), report = odeint(
+                    rates,
+                    rows.ravel(),
+                    [0.0, self.tick],
+                    full_output=True,
+                    ml=band,
+                    mu=band,
+                    rtol=_ACCURACY,
+                    atol=(_OF_BOX * shares * self._sizes).ravel(),
+                    mxstep=most,
+                )
+        except FloatingPointError:
+            return np.full(rows.shape, np.nan), 0
+        if report["message"] != "Integration successful.":
+            return rows, most
+        return reached.reshape(rows.shape), int(report["nst"][-1])
 
 
-class StepTicks:
-    """Ticks of x⁺ = F(x), of several steps each.
+class Steps:
+    """Changes of z⁺ = f(z), with the cost Σ αᵏ of each step.
 
-    after: x -> x⁺
-    is_slow: whether it is slow to evaluate
+    closed: Function z -> (z⁺, cost of the step)
+    discount: α
     """
 
-    def __init__(self, after: ca.Function, *, is_slow: bool) -> None:
+    def __init__(self, closed: ca.Function, discount: float, *, is_slow: bool) -> None:
         per_tick, self.most_steps = (1, FEW_STEPS) if is_slow else (_PER_TICK, STEPS)
         self.tick = float(per_tick)
-        x = ca.MX.sym("x", after.numel_in(0))
-        one = ca.Function("step", [x], [ca.densify(after(x))])
-        self._tick = BoundFunction(one.mapaccum("steps", per_tick))
+        self.longest = float(self.most_steps)
+        self._closed = closed
+        self._discount = discount
 
-    def __call__(self, state: np.ndarray, steps: int) -> tuple[np.ndarray, int]:
-        """Return the state after a tick, and the number of its steps."""
+    def after(self, rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
+        """Return the rows after a tick, and the number of its steps."""
+        bound = BoundFunction(self._closed.map(len(rows)))
+        z, total = rows[:, :-1].ravel(), rows[:, -1].copy()
         with np.errstate(all="ignore"):
-            (after,) = self._tick.at(state)
-        return after[-len(state) :], int(self.tick)
+            for step in range(int(self.tick)):
+                z, cost = bound.at(z)
+                total += self._discount ** (time + step) * cost
+        return np.column_stack([z.reshape(len(rows), -1), total]), int(self.tick)
 
 
 @dataclass(frozen=True, eq=False)
 class Loop:
     """Closed loop of z and of its cost.
 
-    A simulation ends when V* = z'Pz has decreased to `OF_VALUE` of its first value, when it has
+    A flight ends when V* = z'Pz has decreased to `OF_VALUE` of its first value, when it has
     increased beyond `largest`, or when the clock ends.
 
-    ticks: simulation of [z; cost], in discrete time of [z; cost; discount αᵏ]
-    first: initial cost and discount
+    changes: of the rows [z, cost] in a tick
     P: matrix of V*, (n, n)
     equilibrium: equilibrium near z = 0, or None if none is found
     largest: V* above which the loop diverges
@@ -164,65 +184,53 @@ class Loop:
         if V* is at most `OF_EXACT` times that of the exact loop at the end of the clock
     """
 
-    ticks: Ticks
-    first: tuple[float, ...]
+    changes: Changes
     P: np.ndarray
     equilibrium: np.ndarray | None
     largest: float
     by_exact: np.ndarray | None = None
 
-    def simulate(self, start: np.ndarray) -> End:
-        """Simulate the loop from the initial state `start` (n,).
+    def simulate(self, starts: np.ndarray) -> End:
+        """Simulate the flights from initial states (N, n), until one diverges.
 
         Without an equilibrium, nothing is decided.
         """
-        n = len(start)
-        state, time = np.append(start, self.first), 0.0
+        rows = np.column_stack([starts, np.zeros(len(starts))])
+        times = np.zeros(len(starts))
         if self.equilibrium is None:
-            return self._end(Outcome.UNDECIDED, time, state, n)
-        initial = self._value(start - self.equilibrium)
-        left = self.ticks.most_steps
-        for _ in range(self._most_ticks):
-            state, used = self.ticks(state, left)
+            return End(Outcome.UNDECIDED, times, rows[:, :-1], rows[:, -1])
+        initial = self._value(starts - self.equilibrium)
+        flying = np.arange(len(starts))
+        time, left = 0.0, self.changes.most_steps
+        while flying.size and left > 0 and time < self.changes.longest:
+            rows[flying], used = self.changes.after(rows[flying], time, left)
             left -= used
-            if not self._value(state[:n]) <= self.largest:
-                return self._end(Outcome.LEFT, time, state, n)
-            if left <= 0:
-                break
-            time += self.ticks.tick
-            if has_decayed(self._value(state[:n] - self.equilibrium), initial, OF_VALUE):
-                return self._end(Outcome.CONVERGED, time, state, n)
-        outcome = Outcome.UNDECIDED
-        if self.by_exact is not None:
-            exact = np.linalg.matrix_power(self.by_exact, round(time)) @ (start - self.equilibrium)
-            value = self._value(state[:n] - self.equilibrium)
-            if has_decayed(value, self._value(exact), OF_EXACT):
-                outcome = Outcome.CONVERGED
-        return self._end(outcome, time, state, n)
+            if not (self._value(rows[flying, :-1]) <= self.largest).all():
+                return End(Outcome.LEFT, times, rows[:, :-1], rows[:, -1])
+            time += self.changes.tick
+            times[flying] = time
+            now = self._value(rows[flying, :-1] - self.equilibrium)
+            flying = flying[~has_decayed(now, initial[flying], OF_VALUE)]
+        z = rows[:, :-1] - self.equilibrium
+        if self.by_exact is not None and flying.size:
+            by_exact = np.linalg.matrix_power(self.by_exact, round(time))
+            exact = (starts[flying] - self.equilibrium) @ by_exact.T
+            flying = flying[~has_decayed(self._value(z[flying]), self._value(exact), OF_EXACT)]
+        outcome = Outcome.UNDECIDED if flying.size else Outcome.CONVERGED
+        return End(outcome, times, z, rows[:, -1])
 
-    @property
-    def _most_ticks(self) -> int:
-        if self.by_exact is None:
-            return TICKS
-        return math.ceil(self.ticks.most_steps / self.ticks.tick)
-
-    def _end(self, outcome: Outcome, time: float, state: np.ndarray, n: int) -> End:
-        cost, *discount = state[n:].tolist()
-        z = state[:n] if self.equilibrium is None else state[:n] - self.equilibrium
-        return End(outcome, time, z, cost, *(discount or [1.0]))
-
-    def _value(self, z: np.ndarray) -> float:
-        """Return V* of a state z (n,)."""
+    def _value(self, z: np.ndarray) -> np.ndarray:
+        """Return V* of states z (N, n), (N,)."""
         with np.errstate(all="ignore"):
-            return float(quadratic_forms(z[None], self.P)[0])
+            return quadratic_forms(z, self.P)
 
 
 def undisturbed_loop(exact: Solution, critic: Critic, b: np.ndarray) -> Loop:
-    """Return the closed loop without disturbance.
+    """Return the closed loop without disturbance and without cost.
 
     b: half-widths of the box of states, (n,)
     """
-    return _loop_of(exact, exact.game.A, critic, b)
+    return _linear_loop(exact, exact.game.A, critic, b)
 
 
 def worst_loop(exact: Solution, critic: Critic, excess: Excess, b: np.ndarray) -> Loop:
@@ -233,52 +241,101 @@ def worst_loop(exact: Solution, critic: Critic, excess: Excess, b: np.ndarray) -
     excess: cost of u = -K z above the optimum, with the gain of its disturbance above the optimum
     b: half-widths of the box of states, (n,)
     """
-    game = exact.game
-
-    def running(equilibrium: np.ndarray) -> Expression:
-        return excess_cost_rate(critic.policy, exact, excess.disturbance_gain, equilibrium)
-
-    A = game.A + game.E @ (exact.L + excess.disturbance_gain)
-    return _loop_of(exact, A, critic, b, running)
+    A = exact.game.A + exact.game.E @ (exact.L + excess.disturbance_gain)
+    return _linear_loop(exact, A, critic, b, excess.disturbance_gain)
 
 
 def plant_loop(
     exact: Solution, plant: NonlinearPlant, critic: Critic | None, b: np.ndarray
 ) -> Loop:
-    """Return the closed loop of the nonlinear plant with its saturated inputs.
+    """Return the closed loop of the nonlinear plant with its saturated inputs, without cost.
 
     critic: the critic, or None for the exact policy
     b: half-widths of the box of states, (n,)
     """
-    game = exact.game
-    z = ca.SX.sym("z", len(b)) if critic is None else critic.symbols
-    u = -ca.DM(exact.K) @ z if critic is None else critic.policy(z)
-    own = [] if critic is None else [game.A - game.B @ critic.K]
-    return flow_loop(z, plant.closed(z, u), exact, _tick(exact, *own), b, is_slow=True)
+    game, judged = exact.game, critic or Critic(exact.K)
+    z = judged.symbols
+    rates = plant.closed(z, judged.policy(z))
+    closed = Closed(z, rates, type(z)(0.0), newton_equilibrium(z, rates, b))
+    return _flow_loop(exact, closed, _tick(exact, game.A - game.B @ judged.K), b, FEW_STEPS)
 
 
-def _loop_of(
+class Closed(NamedTuple):
+    """Equations of a closed loop.
+
+    z: symbols, (n,)
+    change: z', in discrete time z⁺, (n,)
+    cost: rate of the cost, or cost of a step
+    equilibrium: near z = 0, (n,), or None if none is found
+    """
+
+    z: ca.SX
+    change: ca.SX
+    cost: ca.SX
+    equilibrium: np.ndarray | None
+
+
+def _linear_loop(
     exact: Solution,
     A: np.ndarray,
     critic: Critic,
     b: np.ndarray,
-    running: Callable[[np.ndarray], Expression] | None = None,
+    disturbance_gain: np.ndarray | None = None,
 ) -> Loop:
     """Return the loop z' = A z + B u, in discrete time z⁺ = A z + B u, of a critic's policy.
 
     A: matrix of the game, with the policy of the disturbance if there is one, (n, n)
-    running: equilibrium -> cost per second or step, or None without cost
+    disturbance_gain: of the worst disturbance above the exact one, (k, n), or None without cost
     """
-    game = exact.game
-    linear = A - game.B @ critic.K
+    game, z = exact.game, critic.symbols
+    u = critic.policy(z)
+    change = ca.DM(A) @ z + ca.DM(game.B) @ u
+    equilibrium = newton_equilibrium(z, change - z if game.is_discrete else change, b)
+    cost = type(z)(0.0)
+    if disturbance_gain is not None and equilibrium is not None:
+        at_rest = ca.DM(critic.u(equilibrium))
+        cost = excess_cost(exact, disturbance_gain, z - ca.DM(equilibrium), u - at_rest)
+    closed = Closed(z, change, cost, equilibrium)
+    is_slow = not isinstance(z, ca.SX)
     if game.is_discrete:
-        z = symbols_for([critic.policy], len(b))
-        next_state = ca.DM(A) @ z + ca.DM(game.B) @ critic.policy(z)
-        return step_loop(z, next_state, exact, A - game.B @ exact.K, b, running)
-    z = critic.symbols
-    rate = ca.DM(A) @ z + ca.DM(game.B) @ critic.policy(z)
-    undisturbed = game.A - game.B @ critic.K
-    return flow_loop(z, rate, exact, _tick(exact, undisturbed, linear), b, running)
+        step = ca.Function("step", [z], [ca.densify(change), ca.densify(cost)], {"cse": True})
+        return Loop(
+            Steps(step, game.discount, is_slow=is_slow),
+            P=exact.P,
+            equilibrium=equilibrium,
+            largest=_far(exact, b),
+            by_exact=A - game.B @ exact.K,
+        )
+    tick = _tick(exact, *(each - game.B @ critic.K for each in (game.A, A)))
+    return _flow_loop(exact, closed, tick, b, FEW_STEPS if is_slow else STEPS)
+
+
+def _flow_loop(
+    exact: Solution, closed: Closed, tick: float, b: np.ndarray, most_steps: int
+) -> Loop:
+    """Return a closed loop in continuous time.
+
+    tick: duration of a tick, s
+    b: half-widths of the box of states, (n,)
+    """
+    z = closed.z
+    value = ca.bilin(ca.DM(exact.P), z, z)
+    both = ca.vertcat(z, type(z).sym("cost"))
+    rates = ca.vertcat(closed.change, closed.cost)
+    function = ca.Function("closed", [both], [ca.densify(rates), value], {"cse": True})
+    far = _far(exact, b)
+    sizes = np.append(b, far / FAR_OF_VALUE)
+    return Loop(
+        Rates(function, far, sizes, tick, most_steps),
+        P=exact.P,
+        equilibrium=closed.equilibrium,
+        largest=far,
+    )
+
+
+def _far(exact: Solution, b: np.ndarray) -> float:
+    """Return V* above which a flight diverges."""
+    return FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b)
 
 
 def _tick(exact: Solution, *loops: np.ndarray) -> float:
@@ -292,18 +349,15 @@ def _tick(exact: Solution, *loops: np.ndarray) -> float:
     return DECAY / max(min([by_exact, *rates]), by_exact / SLOWEST)
 
 
-def excess_cost_rate(
-    policy: ca.Function, exact: Solution, M: np.ndarray, equilibrium: np.ndarray
-) -> Expression:
-    """Return the rate at which a policy costs more than the exact policy, as z -> a'H a.
+def excess_cost(exact: Solution, M: np.ndarray, z: ca.SX, u: ca.SX) -> ca.SX:
+    """Return the rate a'H a at which a policy costs more than the exact policy.
 
-    a = (v, w) are the deviations v = u(z) + K z - (u(e) + K e) and w = M (z - e) of the players
-    from their exact policies, minus those at the equilibrium e. H is [R 0; 0 -δ²], in discrete time
-    plus α [B E]'P [B E].
+    a = (u + K z, M z) are the deviations of both players from their exact policies. H is
+    [R 0; 0 -δ²], in discrete time plus α [B E]'P [B E].
 
     exact: exact solution, with the policy u* = -K z and the value z'P z
     M: gain of the disturbance above the exact one, (k, n)
-    equilibrium: equilibrium of the loop, (n,)
+    z, u: state and input minus those at the equilibrium
     """
     game = exact.game
     price, cross = exact.excess_weight, np.zeros((len(game.R), len(M)))
@@ -313,81 +367,8 @@ def excess_cost_rate(
         cross = game.B.T @ ahead
         of_disturbance = of_disturbance + game.E.T @ ahead
     H = np.block([[price, cross], [cross.T, of_disturbance]])
-    at_rest = np.array(policy(equilibrium)).ravel() + exact.K @ equilibrium
-
-    def cost(z: ca.SX) -> ca.SX:
-        away = policy(z) + ca.DM(exact.K) @ z - ca.DM(at_rest)
-        both = ca.vertcat(away, ca.DM(M) @ (z - ca.DM(equilibrium)))
-        return ca.bilin(ca.DM(H), both, both)
-
-    return cost
-
-
-def flow_loop(
-    z: ca.SX,
-    rates: ca.SX,
-    exact: Solution,
-    tick: float,
-    b: np.ndarray,
-    running: Callable[[np.ndarray], Expression] | None = None,
-    *,
-    is_slow: bool = False,
-) -> Loop:
-    """Return the closed loop z' = rates(z), cost' = running(z), integrated with LSODA.
-
-    exact: exact solution, whose P measures convergence
-    tick: duration of a tick, s
-    b: half-widths of the box of states, (n,)
-    running: equilibrium -> function z -> cost rate, 0 at the equilibrium, or None without a cost
-    is_slow: whether the rates are slow to evaluate
-    """
-    equilibrium = newton_equilibrium(z, rates, b)
-    cost = type(z)(0.0)
-    if running is not None and equilibrium is not None:
-        cost = running(equilibrium)(z)
-    value = ca.bilin(ca.DM(exact.P), z, z)
-    slopes = ca.Function("slopes", [z], [ca.densify(ca.vertcat(rates, cost)), value])
-    both = type(z).sym("both", z.numel() + 1)
-    rate = ca.Function("rate", [both], list(slopes(both[: z.numel()])))
-    largest = FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b)
-    most_steps = FEW_STEPS if is_slow or not isinstance(rates, ca.SX) else STEPS
-    ticks = FlowTicks(rate, tick, largest, most_steps)
-    return Loop(ticks, first=(0.0,), P=exact.P, equilibrium=equilibrium, largest=largest)
-
-
-def step_loop(
-    x: ca.SX,
-    after: ca.SX,
-    exact: Solution,
-    by_exact: np.ndarray,
-    b: np.ndarray,
-    running: Callable[[np.ndarray], Expression] | None = None,
-) -> Loop:
-    """Return the closed loop x⁺ = after(x) with cost Σ αᵏ running(x_k).
-
-    exact: exact solution, with P and the discount factor α
-    by_exact: A - B K* of the exact loop, (n, n)
-    b: half-widths of the box of states, (n,)
-    running: equilibrium -> function x -> cost of a step, or None without a cost
-    """
-    equilibrium = newton_equilibrium(x, after - x, b)
-    paid = type(x)(0.0)
-    if running is not None and equilibrium is not None:
-        paid = running(equilibrium)(x)
-    n = x.numel()
-    step = ca.Function("step", [x], [ca.densify(after), ca.densify(paid)])
-    state = type(x).sym("state", n + 2)  # x, the sum so far, and αᵏ
-    x_after, cost = step(state[:n])
-    total, weight = state[n] + state[n + 1] * cost, exact.game.discount * state[n + 1]
-    later = ca.Function("later", [state], [ca.vertcat(x_after, total, weight)])
-    return Loop(
-        StepTicks(later, is_slow=isinstance(x, ca.MX)),
-        first=(0.0, 1.0),
-        P=exact.P,
-        equilibrium=equilibrium,
-        largest=FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b),
-        by_exact=by_exact,
-    )
+    a = ca.vertcat(u + ca.DM(exact.K) @ z, ca.DM(M) @ z)
+    return ca.bilin(ca.DM(H), a, a)
 
 
 def newton_equilibrium(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
@@ -397,7 +378,7 @@ def newton_equilibrium(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | No
     b_i.
 
     z: symbols, (n,)
-    rates: expression of z', or of x⁺ - x, in these symbols, (n,)
+    rates: expression of z', or of z⁺ - z, in these symbols, (n,)
     b: half-widths of the box, (n,)
     """
     step = ca.Function("step", [z], [rates, ca.jacobian(rates, z)])
@@ -413,6 +394,6 @@ def newton_equilibrium(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | No
         point = point - change
         if np.any(np.abs(point) > _FARTHEST_REST * b):
             return None
-        if np.all(np.abs(change) <= 1e-12 * b):
+        if np.all(np.abs(change) <= _SETTLED * b):
             return point
     return None

@@ -192,7 +192,7 @@ def search(exact: Solution, critic: Critic, box: np.ndarray) -> tuple[float, tup
     """
     z = critic.symbols
     names, errors = errors_of(exact, critic, box, z)
-    errors_at = ca.Function("errors_at", [z], [errors])
+    errors_at = ca.Function("errors_at", [z], [errors], {"cse": True})
     climb = _climber(errors, z, box)
     climbs = 0 if critic.is_wide else CLIMBS
     # Each corner of the unit box is followed by a state inside.
@@ -234,7 +234,7 @@ def _climber(
 
     w = type(z).sym("w", errors.numel())
     weighted = ca.dot(w, errors)
-    ascent = ca.Function("ascent", [z, w], [weighted, ca.gradient(weighted, z)])
+    ascent = ca.Function("ascent", [z, w], [weighted, ca.gradient(weighted, z)], {"cse": True})
 
     def climb(weights: np.ndarray, start: np.ndarray) -> np.ndarray:
         def descent(y: np.ndarray) -> tuple[float, np.ndarray]:
