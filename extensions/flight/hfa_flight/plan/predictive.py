@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
-from hfa_flight.air.scenario import Scenario
 from hfa_flight.plan.end_law import EndLaw
 from hfa_flight.plan.grid import HOLDS, grid_of
 from hfa_flight.plan.hold import hold_of
@@ -41,7 +40,6 @@ class Predictive(SampledPolicy):
 
     problem: aircraft, trim, weights and limits
     controller: the plans and the memory of a flight, in nominal units
-    initial: states at which a flight begins, deviations from the trim, (n,), or None if unknown
     """
 
     plans = True
@@ -49,38 +47,19 @@ class Predictive(SampledPolicy):
     problem: FlightProblem
     controller: RecedingHorizon
 
-    initial: np.ndarray | None = field(default=None, kw_only=True)
-
     def reset(self) -> None:
         """Forget the plan and the times of an earlier flight."""
         self.controller.reset(self.delay)
 
-    def begin(self, X: Any) -> None:
+    def begin(self, X: Any, deviations: np.ndarray | None = None) -> None:
         """Begin a flight with a first plan, which takes longer than a sample.
 
         X: all states that are expected at the first sample, absolute, (n,). The plan is improved
             from the states of that sample, or made anew if they differ much
+        deviations: as in `of_estimate`, or None without an estimate
         """
-        self.controller.begin(self.problem.followed_of(X), self.delay)
-
-    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the function (tick, measured) -> inputs as deviations from trim, (m,).
-
-        The first plan is made before the flight, from its initial states.
-        """
-        sample = super().sampler()
-        if self.initial is not None:
-            self.begin(self.point.x + self.initial)
-        return sample
-
-    def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
-        """Return the policy and the scenario with ticks that divide samples and delays.
-
-        Raises BadInputError if the delay is not a whole number of the ticks.
-        """
-        policy, scenario = super().in_scenario(scenario)
-        initial = scenario.initial if np.size(scenario.initial) else None
-        return replace(policy, initial=initial), scenario
+        spread = None if deviations is None else self._followed(deviations)
+        self.controller.begin(self.problem.followed_of(X), self.delay, spread)
 
     def __call__(self, t: float, X: Any) -> np.ndarray:
         """Return the inputs U of the sample at t, absolute, (m,).
@@ -98,8 +77,15 @@ class Predictive(SampledPolicy):
         deviations: standard deviations of the predicted states, (n,), for which the limits of
             states are narrowed
         """
-        followed = deviations[self.problem.followed_places] / self.problem.sizes.states
-        return self.problem.inputs_of(self.controller(self.problem.followed_of(X), followed))
+        z = self.problem.followed_of(X)
+        return self.problem.inputs_of(self.controller(z, self._followed(deviations)))
+
+    def _followed(self, deviations: np.ndarray) -> np.ndarray:
+        """Return standard deviations of all states, (n,), as those of the followed ones in nominal
+        values, (followed,).
+        """
+        of_followed: np.ndarray = deviations[self.problem.followed_places]
+        return of_followed / self.problem.sizes.states
 
     @property
     def holds(self) -> np.ndarray:

@@ -16,8 +16,9 @@ from controller.riccati.gare import solve
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_flight.policies.sampled_policy import deviations_of
 from hfa_flight.simulate.envelope import control_limits, flight_envelope
-from hfa_support.errors import BadInputError, is_finite, numbers_in, refuse_unknown, shown
+from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
@@ -144,16 +145,9 @@ class FlightProblem:
 
         X: all states of one sample, absolute, (n,) or by name in their order
 
-        Raises BadInputError for another number of states, and for rows of several samples.
+        Raises the errors of `deviations_of`.
         """
-        states, trim = numbers_in("X", X), self.point.x
-        if states.shape != trim.shape:
-            raise BadInputError(
-                f"X has shape {states.shape}; give the {len(trim)} states of one sample: "
-                f"{', '.join(self.model.states)}"
-            )
-        away: np.ndarray = states - trim
-        return away[self.followed_places] / self.sizes.states
+        return deviations_of(self.point, X)[self.followed_places] / self.sizes.states
 
     def inputs_of(self, v: np.ndarray) -> np.ndarray:
         """Return all inputs, absolute, from the deviations of the moving inputs in nominal values.

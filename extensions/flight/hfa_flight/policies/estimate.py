@@ -194,35 +194,51 @@ def seen_from_air(known: KalmanFilter, z: ca.SX, winds: ca.SX) -> ca.SX:
     return ca.vertcat(*every)
 
 
-def _added_speed(known: KalmanFilter, y: ca.SX, winds: ca.SX, is_used: list[ca.SX]) -> ca.SX:
-    """Return what winds across the path add to the measured values of the speed alone, (p,), or
-    zero if a value on which it depends is not used.
+class AddedSpeed(NamedTuple):
+    """What winds across the path add to the speed over the ground beyond the linear model: w²/2V in
+    level flight.
 
-    It is the part that the linear model does not know: w²/2V in level flight.
+    of: CasADi function (deviations of the linear states (k,), winds (w,)) -> added speed
+    row: number of the speed among the linear states
+    needed: numbers of the linear states on which it depends
     """
-    z, w = ca.SX.sym("z", len(known.states)), ca.SX.sym("w", len(known.winds))
+
+    of: ca.Function
+    row: int
+    needed: tuple[int, ...]
+
+
+def added_speed(known: KalmanFilter) -> AddedSpeed | None:
+    """Return what winds add to the speed, or None if they add nothing or sensors do not show it."""
     speed = state_of(known.point.model, "speed")
-    of_speed = ca.DM([float(name == speed) for name in known.states])
-    added = of_speed * (z - seen_from_air(known, z, w))
+    if speed not in known.states:
+        return None
+    row = known.states.index(speed)
+    z, w = ca.SX.sym("z", len(known.states)), ca.SX.sym("w", len(known.winds))
+    added = (z - seen_from_air(known, z, w))[row]
     slopes = ca.Function("slopes", [z, w], [ca.jacobian(added, w)])
     beyond = added - ca.mtimes(slopes(0.0, 0.0), w)
-    measured = dict(zip(known.sensors, ca.vertsplit(y), strict=True))
-    is_known = dict(zip(known.sensors, is_used, strict=True))
-    needed = [
-        name
-        for name, depends in zip(known.states, ca.which_depends(beyond, z), strict=True)
-        if depends
-    ]
-    if not needed or not set(needed) <= set(known.sensors):
-        return ca.SX.zeros(y.numel())
-    is_complete = ca.SX(1)
-    for name in needed:
-        is_complete = ca.logic_and(is_complete, is_known[name])
-    values = [measured.get(name, ca.SX(0)) for name in known.states]
-    function = ca.Function("added", [z, w], [beyond])
-    found = function(ca.vertcat(*values), winds)
-    rows = [known.states.index(name) for name in known.sensors]
-    return ca.if_else(is_complete, found[rows], 0.0)
+    needed = tuple(np.flatnonzero(ca.which_depends(beyond, z, 1, False)).tolist())
+    if not needed or not {known.states[each] for each in needed} <= set(known.sensors):
+        return None
+    return AddedSpeed(ca.Function("added", [z, w], [beyond]), row, needed)
+
+
+def _added_speed(known: KalmanFilter, y: ca.SX, winds: ca.SX, is_used: list[ca.SX]) -> ca.SX:
+    """Return what winds across the path add to the measured values, of the speed alone, (p,), or
+    zero if a value on which it depends is not used.
+    """
+    added, found = added_speed(known), ca.SX(y.numel(), 1)
+    if added is None:
+        return found
+    z, is_complete = ca.SX(len(known.states), 1), ca.SX(1)
+    for row in added.needed:
+        sensor = known.sensors.index(known.states[row])
+        z[row] = y[sensor]
+        is_complete = ca.logic_and(is_complete, is_used[sensor])
+    of_speed = known.sensors.index(known.states[added.row])
+    found[of_speed] = ca.if_else(is_complete, added.of(z, winds), 0.0)
+    return found
 
 
 def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX | ca.DM) -> Estimate:

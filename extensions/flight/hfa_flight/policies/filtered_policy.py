@@ -31,7 +31,7 @@ from hfa_flight.policies.estimate import (
 from hfa_flight.policies.filter_margins import FilterMargins
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
-from hfa_flight.policies.sampled_policy import SampledPolicy
+from hfa_flight.policies.sampled_policy import SampledPolicy, deviations_of
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.results import storable
@@ -57,6 +57,22 @@ class _Memory:
     samples: int = 0
     unused: int = 0
     law: _Law | None = None
+
+
+class _Estimated(NamedTuple):
+    """Estimate at a sample.
+
+    memory: that of the filter, with the measured values
+    x: deviations of all states when the command acts, (n,)
+    deviations: standard deviations of the states predicted for the next sample, of a law that
+        plans, (n,)
+    is_left_out: whether a value of the sample is not used
+    """
+
+    memory: np.ndarray
+    x: np.ndarray
+    deviations: np.ndarray
+    is_left_out: bool
 
 
 class _Moved(NamedTuple):
@@ -172,16 +188,19 @@ class FilteredPolicy(SampledPolicy):
         """Forget the samples of an earlier flight: the estimate is the trim."""
         object.__setattr__(self, "_memory", self._new())
 
-    def begin(self, X: Any) -> None:
+    def begin(self, X: Any, deviations: np.ndarray | None = None) -> None:
         """Begin a flight, and make the first plan of a law that plans before its first sample.
 
         X: all states that are expected at the first sample, absolute, (n,)
+        deviations: not used: those of this filter are
         """
-        memory = self._new()
+        self.reset()
+        memory = self._memory
         memory.law = self._made_law()
-        object.__setattr__(self, "_memory", memory)
         if isinstance(self.law, SampledPolicy):
-            self.law.begin(X)
+            rows = self.point.model.state_places(self.filter.sensors)
+            expected = self._estimated(memory, deviations_of(self.point, X)[rows])
+            self.law.begin(self.point.x + expected.x, expected.deviations)
 
     def _made_law(self) -> _Law:
         """Return the law of a flight. All functions of a sample are made before the flight."""
@@ -239,9 +258,10 @@ class FilteredPolicy(SampledPolicy):
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,)."""
-        memory = self._new()
-        memory.law = self._made_law()
-        object.__setattr__(self, "_memory", memory)
+        self._begin_flight()
+        memory = self._memory
+        if memory.law is None:
+            memory.law = self._made_law()
         rows = self.point.model.state_places(self.filter.sensors)
         return self._held_between_samples(lambda _, measured: self._next(memory, measured[rows]))
 
@@ -258,27 +278,31 @@ class FilteredPolicy(SampledPolicy):
             return u
         if memory.law is None:
             memory.law = self._made_law()
-        known, n, k = self.filter, len(self.filter.Phi), len(self.filter.states)
-        still = np.zeros(len(self.point.u))
-        updated, is_left_out = self._functions.updated.at(memory.estimate, y)
-        ahead = self._predicted(updated[:n], [*memory.waiting, still], self.ahead).x
-        if self.is_extended:
-            (ahead,) = self._functions.seen.at(ahead)
-        x, spread = np.zeros((2, len(self.point.x)))
-        places = self.point.model.state_places(known.states)
-        x[places] = ahead[:k]
-        if self.is_extended:
-            likely = self._later(updated, [*memory.waiting, memory.waiting[-1]])
-            (spread[places],) = self._functions.deviations.at(likely)
+        estimated = self._estimated(memory, y)
         limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
-        command = memory.law(memory.samples, x, spread) + self.point.u
+        command = memory.law(memory.samples, estimated.x, estimated.deviations) + self.point.u
         u = np.clip(command, limits.lowest, limits.highest) - self.point.u
         memory.waiting.append(u)
-        memory.estimate = self._later(updated, memory.waiting)
+        memory.estimate = self._later(estimated.memory, memory.waiting)
         memory.waiting.pop(0)
         memory.samples += 1
-        memory.unused += bool(is_left_out[0])
+        memory.unused += estimated.is_left_out
         return np.asarray(u)
+
+    def _estimated(self, memory: _Memory, y: np.ndarray) -> _Estimated:
+        """Return the estimate at a sample from measured deviations, (p,)."""
+        known, n = self.filter, len(self.filter.Phi)
+        updated, is_left_out = self._functions.updated.at(memory.estimate, y)
+        still = np.zeros(len(self.point.u))
+        ahead = self._predicted(updated[:n], [*memory.waiting, still], self.ahead).x
+        x, deviations = np.zeros((2, len(self.point.x)))
+        places = self.point.model.state_places(known.states)
+        if self.is_extended:
+            (ahead,) = self._functions.seen.at(ahead)
+            likely = self._later(updated, [*memory.waiting, memory.waiting[-1]])
+            (deviations[places],) = self._functions.deviations.at(likely)
+        x[places] = ahead[: len(known.states)]
+        return _Estimated(updated, x, deviations, bool(is_left_out[0]))
 
     @cached_property
     def _sample(self) -> BoundFunction | None:
@@ -286,7 +310,9 @@ class FilteredPolicy(SampledPolicy):
         of a law that is an expression, without a delay; None for others.
         """
         law = self.law
-        is_expression = not isinstance(law, DeployedPolicy) and law.sampler() is None
+        is_expression = (
+            not isinstance(law, (DeployedPolicy, SampledPolicy)) and law.sampler() is None
+        )
         if not is_expression or self.delay or self.ahead or len(law.held) > 1:
             return None
         t = ca.SX.sym("t")
@@ -430,7 +456,7 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
         commanded = policy.commander()
         return lambda _, x, __: commanded(x)
     if isinstance(policy, SampledPolicy) and policy.plans:
-        policy.sampler()  # makes the first plan, before the flight
+        policy.reset()
         return lambda sample, x, deviations: (
             policy.of_estimate(sample * dt, point.x + x, deviations) - point.u
         )

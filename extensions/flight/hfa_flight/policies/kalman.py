@@ -228,7 +228,24 @@ class KalmanFilter(Result):
         states = np.eye(n)[:k]
         outputs = np.block([[states, np.zeros((k, n))], [-gain, gain @ kept]])
         feed = gain @ L @ self.R @ L.T @ gain.T
-        return _Loop(F, N, outputs, feed)
+        return _Loop(F, N, outputs, feed, *self._second_order())
+
+    def _second_order(self) -> tuple[int, np.ndarray]:
+        """Return the row of the speed, and the second derivatives by x of what winds across the
+        path add to it, (n, n).
+        """
+        import casadi as ca
+
+        from hfa_flight.policies.estimate import added_speed
+
+        n, k = len(self.Phi), len(self.states)
+        added = added_speed(self)
+        if added is None:
+            return 0, np.zeros((n, n))
+        x = ca.SX.sym("x", n)
+        speed = added.of(x[:k], ca.DM(self.W) @ x[k:])
+        hessian = ca.Function("hessian", [x], [ca.densify(ca.hessian(speed, x)[0])])
+        return added.row, hessian(0.0).full()
 
     def margins(self, K: np.ndarray) -> FilterMargins:
         """Return how far the linear loop of a gain u = -K x̂ tolerates changes.
@@ -275,18 +292,25 @@ class _Loop(NamedTuple):
 
     outputs: matrix from s to the linear states and inputs
     feed: covariance of the inputs by the noise of the same sample
+    speed: row of the speed in the outputs
+    H: second derivatives by x of what winds across the path add to the speed, (n, n)
     """
 
     F: np.ndarray
     N: np.ndarray
     outputs: np.ndarray
     feed: np.ndarray
+    speed: int
+    H: np.ndarray
 
     def rms(self, samples: int) -> np.ndarray:
         """Return the root mean square of linear states and inputs, (k + m,), over the second half
         of a flight that begins in calm at the trim.
+
+        The speed is that of the linear loop and x'Hx/2, with E[(x'Hx/2)²] = tr(HS)²/4 + tr(HSHS)/2
+        for a normal x of covariance S. The gain does not see this part.
         """
-        k = len(self.outputs) - len(self.feed)
+        k, n = len(self.outputs) - len(self.feed), len(self.H)
         covariance = np.zeros_like(self.F)
         total = np.zeros(len(self.outputs))
         begin = samples // 2
@@ -294,6 +318,8 @@ class _Loop(NamedTuple):
             if sample >= begin:
                 total += np.diag(self.outputs @ covariance @ self.outputs.T)
                 total[k:] += np.diag(self.feed)
+                HS = self.H @ covariance[:n, :n]
+                total[self.speed] += 0.25 * np.trace(HS) ** 2 + 0.5 * np.trace(HS @ HS)
             covariance = self.F @ covariance @ self.F.T + self.N
         return np.asarray(np.sqrt(total / max(samples - begin, 1)))
 

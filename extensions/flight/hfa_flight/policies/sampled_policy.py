@@ -12,7 +12,7 @@ import numpy as np
 from hfa_flight.air.delay import in_samples
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.policy import Policy
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.report import Report
 from trim.point.operating_point import OperatingPoint
 
@@ -27,6 +27,7 @@ class SampledPolicy(Policy):
     dt: sample time, s
     tick: tick of the flight, s, or 0 before the policy has a flight: a tick is then a sample
     delay: time from a sample until its command acts, s
+    initial: states at which a flight begins, deviations from the trim, (n,), or None if unknown
     """
 
     predicts = False
@@ -37,6 +38,7 @@ class SampledPolicy(Policy):
     dt: float
     tick: float = field(default=0.0, kw_only=True)
     delay: float = field(default=0.0, kw_only=True)
+    initial: np.ndarray | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         """Hold the inputs of a sample."""
@@ -63,9 +65,19 @@ class SampledPolicy(Policy):
     def reset(self) -> None:
         """Forget the samples of an earlier flight."""
 
-    def begin(self, X: Any) -> None:
-        """Begin a flight from expected states, (n,): a policy that plans makes its first plan."""
+    def begin(self, X: Any, deviations: np.ndarray | None = None) -> None:
+        """Begin a flight from expected states, (n,): a policy that plans makes its first plan.
+
+        deviations: as in `of_estimate`, or None without an estimate
+        """
         self.reset()
+
+    def _begin_flight(self) -> None:
+        """Begin a flight from its initial states, or forget the one before if they are unknown."""
+        if self.initial is None:
+            self.reset()
+        else:
+            self.begin(self.point.x + self.initial)
 
     def report(self) -> Report:
         """Return a report of the policy and of what the samples of its last flight needed."""
@@ -74,9 +86,9 @@ class SampledPolicy(Policy):
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,).
 
-        The policy is reset, and computed at the ticks that are samples.
+        A flight begins. The policy is computed at the ticks that are samples.
         """
-        self.reset()
+        self._begin_flight()
         states, inputs = self.point.x, self.point.u
         return self._held_between_samples(
             lambda t, measured: np.asarray(self(t, states + measured)) - inputs
@@ -112,4 +124,22 @@ class SampledPolicy(Policy):
                     f"{self.dt:g} s, or a tick that divides both"
                 )
             scenario = scenario.in_ticks(tick, scenario.step)
-        return replace(self, tick=tick, delay=scenario.delay), scenario
+        initial = scenario.initial if np.size(scenario.initial) else None
+        return replace(self, tick=tick, delay=scenario.delay, initial=initial), scenario
+
+
+def deviations_of(point: OperatingPoint, X: Any) -> np.ndarray:
+    """Return the states of one sample as deviations from a trim, (n,).
+
+    X: all states, absolute, (n,) or by name in their order
+
+    Raises BadInputError for another number of states, and for rows of several samples.
+    """
+    states, trim = numbers_in("X", X), point.x
+    if states.shape != trim.shape:
+        raise BadInputError(
+            f"X has shape {states.shape}; give the {len(trim)} states of one sample: "
+            f"{', '.join(point.model.states)}"
+        )
+    away: np.ndarray = states - trim
+    return away
