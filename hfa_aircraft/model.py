@@ -687,7 +687,8 @@ class Model(Reported):
             if shape != (len(names),):
                 raise BadInputError(f"{vector} has shape {shape}; give {len(names)} numbers")
         for name in outputs:
-            refuse_unknown("unknown output", name, (*self.outputs, *self.states))
+            if name not in self.states and name not in self.outputs:
+                refuse_unknown("unknown output", name, (*self.outputs, *self.states))
         rows = linearized_rows(self.layout, tuple(outputs), tuple(disturbances))
         ((flat,),) = rows(*(np.asarray(vector)[None] for vector in (x, u, self.p)))
         n, m, k, d = len(self.states), len(self.inputs), len(outputs), len(disturbances)

@@ -151,6 +151,12 @@ def steps_of(model: Model) -> tuple[float, ...]:
 
 
 @lru_cache(maxsize=16)
+def _rate_scales(model: Model) -> np.ndarray:
+    """Return the typical magnitude of each rate, (n,)."""
+    return np.array([model.rate_scale(state) for state in model.states])
+
+
+@lru_cache(maxsize=16)
 def rates_of(layout: Layout) -> ca.Function:
     """Return the CasADi Function (x, u, p) -> rates of the states."""
     vectors = layout.symbols("x", "u", "p")
@@ -231,7 +237,7 @@ def _beside(
     column: index of the state or input
     """
     name, signal = [*model.states.items(), *model.inputs.items()][column]
-    rate_scales = np.array([model.rate_scale(state) for state in model.states])
+    rate_scales = _rate_scales(model)
     step = _BESIDE * steps_of(model)[column]
     rates_below, below, bent_below = _extrapolated(model, z, p, column, -step)
     rates_above, above, bent_above = _extrapolated(model, z, p, column, step)
@@ -241,6 +247,8 @@ def _beside(
     gap = np.abs(rates_above - rates_below - step * (above + below))
     usual = step * (np.abs(above) + np.abs(below) + bent / _JUMP)
     jumps = gap > _JUMP * usual + _LEAST_JUMP * rate_scales
+    if not (kinks | jumps).any():
+        return slopes, []
     mean = np.where(kinks, (below + above) / 2.0, slopes)
     matrix = "A" if column < len(model.states) else "B"
     states = model.state_names

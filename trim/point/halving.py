@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -41,12 +42,37 @@ def newton(
     bounded: whether every trial is moved to the nearest point within the limits; angles without
         limits are then limited to 90 deg
     """
-    if moving is not None or bounded or not system.is_quick:
+    if moving is not None or bounded:
         return _halved_steps(system, z, c, moving, bounded)
+    if not system.is_quick:
+        found = _full_steps(system, z, c) if system.equations.square and len(z) == 1 else None
+        return _halved_steps(system, z, c) if found is None else (found, np.ones(1, dtype=bool))
     best, settled, unsolved = system.quick_steps(z, c)
     if unsolved.any():
         best[unsolved], settled[unsolved] = _halved_steps(system, z[unsolved], c[unsolved])
     return best, settled
+
+
+def _full_steps(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> np.ndarray | None:
+    """Return the unknowns (1, k) of one point after Newton's method, whose equations are square, or
+    None if a step must be halved or is not unique.
+    """
+    before = math.inf
+    for _ in range(MOST_TRIALS):
+        residual, jacobian = _moved(system, z, c)
+        size = math.sqrt(residual[0] @ residual[0])
+        try:
+            step = np.linalg.solve(jacobian, -residual[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError:
+            return None
+        is_near = size <= NEARLY
+        if not (is_near or size < before) or not step[0] @ step[0] < LONGEST**2:
+            return None
+        z = z + step
+        if is_near:
+            return z
+        before = size
+    return None
 
 
 def _halved_steps(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -21,10 +22,12 @@ from trim.point.system import Evaluation, TrimSystem, declared_start
 #: if there is no limit.
 STARTS = 8
 _FAR = 10.0
+#: Distance between 1 and the next double.
+_EPSILON = float(np.finfo(float).eps)
 #: Part of an effect, in balanced units, below which it counts as a combination of other effects:
 #: half of the digits of a double. Where equations depend on each other only at the trim, a trim
 #: that balances to `BALANCE` leaves a hundredth of it.
-DEPENDENT = float(np.sqrt(np.finfo(float).eps))
+DEPENDENT = math.sqrt(_EPSILON)
 #: Most names in the advice on an output that no free variable changes.
 _MOST_DECIDING = 6
 
@@ -41,11 +44,15 @@ class BalancedEffects(NamedTuple):
     matrix: np.ndarray
     lengths: np.ndarray
 
+    @property
+    def rank(self) -> int:
+        """Number of independent columns."""
+        sizes = np.linalg.svd(self.matrix, compute_uv=False)
+        return int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
+
     def directions(self) -> np.ndarray:
         """Return directions along which the scaled unknowns change no equation, (d, k)."""
-        _, sizes, directions = np.linalg.svd(self.matrix)
-        rank = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
-        return directions[rank:] / self.lengths
+        return np.linalg.svd(self.matrix)[2][self.rank :] / self.lengths
 
 
 class TrimProblem:
@@ -288,8 +295,8 @@ class TrimProblem:
         jacobian = self.at(z).jacobian[: self.system.moved]
         largest = np.abs(jacobian).max(axis=1, keepdims=True, initial=0.0)
         rows = jacobian / np.where(largest > 0.0, largest, 1.0)
-        rows[np.abs(rows) <= np.finfo(float).eps] = 0.0
-        lengths = np.linalg.norm(rows, axis=0)
+        rows[np.abs(rows) <= _EPSILON] = 0.0
+        lengths = np.sqrt((rows * rows).sum(axis=0))
         lengths = np.where(lengths > 0.0, lengths, 1.0)
         return BalancedEffects(rows / lengths, lengths)
 

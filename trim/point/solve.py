@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
 
@@ -130,7 +131,7 @@ def trim(
 def _unknowns_of(problem: TrimProblem) -> np.ndarray | None:
     """Return the unknowns of the trim of a problem, (k,), or None without a trim."""
     with suppress(BadInputError, TrimError):
-        return problem.unknowns(solution(problem).values)
+        return solution(problem).z
     return None
 
 
@@ -140,17 +141,29 @@ def _unique(problem: TrimProblem) -> OperatingPoint:
 
     Raises TrimError if no trim is found.
     """
-    equations, unknowns = problem.count
-    point = None
-    if unknowns <= equations or not keepable(problem):
-        point = solution(problem)
-        if not keepable(problem) or is_determined(problem, problem.unknowns(point.values)):
-            return point
-    kept = kept_states(problem, _unknowns_of)
-    return solution(problem.keeping(kept)) if kept else point or solution(problem)
+    if keepable(problem):
+        equations, unknowns = problem.count
+        found = solution(problem) if unknowns <= equations else None
+        if found is None or not is_determined(problem, found.z):
+            problem = problem.keeping(kept_states(problem, _unknowns_of))
+            found = solution(problem)
+    else:
+        found = solution(problem)
+    return OperatingPoint._of(problem, found.z, Status.TRIMMED, found.initial_point)
 
 
-def solution(problem: TrimProblem) -> OperatingPoint:
+class Found(NamedTuple):
+    """Trim at the end of a search.
+
+    z: scaled unknowns, (k,)
+    initial_point: number of the initial point of the search, 0 for the default one
+    """
+
+    z: np.ndarray
+    initial_point: int
+
+
+def solution(problem: TrimProblem) -> Found:
     """Return the first trim that the searches find."""
     # Unknowns are balanced if the equations hold, also beyond limits, and solved within limits.
     # The nearest ones are the last balanced ones, else the end of the first search.
@@ -159,17 +172,16 @@ def solution(problem: TrimProblem) -> OperatingPoint:
     # Raises TrimError if no trim is found.
     guess = problem.clip(problem.system.start)
     if not problem.free:  # nothing is free, and the point is an equilibrium
-        return OperatingPoint._of(problem, guess, Status.TRIMMED)
+        return Found(guess, 0)
     nearest = guess
     number = 0
-    far_out: OperatingPoint | None = None
+    far_out: Found | None = None
     for number, z in _searched(problem, guess):
         if problem.solved(z):
             z, is_far = problem.unwound(z)
-            point = OperatingPoint._of(problem, z, Status.TRIMMED, number)
             if not is_far:
-                return point
-            far_out = far_out or point
+                return Found(z, number)
+            far_out = far_out or Found(z, number)
             continue
         if problem.balanced(z):
             nearest = z

@@ -29,7 +29,7 @@ def keepable_in(system: TrimSystem, set_free: Sequence[str] = ()) -> list[str]:
 
 def is_determined(problem: TrimProblem, z: np.ndarray) -> bool:
     """Return whether the equations determine all unknowns near z, (k,)."""
-    return not len(problem.balanced_effects(z).directions())
+    return problem.balanced_effects(z).rank == len(z)
 
 
 def undetermined(problem: TrimProblem, z: np.ndarray) -> tuple[list[str], int]:
