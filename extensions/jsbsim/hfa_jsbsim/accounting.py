@@ -219,8 +219,8 @@ def _of_writers(equations: Equations) -> list[Note]:
             continue
         if rights == "R" and name in properties.asked:
             raise _refusal(mine[-1], f"{shortened(name)} is a read-only JSBSim property")
-        plain = without_numbers(name)
-        reason = next((why for prefix, why in _NOTED.items() if plain.startswith(prefix)), "")
+        unnumbered = without_numbers(name)
+        reason = next((why for prefix, why in _NOTED.items() if unnumbered.startswith(prefix)), "")
         reason = _COMPUTED if rights == "R" else reason
         if reason:
             notes.append(Note(f"set {reason}", shortened(name), mine[-1].where, MOTION))
@@ -231,7 +231,7 @@ def _of_writers(equations: Equations) -> list[Note]:
                     f"{shortened(name)} is a failure or limit of a component, which cannot be set"
                 )
                 raise _refusal(mine[-1], fault)
-        elif not (name in properties.asked or without_numbers(name).startswith(_IDLE)):
+        elif not (name in properties.asked or unnumbered.startswith(_IDLE)):
             raise _refusal(
                 mine[-1],
                 f"{shortened(name)} is a built-in JSBSim property that cannot be set",

@@ -63,7 +63,7 @@ class Aerodynamics:
             "forces/load-factor": lambda: self._lift() / body.mass.weight,
         }
         for name, compute in computed.items():
-            properties.compute(name, Writer(compute, where))
+            properties.add_writer(name, Writer(compute, where))
 
     def _define_stall(self) -> None:
         """Define the properties of the limits of alpha, of the stall warning and of the stall."""

@@ -20,7 +20,6 @@ from hfa_aircraft.rigid.motion import (
     turn_rate,
 )
 from hfa_aircraft.signals import ISA
-from hfa_jsbsim import engines as jets
 from hfa_jsbsim.aerodynamics import Aerodynamics
 from hfa_jsbsim.air import (
     KNOT_IN_FEET,
@@ -34,23 +33,23 @@ from hfa_jsbsim.airframe import Body, Mass, mass_of
 from hfa_jsbsim.catalog import access
 from hfa_jsbsim.clock import moves_with_time
 from hfa_jsbsim.control_system import add_control_systems
-from hfa_jsbsim.engines import STEP, Effect, EngineFile, Surroundings
+from hfa_jsbsim.engines import OF_ENGINES, STEP, Effect, EngineFile, HostAircraft, spool_error
 from hfa_jsbsim.functions import function_value, named, table_value
 from hfa_jsbsim.notes import Note
 from hfa_jsbsim.parts import LOADED, Parts
-from hfa_jsbsim.powerplant import computing
+from hfa_jsbsim.powerplant import add_engine
 from hfa_jsbsim.properties import (
     Properties,
     Writer,
+    canonical,
     identifier,
-    plain,
 )
 from hfa_jsbsim.reactions import Reactions
 from hfa_jsbsim.surfaces import (
     PilotInput,
     cut_surfaces,
     names_read_by,
-    reach_throttles,
+    reach_throttle,
 )
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
@@ -85,7 +84,6 @@ class Equations:
     rates: state -> its time derivative.
     outputs: name -> expression.
     notes: notes for the user.
-    cut_throttles: inputs that are throttle positions.
     replaced_commands: symbols of the commands that surface positions replace as inputs.
     starts: parameter or chosen input -> value in the files.
     properties: all JSBSim properties.
@@ -105,7 +103,6 @@ class Equations:
         self.starts: dict[str, float] = {}
         #: Property that a <property> of the files declares -> file and line.
         self.declared: dict[str, str] = {}
-        self.cut_throttles: list[str] = []
         self.replaced_commands: list[ca.SX] = []
         self._functions: dict[str, Element] = {}
         self._declare_symbols()
@@ -122,7 +119,7 @@ class Equations:
         air_loads = Aerodynamics(section, self.properties, parts.wings, self.motion, self)
         reactions = Reactions(parts.section("external_reactions"), self.properties)
         self._define_reactions(reactions)
-        self._around = Surroundings(
+        self._host = HostAircraft(
             self.properties,
             self.motion,
             self,
@@ -130,7 +127,7 @@ class Equations:
             parts.tanks,
             self.parameters,
         )
-        self._engines = [self._add_engine(file, self._around) for file in parts.engines]
+        self._engines = [self._add_engine(file, self._host) for file in parts.engines]
         self._reach_throttles()
         if section is not None:
             self._cut_surfaces(section)
@@ -203,6 +200,11 @@ class Equations:
             return [f"throttle{file.number}" for file in self.parts.engines]
         return ["throttle"]
 
+    def _throttle_of(self, file: EngineFile) -> str:
+        """Return the name of the input that is the throttle of an engine."""
+        own_name = f"throttle{file.number}"
+        return own_name if own_name in self.inputs else "throttle"
+
     def _parameter_names(self) -> Iterator[str]:
         """Yield the names of the parameters of the model."""
         yield from (*LEVERS, "mixture", "advance", "gravity", ISA, *WINDS)
@@ -266,10 +268,8 @@ class Equations:
             properties.define(full_name, self.parameters[name])
         pressure_ratio = properties.read("atmosphere/delta", "")
         for file in self.parts.engines:
-            own_throttle = f"throttle{file.number}"
-            name = own_throttle if own_throttle in self.inputs else "throttle"
             levers = {
-                "throttle": self.inputs[name].symbol,
+                "throttle": self.inputs[self._throttle_of(file)].symbol,
                 "mixture": self.parameters["mixture"] * pressure_ratio,
                 "advance": self.parameters["advance"],
                 "feather": self.parameters[f"feather{file.number}"],
@@ -278,7 +278,7 @@ class Equations:
                 command = f"fcs/{lever}-cmd-norm[{file.number}]"
                 properties.define(command, value)
                 follow = Writer(partial(properties.read, command, ""), "", -1)
-                properties.compute(f"fcs/{lever}-pos-norm[{file.number}]", follow)
+                properties.add_writer(f"fcs/{lever}-pos-norm[{file.number}]", follow)
         symbols = {name: each.symbol for name, each in self.inputs.items()}
         for full_name, name in self.chosen.items():
             held = properties.writer(full_name)
@@ -336,7 +336,7 @@ class Equations:
 
     def _follow(self, name: str, compute: Callable[[], Any]) -> None:
         """Define a property by a function that is called when the property is first read."""
-        self.properties.compute(name, Writer(compute, "", -1))
+        self.properties.add_writer(name, Writer(compute, "", -1))
 
     def _reference_height(self) -> Any:
         """Return the height of the aerodynamic reference point, divided by the span."""
@@ -362,13 +362,10 @@ class Equations:
         """Use throttle positions as inputs for engines whose throttle command has no effect."""
         # A note reports this to the user.
         for file in self.parts.engines:
-            own_name = f"throttle{file.number}"
-            name = own_name if own_name in self.inputs else "throttle"
-            symbol = self.inputs[name].symbol
-            notes = reach_throttles([file.number], self.properties, symbol)
-            self.notes += notes
-            if notes:
-                self.cut_throttles.append(name)
+            throttle = self._throttle_of(file)
+            note = reach_throttle(file.number, self.properties, self.inputs[throttle].symbol)
+            if note is not None:
+                self.notes.append(note)
 
     def _define_functions(self) -> None:
         """Define the properties set by <property value="..."> and by named functions."""
@@ -379,7 +376,7 @@ class Equations:
             for element in section.all("property"):
                 self._define_property(element, overrides=element.file != section.file)
             for part in named(section):
-                of_engine = part.attributes["name"] in jets.OF_ENGINES
+                of_engine = part.attributes["name"] in OF_ENGINES
                 if not (of_engine and section.name == "propulsion"):  # engines come below
                     self._define_function(part, number)
 
@@ -390,7 +387,7 @@ class Equations:
         #   its value at the start, except for the levers mixture and advance.
         # - Another property is set if `overrides` is True or the property has no value yet.
         value = element.as_number(element.attributes.get("value", "0"))
-        full_name = plain(element.text)
+        full_name = canonical(element.text)
         rights = access(full_name)
         if not rights:
             self.declared[full_name] = element.where
@@ -411,7 +408,7 @@ class Equations:
                     return
             if symbol is not None and any(symbol is each.symbol for each in self.inputs.values()):
                 return
-            self.properties.compute(
+            self.properties.add_writer(
                 element.text, Writer(lambda: value, element.where, 0, element=element)
             )
         elif not rights and (overrides or not self.properties.is_known(element.text)):
@@ -422,7 +419,7 @@ class Equations:
         # The copy of the property named by `copyto` is not supported. Reading it raises
         # BadInputError.
         name = "-".join(element.attributes["name"].split(" "))
-        if number is not None and name in jets.OF_ENGINES:
+        if number is not None and name in OF_ENGINES:
             name = f"propulsion/engine[#]/{name}"
         copy = element.attributes.get("copyto")
         if copy:
@@ -433,7 +430,7 @@ class Equations:
                     f"use {shortened(name)}"
                 )
 
-            self.properties.compute(copy, Writer(refuse, element.where, element=element))
+            self.properties.add_writer(copy, Writer(refuse, element.where, element=element))
 
         def compute() -> Any:
             element.take()
@@ -448,11 +445,11 @@ class Equations:
                 fault = f"{shortened(full_name)} is the name of another function ({first.where})"
                 raise element.error(f"{fault}; give this function another name")
             writer = Writer(compute, element.where, element=element)
-            self.properties.compute(full_name, writer)
+            self.properties.add_writer(full_name, writer)
 
-    def _add_engine(self, file: EngineFile, around: Surroundings) -> Writer:
+    def _add_engine(self, file: EngineFile, aircraft: HostAircraft) -> Writer:
         """Define the properties of an engine and return the writer of the engine's `Effect`."""
-        writer = jets.add_engine(file, around, computing(file, around))
+        writer = add_engine(file, aircraft)
         if file.number == 0:
             for axis, (along, moment_axis) in enumerate(zip("xyz", "lmn", strict=True)):
                 self._define_sum(f"forces/fb{along}-prop-lbs", "force", axis)
@@ -466,7 +463,7 @@ class Equations:
             parts = (getattr(effect, kind)[axis] for effect in self._effects())
             return sum(parts, start=ca.SX(0.0))
 
-        self.properties.compute(name, Writer(compute, "", -1))
+        self.properties.add_writer(name, Writer(compute, "", -1))
 
     def _effects(self) -> list[Effect]:
         """Return the effect of each engine."""
@@ -519,7 +516,7 @@ class Equations:
             if effect.power is not None:
                 self.outputs[f"power{file.number}"] = effect.power
             if file.lag.startswith("spool") and file.lag in self.states:
-                error = jets.spool_error(file, self._around)
+                error = spool_error(file, self._host)
                 self.outputs[f"spool_error{file.number}"] = error
 
     def _add_filters(self) -> None:

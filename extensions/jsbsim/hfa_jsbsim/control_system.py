@@ -99,7 +99,7 @@ def _add_component(
 
     writer = Writer(compute, component.where, order, component, component)
     for output_name in dict.fromkeys(names):
-        properties.compute(output_name, writer)
+        properties.add_writer(output_name, writer)
     return [writer] * len(set(names))
 
 
@@ -161,8 +161,8 @@ def join_surface(
     def magnitude() -> Any:
         return ca.fabs(ca.SX(properties.read(in_rad, "")))
 
-    properties.compute(target, Writer(other_unit, "", order))
-    properties.compute(f"fcs/mag-{surface}-pos-rad", Writer(magnitude, "", order))
+    properties.add_writer(target, Writer(other_unit, "", order))
+    properties.add_writer(f"fcs/mag-{surface}-pos-rad", Writer(magnitude, "", order))
 
 
 def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:

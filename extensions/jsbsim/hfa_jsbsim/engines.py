@@ -18,15 +18,10 @@ from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Mass, Tank
 from hfa_jsbsim.functions import function_value, read_table, table_value
 from hfa_jsbsim.notes import Note
-from hfa_jsbsim.properties import Properties, Writer
+from hfa_jsbsim.properties import Properties
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
 
-#: Properties that engines set, except the speeds of their shafts.
-_COMPUTED = (
-    *("thrust-lbs", "power-hp", "map-inhg", "map-pa", "thrust-coefficient", "advance-ratio"),
-    *("prop-induced-velocity_fps", "helical-tip-Mach", "propeller-torque-ftlb"),
-)
 #: Fraction of the excess power that passes the torque limiter, so that a trim search has a descent
 #: direction. The power in JSBSim oscillates by as much.
 _BEYOND = 1e-3
@@ -204,7 +199,7 @@ def read_engine(number: int, mount: Element, opened: Any, tanks: Sequence[Tank])
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class HostAircraft:
     """Quantities of the aircraft on which an engine depends.
 
     body: object with `mass`.
@@ -225,35 +220,35 @@ class Surroundings:
         return self.body.mass
 
 
-def running(file: EngineFile, around: Surroundings) -> ca.SX:
+def running(file: EngineFile, aircraft: HostAircraft) -> ca.SX:
     """Return an expression that is 1 if the engine runs and 0 if it does not.
 
     An engine runs if its parameter is positive and tanks feed it (`FGPropulsion::ConsumeFuel`). An
     electric engine needs no tank.
     """
-    on = around.parameters[f"engine{file.number}"] > 0.0
+    on = aircraft.parameters[f"engine{file.number}"] > 0.0
     if file.kind == "electric_engine":
         return on
-    fed = _fed(file, around, "FUEL")
-    oxidizers = [number for number in file.feeds if around.tanks[number].kind == "OXIDIZER"]
+    fed = _fed(file, aircraft, "FUEL")
+    oxidizers = [number for number in file.feeds if aircraft.tanks[number].kind == "OXIDIZER"]
     if file.kind == "rocket_engine" and oxidizers:
-        fed = ca.logic_and(fed, _fed(file, around, "OXIDIZER"))
+        fed = ca.logic_and(fed, _fed(file, aircraft, "OXIDIZER"))
     return ca.logic_and(on, fed)
 
 
-def _fed(file: EngineFile, around: Surroundings, kind: str) -> ca.SX:
+def _fed(file: EngineFile, aircraft: HostAircraft, kind: str) -> ca.SX:
     """Return whether an open tank that feeds the engine contains usable fuel or oxidizer."""
     fed = ca.SX(0.0)
     for number in file.feeds:
-        tank = around.tanks[number]
+        tank = aircraft.tanks[number]
         if tank.kind != kind:
             continue
         prefix = f"propulsion/tank[{number}]"
-        held = around.parameters[f"tank{number}"]
-        read = partial(around.properties.read_or, where=file.mount.where)
+        held = aircraft.parameters[f"tank{number}"]
+        read = partial(aircraft.properties.read_or, where=file.mount.where)
         priority = ca.SX(read(f"{prefix}/priority", float(tank.priority)))
         contents = ca.SX(read(f"{prefix}/contents-lbs", held))
-        is_open = ca.logic_and(priority >= 1.0, priority <= len(around.tanks))
+        is_open = ca.logic_and(priority >= 1.0, priority <= len(aircraft.tanks))
         fed = ca.logic_or(fed, ca.logic_and(is_open, contents > tank.unusable))
     return fed
 
@@ -276,14 +271,14 @@ def orientation(file: EngineFile, properties: Properties) -> ca.SX:
     return ca.SX(rotation(*angles))
 
 
-def placed(file: EngineFile, around: Surroundings) -> ca.SX:
+def placed(file: EngineFile, aircraft: HostAircraft) -> ca.SX:
     """Return the location of the thruster, structural frame, inches, (3,)."""
     names = [file.full_name(f"{axis}-position") for axis in "xyz"]
-    return ca.vertcat(*(ca.SX(around.properties.read(name, file.mount.where)) for name in names))
+    return ca.vertcat(*(ca.SX(aircraft.properties.read(name, file.mount.where)) for name in names))
 
 
 def thrust_force_and_moment(
-    file: EngineFile, around: Surroundings, thrust: Any, location: Any = None, moment: Any = None
+    file: EngineFile, aircraft: HostAircraft, thrust: Any, location: Any = None, moment: Any = None
 ) -> tuple[ca.SX, ca.SX]:
     """Return the force, lb, and the moment about the center of gravity, ft lb, caused by a thrust.
 
@@ -293,13 +288,13 @@ def thrust_force_and_moment(
     location: point of action, inches, or None for the location of the thruster.
     moment: additional moment of the thruster, body axes, ft lb, or None.
     """
-    force = orientation(file, around.properties)[:, 0] * thrust
-    point = placed(file, around) if location is None else location
-    total = ca.cross(around.mass.arm(point), force)
+    force = orientation(file, aircraft.properties)[:, 0] * thrust
+    point = placed(file, aircraft) if location is None else location
+    total = ca.cross(aircraft.mass.arm(point), force)
     return force, total if moment is None else total + moment
 
 
-def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
+def jet(file: EngineFile, aircraft: HostAircraft, thrust: Any) -> Effect:
     """Return the `Effect` of an engine without propeller.
 
     A nozzle reduces the thrust by ambient pressure times area, but not below 0. A reverser
@@ -310,72 +305,72 @@ def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
     """
     if file.thruster.name == "nozzle":
         area = file.thruster.need("area").number("FT2")
-        thrust = ca.fmax(thrust - around.motion.air.pressure * area, 0.0)
+        thrust = ca.fmax(thrust - aircraft.motion.air.pressure * area, 0.0)
     if file.thruster.name == "direct" and file.thruster_mount.find("pointing") is None:
-        thrust = thrust * ca.cos(ca.SX(own_property(file, around, "reverser-angle-rad", 0.0)))
-    force, moment = thrust_force_and_moment(file, around, thrust)
+        thrust = thrust * ca.cos(ca.SX(own_property(file, aircraft, "reverser-angle-rad", 0.0)))
+    force, moment = thrust_force_and_moment(file, aircraft, thrust)
     return Effect(force, moment, thrust)
 
 
-def own_property(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
+def own_property(file: EngineFile, aircraft: HostAircraft, name: str, default: float) -> Any:
     """Return a property of an engine that a system may set, or the value in the engine's file."""
-    return around.properties.read_or(file.full_name(name), default, file.mount.where)
+    return aircraft.properties.read_or(file.full_name(name), default, file.mount.where)
 
 
-def throttle_of(file: EngineFile, around: Surroundings) -> Any:
+def throttle_of(file: EngineFile, aircraft: HostAircraft) -> Any:
     """Return the throttle position of an engine."""
     name = f"fcs/throttle-pos-norm[{file.number}]"
-    return ca.SX(around.properties.read(name, file.mount.where))
+    return ca.SX(aircraft.properties.read(name, file.mount.where))
 
 
-def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
+def lag_state(file: EngineFile, aircraft: HostAircraft) -> ca.SX | None:
     """Return the symbol of the state of the engine's lag, or None if the lag is not a state."""
-    return getattr(around.states, file.lag, None) if file.lag else None
+    return getattr(aircraft.states, file.lag, None) if file.lag else None
 
 
-def _commanded(file: EngineFile, around: Surroundings, shaft: str) -> Any:
+def commanded_speed(file: EngineFile, aircraft: HostAircraft, shaft: str) -> Any:
     """Return the speed of a running turbine's shaft that the throttle gives, %."""
     low, high = file.shaft(shaft)
-    return low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
+    return low + ca.fmin(throttle_of(file, aircraft), 1.0) * (high - low)
 
 
-def spool_error(file: EngineFile, around: Surroundings) -> Any:
+def spool_error(file: EngineFile, aircraft: HostAircraft) -> Any:
     """Return the steady-state speed of a turbine's n2 shaft minus its present speed, %.
 
     The steady-state speed is given by the throttle. If the turbine does not run, it is the
     windmilling speed.
     """
-    on = _commanded(file, around, "n2")
-    wanted = ca.if_else(running(file, around), on, _windmilling(file, around, "n2"))
-    return wanted - getattr(around.states, file.lag)
+    on = commanded_speed(file, aircraft, "n2")
+    wanted = ca.if_else(running(file, aircraft), on, windmilling_speed(file, aircraft, "n2"))
+    return wanted - getattr(aircraft.states, file.lag)
 
 
-def _windmilling(file: EngineFile, around: Surroundings, name: str) -> Any:
+def windmilling_speed(file: EngineFile, aircraft: HostAircraft, name: str) -> Any:
     """Return the windmilling speed of a turbine's shaft, %."""
     # The speed is 0 if the property disable-windmill is set.
     if file.engine.value_of("disable-windmill", 0.0):
         return 0.0
-    return around.motion.pressure_head / (10.0 if name == "n1" else 15.0)
+    return aircraft.motion.pressure_head / (10.0 if name == "n1" else 15.0)
 
 
-def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
+def lag_rates(file: EngineFile, aircraft: HostAircraft) -> dict[str, Any]:
     """Return {state: time derivative} for the lag of a turbine or turboprop.
 
     The result is empty if the lag is not a state.
     """
-    state = lag_state(file, around)
+    state = lag_state(file, aircraft)
     rates = {}
     if file.kind == "turbine_engine":
         if state is not None:
-            rates[file.lag] = _spool_rate(file, around, state)
+            rates[file.lag] = _spool_rate(file, aircraft, state)
         _leave_out_spools(file, ("N1Spool",) if rates else ("N1Spool", "N2Spool"))
     if file.kind != "turboprop_engine" or state is None:
         return rates
     delay = file.engine.value_of("n1idle_max_delay", 1.0)
     low, high = file.shaft("n1")
-    wanted = low + throttle_of(file, around) * (high - low)
-    is_on = running(file, around)
-    wanted = ca.if_else(is_on, wanted, around.motion.pressure_head / 15.0)
+    wanted = low + throttle_of(file, aircraft) * (high - low)
+    is_on = running(file, aircraft)
+    wanted = ca.if_else(is_on, wanted, aircraft.motion.pressure_head / 15.0)
     up = ca.if_else(is_on, delay, 2.5 * delay)
     down = ca.if_else(is_on, 2.4 * delay, 5.0 * delay)
     behind = wanted - state
@@ -390,59 +385,61 @@ def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
             function.taken = False
 
 
-def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
+def _spool_rate(file: EngineFile, aircraft: HostAircraft, speed: ca.SX) -> Any:
     """Return the acceleration of a turbine's n2 shaft, %/s (`FGTurbine::Seek`)."""
     # The acceleration is at a limit until the target can be reached within one frame.
     low, high = file.shaft("n2")
-    is_on = running(file, around)
+    is_on = running(file, aircraft)
     share = ca.fmin((speed - low) / (high - low) + 0.1, 1.0)
-    sigma = around.properties.read("atmosphere/sigma", file.mount.where)
+    sigma = aircraft.properties.read("atmosphere/sigma", file.mount.where)
     slowness = 1.0 + 3.0 * (1.0 - share) ** 3 + (1.0 - sigma)
     delay = 90.0 / (file.engine.value_of("bypassratio", 0.0) + 3.0) / slowness
-    up = _share(file, around, "N2SpoolUp", delay)
-    down = _share(file, around, "N2SpoolDown", 3.0 * delay)
+    up = _share(file, aircraft, "N2SpoolUp", delay)
+    down = _share(file, aircraft, "N2SpoolDown", 3.0 * delay)
     least = 0.0 if file.engine.value_of("disable-windmill", 0.0) else 0.1
     up = ca.if_else(is_on, up, 0.5 * speed + least)
     down = ca.if_else(is_on, down, speed / file.engine.value_of("n2spindown", 2.0))
-    return ca.fmin(ca.fmax(spool_error(file, around) / STEP, -down), up)
+    return ca.fmin(ca.fmax(spool_error(file, aircraft) / STEP, -down), up)
 
 
-def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
+def turbine_thrust(file: EngineFile, aircraft: HostAircraft) -> Any:
     """Return the thrust of a turbine, lb. A turbine that does not run has no thrust.
 
     Raises BadInputError if the function IdleThrust or MilThrust is missing.
     """
     engine = file.engine
-    position = throttle_of(file, around)
+    position = throttle_of(file, aircraft)
     military = engine.value_of("milthrust", 10000.0, "LBS")
-    shares = {name: _share(file, around, name) for name in ("IdleThrust", "MilThrust", "AugThrust")}
+    shares = {
+        name: _share(file, aircraft, name) for name in ("IdleThrust", "MilThrust", "AugThrust")
+    }
     idle = military * shares["IdleThrust"]
     share = ca.fmin(position, 1.0)
-    speed = lag_state(file, around)
+    speed = lag_state(file, aircraft)
     if speed is not None:
         low, high = file.shaft("n2")
         share = (speed - low) / (high - low)
     dry = idle + (military - idle) * shares["MilThrust"] * share**2
-    bleed = own_property(file, around, "bleed-factor", engine.value_of("bleed", 0.0))
+    bleed = own_property(file, aircraft, "bleed-factor", engine.value_of("bleed", 0.0))
     bled = dry * (1.0 - bleed)
-    return ca.if_else(running(file, around), _augmented(file, around, (dry, bled), shares), 0.0)
+    return ca.if_else(running(file, aircraft), _augmented(file, aircraft, (dry, bled), shares), 0.0)
 
 
 def _augmented(
-    file: EngineFile, around: Surroundings, dry_and_bled: tuple[Any, Any], shares: dict[str, Any]
+    file: EngineFile, aircraft: HostAircraft, dry_and_bled: tuple[Any, Any], shares: dict[str, Any]
 ) -> Any:
     """Return the thrust of a turbine with its afterburner, lb."""
     engine = file.engine
     dry, bled = dry_and_bled
-    position = throttle_of(file, around)
+    position = throttle_of(file, aircraft)
     share = ca.fmin(position, 1.0)
     method = int(engine.value_of("augmethod", 0.0))
     strongest = engine.value_of("maxthrust", 10000.0, "LBS") * shares["AugThrust"]
     lit: Any = 0.0
     if method == 1:
-        speed = lag_state(file, around)
+        speed = lag_state(file, aircraft)
         if speed is None:
-            speed = _commanded(file, around, "n2")
+            speed = commanded_speed(file, aircraft, "n2")
         lit = ca.logic_and(share > 0.99, speed > 97.0)
     if method == 2:
         lit = position > 1.0
@@ -454,18 +451,18 @@ def _augmented(
     return bled
 
 
-def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0) -> Any:
+def _share(file: EngineFile, aircraft: HostAircraft, name: str, default: Any = 0.0) -> Any:
     """Return the value of an engine function, or `default` if the function does not exist."""
     names = (name, f"propulsion/engine[#]/{name}", file.full_name(name))
     for function in file.engine.all("function"):
         if function.attributes.get("name", "") in names:
-            return function_value(function, around.properties, file.number)
+            return function_value(function, aircraft.properties, file.number)
     if name in ("IdleThrust", "MilThrust"):
         raise file.engine.error(f"the turbine has no function {name}; add this function")
     return default
 
 
-def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
+def rocket_thrust(file: EngineFile, aircraft: HostAircraft) -> Any:
     """Return the thrust of a rocket in vacuum, lb: specific impulse times flow rate.
 
     A solid rocket is not ignited, and its thrust is 0.
@@ -473,23 +470,23 @@ def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
     engine = file.engine
     if engine.find("thrust_table") is not None:
         return ca.SX(0.0)
-    throttle = throttle_of(file, around)
+    throttle = throttle_of(file, aircraft)
     impulse = engine.need("isp")
     function = impulse.find("function")
     if function is None:
         specific: Any = impulse.number()
     else:
-        specific = function_value(function, around.properties, file.number)
+        specific = function_value(function, aircraft.properties, file.number)
     flow = engine.value_of("propflowmax", 0.0, "LBS/SEC")
     if engine.find("slfuelflowmax") is not None:
         flow = engine.value_of("slfuelflowmax", 0.0, "LBS/SEC")
         flow += engine.value_of("sloxiflowmax", 0.0, "LBS/SEC")
     lowest = engine.value_of("minthrottle", 0.0)
-    lit = ca.logic_and(running(file, around), throttle >= lowest)
+    lit = ca.logic_and(running(file, aircraft), throttle >= lowest)
     return ca.if_else(lit, specific * flow * throttle, 0.0)
 
 
-def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
+def turboprop_power(file: EngineFile, aircraft: HostAircraft) -> Any:
     """Return the power of a turboprop, hp (`FGTurboProp::Run`).
 
     In steady-state equations, only the fraction `_BEYOND` of the power beyond the torque limit
@@ -498,40 +495,42 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
     Raises BadInputError if a table is missing.
     """
     engine = file.engine
-    speed = lag_state(file, around)
+    speed = lag_state(file, aircraft)
     if speed is None:
         low, high = file.shaft("n1")
-        speed = low + throttle_of(file, around) * (high - low)
+        speed = low + throttle_of(file, aircraft) * (high - low)
     tables = {table.attributes.get("name", ""): table for table in engine.all("table")}
     for name in ("EnginePowerRPM_N1", "ITT_N1"):  # without them JSBSim ends the program
         if name not in tables:
             raise engine.error(f"the turboprop has no table {name}; add this table")
-    power = internal_table(tables["EnginePowerRPM_N1"], around, [engine_rpm(file, around), speed])
-    factor = _share(file, around, "EnginePowerVC", None)
+    power = internal_table(
+        tables["EnginePowerRPM_N1"], aircraft, [engine_rpm(file, aircraft), speed]
+    )
+    factor = _share(file, aircraft, "EnginePowerVC", None)
     if factor is None:
         if "EnginePowerVC" not in tables:
             raise engine.error("the turboprop has no table EnginePowerVC; add this table")
-        factor = table_value(tables["EnginePowerVC"], around.properties, file.number)
+        factor = table_value(tables["EnginePowerVC"], aircraft.properties, file.number)
     power = ca.fmin(power * factor, engine.need("maxpower").number())
     limiter = engine.find("ielumaxtorque")
     if limiter is not None and file.has_propeller:
         torque = limiter.number("FT*LB")
-        turns = getattr(around.states, f"rpm{file.number}") / 60.0
+        turns = getattr(aircraft.states, f"rpm{file.number}") / 60.0
         most = torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP
         power = ca.fmin(power, most + _BEYOND * (power - most))
         statement = "the torque is limited to this value, about which JSBSim's limiter oscillates"
-        around.properties.notes.append(Note(statement, f"{torque:g} ft lb", limiter.where))
-    dragged = ca.if_else(engine_rpm(file, around) > 5.0, -0.012, 0.0)
-    return ca.if_else(running(file, around), power, dragged)
+        aircraft.properties.notes.append(Note(statement, f"{torque:g} ft lb", limiter.where))
+    dragged = ca.if_else(engine_rpm(file, aircraft) > 5.0, -0.012, 0.0)
+    return ca.if_else(running(file, aircraft), power, dragged)
 
 
-def electric_power(file: EngineFile, around: Surroundings) -> Any:
+def electric_power(file: EngineFile, aircraft: HostAircraft) -> Any:
     """Return the power of an electric engine, hp. An engine that does not run has no power."""
-    power = file.engine.value_of("power", 745.7, "WATTS") * throttle_of(file, around) / 745.7
-    return ca.if_else(running(file, around), power, 0.0)
+    power = file.engine.value_of("power", 745.7, "WATTS") * throttle_of(file, aircraft) / 745.7
+    return ca.if_else(running(file, aircraft), power, 0.0)
 
 
-def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -> Any:
+def internal_table(table: Element, aircraft: HostAircraft, arguments: list[Any]) -> Any:
     """Return the value of a table whose arguments the engine supplies.
 
     A table with fewer axes uses the first arguments.
@@ -547,68 +546,9 @@ def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -
         raise table.error(
             f"{fault}; give a table with fewer axes, or a propeller with variable pitch"
         )
-    return read.at(around.properties, arguments[: read.dimensions])
+    return read.at(aircraft.properties, arguments[: read.dimensions])
 
 
-def engine_rpm(file: EngineFile, around: Surroundings) -> Any:
+def engine_rpm(file: EngineFile, aircraft: HostAircraft) -> Any:
     """Return the speed of the engine's shaft, rpm: propeller speed times gear ratio."""
-    return getattr(around.states, f"rpm{file.number}") * file.gear_ratio
-
-
-def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
-    """Define the properties of an engine and return the writer whose value is its `Effect`.
-
-    compute: function without arguments that returns the `Effect`, called when it is first needed
-    """
-    properties = around.properties
-    writer = Writer(compute, file.mount.where)
-
-    def part(name: str) -> Any:
-        effect = properties.value_of(writer, file.full_name(name), file.mount.where)
-        if name == "thrust-lbs":
-            return effect.thrust
-        if name == "power-hp":
-            return 0.0 if effect.power is None else effect.power
-        return effect.properties.get(name, 0.0)
-
-    for name in _COMPUTED:
-        full_name = file.full_name(name)
-        if properties.writer(full_name) is None:
-            properties.compute(full_name, Writer(partial(part, name), file.mount.where))
-    properties.define(file.full_name("set-running"), running(file, around))
-    properties.define_initial(file.full_name("reverser-angle-rad"), 0.0)
-    for axis, place in zip("xyz", file.location, strict=True):
-        properties.define_initial(file.full_name(f"{axis}-position"), place)
-        properties.define_initial(file.full_name(f"{axis}-reference-position"), place)
-    if file.has_propeller:
-        speed = getattr(around.states, f"rpm{file.number}")
-        properties.define(file.full_name("propeller-rpm"), speed)
-        properties.define(file.full_name("engine-rpm"), engine_rpm(file, around))
-        properties.define(
-            file.full_name("propeller-sense"), file.thruster_mount.value_of("sense", 1.0)
-        )
-    if file.kind == "turbine_engine":
-        _add_shafts(file, around)
-        bleed = file.full_name("bleed-factor")
-        properties.define_initial(bleed, file.engine.value_of("bleed", 0.0))
-    return writer
-
-
-def _add_shafts(file: EngineFile, around: Surroundings) -> None:
-    """Define the properties n1 and n2, the speeds of a turbine's shafts, %."""
-    # Reading n1 raises BadInputError if the speed n2 is a state.
-    for name in ("n1", "n2"):
-
-        def speed(name: str = name) -> Any:
-            state = lag_state(file, around)
-            if state is None:
-                on = _commanded(file, around, name)
-                return ca.if_else(running(file, around), on, _windmilling(file, around, name))
-            if name == "n1":
-                raise file.mount.error(
-                    "n1 is read, but is not a state of the model; remove engines=states from the "
-                    "name of the aircraft"
-                )
-            return state
-
-        around.properties.compute(file.full_name(name), Writer(speed, file.mount.where))
+    return getattr(aircraft.states, f"rpm{file.number}") * file.gear_ratio

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.rigid.tables import lines_of_cells
-from hfa_jsbsim.properties import Properties, plain
+from hfa_jsbsim.properties import Properties, canonical
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
 
@@ -382,8 +382,8 @@ def table_value(element: Element, properties: Properties, number: int | None = N
         arguments[place] = properties.read(name, variable.where)
         if place < table.dimensions:
             low, high = table.ends(place)
-            before = properties.ranges.get(plain(name), (low, high))
-            properties.ranges[plain(name)] = min(low, before[0]), max(high, before[1])
+            before = properties.ranges.get(canonical(name), (low, high))
+            properties.ranges[canonical(name)] = min(low, before[0]), max(high, before[1])
     if sorted(arguments) != list(range(table.dimensions)):
         fault = f"the table has {table.dimensions} axes and {len(arguments)} independentVar"
         raise element.error(f"{fault}; give one independentVar for each axis")

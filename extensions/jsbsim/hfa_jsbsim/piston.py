@@ -9,7 +9,7 @@ import numpy as np
 
 from hfa_jsbsim.engines import (
     EngineFile,
-    Surroundings,
+    HostAircraft,
     engine_rpm,
     internal_table,
     lag_state,
@@ -44,7 +44,7 @@ _MIXTURE = (
 
 
 def piston_power(
-    file: EngineFile, around: Surroundings
+    file: EngineFile, aircraft: HostAircraft
 ) -> tuple[Any, dict[str, Any], dict[str, Any]]:
     """Return (power, properties, rates) of a piston engine.
 
@@ -54,43 +54,43 @@ def piston_power(
       state
     """
     engine = file.engine
-    air = around.motion.air
+    air = aircraft.motion.air
     ambient = air.pressure * _PSF_TO_PA
     where = file.mount.where
-    total = around.properties.read("propulsion/pt-lbs_sqft", where) * _PSF_TO_PA
+    total = aircraft.properties.read("propulsion/pt-lbs_sqft", where) * _PSF_TO_PA
     temperature = air.temperature / 1.8
-    ram_pressure = (total - ambient) * _set(file, around, "ram-air-factor", 1.0) + ambient
-    speed = engine_rpm(file, around)
+    ram_pressure = (total - ambient) * _set(file, aircraft, "ram-air-factor", 1.0) + ambient
+    speed = engine_rpm(file, aircraft)
     displacement = engine.value_of("displacement", 360.0, "IN3") * _IN3_TO_M3
     breathing = _Breathing(engine)
-    efficiency = _set(file, around, "volumetric-efficiency", 0.85)
+    efficiency = _set(file, aircraft, "volumetric-efficiency", 0.85)
     piston_speed = speed * breathing.stroke / 360.0
-    throttled = ram_pressure * breathing.pressure_ratio(throttle_of(file, around), piston_speed)
+    throttled = ram_pressure * breathing.pressure_ratio(throttle_of(file, aircraft), piston_speed)
     rates = {}
-    state = lag_state(file, around)
+    state = lag_state(file, aircraft)
     if state is not None:
         delay = engine.value_of("man-press-lag", 1.0)
         rates[file.lag] = (throttled / _INHG_TO_PA - state) / delay
         throttled = state * _INHG_TO_PA
-    manifold = _boosted(file, around, throttled, ambient, speed)
+    manifold = _boosted(file, aircraft, throttled, ambient, speed)
     compression = engine.value_of("compression-ratio", 8.5)
     back_ratio = ca.fmin(ambient / ca.fmax(manifold, 1.0), compression)
     reduction = 0.3 / 1.3 + (compression - back_ratio) / (1.3 * (compression - 1.0))
     volume_flow = displacement * (speed / 60.0) / 2.0 * efficiency * reduction
     air_flow = volume_flow * manifold / (_GAS_CONSTANT * temperature)
-    lever = around.properties.read(f"fcs/mixture-cmd-norm[{file.number}]", where)
-    mixture = around.properties.read_or(f"fcs/mixture-pos-norm[{file.number}]", lever, where)
+    lever = aircraft.properties.read(f"fcs/mixture-cmd-norm[{file.number}]", where)
+    mixture = aircraft.properties.read_or(f"fcs/mixture-pos-norm[{file.number}]", lever, where)
     fuel_share = 1.3 * mixture * 101325.0 / ambient / 14.7
     fuel_flow = air_flow * fuel_share * 2.2046 * 3600.0
-    indicated: Any = fuel_flow / _consumption(file, around, breathing)
-    indicated = indicated * _mixture_efficiency(engine, around, fuel_share)
+    indicated: Any = fuel_flow / _consumption(file, aircraft, breathing)
+    indicated = indicated * _mixture_efficiency(engine, aircraft, fuel_share)
     own_friction = engine.value_of("static-friction", 1.5, "HP")
-    static_friction = own_property(file, around, "friction-hp", own_friction)
+    static_friction = own_property(file, aircraft, "friction-hp", own_friction)
     indicated = indicated - static_friction
     friction: Any = -engine.value_of("dynamic-fmep", 18400.0, "PA") * piston_speed * FOOT
     friction = friction - engine.value_of("static-fmep", 46500.0, "PA")
     pumping = (throttled - ambient) * efficiency
-    runs = running(file, around)
+    runs = running(file, aircraft)
     indicated = ca.if_else(runs, indicated, -static_friction)
     # Without ignition the engine is dragged by the propeller.
     friction = ca.if_else(runs, friction, 0.0)
@@ -100,9 +100,9 @@ def piston_power(
     return power, {"map-pa": manifold, "map-inhg": manifold / _INHG_TO_PA}, rates
 
 
-def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
+def _set(file: EngineFile, aircraft: HostAircraft, name: str, default: float) -> Any:
     """Return a number of a piston engine, which the engine's file or a system can set."""
-    return own_property(file, around, name, file.engine.value_of(name, default))
+    return own_property(file, aircraft, name, file.engine.value_of(name, default))
 
 
 class _Breathing:
@@ -133,9 +133,9 @@ class _Breathing:
         return impedance / (impedance + self.air_box + closed * self.throttle)
 
 
-def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) -> Any:
+def _consumption(file: EngineFile, aircraft: HostAircraft, breathing: _Breathing) -> Any:
     """Return the brake specific fuel consumption, lb/(hp h)."""
-    return own_property(file, around, "bsfc-lbs_hphr", _own_consumption(file.engine, breathing))
+    return own_property(file, aircraft, "bsfc-lbs_hphr", _own_consumption(file.engine, breathing))
 
 
 def _own_consumption(engine: Element, breathing: _Breathing) -> float:
@@ -156,17 +156,17 @@ def _own_consumption(engine: Element, breathing: _Breathing) -> float:
     return flow / (9411 * (power - engine.value_of("static-friction", 1.5, "HP")))
 
 
-def _mixture_efficiency(engine: Element, around: Surroundings, fuel_share: Any) -> Any:
+def _mixture_efficiency(engine: Element, aircraft: HostAircraft, fuel_share: Any) -> Any:
     """Return the fraction of the power that is available at a fuel-air ratio."""
     for table in engine.all("table"):
         if table.attributes.get("name") == "MIXTURE":
-            return internal_table(table, around, [fuel_share])
+            return internal_table(table, aircraft, [fuel_share])
     shares, efficiencies = _MIXTURE
-    return around.properties.interpolate(efficiencies, [shares], [fuel_share])
+    return aircraft.properties.interpolate(efficiencies, [shares], [fuel_share])
 
 
 def _boosted(
-    file: EngineFile, around: Surroundings, throttled: Any, ambient: Any, speed: Any
+    file: EngineFile, aircraft: HostAircraft, throttled: Any, ambient: Any, speed: Any
 ) -> Any:
     """Return the manifold pressure behind the supercharger, Pa."""
     # An engine without supercharger returns `throttled`. The gear of the supercharger depends on
@@ -178,7 +178,7 @@ def _boosted(
     override = int(engine.value_of("boostoverride", 0.0)) == 1
     takeoff = engine.value_of("takeoffboost", 0.0, "PSI")
     first_boost = engine.value_of("ratedboost1", 0.0, "PSI")
-    throttle = throttle_of(file, around)
+    throttle = throttle_of(file, aircraft)
     manifolds = []
     for multiplier, rated_speed, rated_pressure, _ in gears:
         manifold = throttled * ((multiplier - 1.0) / rated_speed * speed + 1.0)
@@ -191,7 +191,7 @@ def _boosted(
             manifold = ca.fmin(manifold, cap)
         manifolds.append(manifold)
     if int(engine.value_of("boostmanual", 0.0)) == 1:
-        gear = ca.SX(own_property(file, around, "boost-speed", 0.0))
+        gear = ca.SX(own_property(file, aircraft, "boost-speed", 0.0))
         result = manifolds[-1]
         for number in range(len(manifolds) - 2, -1, -1):
             result = ca.if_else(gear < number + 1, manifolds[number], result)

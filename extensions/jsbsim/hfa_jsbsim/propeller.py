@@ -12,7 +12,7 @@ from hfa_jsbsim.engines import (
     STEP,
     Effect,
     EngineFile,
-    Surroundings,
+    HostAircraft,
     engine_rpm,
     internal_table,
     orientation,
@@ -25,7 +25,7 @@ from hfa_jsbsim.engines import (
 _FEATHERING = 1.0 / 300.0
 
 
-def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effect:
+def propeller_effect(file: EngineFile, aircraft: HostAircraft, power: Any) -> Effect:
     """Return the force, moment and power of a propeller, as an `Effect`.
 
     C_T and C_P are tables over J = V / (n D) and the blade angle. The thrust is C_T ρ n² D⁴, and
@@ -35,21 +35,21 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
     """
     prop = file.thruster
     number = file.number
-    power = ca.if_else(engine_rpm(file, around) > 0.1, power, ca.fmax(power, 0.0))
-    motion = around.motion
-    turned = orientation(file, around.properties)
-    place = placed(file, around)
-    arm = around.mass.arm(place)
+    power = ca.if_else(engine_rpm(file, aircraft) > 0.1, power, ca.fmax(power, 0.0))
+    motion = aircraft.motion
+    turned = orientation(file, aircraft.properties)
+    place = placed(file, aircraft)
+    arm = aircraft.mass.arm(place)
     local = ca.mtimes(turned.T, motion.air_velocity + ca.cross(motion.rates, arm))
     diameter = max(prop.value_of("diameter", 0.001, "FT"), 0.001)
     inertia = max(prop.value_of("ixx", 1e-6, "SLUG*FT2"), 1e-6)
-    turns = getattr(around.states, f"rpm{number}") / 60.0
+    turns = getattr(aircraft.states, f"rpm{number}") / 60.0
     omega = ca.fmax(2.0 * math.pi * turns, 0.01)
     advance = local[0] / (diameter * ca.fmax(turns, 0.01))
     tip_mach = ca.sqrt((turns * diameter * math.pi) ** 2 + local[0] ** 2) / motion.air.sound
-    blade, blade_rates = _blade(file, around)
-    thrust_coefficient = _coefficient(file, around, "C_THRUST", [advance, blade], tip_mach)
-    power_coefficient = _coefficient(file, around, "C_POWER", [advance, blade], tip_mach)
+    blade, blade_rates = _blade(file, aircraft)
+    thrust_coefficient = _coefficient(file, aircraft, "C_THRUST", [advance, blade], tip_mach)
+    power_coefficient = _coefficient(file, aircraft, "C_POWER", [advance, blade], tip_mach)
     density = motion.air.density
     thrust = thrust_coefficient * turns**2 * diameter**4 * density
     needed = power_coefficient * turns**3 * diameter**5 * density
@@ -60,9 +60,9 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
     along = turned[:, 0]
     own_moment = ca.cross(motion.rates, along * momentum) - along * sense * power / omega
     location = _acting_location(file, place, local, induced, sense)
-    force, moment = thrust_force_and_moment(file, around, thrust, location, own_moment)
+    force, moment = thrust_force_and_moment(file, aircraft, thrust, location, own_moment)
     speed_rate = (power - needed) / omega / inertia * 30.0 / math.pi
-    rpm = getattr(around.states, f"rpm{number}")
+    rpm = getattr(aircraft.states, f"rpm{number}")
     # The propeller does not turn backwards: at rest, a braking torque has no effect.
     speed_rate = ca.if_else(rpm + speed_rate * STEP > 0.0, speed_rate, -rpm / STEP)
     return Effect(
@@ -81,7 +81,7 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
     )
 
 
-def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
+def _blade(file: EngineFile, aircraft: HostAircraft) -> tuple[Any, dict[str, Any]]:
     """Return the blade angle of a propeller, deg, and {state: its derivative}."""
     # The dictionary is empty if no governor changes the angle. A governor changes the angle by 1
     # deg/s for each rpm above the commanded speed. If the propeller is feathered, the angle
@@ -91,24 +91,24 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
     lowest = prop.value_of("minpitch", 0.0)
     highest = prop.value_of("maxpitch", 0.0)
     if not file.governed:
-        return own_property(file, around, "blade-angle", lowest), {}
-    blade = getattr(around.states, f"blade{file.number}")
+        return own_property(file, aircraft, "blade-angle", lowest), {}
+    blade = getattr(aircraft.states, f"blade{file.number}")
     slowest = prop.value_of("minrpm", 0.0)
     advance: Any = 0.0
     feather: Any = 0.0
     if file.kind != "turbine_engine":  # `FGTurbine` does not pass on the levers
         where = file.mount.where
-        advance = around.properties.read(f"fcs/advance-pos-norm[{file.number}]", where)
-        feather = around.properties.read(f"fcs/feather-pos-norm[{file.number}]", where)
+        advance = aircraft.properties.read(f"fcs/advance-pos-norm[{file.number}]", where)
+        feather = aircraft.properties.read(f"fcs/feather-pos-norm[{file.number}]", where)
     wanted = slowest + (prop.value_of("maxrpm", 0.0) - slowest) * advance
-    rate = getattr(around.states, f"rpm{file.number}") - wanted
+    rate = getattr(aircraft.states, f"rpm{file.number}") - wanted
     rate = ca.if_else(ca.SX(feather) > 0.5, (highest - blade) * _FEATHERING / STEP, rate)
     next_blade = ca.fmin(ca.fmax(blade + rate * STEP, lowest), highest)
     return blade, {f"blade{file.number}": (next_blade - blade) / STEP}
 
 
 def _coefficient(
-    file: EngineFile, around: Surroundings, name: str, arguments: list[Any], tip_mach: Any
+    file: EngineFile, aircraft: HostAircraft, name: str, arguments: list[Any], tip_mach: Any
 ) -> Any:
     """Return C_T or C_P with its factor and Mach correction."""
     prop = file.thruster
@@ -116,11 +116,11 @@ def _coefficient(
     if name not in tables:
         raise prop.error(f"the propeller has no table {name}; add this table")
     fixed = prop.value_of("minpitch", 0.0) == prop.value_of("maxpitch", 0.0)
-    value = internal_table(tables[name], around, arguments[:1] if fixed else arguments)
+    value = internal_table(tables[name], aircraft, arguments[:1] if fixed else arguments)
     factor, mach = ("ct_factor", "CT_MACH") if name == "C_THRUST" else ("cp_factor", "CP_MACH")
     value = value * prop.value_of(factor, 1.0)
     if mach in tables:
-        value = value * internal_table(tables[mach], around, [tip_mach])
+        value = value * internal_table(tables[mach], aircraft, [tip_mach])
     return value
 
 

@@ -117,15 +117,15 @@ class Properties:
 
     def define(self, name: str, value: Any) -> None:
         """Add a value of a property that components of the control system may override."""
-        self._writers.setdefault(plain(name), []).append(Writer(lambda: value, "", order=-1))
+        self._writers.setdefault(canonical(name), []).append(Writer(lambda: value, "", order=-1))
 
     def define_initial(self, name: str, value: float) -> None:
         """Set the value that a property has if nothing else sets it."""
-        self._initial[plain(name)] = value
+        self._initial[canonical(name)] = value
 
-    def compute(self, name: str, writer: Writer) -> None:
+    def add_writer(self, name: str, writer: Writer) -> None:
         """Add a writer of a property. The value is computed when the property is first read."""
-        self._writers.setdefault(plain(name), []).append(writer)
+        self._writers.setdefault(canonical(name), []).append(writer)
 
     def remove(self, writer: Writer) -> None:
         """Remove a writer from all properties that it sets.
@@ -141,7 +141,7 @@ class Properties:
 
     def is_known(self, name: str) -> bool:
         """Return whether a property has an initial value or a writer."""
-        return bool(self._writers.get(plain(name))) or plain(name) in self._initial
+        return bool(self._writers.get(canonical(name))) or canonical(name) in self._initial
 
     def writers(self) -> dict[str, list[Writer]]:
         """Return the writers of each property, in the order in which they were added."""
@@ -175,11 +175,11 @@ class Properties:
 
     def replace(self, name: str, value: Any) -> None:
         """Set a property to a value and remove all its writers."""
-        self._writers[plain(name)] = [Writer(lambda: value, "", order=-1)]
+        self._writers[canonical(name)] = [Writer(lambda: value, "", order=-1)]
 
     def writer(self, name: str) -> Writer | None:
         """Return the last writer that was added for a property, or None if it has none."""
-        writers = self._writers.get(plain(name))
+        writers = self._writers.get(canonical(name))
         return writers[-1] if writers else None
 
     def read(self, name: str, where: str) -> Any:
@@ -204,7 +204,7 @@ class Properties:
                     f"{where}: {shortened(name)} contains a space after the sign; remove the space"
                 )
             return -self.read(name[1:], where)
-        key = plain(name)
+        key = canonical(name)
         if not _NAME.fullmatch(key):
             fault = f"{where}: {shortened(name)!r} is neither a number nor a property name"
             raise BadInputError(f"{fault}; give a number or the name of a property")
@@ -263,14 +263,14 @@ class Properties:
 
         The default is also returned, with a note, if the value depends on itself or on all forces.
         """
-        self.asked.add(plain(name))
+        self.asked.add(canonical(name))
         if self.writer(name) is None:
-            return self._initial.get(plain(name), default)
+            return self._initial.get(canonical(name), default)
         try:
             return self.read(name, where)
         except LoopError as error:
             self.notes.append(
-                Note(f"{error.cause}; kept at the initial value", plain(name), error.where)
+                Note(f"{error.cause}; kept at the initial value", canonical(name), error.where)
             )
             self.replace(name, default)
             return default
@@ -311,7 +311,7 @@ class Properties:
         return number
 
 
-def plain(name: str) -> str:
+def canonical(name: str) -> str:
     """Return the name of a property without [0], outer spaces and a leading /fdm/jsbsim/.
 
     Another leading / is kept. Such a name is outside JSBSim's property tree.

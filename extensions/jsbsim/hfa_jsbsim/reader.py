@@ -27,9 +27,8 @@ from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.equations import EquationsOfMotion
 from hfa_jsbsim.notes import Note, grouped
 from hfa_jsbsim.parts import Choices, Parts
-from hfa_jsbsim.properties import plain
+from hfa_jsbsim.properties import canonical
 from hfa_jsbsim.reasons import explain, of_files
-from hfa_jsbsim.surfaces import PilotInput
 from hfa_jsbsim.xml_file import Folders
 from hfa_support.errors import BadInputError, advice, choice_of, shortened
 from hfa_support.files import resolved
@@ -126,7 +125,7 @@ def _choices(text: str) -> Choices:
     for word in text.split("&") if text else []:
         name, _, value = word.partition("=")
         if name == "inputs" and value:
-            made["inputs"] = tuple(dict.fromkeys(map(plain, value.split(","))))
+            made["inputs"] = tuple(dict.fromkeys(map(canonical, value.split(","))))
             continue
         if name not in _CHOICES or _CHOICES[name][0] != value:
             known = ", ".join(f"{key}={only}" for key, (only, _) in _CHOICES.items())
@@ -207,6 +206,16 @@ class _Declaration:
         pressure = parts.mass.weight / max(parts.wings.area, 1e-6)
         #: True airspeed at sea level for a lift coefficient of 0.5, ft/s.
         self.usual_speed = math.sqrt(2.0 * pressure / (SEA_LEVEL.density * 0.5))
+        self._add_outputs(equations)
+
+    def _add_outputs(self, equations: Equations) -> None:
+        """Add positions of surfaces that pilot commands move, and differences of throttles."""
+        for name in self._positions():
+            position = equations.properties.read(_POSITIONS[name], "")
+            equations.outputs[name] = ca.SX(position)
+        for name, (first, second) in self._splits().items():
+            difference = equations.inputs[second].symbol - equations.inputs[first].symbol
+            equations.outputs[name] = difference
 
     def _refuse_chosen(self) -> None:
         """Raise BadInputError if no force depends on a property that the user made an input."""
@@ -227,10 +236,10 @@ class _Declaration:
         """Return the model of the aircraft."""
         states = self._states()
         outputs = self._outputs()
-        moving = tuple(name for name in states if name not in ("yaw", "altitude"))
+        linear = tuple(name for name in states if name not in ("yaw", "altitude"))
         # The acceleration of a spool is limited nearly everywhere. A trim therefore balances its
         # speed error.
-        steady = tuple(name for name in moving if not name.startswith("spool"))
+        steady = tuple(name for name in linear if not name.startswith("spool"))
         configuration = self._configuration()
         return Model(
             self.parts.name,
@@ -242,7 +251,7 @@ class _Declaration:
             outputs=outputs,
             trim=self._trim(),
             steady=steady,
-            linear=moving,
+            linear=linear,
             schedule="speed",
             modes=_MODES | self._engine_modes(),
             source=source,
@@ -377,9 +386,11 @@ class _Declaration:
         for name, pilot_input in self.inputs.items():
             usual = 0.6 if name.startswith("throttle") else 0.0
             start = self.equations.starts.get(name, usual)
-            moving = self._left_out(name) if name.startswith("throttle") else self._behind(name)
+            without_delay = (
+                self._left_out(name) if name.startswith("throttle") else self._behind(name)
+            )
             limits = pilot_input.limits
-            signals[name] = Signal(pilot_input.unit, 0.1, *limits, start, moving=moving)
+            signals[name] = Signal(pilot_input.unit, 0.1, *limits, start, moving=without_delay)
         return signals
 
     def _behind(self, name: str) -> str:
@@ -456,8 +467,7 @@ class _Declaration:
 
     def _outputs(self) -> dict[str, Signal]:
         """Return the signals of the outputs, by name."""
-        # Positions of surfaces that pilot commands move are added to the outputs.
-        signals_by_name = {
+        signals = {
             "kcas": Signal("kt", 100.0),
             "mach": Signal("1", 0.5),
             "gamma": Signal("rad", 0.1),
@@ -472,20 +482,12 @@ class _Declaration:
             "dynamic_pressure": Signal("lbf/ft^2", 100.0),
             "reference_area": Signal("ft^2"),
             "reference_chord": Signal("ft"),
+            **dict.fromkeys(self._spool_errors(), Signal("%", 10.0)),
+            **dict.fromkeys(self._positions(), Signal("rad", 0.1)),
+            **dict.fromkeys(self._splits(), Signal("1", 0.5)),
         }
-        signals_by_name |= dict.fromkeys(self._spool_errors(), Signal("%", 10.0))
-        signals = {
-            name: signals_by_name.get(name, Signal("hp", 100.0)) for name in self.equations.outputs
-        }
-        for name in _positions(self.equations, self.inputs):
-            self.equations.outputs[name] = ca.SX(
-                self.equations.properties.read(_POSITIONS[name], "")
-            )
-            signals[name] = Signal("rad", 0.1)
-        for name, (first, second) in self._splits().items():
-            self.equations.outputs[name] = self.inputs[second].symbol - self.inputs[first].symbol
-            signals[name] = Signal("1", 0.5)
-        return signals
+        power = Signal("hp", 100.0)
+        return {name: signals.get(name, power) for name in self.equations.outputs}
 
     def _of_stopped_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
         """Return initial values of propeller speeds and blade angles of engines that do not run."""
@@ -542,9 +544,7 @@ class _Declaration:
 
         def gusty() -> ca.Function:
             equations = Equations(self.parts, gusty=True)
-            for name in _positions(equations, self.inputs):
-                value = equations.properties.read(_POSITIONS[name], "")
-                equations.outputs[name] = ca.SX(value)
+            self._add_outputs(equations)
             return self._function(equations, outputs, list(equations.gusts.values()))
 
         self._still = self._function(self.equations, outputs)
@@ -601,6 +601,14 @@ class _Declaration:
         if {"aileron", "rudder"} <= set(self.inputs):
             imposed["beta"] = 0.0
         return imposed | dict.fromkeys(self._spool_errors(), 0.0)
+
+    def _positions(self) -> Iterator[str]:
+        """Yield the names of outputs that are positions of surfaces moved by pilot commands."""
+        for name, full_name in _POSITIONS.items():
+            command = name.removesuffix("_position").removeprefix("left_").removeprefix("right_")
+            is_set = self.equations.properties.writer(full_name) is not None
+            if is_set and command in self.inputs and self.inputs[command].unit == "1":
+                yield name
 
     def _throttles(self) -> list[str]:
         return [name for name in self.inputs if name.startswith("throttle")]
@@ -675,16 +683,6 @@ def _density_function() -> RowFunction:
     altitude, warmer = ca.SX.sym("altitude"), ca.SX.sym("warmer")
     density = air_at(altitude, "english", warmer).density
     return RowFunction(ca.Function("density", [altitude, warmer], [density]))
-
-
-def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterator[str]:
-    """Yield the names of outputs that are positions of surfaces moved by pilot commands."""
-    for name, full_name in _POSITIONS.items():
-        key = name.removesuffix("_position").removeprefix("left_").removeprefix("right_")
-        if equations.properties.writer(full_name) is None:
-            continue
-        if key in inputs and inputs[key].unit == "1":
-            yield name
 
 
 def _lag(file: EngineFile) -> Signal:

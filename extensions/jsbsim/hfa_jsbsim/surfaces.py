@@ -10,7 +10,7 @@ import casadi as ca
 
 from hfa_jsbsim.control_system import surface_limits
 from hfa_jsbsim.notes import Note
-from hfa_jsbsim.properties import LoopError, Properties, plain
+from hfa_jsbsim.properties import LoopError, Properties, canonical
 from hfa_jsbsim.xml_file import Element
 
 _ENDINGS = ("-pos-rad", "-pos-deg", "-pos-norm", "-rad", "-deg", "-norm", "-pos")
@@ -36,7 +36,7 @@ def names_read_by(element: Element) -> list[str]:
         part = pending.pop()
         pending += part.children
         if part.name in ("property", "p", "independentVar"):
-            names[plain(part.text.removeprefix("-"))] = None
+            names[canonical(part.text.removeprefix("-"))] = None
     return sorted(names, key=lambda name: (not name.endswith(("-rad", "-deg")), name))
 
 
@@ -116,23 +116,20 @@ def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) 
     properties.replace(f"fcs/mag-{surface}-pos-rad", ca.fabs(value))
 
 
-def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca.SX) -> list[Note]:
-    """Set the throttle positions that the control system does not connect to the throttle input.
+def reach_throttle(engine: int, properties: Properties, throttle: ca.SX) -> Note | None:
+    """Set the throttle position of an engine to the input if the control system leaves them apart.
 
-    Each such position equals the input. Returns notes for the user.
+    Returns a note for the user, or None if the position follows the input by itself.
 
-    engines: indices of the engines
+    engine: index of the engine
     throttle: symbol of the input
     """
-    notes = []
-    for number in engines:
-        name = f"fcs/throttle-pos-norm[{number}]"
-        try:
-            reached = ca.depends_on(ca.SX(properties.read(name, "")), throttle)
-        except LoopError:
-            reached = False
-        if not reached:
-            properties.replace(name, throttle)
-            statement = "the input is the throttle position; throttle-cmd-norm has no effect on"
-            notes.append(Note(statement, f"engine {number}"))
-    return notes
+    name = f"fcs/throttle-pos-norm[{engine}]"
+    try:
+        if ca.depends_on(ca.SX(properties.read(name, "")), throttle):
+            return None
+    except LoopError:
+        pass
+    properties.replace(name, throttle)
+    statement = "the input is the throttle position; throttle-cmd-norm has no effect on"
+    return Note(statement, f"engine {engine}")

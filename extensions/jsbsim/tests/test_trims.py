@@ -218,11 +218,13 @@ def test_missing_jsbsim_aircraft_are_refused(monkeypatch, tmp_path):
 
 @needs_jsbsim
 def test_throttles_are_equal_and_a_stopped_engine_is_named_as_typed():
-    """The default trim is symmetric. One engine out is balanced by the rudder, and its name is
-    that of the input or parameter that is held.
+    """The default trim is symmetric, also in gusts. One engine out is balanced by the rudder, and
+    its name is that of the input or parameter that is held.
     """
     model = load_model("jsbsim:737?throttles=each")
     point = trim(model)
+    in_gusts = model.at(point.states, point.inputs, ("throttle_split0",), disturbances=("updraft",))
+    assert in_gusts.D[0, -2:].tolist() == [-1.0, 1.0]
     assert point["throttle0"] == pytest.approx(point["throttle1"], abs=1e-12)
     assert abs(point["rudder"]) < 1e-12
     for failed, words in (
