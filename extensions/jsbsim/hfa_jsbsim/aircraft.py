@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from functools import cached_property, partial
+from itertools import product
 from types import SimpleNamespace
 from typing import Any
 
@@ -139,7 +140,7 @@ class Equations:
         self._move(x, force, moment, outside, twist)
         self._add_filters()
         self._solve_rates_of_angles()
-        self._blow()
+        self._refuse_wind()
         self._stop_clock()
         if air_loads.hysteresis is not None and "aero/stall-hyst-norm" in self.properties.asked:
             self.notes.append(air_loads.hysteresis)
@@ -416,21 +417,11 @@ class Equations:
 
     def _define_function(self, element: Element, number: int | None) -> None:
         """Define the property named by a function or table, computed at the first read."""
-        # The copy of the property named by `copyto` is not supported. Reading it raises
-        # BadInputError.
+        if "copyto" in element.attributes:
+            raise element.error("the attribute copyto is not supported; use the function's name")
         name = "-".join(element.attributes["name"].split(" "))
         if number is not None and name in OF_ENGINES:
             name = f"propulsion/engine[#]/{name}"
-        copy = element.attributes.get("copyto")
-        if copy:
-
-            def refuse() -> Any:
-                raise element.error(
-                    f"reading {shortened(copy)}, a copy of {shortened(name)}, is not supported; "
-                    f"use {shortened(name)}"
-                )
-
-            self.properties.add_writer(copy, Writer(refuse, element.where, element=element))
 
         def compute() -> Any:
             element.take()
@@ -556,24 +547,15 @@ class Equations:
             angle_rates = angle_rates - step / determinant
         self._substitute(symbols, angle_rates)
 
-    def _blow(self) -> None:
-        """Replace the wind parameters by the sum of wind, gust and turbulence set in the files."""
-        for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
-            total = ca.SX(0.0)
-            for kind in ("wind", "gust", "turb"):
-                full_name = f"atmosphere/{kind}-{axis}-fps"
-                total += ca.SX(self.properties.read(full_name, ""))
-            symbol = self.parameters[name]
-            if ca.is_equal(total, symbol, 2):
-                continue
-            writer = self.properties.writer(f"atmosphere/wind-{axis}-fps")
-            if ca.depends_on(total, ca.vertcat(*self.states.values())):
-                where = writer.where if writer else self.parts.path
+    def _refuse_wind(self) -> None:
+        """Raise BadInputError if the files set a wind, a gust or turbulence by a component."""
+        for kind, axis in product(("wind", "gust", "turb"), ("north", "east", "down")):
+            writer = self.properties.writer(f"atmosphere/{kind}-{axis}-fps")
+            if writer is not None and writer.element is not None:
                 raise BadInputError(
-                    f"{where}: the wind depends on the states, which is not supported; set the "
-                    "wind to a number"
+                    f"{writer.where}: this sets the wind, which is not supported; use the "
+                    f"parameters {', '.join(WINDS)}"
                 )
-            self._substitute(symbol, total)
 
     def _stop_clock(self) -> None:
         """Set the simulation time to 0."""

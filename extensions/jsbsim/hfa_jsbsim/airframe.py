@@ -216,14 +216,10 @@ def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], l
     if grain is None:
         return lambda contents: [contents / SLUG_TO_LB * factor * 0.4 * radius**2] * 3
     kind = grain.attributes.get("type", "")
-    if kind not in ("CYLINDRICAL", "ENDBURNING"):
-        raise grain.error(
-            f"a grain of type {shortened(kind)!r} is not supported; use CYLINDRICAL or ENDBURNING"
-        )
+    if kind != "CYLINDRICAL":
+        raise grain.error(f"a grain of type {shortened(kind)!r} is not supported; use CYLINDRICAL")
     length = grain.value_of("length", 0.0, "IN") / 12.0
     bore = grain.value_of("bore_diameter", 0.0, "IN") / 24.0
-    if kind == "ENDBURNING":
-        bore = 0.0
     if length <= 0.0 or radius <= bore:
         raise grain.error(
             "the grain has no volume; give a positive length, and a radius larger than the bore "
@@ -234,14 +230,10 @@ def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], l
     def inertia(contents: Any) -> list[Any]:
         mass = contents / SLUG_TO_LB
         left = contents / capacity * volume
-        if kind == "CYLINDRICAL":
-            hollow = radius**2 - left / (math.pi * length)
-            squares = radius**2 + hollow
-            across = mass * (3.0 * squares + length**2) / 12.0
-            return [0.5 * mass * squares, across, across]
-        remaining = left / (math.pi * radius**2)
-        across = mass * (3.0 * radius**2 + remaining**2) / 12.0
-        return [0.5 * mass * radius**2, across, across]
+        hollow = radius**2 - left / (math.pi * length)
+        squares = radius**2 + hollow
+        across = mass * (3.0 * squares + length**2) / 12.0
+        return [0.5 * mass * squares, across, across]
 
     return inertia
 

@@ -37,8 +37,6 @@ from hfa_jsbsim.properties import (
 from hfa_jsbsim.xml_file import Element, number_of
 from hfa_support.errors import shortened
 
-#: Radians in a degree in <angle>, as in JSBSim.
-_DEGREE = 0.017453293
 #: Surfaces whose position JSBSim stores in rad, in deg and as a magnitude. One value determines the
 #: others.
 SURFACES = ("elevator", "left-aileron", "right-aileron", "rudder", "flap", "speedbrake", "spoiler")
@@ -54,26 +52,17 @@ def add_control_systems(
         steady-state value.
     """
     order = 0
-    switched: list[tuple[Element, list[Writer]]] = []
     for section in sections:
         for channel in section.all("channel"):
-            writers = []
             for component in channel.children:
                 if component.name in KINDS:
                     order += 2  # the other units of a surface are set directly after it
-                    writers += _add_component(component, properties, commands, order)
-            if channel.attributes.get("execute"):
-                switched.append((channel, writers))
-    for channel, writers in switched:
-        _switch_off(channel, writers, properties)
+                    _add_component(component, properties, commands, order)
     _join_units(properties)
 
 
-def _add_component(
-    component: Element, properties: Properties, commands: ca.SX, order: int
-) -> list[Writer]:
-    """Define the properties that a component sets, and return their writers."""
-    # The component's name and its <output> elements name these properties.
+def _add_component(component: Element, properties: Properties, commands: ca.SX, order: int) -> None:
+    """Define the properties that a component sets, which its name and its outputs name."""
     if component.name == "distributor":
         raise component.error("<distributor> is not supported; use a <switch> for each property")
     name = component.attributes.get("name", "")
@@ -100,34 +89,6 @@ def _add_component(
     writer = Writer(compute, component.where, order, component, component)
     for output_name in dict.fromkeys(names):
         properties.add_writer(output_name, writer)
-    return [writer] * len(set(names))
-
-
-def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
-    """Remove the outputs of a channel whose attribute `execute` names a property equal to 0."""
-    # A removed output that nothing else writes keeps its initial value, by default 0. If the
-    # property is not constant, reading one of the outputs raises BadInputError.
-    name = channel.attributes["execute"]
-    if not properties.is_known(name):
-        raise channel.error(
-            f"execute refers to {shortened(name)}, which is never set; set this property, or "
-            "remove execute"
-        )
-
-    def refuse() -> Any:
-        fault = f"execute refers to {shortened(name)}, which is not constant"
-        raise channel.error(f"{fault}; set this property to a number")
-
-    try:
-        runs = properties.read(name, channel.where)
-    except LoopError:
-        runs = ca.SX.sym("unknown")
-    if not is_constant(runs):
-        for writer in writers:
-            writer.compute = refuse
-    elif float(runs) == 0.0:
-        for writer in writers:
-            properties.remove(writer)
 
 
 def _join_units(properties: Properties) -> None:
@@ -280,30 +241,6 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
     state = properties.add_state(component)
     properties.set_rate(state, lambda: rate * (value - state))
     return state
-
-
-def _sensor(component: Element, properties: Properties) -> Any:
-    """Return the output of a <sensor>: its input after lag, gain and bias."""
-    for name in ("quantization", "drift_rate", "noise"):
-        child = component.find(name)
-        if child is not None:
-            raise child.error(f"<{name}> of a sensor is not supported; remove this element")
-    gain = component.value_of("gain", 0.0) or 1.0
-    value = _lagged(component, "lag", input_of(component, properties), properties)
-    return value * gain + component.value_of("bias", 0.0)
-
-
-def _angle(component: Element, properties: Properties) -> Any:
-    """Return the output of an <angle>: the angle from the source to the target, within ±180 deg."""
-    angles = []
-    for name in ("source_angle", "target_angle"):
-        child = component.need(name)
-        value = properties.value(child.text, child)
-        angles.append(value * _DEGREE if child.attributes.get("unit") == "DEG" else value)
-    source, target = angles
-    angle = ca.atan2(ca.sin(target - source), ca.cos(target - source))
-    in_degrees = component.attributes.get("unit") == "DEG"
-    return angle * 180.0 / math.pi if in_degrees else angle
 
 
 def _function(component: Element, properties: Properties) -> Any:
@@ -496,8 +433,6 @@ _COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {
     "kinematic": _kinematic,
     "deadband": _deadband,
     "actuator": _actuator,
-    "sensor": _sensor,
-    "angle": _angle,
     "fcs_function": _function,
     "switch": _switch,
     "lag_filter": _lag,
@@ -506,8 +441,18 @@ _COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {
 }
 #: Elements that JSBSim regards as components of a channel. It ignores others.
 KINDS = (
-    *(*_COMPONENTS, "pid", "integrator", "accelerometer", "magnetometer", "gyro", "distributor"),
-    *("waypoint_heading", "waypoint_distance", "linear_actuator", "second_order_filter"),
+    *(
+        *_COMPONENTS,
+        "pid",
+        "integrator",
+        "sensor",
+        "accelerometer",
+        "magnetometer",
+        "gyro",
+        "angle",
+    ),
+    *("distributor", "waypoint_heading", "waypoint_distance", "linear_actuator"),
+    "second_order_filter",
 )
 
 

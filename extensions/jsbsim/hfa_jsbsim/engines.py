@@ -254,15 +254,7 @@ def _fed(file: EngineFile, aircraft: HostAircraft, kind: str) -> ca.SX:
 
 
 def orientation(file: EngineFile, properties: Properties) -> ca.SX:
-    """Return the rotation matrix (3, 3) from the thruster's axes to body axes.
-
-    With <pointing>, the first column is the direction of the thrust, and the others are 0.
-    """
-    pointing = file.thruster_mount.find("pointing")
-    if pointing is not None:
-        matrix = np.zeros((3, 3))
-        matrix[:, 0] = pointing.vector("RAD")
-        return ca.SX(ca.DM(matrix))
+    """Return the rotation matrix (3, 3) from the thruster's axes to body axes."""
     turned = file.thruster_mount.find("orient")
     angles = [0.0, 0.0, 0.0] if turned is None else list(turned.vector("RAD"))
     for axis, name in ((1, "pitch"), (2, "yaw")):
@@ -298,15 +290,14 @@ def jet(file: EngineFile, aircraft: HostAircraft, thrust: Any) -> Effect:
     """Return the `Effect` of an engine without propeller.
 
     A nozzle reduces the thrust by ambient pressure times area, but not below 0. A reverser
-    multiplies the thrust of a direct thruster without <pointing> by the cosine of the reverser's
-    angle.
+    multiplies the thrust of a direct thruster by the cosine of the reverser's angle.
 
     thrust: lb
     """
     if file.thruster.name == "nozzle":
         area = file.thruster.need("area").number("FT2")
         thrust = ca.fmax(thrust - aircraft.motion.air.pressure * area, 0.0)
-    if file.thruster.name == "direct" and file.thruster_mount.find("pointing") is None:
+    if file.thruster.name == "direct":
         thrust = thrust * ca.cos(ca.SX(own_property(file, aircraft, "reverser-angle-rad", 0.0)))
     force, moment = thrust_force_and_moment(file, aircraft, thrust)
     return Effect(force, moment, thrust)
@@ -471,19 +462,14 @@ def rocket_thrust(file: EngineFile, aircraft: HostAircraft) -> Any:
     if engine.find("thrust_table") is not None:
         return ca.SX(0.0)
     throttle = throttle_of(file, aircraft)
-    impulse = engine.need("isp")
-    function = impulse.find("function")
-    if function is None:
-        specific: Any = impulse.number()
-    else:
-        specific = function_value(function, aircraft.properties, file.number)
+    specific_impulse = engine.need("isp").number()
     flow = engine.value_of("propflowmax", 0.0, "LBS/SEC")
     if engine.find("slfuelflowmax") is not None:
         flow = engine.value_of("slfuelflowmax", 0.0, "LBS/SEC")
         flow += engine.value_of("sloxiflowmax", 0.0, "LBS/SEC")
     lowest = engine.value_of("minthrottle", 0.0)
     lit = ca.logic_and(running(file, aircraft), throttle >= lowest)
-    return ca.if_else(lit, specific * flow * throttle, 0.0)
+    return ca.if_else(lit, specific_impulse * flow * throttle, 0.0)
 
 
 def turboprop_power(file: EngineFile, aircraft: HostAircraft) -> Any:

@@ -34,26 +34,6 @@ def _integer(value: Any) -> Any:
     return ca.if_else(value < 0, ca.ceil(value), ca.floor(value))
 
 
-def _fraction(value: Any) -> Any:
-    """Return the fractional part of a value, or 0 for an infinite value, as in C."""
-    return ca.if_else(ca.fabs(value) == math.inf, 0.0, value - _integer(value))
-
-
-def _rounded(value: Any) -> Any:
-    """Return the nearest integer. A half is rounded away from zero."""
-    whole = ca.floor(ca.fabs(value) + 0.5)
-    return ca.if_else(value < 0, -whole, whole)
-
-
-def _switch(index: Any, *values: Any) -> Any:
-    """Return the value at the rounded index."""
-    # The result is NaN if the index is negative or has no value. JSBSim stops for such an index.
-    chosen = ca.SX.nan()
-    for number in range(len(values) - 1, -1, -1):
-        chosen = ca.if_else(index + 0.5 < number + 1, values[number], chosen)
-    return ca.if_else(index < 0.0, ca.SX.nan(), chosen)
-
-
 def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Return a logarithm that is minus infinity where the argument is not positive."""
 
@@ -131,8 +111,6 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "floor": (ca.floor, 1, 1),
     "ceil": (ca.ceil, 1, 1),
     "integer": (_integer, 1, 1),
-    "fraction": (_fraction, 1, 1),
-    "roundmultiple": (lambda value, size=1.0: _rounded(value / size) * size, 1, 2),
     "sign": (lambda value: ca.if_else(value < 0, -1.0, 1.0), 1, 1),  # 0 counts as positive
     "toradians": (lambda value: value * (math.pi / 180.0), 1, 1),
     "todegrees": (lambda value: value * (180.0 / math.pi), 1, 1),
@@ -146,7 +124,6 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "or": (_any_true, 2, _MANY),
     "not": (lambda value: ca.if_else(_is_true(value), 0.0, 1.0), 1, 1),
     "ifthen": (lambda test, one, other: ca.if_else(_is_true(test), one, other), 3, 3),
-    "switch": (_switch, 2, _MANY),
 }
 
 

@@ -20,7 +20,7 @@ QUICK = {
     "airframe: tank, drain": "agrees",
     "airframe: tank, priority 0": "agrees",
     "control: aerosurface scale, domain": "agrees",
-    "control: channel, execute 0": "agrees",
+    "control: channel, execute 0": "refused",
     "control: distributor": "refused",
     "control: gain, clip exchanged": "agrees",
     "control: switch by a constant": "agrees",

@@ -220,18 +220,6 @@ def test_a_fault_is_reported_with_file_and_line(tmp_path, text, fault):
     assert "\n" not in message
 
 
-def test_the_switch_function_is_undefined_beyond_its_end(tmp_path):
-    """The value of a <switch> function is not finite for an index below 0 or beyond the last
-    value.
-    """
-    of_speed = "<switch> <quotient> <p>velocities/vt-fps</p> <v>100</v> </quotient> {} </switch>"
-    values = "<v>1</v> <v>2</v> <v>3</v>"
-    model = model_of(tmp_path, glider(LIFT + REST + force("DRAG", of_speed.format(values))))
-    for speed, has_value in ((40.0, True), (240.0, True), (260.0, False), (-10.0, False)):
-        rates = model.rates_at([speed, 0.1, *[0.0] * 7, 1000.0], [0.0] * 3)
-        assert np.isfinite(rates["speed"]) == has_value, speed
-
-
 def test_xml_entities_are_replaced_by_text(tmp_path):
     """XML entities are replaced by their text."""
     text = glider().replace("<fdm_config", '<!DOCTYPE a [<!ENTITY area "150">]>\n<fdm_config', 1)

@@ -123,7 +123,7 @@ def _with_costs(
     if count == 0:
         return assessed
     try:
-        costs = flight_costs(assessor.deployed, assessed.place, count, assessor.seed, progress)
+        costs = flight_costs(assessor.deployed, assessed.case, count, assessor.seed, progress)
     except (BadInputError, NoSolutionError) as error:
         return replace(assessed, remarks=(*assessed.remarks, f"no costs are compared: {error}"))
     return replace(assessed, costs=costs)

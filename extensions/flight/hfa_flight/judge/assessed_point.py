@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from controller.riccati.loop_margins import LoopMargin
 from hfa_aircraft.march.refinement import IntegrationError
 from hfa_flight.judge.action_effects import ActionEffect
 from hfa_flight.judge.cost_above_optimum import CostAboveOptimum
 from hfa_flight.judge.flight_costs import FlightCosts
-from hfa_flight.judge.outcomes import Outcomes, Place
+from hfa_flight.judge.outcomes import Outcomes, TrimCase
 from hfa_flight.needs import ALL, is_enough, is_refuted
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
@@ -27,7 +28,7 @@ class AssessedPoint(Result):
     """Assessment of a policy at one trim.
 
     deployed: the policy on its aircraft.
-    place: the trim, its initial-condition box, equilibrium and sampled loop.
+    case: the trim, its initial-condition box, equilibrium and sampled loop.
     delays: spectral radii with other delays, or None without an equilibrium.
     margins: margins of the loop, or None without an equilibrium, if the loop is unstable, or if the
         computation fails.
@@ -43,7 +44,7 @@ class AssessedPoint(Result):
     """
 
     deployed: Deployed
-    place: Place
+    case: TrimCase
     delays: Delays | None
     margins: Margins | None
     cost: CostAboveOptimum | None
@@ -58,17 +59,17 @@ class AssessedPoint(Result):
     @property
     def point(self) -> OperatingPoint:
         """The trim."""
-        return self.place.point
+        return self.case.point
 
     @property
     def radius(self) -> float:
         """Spectral radius of the sampled loop with the deployed delay, or nan."""
-        return self.place.radius
+        return self.case.radius
 
     @property
     def equilibrium(self) -> Equilibrium | None:
         """Equilibrium of the sampled loop, or None if it does not exist."""
-        return self.place.equilibrium
+        return self.case.equilibrium
 
     @property
     def holds(self) -> bool:
@@ -113,49 +114,14 @@ class AssessedPoint(Result):
         rows = model.state_places(model.linear)
         return (self.equilibrium.states - self.point.x)[rows]
 
-    @property
-    def radii(self) -> tuple[float, ...]:
-        """Spectral radii of the sampled loop with delays of 0, 1, 2, ... samples.
-
-        The result is () without an equilibrium.
-        """
-        return () if self.delays is None else self.delays.radii
-
-    @property
-    def equilibrium_states(self) -> dict[str, float] | None:
-        """State -> value at the equilibrium, or None without an equilibrium."""
-        if self.equilibrium is None:
-            return None
-        return dict(zip(self.point.model.states, self.equilibrium.states.tolist(), strict=True))
-
-    @property
-    def equilibrium_inputs(self) -> dict[str, float] | None:
-        """Input -> value at the equilibrium, or None without an equilibrium."""
-        if self.equilibrium is None:
-            return None
-        return dict(zip(self.point.model.inputs, self.equilibrium.inputs.tolist(), strict=True))
-
-    @property
-    def input_margins(self) -> list[dict[str, float]]:
-        """Return gain_low, gain_high, phase_deg and disk of each commanded input.
-
-        The result is [] without margins.
-        """
-        if self.margins is None:
-            return []
-        return [
-            {
-                "gain_low": loop.gain_low,
-                "gain_high": loop.gain_high,
-                "phase_deg": loop.phase,
-                "disk": loop.disk,
-            }
-            for loop in self.margins.inputs
-        ]
-
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value, with that of the scheduling variable."""
         equilibrium, delays, margins = self.equilibrium, self.delays, self.margins
+        model = self.point.model
+        states = inputs = None
+        if equilibrium is not None:
+            states = dict(zip(model.states, equilibrium.states.tolist(), strict=True))
+            inputs = dict(zip(model.inputs, equilibrium.inputs.tolist(), strict=True))
         return (
             scheduled_value(self.point)
             | {
@@ -170,13 +136,25 @@ class AssessedPoint(Result):
                 "remarks": self.remarks,
                 "spectral_radius": self.radius,
                 "holds": self.holds,
-                "radii": self.radii,
-                "equilibrium": self.equilibrium_states,
-                "equilibrium_inputs": self.equilibrium_inputs,
-                "input_margins": self.input_margins,
+                "radii": () if delays is None else delays.radii,
+                "equilibrium": states,
+                "equilibrium_inputs": inputs,
+                "input_margins": []
+                if margins is None
+                else [_margins_of(loop) for loop in margins.inputs],
             }
             | without_empty(costs=self.costs, integration=self.integration)
         )
+
+
+def _margins_of(loop: LoopMargin) -> dict[str, float]:
+    """Return the margins of one commanded input, with its phase margin in degrees."""
+    return {
+        "gain_low": loop.gain_low,
+        "gain_high": loop.gain_high,
+        "phase_deg": loop.phase,
+        "disk": loop.disk,
+    }
 
 
 def scheduled_value(point: OperatingPoint) -> dict[str, float]:

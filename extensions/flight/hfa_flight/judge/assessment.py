@@ -157,16 +157,16 @@ class Assessment(Result, Reported):
 
     def _further(self) -> list[str]:
         """Return what the first line leaves out: costs, findings worst first, the assumed trim."""
-        told = self.first_line
+        first_line = self.first_line
         lines = []
         dearest = self._dearest()
         if dearest is not None and dearest.costs is not None:
             place = ""
             if len(self.points) > 1:
                 place = f"{where_text([dearest], self.points)}: "
-            sentences = [each for each in dearest.costs.sentences() if each not in told]
+            sentences = [each for each in dearest.costs.sentences() if each not in first_line]
             lines += [f"{place}{sentence}" for sentence in sentences]
-        lines += [each.text for each in self.findings if each.text not in told]
+        lines += [each.text for each in self.findings if each.text not in first_line]
         return [*lines, *filter(None, [self.assumed])]
 
     def _dearest(self) -> AssessedPoint | None:

@@ -12,7 +12,7 @@ from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.judge.action_effects import action_effects
 from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.cost_above_optimum import CostAboveOptimum, cost_above_optimum
-from hfa_flight.judge.outcomes import Outcomes, Place, fly_places, refuse_edges
+from hfa_flight.judge.outcomes import Outcomes, TrimCase, fly_cases, refuse_edges
 from hfa_flight.judge.resolved_flight import resolved_flight
 from hfa_flight.judge.weights import has_weights
 from hfa_flight.needs import ALL, SAMPLES
@@ -64,71 +64,71 @@ class Assessor:
         """
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
-        places = [self._place(point) for point in self.points]
-        plain: Sequence[Outcomes | None] = [None] * len(places)
+        cases = [self._case(point) for point in self.points]
+        plain: Sequence[Outcomes | None] = [None] * len(cases)
         disturbed = plain
         error = None
         if self.samples:
-            flight, error = resolved_flight(self._flight(places), places, self.seed)
-            plain, disturbed = fly_places(flight, places, self.samples, self.seed, progress)
+            flight, error = resolved_flight(self._flight(cases), cases, self.seed)
+            plain, disturbed = fly_cases(flight, cases, self.samples, self.seed, progress)
         with ThreadPoolExecutor() as pool:
-            late = [*pool.map(self._delays, places)]
-        rows = zip(places, late, plain, disturbed, strict=True)
+            late = [*pool.map(self._delays, cases)]
+        rows = zip(cases, late, plain, disturbed, strict=True)
         return [replace(self._point(*row), integration=error) for row in rows]
 
-    def _place(self, point: OperatingPoint) -> Place:
-        """Return the description of one trim for flights: box, equilibrium and sampled loop."""
+    def _case(self, point: OperatingPoint) -> TrimCase:
+        """Return one trim with its box, equilibrium and sampled loop."""
         widths = start_box(self.deployed.model, point)
         for name, width in self.box.items():
             widths[self.deployed.model.linear.index(name)] = width
         timing = self.deployed.deployment
         equilibrium = EquilibriumSearch(self.deployed, point).equilibrium()
         if equilibrium is None:
-            return Place(point, widths)
-        return Place(point, widths, equilibrium, chain_of(equilibrium, timing.dt, timing.delay))
+            return TrimCase(point, widths)
+        return TrimCase(point, widths, equilibrium, chain_of(equilibrium, timing.dt, timing.delay))
 
-    def _flight(self, places: Sequence[Place]) -> SampledFlight:
+    def _flight(self, cases: Sequence[TrimCase]) -> SampledFlight:
         """Return the simulation of sampled flights that begin near the trims."""
         deployment = self.deployed.deployment
-        boxes = [place.box for place in places]
+        boxes = [case.box for case in cases]
         parts = parts_of_a_sample(self.points, deployment.dt, boxes, longest=_LONGEST_CHECKED)
         return SampledFlight(self.deployed, deployment.dt, deployment.delay, parts)
 
-    def _delays(self, place: Place) -> Delays | None:
+    def _delays(self, case: TrimCase) -> Delays | None:
         deployment = self.deployed.deployment
-        if place.equilibrium is None:
+        if case.equilibrium is None:
             return None
-        return delays(place.equilibrium, deployment.dt, deployment.delay)
+        return delays(case.equilibrium, deployment.dt, deployment.delay)
 
     def _point(
         self,
-        place: Place,
+        case: TrimCase,
         loop_delays: Delays | None,
         flown: Outcomes | None,
-        pushed: Outcomes | None,
+        disturbed: Outcomes | None,
     ) -> AssessedPoint:
         """Return the result at a trim, without the comparison of costs."""
-        linearized = place.equilibrium
+        linearized = case.equilibrium
         if linearized is None or linearized.clips:
-            linearized = EquilibriumSearch(self.deployed, place.point).at_trim()
+            linearized = EquilibriumSearch(self.deployed, case.point).at_trim()
         found = AssessedPoint(
             deployed=self.deployed,
-            place=place,
+            case=case,
             delays=loop_delays,
             margins=None,
             cost=None,
             flights=flown,
-            disturbed=pushed,
+            disturbed=disturbed,
             actions=tuple(action_effects(self.deployed, linearized)),
             share=self.share,
         )
-        if place.equilibrium is None or place.loop is None:
+        if case.equilibrium is None or case.loop is None:
             return found
         remarks: list[str] = []
         return replace(
             found,
-            margins=_margins(place.loop, remarks),
-            cost=self._cost(place.equilibrium, place.loop, remarks),
+            margins=_margins(case.loop, remarks),
+            cost=self._cost(case.equilibrium, case.loop, remarks),
             remarks=tuple(remarks),
         )
 

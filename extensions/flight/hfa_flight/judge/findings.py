@@ -186,7 +186,7 @@ def _steady_state_error(point: AssessedPoint) -> _Found | None:
     if point.equilibrium is None or not point.radius < 1.0:
         return None
     model = point.point.model
-    shares = np.abs(point.offset) / point.place.box
+    shares = np.abs(point.offset) / point.case.box
     index = int(np.argmax(shares))
     if shares[index] < _AT_TRIM:
         return _Found(Severity.NOTE, "no steady-state error") if point.holds else None

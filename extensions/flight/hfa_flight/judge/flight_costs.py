@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_flight.judge.outcomes import Place
+from hfa_flight.judge.outcomes import TrimCase
 from hfa_flight.judge.weights import offset_rate, weights_at
 from hfa_flight.plan.flights import AFTER, Flights, SimulatedFlight
 from hfa_flight.plan.initial_box import drawn_starts
@@ -146,7 +146,7 @@ def _refuse_slow(flights: Flights, starts: np.ndarray) -> None:
 
 
 def flight_costs(
-    deployed: Deployed, place: Place, count: int, seed: int, progress: Progress | None
+    deployed: Deployed, case: TrimCase, count: int, seed: int, progress: Progress | None
 ) -> FlightCosts:
     """Return the costs of flights from random initial conditions in the box of a trim.
 
@@ -157,12 +157,12 @@ def flight_costs(
     Raises NoSolutionError if no gain has a finite cost, or if a mode of the exact loop is so slow
     that flights until it has decayed are too long.
     """
-    point = place.point
+    point = case.point
     Q, R = weights_at(deployed, point)
     problem = flight_problem(point.model, point, Q, R, inputs=deployed.commanded)
     flights = Flights(problem, count)
     loop = flights.of("policy", policy_about(deployed, point, "policy"))
-    starts = drawn_starts(problem, count, seed, place.box)
+    starts = drawn_starts(problem, count, seed, case.box)
     _refuse_slow(flights, starts)
     flown: list[SimulatedFlight] = []
     linear: list[SimulatedFlight] = []
@@ -177,8 +177,8 @@ def flight_costs(
         if one.converges and other.converges
     ]
     rate = None
-    if place.equilibrium is not None:
-        rate = offset_rate(deployed, point, place.equilibrium)
+    if case.equilibrium is not None:
+        rate = offset_rate(deployed, point, case.equilibrium)
     return FlightCosts(
         starts=count,
         lost=count - len(held),

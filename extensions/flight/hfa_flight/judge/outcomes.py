@@ -63,7 +63,7 @@ _SETTLES = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class TrimCase:
     """A trim, its initial-condition box, and the equilibrium to which flights converge.
 
     point: the trim.
@@ -106,7 +106,6 @@ class Outcomes(Result):
     left_envelope: number of flights that left the limits of the model's states.
     worst_initial: linear state -> initial value of the worst flight: that which leaves first, or
         else ends farthest from the equilibrium.
-    moving: number of flights that neither converge nor leave the limits.
     seconds: duration of a flight, s.
     departure: departure of the flight that leaves the envelope first, or None if no flight leaves.
     """
@@ -115,37 +114,36 @@ class Outcomes(Result):
     converged: int
     left_envelope: int
     worst_initial: dict[str, float]
-    moving: int
     seconds: float
     departure: Departure | None
 
 
-def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
+def seeded_starts(case: TrimCase, count: int, seed: int, with_pulse: bool) -> tuple[Any, Any]:
     """Return random initial conditions (count, n) and disturbance pulses (count, k) about a trim.
 
     A pulse is added to the rates of the linear states.
 
-    pushed: False if the pulses are 0
+    with_pulse: False if the pulses are 0
     """
-    model = place.point.model
+    model = case.point.model
     random = np.random.default_rng([seed, 1])
     share = random.uniform(-1.0, 1.0, (count, len(model.linear)))
     directions = random.uniform(-1.0, 1.0, share.shape)
     rows = model.state_places(model.linear)
-    starts = np.tile(place.point.x, (count, 1))
-    starts[:, rows] += share * place.box
-    pushes = directions * place.box * PUSH / PUSHED if pushed else np.zeros_like(share)
+    starts = np.tile(case.point.x, (count, 1))
+    starts[:, rows] += share * case.box
+    pushes = directions * case.box * PUSH / PUSHED if with_pulse else np.zeros_like(share)
     return starts, pushes
 
 
-class PlacedFlights:
-    """Simulation of flights at several places.
+class CaseFlights:
+    """Simulation of flights about several trims.
 
     A flight ends if it leaves the envelope, or if its duration has elapsed.
 
     flight: the aircraft over a sample.
-    places: the places.
-    owners: index of each flight's place, (N,).
+    cases: the trims with their boxes and equilibria.
+    owners: index of each flight's case, (N,).
     trims: (X0; U0; p) of each flight's trim, (N, t).
     pushes: disturbance pulses, (N, k).
     first: initial states of the flights, (N, s).
@@ -156,7 +154,7 @@ class PlacedFlights:
     def __init__(
         self,
         flight: SampledFlight,
-        places: list[Place],
+        cases: list[TrimCase],
         owners: np.ndarray,
         starts: np.ndarray,
         pushes: np.ndarray,
@@ -167,26 +165,26 @@ class PlacedFlights:
         """
         model = flight.deployed.model
         self.flight = flight
-        self.places = places
+        self.cases = cases
         self.owners = owners
         self.linear = model.state_places(model.linear)
-        trims = [flight.deployed.trim_vector(place.point) for place in places]
+        trims = [flight.deployed.trim_vector(case.point) for case in cases]
         self.trims = np.array(trims)[owners]
         self.first = flight.start(starts, self.trims)
-        self.seconds = max(place.seconds for place in places)
+        self.seconds = max(case.seconds for case in cases)
         self.pushes = pushes
         nowhere = np.full(len(model.states), np.nan)
-        equilibria = [each.equilibrium.states if each.equilibrium else nowhere for each in places]
+        equilibria = [each.equilibrium.states if each.equilibrium else nowhere for each in cases]
         self._centres = np.array(equilibria)[owners][:, self.linear]
-        self._balls = np.array([BALL * place.box for place in places])[owners]
-        envelopes = [flight_envelope(model, place.point) for place in places]
+        self._balls = np.array([BALL * case.box for case in cases])[owners]
+        envelopes = [flight_envelope(model, case.point) for case in cases]
         least = np.array([envelope.least for envelope in envelopes])[owners]
         most = np.array([envelope.most for envelope in envelopes])[owners]
         self.endings = Endings(
             (least, most),
             self.distance,
             flight.windows(self.seconds),
-            stable=np.array([place.radius < 1.0 for place in places])[owners],
+            stable=np.array([case.radius < 1.0 for case in cases])[owners],
             extremes=flight.extremes,
         )
 
@@ -233,7 +231,7 @@ class PlacedFlights:
 
         owner: index of the trim
         """
-        place = self.places[owner]
+        case = self.cases[owner]
         mine = np.flatnonzero(self.owners == owner)
         ends = self.endings.outcomes[mine]
         lost = mine[ends == Outcome.LEFT]
@@ -242,28 +240,27 @@ class PlacedFlights:
         worst = int(mine[np.argmax(self.endings.nearest[mine])])
         if lost.size:
             worst = int(lost[np.argmin(self.endings.left_at[lost])])
-            left = self._departure(worst, place)
+            left = self._departure(worst, case)
         at_start = self.first[worst][self.linear]
         return Outcomes(
             starts=len(mine),
             converged=converged,
             left_envelope=len(lost),
-            worst_initial=dict(zip(place.point.model.linear, at_start.tolist(), strict=True)),
-            moving=len(mine) - converged - len(lost),
+            worst_initial=dict(zip(case.point.model.linear, at_start.tolist(), strict=True)),
             seconds=self.seconds,
             departure=left,
         )
 
-    def _departure(self, number: int, place: Place) -> Departure | None:
+    def _departure(self, number: int, case: TrimCase) -> Departure | None:
         """Return the departure of a flight that left the envelope, with its state and limit."""
         times = self.flight.dt * self.endings.left_at[[number]]
         states = self.endings.left_with[[number]]
-        return departure(flight_envelope(place.point.model, place.point), times, states, False)
+        return departure(flight_envelope(case.point.model, case.point), times, states, False)
 
 
-def fly_places(
+def fly_cases(
     flight: SampledFlight,
-    places: list[Place],
+    cases: list[TrimCase],
     samples: int,
     seed: int,
     progress: Progress | None,
@@ -275,11 +272,13 @@ def fly_places(
     samples: number of initial conditions at each trim
     """
     drawn = [
-        seeded_starts(place, samples, seed, pushed) for pushed in (False, True) for place in places
+        seeded_starts(case, samples, seed, with_pulse)
+        for with_pulse in (False, True)
+        for case in cases
     ]
     starts, pushes = (np.vstack(each) for each in zip(*drawn, strict=True))
-    owners = np.repeat(np.arange(2 * len(places)), samples)
-    flown = PlacedFlights(flight, places + places, owners, starts, pushes)
+    owners = np.repeat(np.arange(2 * len(cases)), samples)
+    flown = CaseFlights(flight, cases + cases, owners, starts, pushes)
     flown.fly(progress)
-    outcomes = [flown.outcomes(owner) for owner in range(len(flown.places))]
-    return outcomes[: len(places)], outcomes[len(places) :]
+    outcomes = [flown.outcomes(owner) for owner in range(len(flown.cases))]
+    return outcomes[: len(cases)], outcomes[len(cases) :]

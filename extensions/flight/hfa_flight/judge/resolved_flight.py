@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
-from hfa_flight.judge.outcomes import Place, seeded_starts
+from hfa_flight.judge.outcomes import TrimCase, seeded_starts
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_flight.simulate.sampled_flights import SampledFlight
 
@@ -30,7 +30,7 @@ class _Flown(NamedTuple):
 
 
 def resolved_flight(
-    flight: SampledFlight, places: Sequence[Place], seed: int
+    flight: SampledFlight, cases: Sequence[TrimCase], seed: int
 ) -> tuple[SampledFlight, IntegrationError]:
     """Return the aircraft with so many integration steps in a sample that flights are resolved.
 
@@ -42,7 +42,7 @@ def resolved_flight(
 
     def flown(refinement: int) -> _Flown:
         finer = replace(flight, steps_per_sample=refinement * flight.steps_per_sample)
-        return _Flown(finer, _largest_deviations(finer, places, seed))
+        return _Flown(finer, _largest_deviations(finer, cases, seed))
 
     def figures(flown: _Flown) -> Figures:
         largest = dict(zip(model.states, flown.largest.tolist(), strict=True))
@@ -57,18 +57,18 @@ def resolved_flight(
     return checked.flight, error
 
 
-def _largest_deviations(flight: SampledFlight, places: Sequence[Place], seed: int) -> np.ndarray:
+def _largest_deviations(flight: SampledFlight, cases: Sequence[TrimCase], seed: int) -> np.ndarray:
     """Return the largest deviation of each state from the trim, within the envelope, (n,)."""
     deployed = flight.deployed
-    owners = np.repeat(np.arange(len(places)), _CHECKED)
-    starts = np.vstack([seeded_starts(place, _CHECKED, seed, pushed=False)[0] for place in places])
-    trims = np.array([deployed.trim_vector(place.point) for place in places])[owners]
+    owners = np.repeat(np.arange(len(cases)), _CHECKED)
+    starts = np.vstack([seeded_starts(case, _CHECKED, seed, with_pulse=False)[0] for case in cases])
+    trims = np.array([deployed.trim_vector(case.point) for case in cases])[owners]
     seconds = min(_SECONDS, _SAMPLES * flight.dt)
     ticks = flight.samples_in_window * flight.windows(seconds)
     samples = flight.compiled(len(owners), seconds)
     flown, _ = samples.fly(flight.start(starts, trims), trims, ticks)
     lowest, highest = flight.extremes(flown.states)
-    envelopes = [flight_envelope(deployed.model, place.point) for place in places]
+    envelopes = [flight_envelope(deployed.model, case.point) for case in cases]
     least = np.array([each.least for each in envelopes])[owners, None]
     most = np.array([each.most for each in envelopes])[owners, None]
     inside = np.logical_and.accumulate(flight.stays(flown.states, least, most), axis=1)

@@ -156,7 +156,7 @@ def test_costs_equal_scipys_integrals_of_the_same_flights():
     (point,) = hfa.assess(model, deployment, samples=1).points
     costs = point.costs
     off = lambda v: stiff_cost(v, K, 0.0) - costs.lqr_cost.mean  # noqa: E731
-    start = brentq(off, 1e-3, point.place.box[0], xtol=1e-9)
+    start = brentq(off, 1e-3, point.case.box[0], xtol=1e-9)
     policy = stiff_cost(start, K, 0.2)
     assert costs.cost == pytest.approx((policy, 0.0), rel=2e-3)
     assert costs.ratios == pytest.approx([policy / costs.lqr_cost.mean] * 3, rel=2e-3)

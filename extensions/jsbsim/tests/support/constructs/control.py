@@ -77,7 +77,6 @@ CONSTRUCTS = {
     "actuator, clip exchanged": _of("actuator", _clip(0.3, -0.2)),
     "failure, zero": _failure("actuator", "fail_zero", 1.0),
     "failure, stuck": _failure("actuator", "fail_stuck", 1.0),
-    "failure of a sensor": _failure("sensor", "fail_low", 1.0),
     "failure by a property": {
         **_of("actuator", _clip(-0.5, 0.5)),
         "control": '<property value="1">fcs/c/malfunction/fail_zero</property>',
@@ -206,18 +205,6 @@ CONSTRUCTS = {
     "actuator, clip": _of("actuator", f"<lag>20</lag> {_clip(-0.2, 0.2)}"),
     "actuator, lag by a property": _of("actuator", "<lag>velocities/vc-kts</lag>"),
     "sensor": _of("sensor", "", _SENSOR_INPUT),
-    "sensor, bias and gain": _of("sensor", "<bias>0.1</bias> <gain>2</gain>", _SENSOR_INPUT),
-    "sensor, lag": _of("sensor", "<lag>20</lag>", _SENSOR_INPUT),
-    "sensor, quantization": _of(
-        "sensor",
-        '<quantization name="q"> <bits>3</bits> <min>-1</min> <max>1</max> </quantization>',
-        _SENSOR_INPUT,
-    ),
-    "sensor, drift": _of("sensor", "<drift_rate>0.01</drift_rate>", _SENSOR_INPUT),
-    "sensor, noise": _of(
-        "sensor", '<noise variation="ABSOLUTE" distribution="UNIFORM">0.2</noise>', _SENSOR_INPUT
-    ),
-    "sensor, delay": _of("sensor", "<delay>0.1</delay>", _SENSOR_INPUT),
     "accelerometer": component(
         '<accelerometer name="fcs/c"> <axis>Z</axis> <location unit="IN"> <x>0</x> <y>0</y>'
         f" <z>0</z> </location> {_OUT} </accelerometer>"
@@ -294,11 +281,6 @@ CONSTRUCTS = {
     "channel, execute 0": _channel(
         'execute="fcs/yd-on"', '<property value="0">fcs/yd-on</property>'
     ),
-    "channel, execute 1": _channel(
-        'execute="fcs/yd-on"', '<property value="1">fcs/yd-on</property>'
-    ),
-    "channel, execute by a state": _channel('execute="aero/alpha-rad"'),
-    "channel, execute of nothing": _channel('execute="fcs/nothing"'),
     "channel, execrate": _channel('execrate="4"'),
     "gain, input of another tree": _of("pure_gain", "<gain>2</gain>", f"/{_STICK}"),
     "gain, output to another tree": component(

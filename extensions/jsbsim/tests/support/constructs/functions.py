@@ -42,7 +42,7 @@ _OF_TWO = (
 )
 _OF_ONE = (
     *("abs", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "ln", "log2", "log10", "sqrt"),
-    *("floor", "ceil", "integer", "fraction", "sign", "toradians", "todegrees", "not"),
+    *("floor", "ceil", "integer", "sign", "toradians", "todegrees", "not"),
 )
 _FORCE = coefficient(slope(0.3, "aero/alpha-rad"))
 _HYSTERESIS = (
@@ -230,6 +230,5 @@ CONSTRUCTS = {
     "lift by cl-squared": {"lift": coefficient(slope(0.1, "aero/cl-squared"))},
     "moment by alphadot": {"pitch": pitching("aero/alphadot-rad_sec")},
     "comment in a function": function(f"<!-- text --> {_A}"),
-    "rounded": _of("roundmultiple", f"<product> <v>9</v> {_A} </product>"),
     "rounded to a multiple": _of("roundmultiple", _A, "<v>0.1</v>"),
 }

@@ -103,7 +103,6 @@ _READ = {
 _WRITTEN = {
     "metrics/aero-rp-x-in": 6.0,
     "atmosphere/wind-north-fps": 30.0,
-    "atmosphere/wind-down-fps": 5.0,
     "atmosphere/gust-down-fps": 5.0,
     "atmosphere/delta-T": 20.0,
     "atmosphere/T-R": 500.0,
