@@ -1,8 +1,8 @@
 """Matrices of balls, which contain the exact result of each operation, in two arithmetics.
 
 `Balls` has as many bits as `precision` gives it, and `DoubleBalls` is as fast as a few products of
-doubles. Bounds are numbers of FLINT, which round outward: a bound that is compared proves what it
-says, and a number that is not finite proves nothing.
+doubles; `pairs.py` has a third one between them. Bounds are numbers of FLINT, which round outward:
+a bound that is compared proves what it says, and a number that is not finite proves nothing.
 
 Sources: Johansson, IEEE Transactions on Computers 66 (2017), 1281-1292 (Arb); Rump, Acta Numerica
 19 (2010), 287-449.
@@ -62,16 +62,16 @@ class BallMatrix(Protocol):
     """Matrix whose entries are balls. All operations contain the exact result."""
 
     @classmethod
-    def of(cls, matrix: np.ndarray | arb_mat | Self) -> Self:
+    def of(cls, matrix: np.ndarray | arb_mat | BallMatrix) -> Self:
         """Return a matrix that contains the given one, itself if it is of this kind."""
 
-    @classmethod
-    def around(cls, middle: arb_mat | Self, spread: Sequence[arb]) -> Self:
-        """Return the symmetric matrix with the radius s_i s_j about each entry of a middle.
+    @property
+    def midpoint(self) -> np.ndarray:
+        """Midpoints, rounded to doubles, (n, m)."""
 
-        middle: (n, n), exact, or a matrix that contains it
-        spread: s, (n,)
-        """
+    @property
+    def radius(self) -> np.ndarray:
+        """Radii about the midpoints, before these are rounded, (n, m); rounded up."""
 
     @property
     def rows(self) -> int:
@@ -94,6 +94,18 @@ class BallMatrix(Protocol):
     def times(self, factor: arb) -> Self:
         """Return the product with a ball."""
 
+
+class BoundMatrix(BallMatrix, Protocol):
+    """Matrix of balls in which bounds are computed."""
+
+    @classmethod
+    def around(cls, middle: arb_mat | BallMatrix, spread: Sequence[arb]) -> Self:
+        """Return the symmetric matrix with the radius s_i s_j about each entry of a middle.
+
+        middle: (n, n), exact, or a matrix that contains it
+        spread: s, (n,)
+        """
+
     def norm(self) -> arb:
         """Return an upper bound of the spectral norm, infinite or nan if none is known."""
 
@@ -104,6 +116,32 @@ class BallMatrix(Protocol):
         """Return whether all symmetric matrices in the balls are proved positive definite."""
 
 
+class ExactMatrix(BallMatrix, Protocol):
+    """Matrix of balls of more digits than doubles, in which residuals are computed."""
+
+    @property
+    def matrix(self) -> arb_mat:
+        """The matrix in the arithmetic of FLINT."""
+
+    def mid(self) -> Self:
+        """Return the exact midpoints."""
+
+    def symmetric(self) -> Self:
+        """Return the exact midpoints of the symmetric part."""
+
+    def solve(self, right: Self) -> Self:
+        """Return M⁻¹ right.
+
+        Raises ZeroDivisionError if a matrix in the balls may be singular.
+        """
+
+    def wider(self, columns: Sequence[arb]) -> Self:
+        """Return the matrix with a larger radius in each column.
+
+        columns: (m,), what is added
+        """
+
+
 @dataclass(frozen=True, eq=False)
 class Balls:
     """Matrix of balls in the arithmetic of FLINT."""
@@ -111,17 +149,39 @@ class Balls:
     matrix: arb_mat
 
     @classmethod
-    def of(cls, matrix: np.ndarray | arb_mat | Balls) -> Balls:
+    def of(cls, matrix: np.ndarray | arb_mat | BallMatrix) -> Balls:
         """Return a matrix that contains the given one, itself if it is of this kind."""
         if isinstance(matrix, Balls):
             return matrix
-        return cls(ball_matrix(matrix) if isinstance(matrix, np.ndarray) else matrix)
+        if isinstance(matrix, np.ndarray):
+            return cls(ball_matrix(matrix))
+        found: Any = matrix
+        return cls(found.matrix if hasattr(found, "matrix") else found)
 
     @classmethod
-    def around(cls, middle: arb_mat | Balls, spread: Sequence[arb]) -> Balls:
+    def around(cls, middle: arb_mat | BallMatrix, spread: Sequence[arb]) -> Balls:
         """Return the symmetric matrix with the radius s_i s_j about each entry of a middle."""
         column = ball_matrix([[each] for each in spread])
         return cls(cls.of(middle).matrix + _centered(column * column.transpose()))
+
+    @property
+    def midpoint(self) -> np.ndarray:
+        """Midpoints, rounded to doubles."""
+        return midpoints(self.matrix)
+
+    @property
+    def radius(self) -> np.ndarray:
+        """Radii, rounded up."""
+        return radii(self.matrix)
+
+    def mid(self) -> Balls:
+        """Return the exact midpoints."""
+        return type(self)(self.matrix.mid())
+
+    def symmetric(self) -> Balls:
+        """Return the exact midpoints of the symmetric part."""
+        middle = symmetric(self.matrix)
+        return self if middle is self.matrix else type(self)(middle)
 
     @property
     def rows(self) -> int:
@@ -157,6 +217,15 @@ class Balls:
         """Return the product with a ball."""
         return type(self)(self.matrix * factor)
 
+    def solve(self, right: Balls) -> Balls:
+        """Return M⁻¹ right."""
+        return type(self)(self.matrix.solve(right.matrix))
+
+    def wider(self, columns: Sequence[arb]) -> Balls:
+        """Return the matrix with a larger radius in each column."""
+        changes = [_ball(each) for each in columns]
+        return type(self)(self.matrix + ball_matrix([changes] * self.rows))
+
     def norm(self) -> arb:
         """Return an upper bound of the spectral norm."""
         return norm(self.matrix)
@@ -187,18 +256,18 @@ class DoubleBalls:
     radius: np.ndarray
 
     @classmethod
-    def of(cls, matrix: np.ndarray | arb_mat | DoubleBalls) -> DoubleBalls:
+    def of(cls, matrix: np.ndarray | arb_mat | BallMatrix) -> DoubleBalls:
         """Return a matrix that contains the given one, itself if it is of this kind."""
         if isinstance(matrix, DoubleBalls):
             return matrix
         if isinstance(matrix, np.ndarray):
             return cls(matrix, np.zeros_like(matrix))
-        middle = midpoints(matrix)
-        spread = 0.0 if matrix == matrix else radii(matrix)  # balls with a radius are not equal
-        return cls(middle, UP * (spread + 2.0 * ROUNDOFF * np.abs(middle)) + UNDERFLOW)
+        balls: Any = matrix if hasattr(matrix, "midpoint") else Balls.of(matrix)
+        middle = balls.midpoint
+        return cls(middle, UP * (balls.radius + 2.0 * ROUNDOFF * np.abs(middle)) + UNDERFLOW)
 
     @classmethod
-    def around(cls, middle: arb_mat | DoubleBalls, spread: Sequence[arb]) -> DoubleBalls:
+    def around(cls, middle: arb_mat | BallMatrix, spread: Sequence[arb]) -> DoubleBalls:
         """Return the symmetric matrix with the radius s_i s_j about each entry of a middle."""
         inner = cls.of(middle)
         sizes = UP * np.array([float(each.upper()) for each in spread]) + UNDERFLOW**0.5
@@ -253,6 +322,11 @@ class DoubleBalls:
         size = np.abs(self.midpoint) * spread + self.radius * (abs(value) + spread)
         return type(self)(middle, UP * (size + ROUNDOFF * np.abs(middle)) + UNDERFLOW)
 
+    def wider(self, columns: Sequence[arb]) -> DoubleBalls:
+        """Return the matrix with a larger radius in each column."""
+        more = UP * np.array([float(each.upper()) for each in columns]) + UNDERFLOW
+        return type(self)(self.midpoint, UP * (self.radius + more))
+
     def norm(self) -> arb:
         """Return an upper bound of the spectral norm."""
         from flint import arb
@@ -262,18 +336,34 @@ class DoubleBalls:
             return arb(0)
         return (arb(float(sizes.sum(0).max())) * arb(float(sizes.sum(1).max()))).sqrt() * arb(UP)
 
-    def inverse_norm(self) -> arb:
-        """Return an upper bound of the spectral norm of the inverse, |M~| / (1 - |M M~ - I|) with
-        an approximate inverse M~.
+    def column_norms(self, factor: arb) -> list[arb]:
+        """Return upper bounds of the norms of the columns, times a factor."""
+        sizes = (np.abs(self.midpoint) + self.radius).sum(0)
+        return [factor * each * UP for each in sizes.tolist()]
+
+    def inverse(self) -> tuple[np.ndarray, arb]:
+        """Return an approximate inverse M~ and a bound of |M⁻¹|, |M~| / (1 - |M M~ - I|).
+
+        Raises ZeroDivisionError if a matrix in the balls may be singular.
         """
+        try:
+            inverse = np.linalg.inv(self.midpoint)
+        except np.linalg.LinAlgError as failure:
+            raise ZeroDivisionError(str(failure)) from None
+        approximate = DoubleBalls.of(inverse)
+        error = (self @ approximate - DoubleBalls.of(np.eye(len(inverse)))).norm()
+        if not error < 1:
+            raise ZeroDivisionError("the matrix may be singular")
+        return inverse, approximate.norm() / (1 - error)
+
+    def inverse_norm(self) -> arb:
+        """Return an upper bound of the spectral norm of the inverse."""
         from flint import arb
 
         try:
-            inverse = DoubleBalls.of(np.linalg.inv(self.midpoint))
-        except np.linalg.LinAlgError:
+            return self.inverse()[1]
+        except ZeroDivisionError:
             return arb("inf")
-        error = (self @ inverse - DoubleBalls.of(np.eye(len(self.midpoint)))).norm()
-        return inverse.norm() / (1 - error) if error < 1 else arb("inf")
 
     def is_positive_definite(self) -> bool:
         """Return whether all symmetric matrices in the balls are proved positive definite.
@@ -321,8 +411,11 @@ def midpoints(matrix: arb_mat) -> np.ndarray:
 
 def radii(matrix: arb_mat) -> np.ndarray:
     """Return the radii as doubles, rounded up."""
+    shape = matrix.nrows(), matrix.ncols()
+    if matrix == matrix:  # balls with a radius are not equal
+        return np.zeros(shape)
     entries = [float(entry.rad()) for entry in matrix.entries()]
-    return np.reshape(entries, (matrix.nrows(), matrix.ncols())) * UP
+    return np.nextafter(np.reshape(entries, shape) * UP, np.inf)
 
 
 def stacked(rows: list[list[arb_mat]]) -> arb_mat:
@@ -346,7 +439,11 @@ def part(matrix: arb_mat, rows: slice, columns: slice) -> arb_mat:
 
 def _centered(sizes: arb_mat) -> arb_mat:
     """Return balls about 0 with the radii |M_ij|."""
-    return ball_matrix([[entry.union(-entry) for entry in row] for row in sizes.tolist()])
+    return ball_matrix([[_ball(entry) for entry in row] for row in sizes.tolist()])
+
+
+def _ball(radius: arb) -> arb:
+    return radius.union(-radius)
 
 
 def symmetric(matrix: arb_mat) -> arb_mat:

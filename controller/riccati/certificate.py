@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.riccati.balls import Balls, DoubleBalls, midpoints, part, precision
+from controller.riccati.balls import Balls, DoubleBalls, precision
 from controller.riccati.enclosure import (
     GAIN_CHANGE,
     RAISED,
@@ -19,7 +19,8 @@ from controller.riccati.enclosure import (
     uncertainty,
 )
 from controller.riccati.equation import StepEquation, scaled_balls
-from controller.riccati.proposal import FailedError, lyapunov_in_bits, lyapunov_of
+from controller.riccati.lyapunov import Lyapunov
+from controller.riccati.proposal import FailedError, lyapunov_in_bits
 from hfa_support.reporting.results import Result
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ class Certificate(Result):
     def radius(self) -> float:
         """Largest radius of the balls of P and K, relative to the sizes of their rows."""
         with precision(self.bits):
-            return float(uncertainty(self.enclosure.proved, zeros=True).upper())
+            return uncertainty(self.enclosure.proved, zeros=True)
 
     @cached_property
     def proved(self) -> tuple[str, ...]:
@@ -73,7 +74,7 @@ def certificate_of(enclosure: Enclosure) -> Certificate:
 def _sentences(certificate: Certificate) -> Iterator[str]:
     """Yield what is proved."""
     enclosure = certificate.enclosure
-    equation = enclosure.proved.equation
+    equation = enclosure.proved.bounds
     game = equation.game
     stable = "stable" if game.is_discrete else "Hurwitz"
     loops: tuple[str, ...] = ("A - B K + E L", "A - B K") if equation.is_disturbed else ("A - B K",)
@@ -144,14 +145,15 @@ def _gain_change(enclosure: Enclosure) -> float:
     found = enclosure.proved
     equation = found.bounds
     # Bounds are not needed: doubles, or balls for their bits.
-    plain: Callable[[Any], Any] = _doubles if equation.arithmetic is DoubleBalls else _balls
-    n, m, k = equation.n, equation.R.nrows(), 0
+    plain: Callable[[Any], Any] = _doubles if equation.arithmetic is DoubleBalls else Balls.of
+    n, m, k = equation.n, equation.R.rows, 0
     A, E, Q, X = map(plain, (equation.A, equation.E, equation.Q, found.middle))
-    gains = plain(found.gains.mid())
-    F = plain(equation.loop(found.middle, equation.arithmetic.of(found.gains)))
+    gains = plain(found.all_gains.mid())
+    of_bounds = equation.arithmetic.of
+    F = plain(equation.loop(of_bounds(found.middle), of_bounds(found.all_gains)))
     if isinstance(equation, StepEquation):
         G, C, W = map(plain, (equation.G, equation.C, equation.W))
-        k = len(found.equation.units.disturbances) if equation.is_disturbed else 0
+        k = len(equation.units.disturbances) if equation.is_disturbed else 0
     else:
         G, C, W = map(plain, (equation.B, equation.N, equation.R))
     signs = np.finfo(float).eps * _signs(n * (n + m + enclosure.game.E.shape[1]))
@@ -171,13 +173,13 @@ def _gain_change(enclosure: Enclosure) -> float:
     dW = changed(W, of_W)
     pushed = dA - dG @ gains
     if equation.is_disturbed and not equation.is_discrete:
-        L = found.equation.E.matrix.transpose() * found.X * equation.w
+        L = (equation.E.T @ of_bounds(found.middle)).times(equation.w)
         pushed = pushed + changed(E, of_E) @ plain(L)
     crossed = dC @ gains
     moved = dQ - crossed - crossed.T + gains.T @ (dW @ gains)
     cross = F.T @ (X @ pushed) if equation.is_discrete else X @ pushed
     moved = moved + cross + cross.T
-    Z = plain(_moved_value(F, moved, is_discrete=equation.is_discrete))
+    Z = plain(_moved_value(F, moved, enclosure.lyapunov, is_discrete=equation.is_discrete))
     right = dC.T - dW @ gains
     if equation.is_discrete:
         right = right + G.T @ (Z @ F + X @ pushed) + dG.T @ (X @ F)
@@ -185,35 +187,27 @@ def _gain_change(enclosure: Enclosure) -> float:
     else:
         right = right + G.T @ Z + dG.T @ X
     B, inputs = plain(equation.B), slice(m)
-    change, K = (_rows(each, inputs) for each in (_solved(W, right), found.gains.mid()))
-    return relative_change(_doubles(B @ plain(change)), _doubles(B @ plain(K)), _doubles(A))
+    change, K = (_rows(each, inputs) for each in (plain(_solved(W, right)), gains))
+    return relative_change(_doubles(B @ change), _doubles(B @ K), _doubles(A))
 
 
-def _rows(matrix: arb_mat | np.ndarray, rows: slice) -> arb_mat | np.ndarray:
-    if isinstance(matrix, np.ndarray):
-        return matrix[rows]
-    return part(matrix, rows, slice(None))
+def _rows(matrix: Balls | np.ndarray, rows: slice) -> Balls | np.ndarray:
+    return matrix[rows] if isinstance(matrix, np.ndarray) else matrix.block(rows, slice(None))
 
 
 def _doubles(matrix: Any) -> np.ndarray:
     """Return the midpoints of a matrix of any kind."""
-    if isinstance(matrix, DoubleBalls):
-        return matrix.midpoint
-    if isinstance(matrix, np.ndarray):
-        return matrix
-    return midpoints(matrix.matrix if isinstance(matrix, Balls) else matrix)
+    return matrix if isinstance(matrix, np.ndarray) else np.asarray(matrix.midpoint)
 
 
-def _balls(matrix: Any) -> Balls:
-    """Return a matrix of any kind in `Balls`."""
-    return matrix if isinstance(matrix, Balls) else Balls.of(matrix)
-
-
-def _moved_value(F: Any, moved: Any, *, is_discrete: bool) -> np.ndarray | arb_mat:
+def _moved_value(
+    F: Any, moved: Any, solver: Lyapunov | None, *, is_discrete: bool
+) -> np.ndarray | arb_mat:
     """Return Z of F'Z + Z F + moved = 0, (n, n), in discrete time F'Z F - Z + moved = 0."""
     if isinstance(F, Balls):
         return lyapunov_in_bits(F.matrix.mid(), moved.matrix.mid(), is_discrete=is_discrete)
-    return lyapunov_of(F, is_discrete=is_discrete).solve(-moved)[0]
+    assert solver is not None  # that of the proposal, which was in doubles as well
+    return solver.solve(-moved)[0]
 
 
 def _solved(matrix: Any, right: Any) -> np.ndarray | arb_mat:

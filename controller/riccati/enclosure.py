@@ -14,6 +14,7 @@ import numpy as np
 from controller.game.zero_sum import SEMIDEFINITE, Game
 from controller.riccati.balls import (
     BITS,
+    UP,
     Balls,
     DoubleBalls,
     ball_matrix,
@@ -22,7 +23,8 @@ from controller.riccati.balls import (
     part,
     precision,
 )
-from controller.riccati.equation import Matrix, equation_of, scaled_balls
+from controller.riccati.equation import Bound, equation_of, scaled_balls
+from controller.riccati.lyapunov import Lyapunov
 from controller.riccati.pickled_balls import make_balls_picklable
 from controller.riccati.proof import (
     NotProvedError,
@@ -47,7 +49,7 @@ from controller.riccati.refusal import why_never, why_never_at, why_no_value
 from hfa_support.errors import NoSolutionError
 
 if TYPE_CHECKING:
-    from flint import arb, arb_mat
+    from flint import arb_mat
 
 #: Bits of the attempts of a proof.
 ATTEMPTS = (BITS, 2 * BITS, 4 * BITS, 8 * BITS)
@@ -71,11 +73,13 @@ class Enclosure:
     bits: of the proof
     is_raised: whether the weights are semidefinite only up to rounding, so that raised weights
         prove that there is a value
+    lyapunov: solver of the Lyapunov equation of the loop of both players in doubles, if known
     """
 
     proved: Stabilizing[Any]
     bits: int
     is_raised: bool = False
+    lyapunov: Lyapunov | None = None
 
     def __post_init__(self) -> None:
         """Let results that hold an enclosure be pickled."""
@@ -84,7 +88,7 @@ class Enclosure:
     @property
     def game(self) -> Game:
         """The game, with its exact entries."""
-        return self.proved.equation.game
+        return self.proved.exactly.game
 
     @cached_property
     def P(self) -> arb_mat:
@@ -158,7 +162,7 @@ def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str
         found = stabilizing(proposal.equation, proposal.X, proposal.Y, DoubleBalls)
         prove_value(found)
         if found.P.is_positive_definite() and not (digits and uncertain(found, zeros=False)):
-            return Enclosure(found, BITS)
+            return Enclosure(found, BITS, lyapunov=proposal.lyapunov)
     outcome = _decided(raised(game), delta, digits=digits)
     if isinstance(outcome, str):
         if outcome == why_never(game):
@@ -262,7 +266,7 @@ def enclosed_in_bits(game: Game, n_bits: int) -> Enclosure:
             return Enclosure(_value(proposal_in_bits(game, game.delta), Balls), n_bits)
 
 
-def _value(proposal: Proposal, arithmetic: type[Matrix]) -> Stabilizing[Matrix]:
+def _value(proposal: Proposal, arithmetic: type[Bound]) -> Stabilizing[Bound]:
     """Return the ball of the stabilizing solution, which is proved to be the value.
 
     Raises FailedError or NotProvedError.
@@ -276,7 +280,7 @@ def _value(proposal: Proposal, arithmetic: type[Matrix]) -> Stabilizing[Matrix]:
 
 
 def _outcome(
-    proposal: Proposal, arithmetic: type[Matrix], *, digits: bool, in_bits: bool
+    proposal: Proposal, arithmetic: type[Bound], *, digits: bool, in_bits: bool
 ) -> Enclosure | str:
     """Return what a proposal proves: an enclosure, a reason why there is no value, or ""."""
     found = None
@@ -285,14 +289,15 @@ def _outcome(
         try:
             prove_value(found)
         except NotProvedError:
-            if reason := why_no_value(proposal.equation, found, in_bits=in_bits):
+            if reason := why_no_value(found.equation, found, in_bits=in_bits):
                 return reason
             prove_value(found, of_control_loop(found))
     except (FailedError, NotProvedError):
-        return why_no_value(proposal.equation, found, in_bits=in_bits)
+        equation = proposal.equation.with_arithmetic(Balls)
+        return why_no_value(equation, found, in_bits=in_bits)
     if digits and uncertain(found, zeros=bits() > BITS):
         return ""
-    return Enclosure(found, bits())
+    return Enclosure(found, bits(), lyapunov=proposal.lyapunov)
 
 
 def has_exact_weights(game: Game) -> bool:
@@ -329,39 +334,37 @@ def raised(game: Game, share: float = RAISED) -> Game:
     return replace(game, Q=Q, R=R)
 
 
-def uncertain(found: Stabilizing[Matrix], *, zeros: bool) -> bool:
+def uncertain(found: Stabilizing[Bound], *, zeros: bool) -> bool:
     """Return whether a digit of P or K is not proved (`uncertainty`)."""
     return not uncertainty(found, zeros=zeros) < DIGITS
 
 
 @lru_cache(maxsize=2)
-def uncertainty(found: Stabilizing[Matrix], *, zeros: bool) -> arb:
-    """Return the largest relative radius of P and K, infinite if a number is not known.
+def uncertainty(found: Stabilizing[Bound], *, zeros: bool) -> float:
+    """Return the largest relative radius of P and K, rounded up; inf if a number is not known.
 
     P_ij is compared with √(P_ii P_jj), and K_ij with the largest K_ij / √P_jj of its row.
 
     zeros: whether entries that may be 0 count as known
     """
-    from flint import arb
-
-    sizes = [found.X[i, i].sqrt() for i in range(len(found.spread))]
-    known = [bool(size > spread) for size, spread in zip(sizes, found.spread, strict=True)]
-    if not zeros and not all(known):
-        return arb("inf")
-    worst = arb(0)
-    for is_known, size, spread in zip(known, sizes, found.spread, strict=True):
-        if is_known:
-            worst = worst.max((spread / size) ** 2)
-    for row in found.gains.tolist()[: len(found.equation.units.inputs)]:
-        if zeros and all(entry.contains(0) for entry in row):
-            continue
-        relative = [entry / size for entry, size, ok in zip(row, sizes, known, strict=True) if ok]
-        largest = arb(0)
-        for entry in relative:
-            largest = largest.max(abs(entry.mid()))
-        for entry in relative:
-            worst = worst.max(entry.rad() / largest if entry.rad() > 0 else arb(0))
-    return worst if worst.is_finite() else arb("inf")
+    inputs = slice(len(found.exactly.units.inputs))
+    gains = found.all_gains.block(inputs, slice(None))
+    K, radius = np.abs(gains.midpoint), gains.radius
+    spread = np.nextafter(np.array([float(each) for each in found.spread]), np.inf)
+    with np.errstate(all="ignore"):
+        sizes = np.sqrt(np.diag(found.middle.midpoint))
+        known = sizes > UP * spread
+        if not (zeros or known.all()):
+            return math.inf
+        of_P = (spread[known] / sizes[known]) ** 2
+        sizes, K, radius = sizes[known], K[:, known], radius[:, known]
+        if zeros:
+            known_rows = (UP * radius < K).any(1)
+            K, radius = K[known_rows], radius[known_rows]
+        largest = (K / sizes).max(1, keepdims=True, initial=0.0)
+        of_K = np.where(radius > 0.0, radius / sizes / largest, 0.0)
+    worst = UP * float(max(of_P.max(initial=0.0), of_K.max(initial=0.0)))
+    return worst if math.isfinite(worst) else math.inf
 
 
 def lyapunov_enclosure(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat | None:

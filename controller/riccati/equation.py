@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
@@ -13,6 +14,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.balls import (
     BallMatrix,
     Balls,
+    BoundMatrix,
     ball_matrix,
     identity,
     stacked,
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
 Matrix = TypeVar("Matrix", bound=BallMatrix)
 Other = TypeVar("Other", bound=BallMatrix)
+Bound = TypeVar("Bound", bound=BoundMatrix)
 
 
 class Units(NamedTuple):
@@ -72,7 +75,8 @@ def scaled_balls(matrix: arb_mat, rows: np.ndarray, columns: np.ndarray) -> arb_
     return ball_matrix([[next(entries) * i * j for j in right] for i in left])
 
 
-class Entries(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Entries:
     """Matrices of a game in exact units, without discount, in balls where doubles overflow."""
 
     A: np.ndarray | arb_mat
@@ -95,6 +99,14 @@ class Entries(NamedTuple):
             scaled(game.N, z, u),
         )
 
+    @cached_property
+    def R_inverse(self) -> arb_mat:
+        """R⁻¹, (m, m), in the arithmetic of FLINT.
+
+        Raises ZeroDivisionError if R is singular.
+        """
+        return _balls(self.R).inv()
+
 
 class Sensitivity(NamedTuple):
     """Bounds of the changes if X is changed by a symmetric Z, (n, n), with price |Z| <= 1/2.
@@ -113,15 +125,12 @@ class Sensitivity(NamedTuple):
 class Equation(ABC, Generic[Matrix]):
     """Riccati equation of a game in exact units, whose matrices are balls of one arithmetic.
 
-    The residual of a proposed X is always in `Balls`: only there its digits do not cancel.
-
     game: the game
     units: exact units
-    arithmetic: `Balls` or `DoubleBalls`
+    arithmetic: `Balls`, `Pairs`, or, for bounds, `DoubleBalls`
     delta: in place of that of the game
 
-    A, B, E, Q, N: balls of the arithmetic. The discount is taken into √α A, √α B and √α E.
-    R: (m, m), exact
+    A, B, E, Q, R, N: of the arithmetic. The discount is taken into √α A, √α B and √α E.
     w: 1 / delta², 0 without a disturbance
     """
 
@@ -137,38 +146,41 @@ class Equation(ABC, Generic[Matrix]):
     ) -> None:
         from flint import arb
 
-        self._other: Equation[Any] | None = None
-        self._last: tuple[arb_mat, arb_mat, arb_mat] | None = None
+        self._others: dict[type[Any], Equation[Any]] = {arithmetic: self}
+        self._last: tuple[Matrix, Matrix, Matrix] | None = None
         self.game = game
         self.units = units
         self.arithmetic = arithmetic
         self.delta = game.delta if delta is None else delta
         self.entries = entries or Entries.of(game, units)
-        A, B, E, Q, R, N = self.entries
+        exact = self.entries
 
-        def rates(exact: np.ndarray | arb_mat) -> Matrix:
-            found = arithmetic.of(exact)
+        def rates(matrix: np.ndarray | arb_mat) -> Matrix:
+            found = arithmetic.of(matrix)
             return found if game.discount == 1.0 else found.times(arb(game.discount).sqrt())
 
         self.n = len(game.A)
         self.is_disturbed = math.isfinite(self.delta) and bool(game.E.any())
         self.w = 1 / arb(self.delta) ** 2 if self.is_disturbed else arb(0)
-        self.A, self.B, self.E = rates(A), rates(B), rates(E)
-        self.Q, self.N = arithmetic.of(Q), arithmetic.of(N)
-        self.R = _balls(R)
+        self.A, self.B, self.E = rates(exact.A), rates(exact.B), rates(exact.E)
+        self.Q, self.R, self.N = map(arithmetic.of, (exact.Q, exact.R, exact.N))
 
     def with_arithmetic(self, arithmetic: type[Other]) -> Equation[Other]:
         """Return the same equation in another arithmetic."""
-        if self._other is None or self._other.arithmetic is not arithmetic:
-            self._other = equation_of(self.game, self.units, arithmetic, self.delta, self.entries)
-        return self._other
+        if arithmetic not in self._others:
+            other = equation_of(self.game, self.units, arithmetic, self.delta, self.entries)
+            other._others = self._others | other._others
+            self._others[arithmetic] = other
+        return self._others[arithmetic]
 
-    def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
-        """Return the gains of X and the residual of the Riccati equation, in `Balls`.
+    def gains_and_residual(self, X: Matrix) -> tuple[Matrix, Matrix]:
+        """Return the gains of X and the residual of the Riccati equation.
 
-        Those of the last X are kept.
+        Those of the last X are kept. The digits of the residual cancel: doubles do not suffice.
 
-        X: (n, n), balls
+        X: (n, n)
+
+        Raises ZeroDivisionError if the price of the inputs or of the disturbances may be singular.
         """
         last = self._last
         if last is None or last[0] is not X:
@@ -176,7 +188,7 @@ class Equation(ABC, Generic[Matrix]):
         return last[1:]
 
     @abstractmethod
-    def _gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]: ...
+    def _gains_and_residual(self, X: Matrix) -> tuple[Matrix, Matrix]: ...
 
     @abstractmethod
     def loop(self, X: Matrix, gains: Matrix) -> Matrix:
@@ -231,9 +243,9 @@ class ContinuousEquation(Equation[Matrix]):
     is_discrete = False
 
     @cached_property
-    def R_inverse(self) -> arb_mat:
+    def R_inverse(self) -> Matrix:
         """R⁻¹, (m, m)."""
-        return self.R.inv()
+        return self.arithmetic.of(self.entries.R_inverse)
 
     @cached_property
     def of_control(self) -> Matrix:
@@ -256,19 +268,25 @@ class ContinuousEquation(Equation[Matrix]):
         return self.A - self._B_over_R @ self.N.T if self.game.N.any() else self.A
 
     @cached_property
-    def _B_over_R(self) -> Matrix:
-        return self.B @ self.arithmetic.of(self.R_inverse)
+    def cost(self) -> Matrix:
+        """Q - N R⁻¹ N', (n, n)."""
+        return self.Q - self.N @ self.R_inverse @ self.N.T if self.game.N.any() else self.Q
 
-    def _gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
-        """Return the gain (m, n) and the residual (n, n) of X, in `Balls`."""
-        A, B, Q, N = (_of(each) for each in (self.A, self.B, self.Q, self.N))
-        priced = B.transpose() * X + N.transpose()
-        gain = self.R_inverse * priced
-        driven = X * A
-        residual = driven + driven.transpose() + Q - priced.transpose() * gain
+    @cached_property
+    def _B_over_R(self) -> Matrix:
+        return self.B @ self.R_inverse
+
+    def _gains_and_residual(self, X: Matrix) -> tuple[Matrix, Matrix]:
+        """Return the gain (m, n) and the residual (n, n) of X."""
+        priced = self.B.T @ X
+        if self.game.N.any():
+            priced = priced + self.N.T
+        gain = self.R_inverse @ priced
+        driven = X @ self.A
+        residual = driven + driven.T + self.Q - priced.T @ gain
         if self.is_disturbed:
-            worst = _of(self.E).transpose() * X
-            residual = residual + (worst.transpose() * worst) * self.w
+            worst = self.E.T @ X
+            residual = residual + worst.T @ worst.times(self.w)
         return gain, residual
 
     def loop(self, X: Matrix, gains: Matrix) -> Matrix:
@@ -286,12 +304,12 @@ class ContinuousEquation(Equation[Matrix]):
         """Return |S|, |R⁻¹ B'| and 0: the equation is quadratic."""
         from flint import arb
 
-        return Sensitivity(self.S.norm(), self._B_over_R.norm(), arb(0))
+        S, B_over_R = map(_bound, (self.S, self._B_over_R))
+        return Sensitivity(S.norm(), B_over_R.norm(), arb(0))
 
     def hamiltonian(self) -> arb_mat:
         """Return [[A - B R⁻¹N', -S], [-(Q - N R⁻¹N'), -(A - B R⁻¹N')']], (2n, 2n), in `Balls`."""
-        free, S, Q, N = (_of(each) for each in (self.free, self.S, self.Q, self.N))
-        cost = Q - N * self.R_inverse * N.transpose()
+        free, S, cost = (_of(each) for each in (self.free, self.S, self.cost))
         return stacked([[free, -S], [-cost, -free.transpose()]])
 
 
@@ -311,36 +329,40 @@ class StepEquation(Equation[Matrix]):
         return self.B.beside(self.E) if self.is_disturbed else self.B
 
     @cached_property
-    def W(self) -> arb_mat:
-        """blkdiag(R, -δ² I), (m + k, m + k), in `Balls`."""
+    def W(self) -> Matrix:
+        """blkdiag(R, -δ² I), (m + k, m + k)."""
         if not self.is_disturbed:
             return self.R
-        m, k = self.R.nrows(), self.game.E.shape[1]
+        m, k = self.R.rows, self.game.E.shape[1]
         d = self.units.disturbances
-        price = scaled_balls(identity(k) * (-1 / self.w), d, d)
-        nothing = ball_matrix(np.zeros((m, k)))
-        return stacked([[self.R, nothing], [nothing.transpose(), price]])
+        price = self.arithmetic.of(scaled_balls(identity(k) * (-1 / self.w), d, d))
+        nothing = self.arithmetic.of(np.zeros((k, m)))
+        return self.R.beside(nothing.T).T.beside(nothing.beside(price).T).T
 
     @cached_property
-    def C(self) -> arb_mat:
-        """[N 0], (n, m + k), in `Balls`."""
-        N = _balls(self.entries.N)
+    def C(self) -> Matrix:
+        """[N 0], (n, m + k)."""
         if not self.is_disturbed:
-            return N
-        return stacked([[N, ball_matrix(np.zeros(self.game.E.shape))]])
+            return self.N
+        return self.N.beside(self.arithmetic.of(np.zeros(self.game.E.shape)))
 
-    def price(self, X: arb_mat) -> arb_mat:
-        """Return W + G'X G, (m + k, m + k), in `Balls`."""
-        G = _of(self.G)
-        return self.W + G.transpose() * X * G
+    def _gains_and_residual(self, X: Matrix) -> tuple[Matrix, Matrix]:
+        """Return the gains (m + k, n) and the residual (n, n) of X."""
+        ahead = X @ self.A
+        right = self.G.T @ ahead
+        if self.game.N.any():
+            right = right + self.C.T
+        price: Any = self.price(X)
+        gains = price.solve(right)
+        # right'V⁻¹ right = k'right + error'V⁻¹ right for any k, with error = right - V k: what is
+        # unknown of V⁻¹ right counts only with the error.
+        k = gains.mid()
+        error = right - price @ k
+        return gains, self.A.T @ ahead - X + self.Q - k.T @ right - error.T @ gains
 
-    def _gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
-        """Return the gains (m + k, n) and the residual (n, n) of X, in `Balls`."""
-        A, G, Q = (_of(each) for each in (self.A, self.G, self.Q))
-        ahead = X * A
-        right = G.transpose() * ahead + self.C.transpose()
-        gains = self.price(X).solve(right)
-        return gains, A.transpose() * ahead - X + Q - right.transpose() * gains
+    def price(self, X: Matrix) -> Matrix:
+        """Return W + G'X G, (m + k, m + k)."""
+        return self.W + self.G.T @ (X @ self.G)
 
     def loop(self, X: Matrix, gains: Matrix) -> Matrix:
         """Return A - G k."""
@@ -348,39 +370,37 @@ class StepEquation(Equation[Matrix]):
 
     def control_loop(self, X: Matrix, gains: Matrix) -> Matrix:
         """Return A - B K."""
-        return self.A - self.B @ gains.block(slice(self.R.nrows()), slice(None))
+        return self.A - self.B @ gains.block(slice(self.R.rows), slice(None))
 
     def disturbance_price(self, X: Matrix) -> Matrix | None:
         """Return δ² - E'X E, (k, k), or None without a disturbance."""
         if not self.is_disturbed:
             return None
-        own = slice(self.R.nrows(), None)
-        return -(self.arithmetic.of(self.W).block(own, own) + self.E.T @ (X @ self.E))
+        own = slice(self.R.rows, None)
+        return -(self.W.block(own, own) + self.E.T @ (X @ self.E))
 
     def sensitivity(self, X: Matrix, loop: Matrix) -> Sensitivity:
         """Return bounds for |V⁻¹| |G'Z G| <= 1/2, with the price V = W + G'X G.
 
         The gains of X + Z are k + (V + G'Z G)⁻¹ G'Z F, and |(V + G'Z G)⁻¹| <= 2 |V⁻¹|.
         """
-        G = self.G.norm()
-        inverse = (self.arithmetic.of(self.W) + self.G.T @ (X @ self.G)).inverse_norm()
+        G = _bound(self.G).norm()
+        inverse = _bound(self.price(X)).inverse_norm()
         gains = 2 * inverse * G
-        return Sensitivity(gains * G * loop.norm(), gains, inverse * G**2)
+        return Sensitivity(gains * G * _bound(loop).norm(), gains, inverse * G**2)
 
     def pencil(self) -> tuple[arb_mat, arb_mat]:
         """Return L and M, (2n + m + k, 2n + m + k), in `Balls`, whose pencil L - z M is singular at
         the eigenvalues of the loop of both players and at their inverses.
         """
-        A, G, Q = (_of(each) for each in (self.A, self.G, self.Q))
+        A, G, Q, W, C = (_of(each) for each in (self.A, self.G, self.Q, self.W, self.C))
         n, s = self.n, G.ncols()
         one = identity(n)
 
         def zeros(rows: int, columns: int) -> arb_mat:
             return ball_matrix(np.zeros((rows, columns)))
 
-        L = stacked(
-            [[A, zeros(n, n), G], [-Q, one, -self.C], [self.C.transpose(), zeros(s, n), self.W]]
-        )
+        L = stacked([[A, zeros(n, n), G], [-Q, one, -C], [C.transpose(), zeros(s, n), W]])
         M = stacked(
             [
                 [one, zeros(n, n), zeros(n, s)],
@@ -389,6 +409,11 @@ class StepEquation(Equation[Matrix]):
             ]
         )
         return L, M
+
+
+def _bound(matrix: Any) -> BoundMatrix:
+    """Return a matrix of an equation in the arithmetic of the bounds."""
+    return matrix
 
 
 def _of(matrix: BallMatrix) -> arb_mat:

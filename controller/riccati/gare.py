@@ -11,7 +11,6 @@ import numpy as np
 
 from controller.game.q_function import q_function
 from controller.game.zero_sum import Game
-from controller.riccati.balls import midpoints
 from controller.riccati.certificate import Certificate, certificate_of, doubt_about
 from controller.riccati.enclosure import Enclosure, decided
 from controller.riccati.l2_gain import GainBounds
@@ -288,19 +287,23 @@ def solve(game: Game) -> Solution:
     certificate = certificate_of(enclosure)
     if doubt := doubt_about(certificate.gain_change):
         raise NoSolutionError(f"{doubt}; {minimum_delta(game).advice(game.delta)}")
-    return Solution(game, enclosure, certificate, _value(enclosure), _rounded(enclosure.K))
+    return Solution(game, enclosure, certificate, *_value(enclosure))
 
 
-def _value(enclosure: Enclosure) -> np.ndarray:
-    """Return P as a read-only array, (n, n), 0 where its ball contains 0."""
+def _value(enclosure: Enclosure) -> tuple[np.ndarray, np.ndarray]:
+    """Return P, (n, n), and K, (m, n), read-only, 0 where their balls contain 0."""
     found = enclosure.proved
-    states = found.equation.units.states
+    states, inputs, _ = found.exactly.units
     spread = np.array([float(each) for each in found.spread])
-    X = midpoints(found.X)
-    X[np.abs(X) <= np.outer(spread, spread)] = 0.0
-    P = np.ldexp(X, -np.add.outer(states, states))
-    P.setflags(write=False)
-    return P
+    X = found.middle.midpoint
+    gains = found.all_gains.block(slice(len(inputs)), slice(None))
+    K = gains.midpoint
+    P = np.where(np.abs(X) <= np.outer(spread, spread), 0.0, X)
+    K = np.where(np.abs(K) <= gains.radius, 0.0, K)
+    P, K = np.ldexp(P, -np.add.outer(states, states)), np.ldexp(K, np.add.outer(inputs, -states))
+    for matrix in (P, K):
+        matrix.setflags(write=False)
+    return P, K
 
 
 def _rounded(matrix: arb_mat) -> np.ndarray:

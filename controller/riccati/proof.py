@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, Generic
 
 import numpy as np
 
-from controller.riccati.balls import Balls, ball_matrix, symmetric
-from controller.riccati.equation import Equation, Matrix, change_along
+from controller.riccati.balls import Balls, ExactMatrix, symmetric
+from controller.riccati.equation import Bound, Equation, change_along
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
@@ -35,51 +35,62 @@ class NotProvedError(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Stabilizing(Generic[Matrix]):
+class Stabilizing(Generic[Bound]):
     """Ball that contains the stabilizing solution P: the loop of both players is stable.
 
-    equation: the Riccati equation, in `Balls` and exact units
+    exactly: the Riccati equation in the arithmetic of the residual and in exact units
     bounds: the same equation, in the arithmetic of the bounds
-    X: (n, n), exact
-    middle: X in the arithmetic of the bounds
+    middle: X, (n, n), exact
     spread: s, (n,); |P_ij - X_ij| <= s_i s_j
-    gains: of P, (m, n), in discrete time (m + k, n), in `Balls`
+    all_gains: of P, (m, n), in discrete time (m + k, n), in the arithmetic of the residual
     """
 
-    equation: Equation[Balls]
-    bounds: Equation[Matrix]
-    X: arb_mat
-    middle: Matrix
+    exactly: Equation[Any]
+    bounds: Equation[Bound]
+    middle: ExactMatrix
     spread: tuple[arb, ...]
-    gains: arb_mat
+    all_gains: ExactMatrix
 
     @cached_property
-    def P(self) -> Matrix:
+    def P(self) -> Bound:
         """P, (n, n), in the arithmetic of the bounds."""
         return self.bounds.arithmetic.around(self.middle, self.spread)
 
+    @property
+    def equation(self) -> Equation[Balls]:
+        """The equation in `Balls`."""
+        return self.exactly.with_arithmetic(Balls)
+
+    @cached_property
+    def X(self) -> arb_mat:
+        """X in the arithmetic of FLINT, (n, n)."""
+        return self.middle.matrix
+
+    @cached_property
+    def gains(self) -> arb_mat:
+        """Gains of P in the arithmetic of FLINT."""
+        return self.all_gains.matrix
+
 
 def stabilizing(
-    equation: Equation[Balls], X: arb_mat, Y: arb_mat | np.ndarray, arithmetic: type[Matrix]
-) -> Stabilizing[Matrix]:
+    equation: Equation[Any], X: ExactMatrix, Y: arb_mat | np.ndarray, arithmetic: type[Bound]
+) -> Stabilizing[Bound]:
     """Return the ball about X that is proved to contain the stabilizing solution.
 
-    equation: the Riccati equation, in `Balls`
+    equation: the Riccati equation, in the arithmetic of X
     X: (n, n), proposed solution; only the midpoint of its symmetric part counts
     Y: (n, n), proposed solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, likewise
     arithmetic: of the bounds
 
     Raises NotProvedError if the proposal does not prove it.
     """
-    bounds: Equation[Any] = equation
-    if arithmetic is not Balls:
-        bounds = equation.with_arithmetic(arithmetic)
-    X = symmetric(X)
-    Y = (Y + Y.T) / 2.0 if isinstance(Y, np.ndarray) else symmetric(Y)
+    bounds = equation.with_arithmetic(arithmetic)
+    X = X.symmetric()
     try:
         gains, residual = equation.gains_and_residual(X)
     except ZeroDivisionError:
         raise NotProvedError("the price at X may be singular") from None
+    Y = (Y + Y.T) / 2.0 if isinstance(Y, np.ndarray) else symmetric(Y)
     middle, shape = arithmetic.of(X), arithmetic.of(Y)
     loop = bounds.loop(middle, arithmetic.of(gains))
     if not proves_stable(loop, shape, DEFECT, is_discrete=bounds.is_discrete):
@@ -98,11 +109,11 @@ def stabilizing(
         raise NotProvedError("the loop of both players near X")
     spread = tuple((zeta * Y[i, i]).sqrt().upper() for i in range(equation.n))
     of_gains = sensitivity.gains * sum((each**2 for each in spread), zeta * 0).sqrt()
-    changes = [[_ball(of_gains * each) for each in spread]] * gains.nrows()
-    return Stabilizing(equation, bounds, X, middle, spread, gains + ball_matrix(changes))
+    changed = gains.wider([of_gains * each for each in spread])
+    return Stabilizing(equation, bounds, X, spread, changed)
 
 
-def prove_value(found: Stabilizing[Matrix], Y: arb_mat | None = None) -> None:
+def prove_value(found: Stabilizing[Bound], Y: arb_mat | None = None) -> None:
     """Prove that the stabilizing solution P is the value of the game.
 
     The disturbance pays: in discrete time, δ² - E'P E > 0. The loop without disturbance is stable.
@@ -123,12 +134,12 @@ def prove_value(found: Stabilizing[Matrix], Y: arb_mat | None = None) -> None:
     if Y is None:
         raise NotProvedError("P > 0")
     arithmetic = bounds.arithmetic
-    control = bounds.control_loop(found.P, arithmetic.of(found.gains))
+    control = bounds.control_loop(found.P, arithmetic.of(found.all_gains))
     if not proves_stable(control, arithmetic.of(symmetric(Y)), 1, is_discrete=bounds.is_discrete):
         raise NotProvedError("the loop without disturbance")
 
 
-def proves_stable(loop: Matrix, Y: Matrix, most: float = 1.0, *, is_discrete: bool) -> bool:
+def proves_stable(loop: Bound, Y: Bound, most: float = 1.0, *, is_discrete: bool) -> bool:
     """Return whether Y proves a loop F stable: Y > 0 and |F'Y + Y F + 1| < most <= 1.
 
     In discrete time, |F'Y F - Y + 1| < most.
@@ -163,7 +174,3 @@ def lyapunov_ball(
     zeta = 2 * residual.norm()
     spread = [(zeta * shape.matrix[i, i]).sqrt().upper() for i in range(D.nrows())]
     return Balls.around(D, spread).matrix
-
-
-def _ball(radius: arb) -> arb:
-    return radius.union(-radius)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.balls import (
     Balls,
     DoubleBalls,
+    ExactMatrix,
     ball_matrix,
     bits,
     identity,
@@ -24,7 +25,6 @@ from controller.riccati.balls import (
 from controller.riccati.equation import (
     ContinuousEquation,
     Equation,
-    Matrix,
     StepEquation,
     Units,
     change_along,
@@ -32,6 +32,7 @@ from controller.riccati.equation import (
     users_units,
 )
 from controller.riccati.lyapunov import Lyapunov
+from controller.riccati.pairs import Pairs
 from hfa_support.matrices import balanced, spectral_radius
 
 if TYPE_CHECKING:
@@ -43,11 +44,15 @@ if TYPE_CHECKING:
 
 #: Exponents of entries of this size are left as they are.
 MODERATE = 12
-#: Exponents of units that differ by more from those of a first proposal need another one.
+#: Exponents of the user's units that differ by no more from those in which P is near 1 are left,
+SAME = 2
+#: and exponents that differ by more from those of a first proposal need another one.
 NEAR = 10
 #: Largest numbers of corrections of a proposal in doubles, of steps of Newton's method for the sign
 #: function, and of doublings.
 CORRECTIONS, NEWTON_STEPS, DOUBLINGS = 6, 150, 80
+#: Smallest number of states for which `Pairs` are faster than `Balls` of `BITS`.
+MANY_STATES = 20
 #: A relative correction of X that is far below its last digit in doubles.
 SMALL = 1e-25
 
@@ -59,23 +64,25 @@ class FailedError(Exception):
 class Proposal(NamedTuple):
     """Proposed solution of a Riccati equation, for `proof`.
 
-    equation: the equation, in `Balls`
+    equation: the equation, in the arithmetic of X
     X: (n, n)
     Y: (n, n), of the loop of both players
+    lyapunov: solver of the Lyapunov equation of that loop in doubles, if there is one
     """
 
-    equation: Equation[Balls]
-    X: arb_mat
+    equation: Equation[Any]
+    X: ExactMatrix
     Y: arb_mat | np.ndarray
+    lyapunov: Lyapunov | None = None
 
 
 def in_doubles(game: Game, delta: float) -> Proposal:
-    """Return a proposal by LAPACK, corrected by residuals in balls.
+    """Return a proposal by LAPACK, corrected by residuals.
 
     Raises FailedError.
     """
     with _failures():
-        return _corrected(game, delta, *_uncorrected(game, delta))
+        return _corrected(*_uncorrected(game, delta))
 
 
 def value_in_doubles(game: Game) -> np.ndarray:
@@ -84,8 +91,9 @@ def value_in_doubles(game: Game) -> np.ndarray:
     Raises FailedError.
     """
     with _failures():
-        units, X = _uncorrected(game, game.delta)
-        return np.ldexp(X, -np.add.outer(units.states, units.states))
+        equation, X = _uncorrected(game, game.delta)
+        states = equation.units.states
+        return np.ldexp(X, -np.add.outer(states, states))
 
 
 @contextmanager
@@ -98,34 +106,38 @@ def _failures() -> Iterator[None]:
             raise FailedError(str(failure)) from None
 
 
-def _uncorrected(game: Game, delta: float) -> tuple[Units, np.ndarray]:
-    """Return units in which P is near 1, and the stabilizing X in them, (n, n), by LAPACK."""
-    units = first_units(game, delta)
-    X = stabilizing_in_doubles(equation_of(game, units, DoubleBalls, delta))
+def _uncorrected(game: Game, delta: float) -> tuple[Equation[DoubleBalls], np.ndarray]:
+    """Return the equation in units in which P is near 1, and its X, (n, n), by LAPACK."""
+    equation = equation_of(game, first_units(game, delta), DoubleBalls, delta)
+    X = stabilizing_in_doubles(equation)
     for _ in range(2):
-        further = units_of(game, units, X, delta)
-        steps = further.states - units.states
-        units, X = further, np.ldexp(X, np.add.outer(steps, steps))
-        if np.abs(steps).max() <= NEAR:
+        units = units_of(game, equation.units, X, delta)
+        steps = units.states - equation.units.states
+        farthest = np.abs(steps).max()
+        if farthest <= SAME and not any(each.any() for each in (units.inputs, units.disturbances)):
             break
-        X = stabilizing_in_doubles(equation_of(game, units, DoubleBalls, delta))
-    return units, X
+        equation = equation_of(game, units, DoubleBalls, delta)
+        X = np.ldexp(X, np.add.outer(steps, steps))
+        if farthest <= NEAR:
+            break
+        X = stabilizing_in_doubles(equation)
+    return equation, X
 
 
-def _corrected(game: Game, delta: float, units: Units, X: np.ndarray) -> Proposal:
-    """Return a proposal about X, (n, n), corrected by residuals in balls."""
-    equation = equation_of(game, units, Balls, delta)
-    F = loop_in_doubles(equation.with_arithmetic(DoubleBalls), X)
-    lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
-    exact, size = ball_matrix(X), np.abs(X).max()
+def _corrected(bounds: Equation[DoubleBalls], X: np.ndarray) -> Proposal:
+    """Return a proposal about X, (n, n), corrected by residuals."""
+    arithmetic: type[Any] = Pairs if len(X) >= MANY_STATES else Balls
+    equation: Equation[Any] = bounds.with_arithmetic(arithmetic)
+    lyapunov = lyapunov_of(loop_in_doubles(bounds, X), is_discrete=equation.is_discrete)
+    exact, size = arithmetic.of(X).symmetric(), np.abs(X).max()
     for _ in range(CORRECTIONS):
         _, residual = equation.gains_and_residual(exact)
-        correction, _ = lyapunov.solve(-midpoints(residual))
+        correction, _ = lyapunov.solve(-residual.midpoint)
         if not np.abs(correction).max() > SMALL * size:
             break
-        exact = (exact + ball_matrix(correction)).mid()
-    Y, _ = lyapunov.solve(-np.eye(len(F)))
-    return Proposal(equation, exact, Y)
+        exact = (exact + arithmetic.of(correction)).mid()
+    Y, _ = lyapunov.solve(-np.eye(len(X)))
+    return Proposal(equation, exact, Y, lyapunov)
 
 
 def lyapunov_of(F: np.ndarray, *, is_discrete: bool) -> Lyapunov:
@@ -156,8 +168,8 @@ def loop_in_doubles(equation: Equation[DoubleBalls], X: np.ndarray) -> np.ndarra
     gains = X  # not used in continuous time
     if isinstance(equation, StepEquation):
         G, A = equation.G.midpoint, equation.A.midpoint
-        right = G.T @ X @ A + midpoints(equation.C).T
-        gains = np.linalg.solve(midpoints(equation.W) + G.T @ X @ G, right)
+        right = G.T @ X @ A + equation.C.midpoint.T
+        gains = np.linalg.solve(equation.W.midpoint + G.T @ X @ G, right)
     return equation.loop(DoubleBalls.of(X), DoubleBalls.of(gains)).midpoint
 
 
@@ -166,11 +178,7 @@ def by_schur_form(equation: ContinuousEquation[DoubleBalls]) -> np.ndarray:
     from scipy.linalg.lapack import dgees
 
     n = equation.n
-    free, S = equation.free.midpoint, equation.S.midpoint
-    cost = equation.Q.midpoint
-    if equation.game.N.any():
-        N = equation.N.midpoint
-        cost = cost - N @ midpoints(equation.R_inverse) @ N.T
+    free, S, cost = (each.midpoint for each in (equation.free, equation.S, equation.cost))
     H = np.concatenate([np.concatenate([free, -S], 1), np.concatenate([-cost, -free.T], 1)])
     _, stable, _, _, basis, _, _ = dgees(_is_stable, np.asarray_chkfinite(H), sort_t=1)
     if stable != n:
@@ -188,8 +196,8 @@ def by_doubling(equation: StepEquation[DoubleBalls]) -> np.ndarray:
 
     Source: Anderson, International Journal of Control 28 (1978), 295-306.
     """
-    m = equation.R.nrows()
-    W, C = midpoints(equation.W), midpoints(equation.C)
+    m = equation.R.rows
+    W, C = equation.W.midpoint, equation.C.midpoint
     G, A, Q = equation.G.midpoint, equation.A.midpoint, equation.Q.midpoint
     F = np.linalg.solve(W[:m, :m], C[:, :m].T)
     A, H = A - G[:, :m] @ F, Q - C[:, :m] @ F
@@ -395,7 +403,7 @@ def proposal_in_bits(game: Game, delta: float) -> Proposal:
     units = first_units(game, delta)
     with np.errstate(all="ignore"):
         first = in_bits(equation_of(game, units, Balls, delta))
-        further = units_of(game, units, midpoints(first.X), delta)
+        further = units_of(game, units, first.X.midpoint, delta)
         if all(map(np.array_equal, units, further)):
             return first
         return in_bits(equation_of(game, further, Balls, delta))
@@ -406,24 +414,24 @@ def corrected(proposal: Proposal) -> Proposal:
 
     Raises FailedError.
     """
-    equation, X, _ = proposal
+    equation, X = proposal.equation.with_arithmetic(Balls), Balls.of(proposal.X)
     with np.errstate(all="ignore"):
         try:
             gains, residual = equation.gains_and_residual(X)
-            F = equation.loop(Balls(X), Balls(gains)).matrix.mid()
-            solver = lyapunov_of(midpoints(F), is_discrete=equation.is_discrete)
+            F = equation.loop(X, gains).midpoint
+            solver = lyapunov_of(F, is_discrete=equation.is_discrete)
             before = None
             for _ in range(NEWTON_STEPS):
-                size = norm(residual.mid())
+                size = residual.mid().norm()
                 if before is not None and not size < 0.5 * before:
                     break
                 before = size
-                X = (X + ball_matrix(solver.solve(-midpoints(residual))[0])).mid()
+                X = (X + Balls.of(solver.solve(-residual.midpoint)[0])).mid()
                 gains, residual = equation.gains_and_residual(X)
         except (np.linalg.LinAlgError, ValueError, ZeroDivisionError) as failure:
             raise FailedError(str(failure)) from None
-    F = equation.loop(Balls(X), Balls(gains)).matrix.mid()
-    Y = lyapunov_in_bits(F, identity(equation.n), is_discrete=equation.is_discrete)
+    loop = equation.loop(X, gains).matrix.mid()
+    Y = lyapunov_in_bits(loop, identity(equation.n), is_discrete=equation.is_discrete)
     return Proposal(equation, X, Y)
 
 
@@ -435,16 +443,16 @@ def in_bits(equation: Equation[Balls]) -> Proposal:
     Raises FailedError.
     """
     try:
-        X = symmetric(_of_stable_subspace(equation))
+        X = Balls(symmetric(_of_stable_subspace(equation)))
         gains, _ = equation.gains_and_residual(X)
     except ZeroDivisionError:
         raise FailedError("a matrix is singular with these bits") from None
-    F = equation.loop(Balls(X), Balls(gains)).matrix.mid()
-    Y = lyapunov_in_bits(F, identity(equation.n), is_discrete=equation.is_discrete)
+    loop = equation.loop(X, gains).matrix.mid()
+    Y = lyapunov_in_bits(loop, identity(equation.n), is_discrete=equation.is_discrete)
     return Proposal(equation, X, Y)
 
 
-def of_control_loop(found: Stabilizing[Matrix]) -> arb_mat:
+def of_control_loop(found: Stabilizing[Any]) -> arb_mat:
     """Return a proposal for Y of the loop without disturbance, (n, n).
 
     Raises FailedError.

@@ -14,7 +14,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import Balls, ball_matrix, midpoints
-from controller.riccati.equation import ContinuousEquation, Equation, Matrix, StepEquation
+from controller.riccati.equation import Bound, ContinuousEquation, Equation, StepEquation
 from controller.riccati.proof import Stabilizing
 from controller.riccati.rationals import (
     Boundary,
@@ -42,7 +42,7 @@ class ModeError(NoSolutionError):
 
 
 def why_no_value(
-    equation: Equation[Balls], found: Stabilizing[Matrix] | None, *, in_bits: bool
+    equation: Equation[Balls], found: Stabilizing[Bound] | None, *, in_bits: bool
 ) -> str:
     """Return a reason, proved, why the game has no value, or "".
 
@@ -161,7 +161,7 @@ def _sign_of(value: acb) -> int:
     return 1 if value.real > 0 else -1 if value.real < 0 else 0
 
 
-def _unpaid(found: Stabilizing[Matrix]) -> str:
+def _unpaid(found: Stabilizing[Bound]) -> str:
     """Return that the disturbance does not pay, proved by one disturbance, or ""."""
     equation = found.equation
     price = equation.disturbance_price(Balls.around(found.X, found.spread))
@@ -172,7 +172,7 @@ def _unpaid(found: Stabilizing[Matrix]) -> str:
     return ""
 
 
-def _indefinite(found: Stabilizing[Matrix]) -> str:
+def _indefinite(found: Stabilizing[Bound]) -> str:
     """Return that P is indefinite, proved by one direction, or ""."""
     if _is_negative(Balls.around(found.X, found.spread).matrix):
         return "P is indefinite"
