@@ -147,6 +147,16 @@ def test_pairs_contain_the_exact_result_in_twice_the_digits(terms, seed):
             if name != "solution":
                 sizes = np.abs(wide[0]).max(1)[:, None] * (1.0 + np.abs(wide[1]).max())
                 assert (pairs.radius <= 1e-25 * terms * sizes).all(), name
+        wider = [
+            Pairs(each.high, each.low, each.radius + 1.0) for each in map(Pairs.of, (left, right))
+        ]
+        for signs in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+            moved = [
+                each + ball_matrix(sign * np.ones((each.nrows(), each.ncols())))
+                for each, sign in zip((left, right), signs, strict=True)
+            ]
+            balls = (wider[0] @ wider[1]).matrix.entries()
+            assert all(map(arb.contains, balls, (moved[0] * moved[1]).entries()))
         for exact in (left, right):
             assert all(map(arb.overlaps, Pairs.of(exact).matrix.entries(), exact.entries()))
 
