@@ -22,6 +22,8 @@ class Deviations(Reported):
     limited: (N, n), the states. In moving air, the angle of attack replaces alpha
     winds: disturbance of the model that the scenario sets -> (N,)
     cost: (N,), cost from the start of the flight, or None for a loop without a cost
+    integration_error: sum of the errors of the steps of the integration that could not be made
+        short enough, relative to the largest deviation in nominal values; otherwise 0
     """
 
     times: np.ndarray
@@ -31,6 +33,7 @@ class Deviations(Reported):
     limited: np.ndarray
     winds: dict[str, np.ndarray]
     cost: np.ndarray | None = None
+    integration_error: float = 0.0
 
 
 def series(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -15,7 +14,6 @@ from controller.critic.critic import Critic
 from controller.critic.symbols import symbols_for
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.ending import FAR, EndRule
-from hfa_aircraft.march.refinement import Figures, ReportedFigure, resolved
 from hfa_flight.air.delay import steps_of
 from hfa_flight.air.history import Deviations
 from hfa_flight.air.scenario import Scenario
@@ -35,7 +33,7 @@ from hfa_flight.simulate.simulation import CompiledLoop
 #: Largest integration step, s.
 _STEP = 0.005
 #: Typical number of ticks that are simulated for an initial condition and a policy, for the
-#: decision on machine code: the search simulates proposals, and each also with half the step.
+#: decision on machine code: the search simulates proposals.
 _TICKS = 5000
 #: Largest product of the integration step and the fastest mode of the linear loop.
 _FASTEST = 0.1
@@ -223,8 +221,7 @@ class Flights:
 
         A flight inside that is not at the trim after `seconds` is repeated until the slowest mode
         of a sampled policy has decayed, at most for `_LONGEST`. The simulation ends early if a
-        state deviates by more than `FAR` nominal values. It is repeated with half the step until
-        cost and departure hardly change, at most three times. A policy in Python is simulated once.
+        state deviates by more than `FAR` nominal values.
 
         start: initial deviations z, (k,)
         seconds: duration of the flight, s, if it is then at the trim
@@ -248,29 +245,9 @@ class Flights:
         scenario = replace(scenario, duration=duration, initial=initial)
         rule = EndRule(FAR * np.array([state.nominal for state in problem.model.states.values()]))
 
-        def flown(parts: int) -> SimulatedFlight:
-            finer = loop.refined(parts)
-            with np.errstate(all="ignore"):
-                rows = finer.fly(
-                    scenario, stop=lambda rows: rule.is_over(rows.states), policy=policy
-                )
-            return self.priced(loop.loop.policy, rows)
-
-        if loop.loop.policy.is_called:
-            return flown(1)
-        flight, error = resolved(flown, self._figures, scenario.step)
-        return replace(flight, integration=error)
-
-    def _figures(self, flight: SimulatedFlight) -> Figures:
-        """Return the figures that must not depend on the integration step."""
-        figures: dict[str, ReportedFigure] = {}
-        if flight.converges:
-            # Relative to the cost itself, also where that is 0.
-            figures["the cost"] = ReportedFigure(flight.cost, least=sys.float_info.min)
-        if flight.departure is not None:
-            time = ReportedFigure(flight.departure.time, least=self.tick)
-            figures["the time of the departure"] = time
-        return figures
+        with np.errstate(all="ignore"):
+            rows = loop.fly(scenario, stop=lambda rows: rule.is_over(rows.states), policy=policy)
+        return self.priced(loop.loop.policy, rows)
 
     def priced(self, policy: Policy, rows: Deviations) -> SimulatedFlight:
         """Return a simulated flight with its cost, first departure from the envelope and saturated
@@ -300,6 +277,7 @@ class Flights:
             departure=left,
             saturated=tuple(name for name in problem.inputs if shares[name] > 0.0),
             seconds=float(rows.times[-1]),
+            integration_error=rows.integration_error,
             times=rows.times,
             states=states,
             inputs=inputs,

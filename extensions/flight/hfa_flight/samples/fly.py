@@ -79,9 +79,8 @@ def fly(
     the linear model x' = A x + B u + E w + d with nominal parameters is included, up to the same
     time.
 
-    The flight is simulated again with half the integration step. If the cost or a largest deviation
-    changes by more than 0.1 %, the step is halved again, at most three times. A Python function of
-    (t, X) is called in one nonlinear flight, and with `predict` in the linear one.
+    The steps of the integration have errors of at most 1e-7 of each state. A Python function of (t,
+    X) is called once a tick in the nonlinear flight, and with `predict` in the linear one.
 
     With `samples`, so many flights are simulated, each with its own draw of the scenario's random
     quantities, and returned as `hfa.FlightsInAir`. A deployment with a filter flies behind it.

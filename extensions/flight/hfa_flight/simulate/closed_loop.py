@@ -17,7 +17,6 @@ import numpy as np
 from hfa_aircraft.layout import components
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.model import Model
-from hfa_aircraft.waveform import zero
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
 from hfa_flight.air.scenario import Scenario
@@ -40,18 +39,17 @@ class Plant:
     parameters_size = 0
     point: OperatingPoint
 
-    @property
-    def chosen(self) -> np.ndarray:
-        """Matrix (k, n) that selects the k states of the linear model."""
+    @cached_property
+    def linear(self) -> list[int]:
+        """Places of the k states of the linear model among the n states."""
         model = self.point.model
-        return np.array([[float(name == other) for other in model.states] for name in model.linear])
+        return [list(model.states).index(name) for name in model.linear]
 
-    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
+    def rate(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> ca.SX:
         """Return the time derivative x' of the state deviations, (n,).
 
         x: (n,), deviations of the states
         u: (m,), deviations of the inputs
-        d: (k,), disturbance added to the rates of the states of the linear model
         winds: disturbance of the model -> value
         parameters: (parameters_size,)
         """
@@ -67,7 +65,7 @@ class Plant:
 
 @dataclass(frozen=True, eq=False)
 class LinearPlant(Plant):
-    """Linear plant x' = A x + B u + d + E w.
+    """Linear plant x' = A x + B u + E w.
 
     A: (n, n)
     B: (n, m)
@@ -91,13 +89,12 @@ class LinearPlant(Plant):
         )
         return cls(slopes.A, slopes.B, dict(zip(winds, slopes.E.T, strict=True)), point)
 
-    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """Return the time derivative of the states, A x + B u + d + E w, (n,).
+    def rate(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """Return the time derivative of the states, A x + B u + E w, (n,).
 
-        The arguments are those of `Plant.rate`. d acts on the states selected by `chosen`.
+        The arguments are those of `Plant.rate`.
         """
         rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u)
-        rate = rate + ca.mtimes(ca.DM(self.chosen.T), d)
         for name, w in winds.items():
             rate = rate + ca.DM(self.E[name]) * w
         return rate
@@ -105,9 +102,9 @@ class LinearPlant(Plant):
 
 @dataclass(frozen=True, eq=False)
 class NonlinearPlant(Plant):
-    """Nonlinear plant about an operating point, X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u.
+    """Nonlinear plant about an operating point, X' = f(X, U, p, w) with X = X0 + x, U = U0 + u.
 
-    p are the parameters of the model, w its disturbances and d an added disturbance of the rates.
+    p are the parameters of the model and w its disturbances.
 
     uncertain: whether p differs between flights
 
@@ -127,16 +124,16 @@ class NonlinearPlant(Plant):
         """Number of parameters that differ between flights."""
         return len(self.model.parameters) if self.uncertain else 0
 
-    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """Return the time derivative of the states, f(X0 + x, U0 + u, p, w) + d, (n,).
+    def rate(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """Return the time derivative of the states, f(X0 + x, U0 + u, p, w), (n,).
 
-        The arguments are those of `Plant.rate`. d acts on the states of the linear model.
+        The arguments are those of `Plant.rate`.
         """
         p = components(parameters) if self.uncertain else self.model.p.tolist()
         vectors = self._absolute(x), components(ca.DM(self.point.u) + u), p
         model = self._in(winds)
         rates, _ = model.layout.expressions(vectors, (), _values(winds, model))
-        return rates + ca.mtimes(ca.DM(self.chosen.T), d)
+        return rates
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
         """Return the output `ANGLE_OF_ATTACK` minus alpha at trim, (1,).
@@ -232,7 +229,7 @@ class HeldParts(NamedTuple):
 class ClosedLoop:
     """Closed loop of a plant, a policy and, if the scenario has them, actuators.
 
-      x' = plant(x, a, d(t), w(t))
+      x' = plant(x, a, w(t)) + d(t)
       a' = actuators(a, u), or a = u without actuators
       u = policy(t, x + n - x_d(t))
 
@@ -256,7 +253,7 @@ class ClosedLoop:
 
     def __post_init__(self) -> None:
         """Raise BadInputError for wrong sizes and for a trim outside the actuators' limits."""
-        k = len(self.plant.chosen)
+        k = len(self.plant.linear)
         if self.scenario.actuators is not None:
             self.scenario.actuators.refuse_trim(self.plant.point.u)
         self.policy.refuse_other_sizes(self.plant.point)
@@ -273,7 +270,7 @@ class ClosedLoop:
         """Sizes of the parts of the loop's state y: plant, actuators and cost."""
         actuators = self.scenario.actuators
         return StateParts(
-            plant=self.plant.chosen.shape[1],
+            plant=len(self.plant.point.model.states),
             actuators=0 if actuators is None else len(actuators.inputs),
             cost=0 if self.cost is None else 1,
         )
@@ -285,7 +282,7 @@ class ClosedLoop:
         return HeldParts(
             parameters=self.plant.parameters_size,
             policy=self.policy.held.shape[1],
-            noise=0 if scenario.samples is None else len(self.plant.chosen),
+            noise=0 if scenario.samples is None else len(self.plant.linear),
             gust=0 if scenario.gust is None else scenario.gust.held_size,
             begin=1 if self.breaks.size else 0,
             delay=2 + 2 * self.plant.point.u.size if scenario.delayed_ticks else 0,
@@ -307,6 +304,8 @@ class ClosedLoop:
         since = inputs.begin if inputs.begin.numel() else t
         reference = self._reference(t, since)
         measurements = self._measurements(state, inputs, reference)
+        measured = ca.SX(state.plant)
+        measured[plant.linear] = measurements.states
         command = self.policy.control(t, measurements, inputs.policy)
         arriving = command
         if inputs.delay.numel():
@@ -321,9 +320,10 @@ class ClosedLoop:
             reachable = actuators.reachable(arriving, plant.point.u)
             u = state.actuators
             actuators_rate = actuators.rates(state.actuators, reachable)
-        disturbance = scenario.disturbance or zero(len(plant.chosen))
-        plant_rate = plant.rate(state.plant, u, disturbance.at(t), winds, inputs.parameters)
-        error = ca.mtimes(ca.DM(plant.chosen), state.plant) - reference
+        plant_rate = plant.rate(state.plant, u, winds, inputs.parameters)
+        if scenario.disturbance is not None:
+            plant_rate[plant.linear] += scenario.disturbance.at(t)
+        error = state.plant[plant.linear] - reference
         cost_rate = ca.SX(0, 1) if self.cost is None else self.cost.rate(error, u)
         rates = StateParts(plant_rate, actuators_rate, cost_rate)
         return Expressions(
@@ -333,7 +333,7 @@ class ClosedLoop:
             winds=ca.vertcat(ca.SX(0, 1), *winds.values()),
             angle=plant.through_air(state.plant, winds),
             command=command,
-            measured=self._measured(state.plant, measurements.states),
+            measured=measured,
         )
 
     def growing_modes(self) -> np.ndarray:
@@ -363,6 +363,13 @@ class ClosedLoop:
         return np.unique(np.concatenate([np.zeros(0), *times]))
 
     @property
+    def changes_each_tick(self) -> bool:
+        """True if held inputs change from tick to tick, and not at breaks alone."""
+        sizes = self.held_sizes
+        rows = 1 if hasattr(self.policy, "breaks") else len(self.policy.held)
+        return rows > 1 or bool(sizes.noise or sizes.gust or sizes.delay)
+
+    @property
     def driven_until(self) -> float:
         """Time at which the last signal, gust, noise or step ends, s, or inf if one never ends."""
         return max([self.scenario.driven_until, *self.breaks.tolist()])
@@ -372,7 +379,9 @@ class ClosedLoop:
 
         since: time from which a stepping reference is held
         """
-        reference = self.scenario.reference or zero(len(self.plant.chosen))
+        reference = self.scenario.reference
+        if reference is None:
+            return ca.SX.zeros(len(self.plant.linear))
         return reference.at(since if getattr(reference, "is_stepping", False) else t)
 
     def _winds(self, t: ca.SX, inputs: HeldParts) -> dict[str, Any]:
@@ -386,15 +395,10 @@ class ClosedLoop:
 
     def _measurements(self, state: StateParts, inputs: HeldParts, reference: Any) -> Measurements:
         """Return the measurements that the policy receives, with sensor noise."""
-        states = ca.mtimes(ca.DM(self.plant.chosen), state.plant)
+        states = state.plant[self.plant.linear]
         if inputs.noise.numel():
             states = states + inputs.noise
         return Measurements(states - reference, states)
-
-    def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:
-        """Return the states of the plant with sensor noise, (n,)."""
-        chosen = ca.DM(self.plant.chosen)
-        return plant + ca.mtimes(chosen.T, of_linear - ca.mtimes(chosen, plant))
 
     @property
     def wind_names(self) -> tuple[str, ...]:
@@ -454,7 +458,13 @@ class ClosedLoop:
 
         y: values of y at one or several times, (..., size)
         """
-        return StateParts(*np.split(y, _offsets(self.state_sizes)[1:-1], axis=-1))
+        return StateParts(*(y[..., place] for place in self._state_slices))
+
+    @cached_property
+    def _state_slices(self) -> StateParts:
+        """Slices of the parts of y."""
+        offsets = _offsets(self.state_sizes)
+        return StateParts(*map(slice, offsets[:-1], offsets[1:]))
 
 
 def _offsets(sizes: Sequence[int]) -> list[int]:

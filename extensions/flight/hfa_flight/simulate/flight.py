@@ -13,7 +13,7 @@ import numpy as np
 from hfa.options.output import ProgressLine
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
+from hfa_aircraft.march.refinement import RESOLVED
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.gust_equations import in_gusts
@@ -71,7 +71,7 @@ from hfa_support.reporting.parts import Part, Picture
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, storable, without_empty
 from hfa_support.reporting.rows import Group, Row
-from hfa_support.reporting.text import Table, short_number, shown_unit
+from hfa_support.reporting.text import Table, percent, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -91,11 +91,9 @@ _STORED = (
     *("largest_deviation", "rms_error", "share_at_limits", "policy", "warnings"),
 )
 _STORED_IF_ANY = (
-    *("integration", "largest_difference_from_linear"),
+    *("integration_error", "largest_difference_from_linear"),
     *("cost", "cost_to_go", "returned"),
 )
-#: Nominal values of the states to which changes of smaller deviations are relative.
-_SMALL = 1e-3
 
 
 def fly(
@@ -135,22 +133,14 @@ def fly(
     compiled = CompiledLoop(loop)
     shown = progress or ProgressLine("fly")
 
-    def flown_in(parts: int) -> Flight:
-        return fly_within(compiled.refined(parts), within, progress=shown)
-
-    if flown.is_called:
-        result = flown_in(1)
-    else:
-        result, error = resolved(flown_in, _figures, happens.step)
-        result = replace(result, integration=error)
+    result = fly_within(compiled, within, progress=shown)
     start = result.flight.limited[0] + point.x
     refuse_start(within, start, happens.moving_air)
     if not (predict and flown.predicts):
         return result
     linear = replace(loop, plant=LinearPlant.at(model, point, loop.wind_names), cost=None)
-    predicted = CompiledLoop(linear).refined(round(happens.step / result.step))
     ticks = round(result.flown / happens.tick)
-    return replace(result, predicted=predicted.fly(ticks=ticks))
+    return replace(result, predicted=CompiledLoop(linear).fly(ticks=ticks))
 
 
 def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:
@@ -165,25 +155,6 @@ def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:
             given = shape_text(matrices[name].shape)
             raise BadInputError(f"fly: {name} is {given}; give {shape_text((n, n))}")
     return Cost(**matrices)
-
-
-def _figures(flight: Flight) -> Figures:
-    """Return the figures that must not depend on the integration step."""
-    model = flight.model
-    nominal = {name: model.states[name].nominal for name in model.states}
-    figures = {
-        f"the largest deviation of {name}": ReportedFigure(value, _SMALL * nominal.get(name, 1.0))
-        for name, value in flight.largest_deviation.items()
-    }
-    if flight.departure is not None:
-        figures["the time of the departure"] = ReportedFigure(
-            flight.departure.time, flight.loop.scenario.tick
-        )
-    if flight.cost is not None and flight.loop.cost is not None:
-        z = _SMALL * np.array([nominal[name] for name in model.linear])
-        least = float(z @ flight.loop.cost.Q @ z) * flight.loop.scenario.duration
-        figures["the cost"] = ReportedFigure(flight.cost, max(least, np.finfo(float).tiny))
-    return figures
 
 
 def scenario_of_flight(
@@ -294,8 +265,6 @@ class Flight(StatesAndInputs, Result, Reported):
     cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit, or null if there is
         none.
     predicted: flight of the linear model, or None if it was not simulated
-    integration: change of the reported figures with half the integration step, or None for a policy
-        that cannot be simulated with it
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -312,7 +281,6 @@ class Flight(StatesAndInputs, Result, Reported):
     departure: Departure | None
     cycle: LimitCycle | None
     predicted: Deviations | None = None
-    integration: IntegrationError | None = None
 
     @property
     def point(self) -> OperatingPoint:
@@ -398,7 +366,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def step(self) -> float:
-        """Integration step, s. Each step is a row of the flight."""
+        """Interval of the rows of the flight, s."""
         return float(self.time[1] - self.time[0])
 
     @property
@@ -450,6 +418,15 @@ class Flight(StatesAndInputs, Result, Reported):
             return None
         difference = np.abs(self.flight.states - self.predicted.states).max(axis=0)
         return _by_name(self.model.states, difference)
+
+    @property
+    def integration_error(self) -> float | None:
+        """Error of the integration where the rates jump, omitted if all steps are short enough.
+
+        It is the sum of the errors of the steps that exceed the tolerance, relative to the largest
+        deviation in nominal values.
+        """
+        return self.flight.integration_error or None
 
     @property
     def cost(self) -> float | None:
@@ -534,8 +511,12 @@ class Flight(StatesAndInputs, Result, Reported):
         if not has_envelope:
             lines.append(GIVE_LIMIT)
         lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
-        if self.integration is not None and not self.integration.is_resolved:
-            lines.append(self.integration.text())
+        if (self.integration_error or 0.0) > RESOLVED:
+            error = percent(100.0 * self.flight.integration_error, up=True)
+            lines.append(
+                "Not resolved: where rates jump, the errors of the shortest steps add up to "
+                f"{error} of the largest deviation"
+            )
         if self.loop.scenario.gust is not None:
             lines += self.loop.scenario.gust.left_out(self.model)
         return "\n".join(lines)
@@ -603,8 +584,6 @@ class Flight(StatesAndInputs, Result, Reported):
                 has = "the flight has returned" if self.returned else "the flight has not returned"
                 rows.append(Row("to go at the end", self.cost_to_go, note=has))
             parts.append(Group("cost", tuple(rows), (RULE,) if self.cost_to_go is not None else ()))
-        if self.integration is not None and self.integration.is_resolved:
-            parts.append(self.integration.text())
         parts += self.loop.policy.notes()
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())

@@ -98,11 +98,14 @@ def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitC
     middle = times[-1] / 2
     if len(times) < 8 * CROSSINGS or driven_until > middle:
         return None
-    third = (times >= middle) & (times < 1.5 * middle)
-    fourth = times >= 1.5 * middle
+    begin, end = np.searchsorted(times, (middle, 1.5 * middle)).tolist()
+    third, fourth = slice(begin, end), slice(end, None)
     found, largest = None, VISIBLE
     columns = np.hstack([flight.inputs, flight.states]).T
     for name, column in zip((*model.inputs, *model.states), columns, strict=True):
+        # An oscillation about a line has at most the size of the signal.
+        if np.ptp(column[fourth]) < VISIBLE * model.signals[name].nominal:
+            continue
         before = _swings(times[third], column[third])
         after = _swings(times[fourth], column[fourth])
         if before is None or after is None or after.amplitude < LASTING * before.amplitude:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hfa_aircraft.march.ending import Outcome
-from hfa_aircraft.march.refinement import IntegrationError
+from hfa_aircraft.march.refinement import RESOLVED
 from hfa_flight.simulate.envelope import Departure
 from hfa_support.reporting.results import Result
 
@@ -23,8 +23,8 @@ class FlightRow(Result):
         stays within.
     saturated: names of the inputs that reach a limit.
     seconds: duration of the simulation, s.
-    integration: change of the cost and of the departure with half the integration step, or None
-        for a policy that is simulated once.
+    integration_error: sum of the errors of the steps that could not be made short enough, relative
+        to the largest deviation in nominal values.
     best: cost of the best flight from the same initial condition, or None if none was found.
     """
 
@@ -33,7 +33,7 @@ class FlightRow(Result):
     departure: Departure | None
     saturated: tuple[str, ...]
     seconds: float
-    integration: IntegrationError | None = None
+    integration_error: float = 0.0
     best: float | None = None
 
     @property
@@ -48,8 +48,8 @@ class FlightRow(Result):
 
     @property
     def resolved(self) -> bool:
-        """True if cost and departure hardly change with half the integration step."""
-        return self.integration is None or self.integration.is_resolved
+        """True if the error of the integration does not change three digits of the cost."""
+        return self.integration_error <= RESOLVED
 
     @property
     def loss(self) -> str:

@@ -1,92 +1,132 @@
-"""Integration of a flight by the classical Runge-Kutta method."""
+"""Integration of one flight with step control: the Runge-Kutta pair of Dormand and Prince."""
 
 from __future__ import annotations
 
-from copy import copy
-from typing import Self
+import math
+import sys
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.steppers import rk4
 from hfa_support.native.bound import BoundFunction
-from hfa_support.native.machine_code import machine_code
+
+#: Largest error of a step, relative to the size of each state. Costs are printed with six digits.
+TOLERANCE = 1e-7
+#: Size of a state near 0, relative to the largest deviation so far in nominal values.
+_SMALL = 1e-3
+#: Errors below this are rounding, in nominal values: 1e4 units in the last place.
+_ROUNDING = 1e-12
+#: A step is followed by one of .9 times the length that the error allows, at least a fifth and at
+#: most ten times as long. The error is of order 5.
+_SAFETY, _SHORTER, _LONGER, _ORDER = 0.9, 0.2, 10.0, 5.0
+#: The error of a fifth of a step over a jump is about a fifth, and over a kink a 25th.
+_AT_A_JUMP = 0.1
+
+
+def step_function(rate: ca.Function, nominal: np.ndarray) -> ca.Function:
+    """Return the function of one step of the integration of y' = rate(t, y, held).
+
+      (t, y, held, h, largest before) -> (y at t + h, largest, error / allowed, error, slopes)
+
+    The largest deviation so far and the error are in nominal values, and the allowed error of each
+    state is `TOLERANCE` of its size. y + h slopes [θ θ² θ³ θ⁴]' is the state at t + θ h.
+
+    nominal: nominal value of each entry of y, or 0 for one whose error is relative to itself
+    """
+    from scipy.integrate import RK45
+
+    t, h, before = (ca.SX.sym(name) for name in ("t", "h", "before"))
+    y, held = ca.SX.sym("y", rate.numel_in(1)), ca.SX.sym("held", rate.numel_in(2))
+    k = rate(t, y, held)
+    for stage in range(1, RK45.n_stages):
+        inside = y + h * ca.mtimes(k, ca.DM(RK45.A[stage, :stage]))
+        k = ca.horzcat(k, rate(t + float(RK45.C[stage]) * h, inside, held))
+    after = y + h * ca.mtimes(k, ca.DM(RK45.B))
+    k = ca.horzcat(k, rate(t + h, after, held))
+    error = ca.fabs(h * ca.mtimes(k, ca.DM(RK45.E)))
+    size = ca.fmax(ca.fabs(y), ca.fabs(after))
+    units = ca.DM(nominal)
+    deviating = np.flatnonzero(nominal).tolist()
+    largest = ca.fmax(before, ca.mmax(size[deviating] / units[deviating]))
+    allowed = TOLERANCE * (size + _SMALL * units * largest) + _ROUNDING * units
+    ratio = ca.norm_2(error / (allowed + sys.float_info.min)) / math.sqrt(y.numel())
+    relative = ca.mmax(error[deviating] / units[deviating]) / largest
+    results = (after, largest, ratio, relative, ca.mtimes(k, ca.DM(RK45.P)))
+    return ca.Function("step", [t, y, held, h, before], [ca.densify(each) for each in results])
+
+
+class _Step(NamedTuple):
+    """A step of `seconds` from a state y, with the slopes of its polynomial, (n, 4)."""
+
+    begin: float
+    seconds: float
+    y: np.ndarray
+    slopes: np.ndarray
 
 
 class RungeKutta:
-    """Stepper of one flight by the classical Runge-Kutta method, many steps at once.
+    """Integration of one flight by steps whose estimated errors are at most `TOLERANCE`.
 
-    rate: (t, x, held) -> x'
-    observed: (t, x, held) -> observed values, (k,)
-    is_long: whether compilation to machine code saves time
+    A step over a jump of the rates is made although its error is larger.
+
+    step: `step_function` of the loop
+    longest: longest step, s
+    shortest: step below which a jump is assumed if the error hardly decreases with the step, s
+    error: sum of the errors of the steps over jumps, relative to the largest deviation at each, in
+        nominal values
     """
 
-    def __init__(
-        self,
-        rate: ca.Function,
-        observed: ca.Function,
-        step: float,
-        steps: int,
-        *,
-        is_long: bool,
-    ) -> None:
-        self.step = step
-        self.steps = steps
-        self.sizes = rate.numel_in(1), observed.numel_out(0)
-        self._observed = observed
-        self._calls = 1
-        one = _step(rate, observed)
-        begin, held, h = (ca.MX.sym("x", one.numel_in(place)) for place in range(3))
-        every = (ca.repmat(each, 1, steps) for each in (held, h))
-        after, before = one.mapaccum("steps", steps)(begin, *every)
-        tick = ca.Function("tick", [begin, held, h], [after, before])
-        self._one = BoundFunction(one)
-        self._tick = BoundFunction(machine_code(tick) if is_long else tick)
+    def __init__(self, step: BoundFunction, longest: float, shortest: float) -> None:
+        self.error = 0.0
+        self._largest = 0.0
+        self._function = step
+        self._longest, self._shortest = longest, shortest
+        self._next = longest
+        self._steps: list[_Step] = []
 
-    def refined(self, parts: int) -> Self:
-        """Return the stepper with several steps in place of each, by the same function."""
-        finer = copy(self)
-        finer.step, finer.steps, finer._calls = self.step / parts, self.steps * parts, parts
-        return finer
+    def advance(self, begin: float, end: float, y: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return the state at `end`, (n,), from y at `begin`, with constant held inputs."""
+        t, now, held_now, h, before = self._function.inputs
+        after, largest, of_allowed, error, slopes = self._function.results
+        now[:], held_now[:] = y, held
+        time = begin
+        rejected = math.inf
+        while time < end:
+            left = max(1, math.ceil((end - time) / self._next))
+            seconds = (end - time) / left
+            t[0], h[0], before[0] = time, seconds, self._largest
+            self._function()
+            share = float(of_allowed[0])
+            factor = _SAFETY * share ** (-1 / _ORDER) if share > 0.0 else _LONGER
+            is_within = share <= 1.0  # also False for an error that is not a number
+            is_short = seconds <= self._shortest
+            if not is_within and (not is_short or share < _AT_A_JUMP * rejected):
+                rejected = share if is_short else math.inf
+                self._next = (_SHORTER if is_short else max(_SHORTER, factor)) * seconds
+                continue
+            rejected = math.inf
+            if not math.isfinite(share):
+                left, seconds = 1, end - time  # the flight diverges
+            elif not is_within:
+                self.error += float(error[0])
+            self._steps.append(_Step(time, seconds, now.copy(), slopes.copy()))
+            now[:] = after
+            self._largest = float(largest[0])
+            longer = min(_LONGER, factor) * seconds if is_within else self._shortest
+            self._next = min(self._longest, longer)
+            time = end if left == 1 else time + seconds
+        return now.copy()
 
-    def __call__(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after each step, (1, steps, n), and the values observed before it,
-        (1, steps, k).
-        """
-        # The function makes some of the steps, and is called again at the state after the last.
-        time_and_state, held_now, h = self._tick.inputs
-        time_and_state[0], time_and_state[1:] = time, state[0]
-        held_now[:], h[:] = held, self.step
-        after, before = (np.empty((self._calls, part.size)) for part in self._tick.results)
-        for call in range(self._calls):
-            self._tick()
-            after[call], before[call] = self._tick.results
-            time_and_state[:] = after[call, -len(time_and_state) :]
-        of_steps = (1, self.steps, -1)
-        return after.reshape(of_steps)[:, :, 1:], before.reshape(of_steps)
-
-    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return the values observed at a time, (1, k)."""
-        return np.array(self._observed(time, state[0], held[0])).reshape(1, -1)
-
-    def over(self, time: float, state: np.ndarray, held: np.ndarray, seconds: float) -> np.ndarray:
-        """Return the state (1, n) after a part of a step, at which held inputs change.
-
-        seconds: duration of the part, s
-        """
-        after, _ = self._one.at([time, *state[0]], held, seconds)
-        return np.array(after[1:])[None]
-
-
-def _step(rate: ca.Function, observed: ca.Function) -> ca.Function:
-    """Return the function ([t; x], held, h) -> ([t; x] h seconds later, values observed before)."""
-    begin = ca.SX.sym("begin", 1 + rate.numel_in(1))
-    held = ca.SX.sym("held", rate.numel_in(2))
-    h = ca.SX.sym("h")
-    time, state = begin[0], begin[1:]
-    later = rk4(lambda x, c: rate(time + c * h, x, held), state, h)
-    end = ca.densify(ca.vertcat(time + h, later))
-    seen = ca.densify(observed(time, state, held))
-    return ca.Function("step", [begin, held, h], [end, seen], {"cse": True})
+    def rows(self, times: np.ndarray) -> np.ndarray:
+        """Return the states at increasing times of the steps since the last call, (N, n)."""
+        begins, seconds, states, slopes = map(np.array, zip(*self._steps, strict=True))
+        self._steps.clear()
+        step = np.searchsorted(begins, times, side="right") - 1
+        late = times - begins[step]
+        part = (late / seconds[step])[:, None]
+        of_powers = slopes.reshape(len(slopes), 4, -1).transpose(1, 0, 2)
+        first, second, third, fourth = of_powers[:, step]
+        with np.errstate(all="ignore"):  # a flight may diverge
+            within = ((fourth * part + third) * part + second) * part + first
+            return np.asarray(states[step] + late[:, None] * within)

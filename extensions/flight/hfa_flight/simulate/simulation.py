@@ -1,75 +1,90 @@
-"""Compilation and simulation of a closed loop, tick by tick."""
+"""Compilation and simulation of a closed loop."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from copy import copy
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.march import History, march
-from hfa_aircraft.march.steppers import Stepper
 from hfa_flight.air.history import Deviations
 from hfa_flight.air.names import ALPHA
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.policy import SAME_TIME, Policy
-from hfa_flight.simulate.closed_loop import ClosedLoop
-from hfa_flight.simulate.runge_kutta import RungeKutta
+from hfa_flight.simulate.closed_loop import ClosedLoop, StateParts
+from hfa_flight.simulate.runge_kutta import RungeKutta, step_function
 from hfa_support.errors import NoSolutionError
-from hfa_support.native.bound import BoundFunction
+from hfa_support.native.bound import BoundFunction, RowFunction
+from hfa_support.native.machine_code import machine_code
 from hfa_support.progress import Progress
 
-#: Number of steps from which compilation to machine code saves time.
-COMPILE_FROM_STEPS = 50_000
-#: Number of steps between tests of whether a flight ends.
+#: Number of ticks from which compilation to machine code saves time.
+COMPILE_FROM_TICKS = 30_000
+#: Number of rows between tests of whether a flight ends.
 _ROWS = 1000
+#: Steps longer than this part of the interval of the rows are shortened also at a jump.
+_SHORTEST = 1 / 2
 
 
 class CompiledLoop:
     """A closed loop, compiled once and simulated many times.
-
-    The integration is the classical Runge-Kutta method of order 4.
 
     flights: expected number of flights. With enough of them, machine code is compiled.
     """
 
     def __init__(self, loop: ClosedLoop, flights: int = 1) -> None:
         self.loop = loop
-        arguments = loop.symbols()
-        now = loop.at(*arguments)
+        t, y, held = self._arguments = loop.symbols()
+        self._now = now = loop.at(t, y, held)
         observed = (now.error, now.inputs, now.winds, now.angle)
-        rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
-        seen = ca.Function(
-            "loop_observed", [*arguments], [ca.densify(ca.vertcat(*observed))], {"cse": True}
-        )
-        self._ends = np.cumsum([column.numel() for column in observed[:-1]]).tolist()
-        command = ca.Function("command", [*arguments], [ca.densify(now.command)])
-        measured = ca.Function("measured", [*arguments], [ca.densify(now.measured)])
-        self._command = BoundFunction(command)
-        self._measured = BoundFunction(measured)
+        is_long = flights * loop.scenario.ticks >= COMPILE_FROM_TICKS
+        rate = self._function("loop_rate", now.rate).serialize()
+        self.step = BoundFunction(_step(rate, tuple(self._nominal.tolist()), is_long))
+        seen = self._function("loop_observed", ca.vertcat(*observed)).serialize()
+        self.observed = _rows(seen)
+        ends = np.cumsum([0, *(column.numel() for column in observed)]).tolist()
+        self._places = tuple(map(slice, ends[:-1], ends[1:]))
         self._alpha = -1
         if now.angle.numel():
             self._alpha = list(loop.plant.point.model.states).index(ALPHA)
-        scenario = loop.scenario
-        step, steps = scenario.step, scenario.steps_per_tick
-        is_long = flights * scenario.ticks * steps >= COMPILE_FROM_STEPS
-        self.stepper = RungeKutta(rate, seen, step, steps, is_long=is_long)
+        # Steps are at most a tick where time acts, so that none passes over a short signal.
+        self.is_driven = ca.depends_on(now.rate, t)
+
+    def _function(self, name: str, expression: ca.SX) -> ca.Function:
+        """Return the function (t, y, held) -> expression."""
+        return ca.Function(name, [*self._arguments], [ca.densify(expression)])
+
+    @property
+    def _nominal(self) -> np.ndarray:
+        """Nominal value of each entry of y, 0 for the cost."""
+        model = self.loop.plant.point.model
+        sizes = self.loop.state_sizes
+        parts = StateParts(
+            plant=[each.nominal for each in model.states.values()],
+            actuators=[each.nominal for each in model.inputs.values()][: sizes.actuators],
+            cost=[0.0] * sizes.cost,
+        )
+        return np.concatenate(parts)
+
+    @cached_property
+    def command(self) -> BoundFunction:
+        """The function (t, y, held) -> command of the policy, (m,)."""
+        return BoundFunction(self._function("command", self._now.command))
+
+    @cached_property
+    def measured(self) -> BoundFunction:
+        """The function (t, y, held) -> states of the plant with sensor noise, (n,)."""
+        return BoundFunction(self._function("measured", self._now.measured))
 
     @cached_property
     def growth(self) -> float:
         """Largest growth of a mode of the linear loop, 1/s, or 0 if no mode is known to grow."""
         return float(self.loop.growing_modes().real.max(initial=0.0))
-
-    def refined(self, parts: int) -> CompiledLoop:
-        """Return the loop with several recorded steps in place of each."""
-        finer = copy(self)
-        finer.stepper = self.stepper.refined(parts)
-        return finer
 
     def fly(
         self,
@@ -87,8 +102,8 @@ class CompiledLoop:
         parameters: parameters of the plant, for an uncertain plant
         policy: used in place of the loop's policy. Only its held inputs may differ
         ticks: number of ticks, or None for that of the scenario
-        stop: function from the time history of some steps to a mask of these steps. The flight ends
-            with the tick of the first step that is True
+        stop: function from the time history of some rows to a mask of these rows. The flight ends
+            with the tick of the first row that is True
         progress: called during the flight
 
         Raises NoSolutionError with the time if a state is not finite and there is no `stop`.
@@ -96,29 +111,41 @@ class CompiledLoop:
         loop = self.loop if scenario is None else replace(self.loop, scenario=scenario)
         if policy is not None:
             loop = replace(loop, policy=policy)
-        flying = _Flying(loop, self.stepper, self._measured, self._command, parameters)
-
-        def over(rows: History) -> np.ndarray:
-            flown = self._flight(rows.times[:-1], rows.states[0, :-1], rows.seen[0])
-            return (_is_lost(flown) if stop is None else stop(flown))[None]
-
-        last_tick = loop.scenario.ticks if ticks is None else ticks
-        window = max(1, _ROWS // self.stepper.steps)
-        rows, ends = march(flying, last_tick, over=over, window=window, progress=progress)
-        flown = slice(ends[0] + 1)
-        flight = self._flight(rows.times[flown], rows.states[0, flown], rows.seen[0, flown])
+        is_over = _is_lost if stop is None else stop
+        ticks = loop.scenario.ticks if ticks is None else ticks
+        per_tick = loop.scenario.steps_per_tick
+        window = max(1, _ROWS // per_tick)
+        flying = _Flying(self, loop, ticks, window, parameters)
+        parts: list[tuple[np.ndarray, ...]] = []
+        for first in range(0, ticks, window):
+            last = min(first + window, ticks)
+            rows = flying.rows(first, last)
+            over = is_over(self._flight(*(part[:-1] for part in rows)))
+            if over.any():
+                last = first + math.ceil(over.argmax() / per_tick)
+            ends = over.any() or last == ticks
+            kept = slice((last - first) * per_tick + bool(ends))
+            parts.append(tuple(part[kept] for part in rows))
+            if progress is not None:
+                progress(ticks if ends else last, ticks)
+            if ends:
+                break
+        flight = self._flight(*map(np.concatenate, zip(*parts, strict=True)))
         lost = _is_lost(flight)
         if stop is None and lost.any():
             raise NoSolutionError(
                 f"the simulation diverges at t = {flight.times[lost.argmax()]:.6g} s; check that "
                 "the policy stabilizes the aircraft, or shorten the step"
             )
-        return flight
+        return replace(flight, integration_error=flying.integration.error)
 
     def _flight(self, times: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Deviations:
-        """Return the time history of some steps."""
+        """Return the time history of some rows.
+
+        rows, columns: states y and observed values at these times
+        """
         parts = self.loop.parts(rows)
-        errors, inputs, winds, angle = np.split(columns, self._ends, axis=1)
+        errors, inputs, winds, angle = (columns[:, place] for place in self._places)
         limited = parts.plant
         if self._alpha >= 0:
             limited = parts.plant.copy()
@@ -126,6 +153,26 @@ class CompiledLoop:
         air = dict(zip(self.loop.wind_names, winds.T, strict=True))
         cost = parts.cost[:, 0] if parts.cost.size else None
         return Deviations(times, parts.plant, errors, inputs, limited, air, cost)
+
+
+@lru_cache(maxsize=32)
+def _step(rate: str, nominal: tuple[float, ...], is_long: bool) -> ca.Function:
+    """Return `step_function` of a serialized rate, as machine code for long flights."""
+    step = step_function(_without_repetitions(rate), np.array(nominal))
+    return machine_code(step) if is_long else step
+
+
+@lru_cache(maxsize=32)
+def _rows(observed: str) -> RowFunction:
+    """Return a serialized function as a function of rows."""
+    return RowFunction(_without_repetitions(observed))
+
+
+def _without_repetitions(text: str) -> ca.Function:
+    """Return a serialized function in which no expression is computed twice."""
+    function = ca.Function.deserialize(text)
+    arguments = function.sx_in()
+    return ca.Function(function.name(), arguments, function.call(arguments), {"cse": True})
 
 
 class _Commands(NamedTuple):
@@ -142,112 +189,93 @@ class _Commands(NamedTuple):
 
 
 class _Flying:
-    """One flight of a closed loop for `march`, and its stepper, which breaks ticks at steps.
+    """One flight of a closed loop under way: its state, and the inputs that are held.
 
-    At each break, as at the start of a tick, the held inputs are computed anew.
+    Held inputs are computed at the start of each tick if they change with it, and at each break.
+
+    ticks: number of ticks
+    window: number of ticks after which rows are returned
     """
 
     def __init__(
         self,
+        compiled: CompiledLoop,
         loop: ClosedLoop,
-        runge_kutta: RungeKutta,
-        measured: BoundFunction,
-        command: BoundFunction,
+        ticks: int,
+        window: int,
         parameters: np.ndarray | None,
     ) -> None:
-        self.stepper: Stepper = self
-        self.step, self.steps, self.sizes = runge_kutta.step, runge_kutta.steps, runge_kutta.sizes
-        self._runge_kutta = runge_kutta
+        scenario = loop.scenario
+        self._compiled = compiled
         self._loop = loop
+        self._y = loop.start()
         self._sampler = loop.policy.sampler()
         self._sampled = np.zeros(0)
-        self._measured = measured
-        self._command = command
-        self._delay = loop.scenario.delayed_ticks * loop.scenario.tick
+        self._delay = scenario.delayed_ticks * scenario.tick
         self._commands: list[_Commands] = []
-        self._held = np.zeros((1, sum(loop.held_sizes)))
-        if parameters is not None:
-            self._held[0, loop.held_slices.parameters] = parameters
-        self._tick = 0
         self._resumed = 0.0, np.zeros(0)
-        self._breaks = self._breaks_by_tick()
+        self._held = np.zeros(sum(loop.held_sizes))
+        if parameters is not None:
+            self._held[loop.held_slices.parameters] = parameters
+        self._per_tick = scenario.steps_per_tick
+        self._times = scenario.step * np.arange(ticks * self._per_tick + 1)
+        changes_each_tick = self._sampler is not None or loop.changes_each_tick
+        self._changes = self._changes_of_held(1 if changes_each_tick else window)
+        longest = scenario.tick * (1 if compiled.is_driven else window)
+        self.integration = RungeKutta(compiled.step, longest, _SHORTEST * scenario.step)
 
-    def start(self) -> np.ndarray:
-        """Return y at time 0, (1, size)."""
-        return self._loop.start()[None]
-
-    def hold(self, tick: int, time: float, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
-        """Return the held inputs of a tick: gains and noise of the tick, sampled policy, delay."""
-        self._tick = tick
-        if self._sampler is not None:
-            self._loop.hold(tick, self._held[0])
-            (measured,) = self._measured.at(time, state[0], self._held[0])
-            self._sampled = self._sampler(tick, measured)
-            self._hold_commands(time, state)
-        else:
-            self._resume(time, state)
-        return self._held
-
-    def __call__(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after each step of a tick, and the values observed before it."""
-        breaks = self._breaks.get(self._tick, [])
-        advance = self._broken if breaks else self._runge_kutta
-        after, before = advance(time, state, held)
+    def _changes_of_held(self, ticks: int) -> np.ndarray:
+        """Return the times from which inputs are held, s: every so many ticks, and all breaks."""
+        times = self._times
+        breaks = self._loop.breaks
         if self._delay:
-            self._finish(time + self.steps * self.step, after[:, -1])
-        return after, before
+            breaks = np.concatenate([breaks, breaks + self._delay])
+        breaks = breaks[breaks < times[-1]]
+        row = times[np.rint(breaks / self._loop.scenario.step).astype(int)]
+        breaks = np.where(np.abs(row - breaks) <= SAME_TIME, row, breaks)
+        return np.unique(np.concatenate([times[:: ticks * self._per_tick], times[-1:], breaks]))
 
-    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return the values observed at a time, (1, k)."""
-        return self._runge_kutta.observed(time, state, held)
+    def rows(self, first: int, last: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Fly some ticks and return their times (N,), states y (N, n) and observed values (N, k).
 
-    def _broken(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the same as a call, for a tick in which held inputs change."""
-        left = list(self._breaks[self._tick])
-        after = np.empty((1, self.steps, self.sizes[0]))
-        before = np.empty((1, self.steps, self.sizes[1]))
-        for number in range(self.steps):
-            now, end = (time + (number + more) * self.step for more in (0, 1))
-            is_observed = False
-            while now < end:
-                if left and left[0] <= now + SAME_TIME:
-                    left.pop(0)
-                    self._finish(now, state)
-                    self._resume(now, state)
-                if not is_observed:
-                    before[:, number] = self.observed(now, state, held)
-                    is_observed = True
-                later = left[0] if left and left[0] < end - SAME_TIME else end
-                state = self._runge_kutta.over(now, state, held, later - now)
-                now = later
-            after[:, number] = state
-        return after, before
+        The last row is that at their end.
+        """
+        times = self._times[first * self._per_tick : last * self._per_tick + 1]
+        begin, end = np.searchsorted(self._changes, times[[0, -1]])
+        changes = self._changes[begin : end + 1]
+        held = []
+        for now, later in pairwise(changes.tolist()):
+            self._hold(now)
+            held.append(self._held.copy())
+            self._y = self.integration.advance(now, later, self._y, self._held)
+            self._finish(later)
+        states = self.integration.rows(times)
+        held_at = np.array(held)[np.searchsorted(changes[:-1], times, side="right") - 1]
+        (columns,) = self._compiled.observed(times[:, None], states, held_at)
+        return times, states, columns
 
-    def _resume(self, time: float, state: np.ndarray) -> None:
-        """Compute the held inputs from a time on."""
-        self._loop.hold(self._tick, self._held[0], time)
-        self._hold_commands(time, state)
-
-    def _hold_commands(self, time: float, state: np.ndarray) -> None:
-        """Write the commands of the policy and the delay into the held inputs of a time."""
-        loop, held = self._loop, self._held[0]
+    def _hold(self, time: float) -> None:
+        """Compute the inputs held from a time: gains, noise, samples of the policy, delay."""
+        loop, held = self._loop, self._held
+        ticks = time / loop.scenario.tick
+        tick = math.floor(ticks + SAME_TIME)
+        loop.hold(tick, held, time)
         if self._sampler is not None:
+            if abs(ticks - tick) <= SAME_TIME:
+                (measured,) = self._compiled.measured.at(time, self._y, held)
+                self._sampled = self._sampler(tick, measured)
             held[loop.held_slices.policy] = self._sampled
         if self._delay:
-            (command,) = self._command.at(time, state[0], held)
-            self._resumed = time, np.array(command)
+            (command,) = self._compiled.command.at(time, self._y, held)
+            self._resumed = time, command
             held[loop.held_slices.delay] = self._delayed(time)
 
-    def _finish(self, time: float, state: np.ndarray) -> None:
+    def _finish(self, time: float) -> None:
         """Store the commands since the held inputs were computed, for a delay."""
         if self._delay:
             begin, first = self._resumed
-            (command,) = self._command.at(time, state[0], self._held[0])
-            self._commands.append(_Commands(begin, time, first, np.array(command)))
+            (command,) = self._compiled.command.at(time, self._y, self._held)
+            self._commands.append(_Commands(begin, time, first, command))
 
     def _delayed(self, time: float) -> np.ndarray:
         """Return the delay's held inputs from a time on. Before the first command, they are 0."""
@@ -259,19 +287,7 @@ class _Flying:
         begin, end, first, last = self._commands[0]
         return np.concatenate([[begin + self._delay, end + self._delay], first, last])
 
-    def _breaks_by_tick(self) -> dict[int, list[float]]:
-        """Return number of a tick -> times in it at which held inputs change, s, increasing."""
-        times = self._loop.breaks
-        if self._delay:
-            times = np.unique(np.concatenate([times, times + self._delay]))
-        inside: dict[int, list[float]] = {}
-        for time in times.tolist():
-            tick = math.floor(time / self._loop.scenario.tick + SAME_TIME)
-            if time - tick * self._loop.scenario.tick > SAME_TIME:
-                inside.setdefault(tick, []).append(time)
-        return inside
-
 
 def _is_lost(flight: Deviations) -> np.ndarray:
-    """Return a mask (N,) of the steps at which a state of the plant is not finite."""
+    """Return a mask (N,) of the rows at which a state of the plant is not finite."""
     return np.asarray(~np.isfinite(flight.states).all(axis=1))
