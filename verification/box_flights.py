@@ -11,6 +11,7 @@ import numpy as np
 
 from controller.expansion.expansion import Expansion
 from controller.expansion.flights import TESTED, flown_until_decayed, scales_of_time
+from controller.riccati.balls import ROUNDOFF
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.ending import FAR_OF_EXPANSION
 from hfa_aircraft.march.refinement import Figures, ReportedFigure, resolved
@@ -23,8 +24,8 @@ from verification.plant import NonlinearPlant
 
 #: Largest cost of a critic's flight above that of the exact policy, relative to it.
 SHARE = 0.05
-#: Relative excess of a cost that is rounding.
-_ROUNDING = 1e-9
+#: Relative excess of a cost that may be rounding: half an ulp in each of a million steps.
+_ROUNDING = 1e6 * ROUNDOFF
 #: Longest flight, in durations after which flights of the exact policy have converged.
 _CLOCK = 10.0
 #: The parts of the box are 1, 1/2, 1/4, ..., at least this.

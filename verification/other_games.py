@@ -19,10 +19,8 @@ from hfa_support.errors import BadInputError, NoSolutionError
 _GRID = np.linspace(-3.0, 3.0, 19) * math.log(10.0)
 #: Games with more states are not searched: it takes a few hundred solutions.
 MOST_STATES = 16
-#: Largest error of P or K in doubles, relative to its largest entry, with which a game is solved.
-_NEAR = 1e-2
-#: A logarithm of the number is sought to this accuracy: numbers are printed with four digits.
-_ACCURACY = 1e-7
+#: Accuracy of the logarithm of the number, with which P and K are right within the usual limit.
+_ACCURACY = 1e-9
 
 
 class Family(NamedTuple):
@@ -89,13 +87,12 @@ def _families(exact: Solution) -> Iterator[Family]:
     if not game.N.any():
         yield Family(_times_R, 1.0, lambda factor: replace(game, R=factor * game.R))
     if not game.is_discrete:
-        slowest = 1.0 / max(float(np.abs(np.linalg.eigvals(game.A)).max()), 1e-12)
+        fastest = float(np.abs(exact.poles()).max())  # of a stable loop, not 0
         yield Family(
-            lambda dt: f"exact for the game sampled with dt {dt:.4g} s", 0.1 * slowest, game.sampled
+            lambda dt: f"exact for the game sampled with dt {dt:.4g} s", 0.1 / fastest, game.sampled
         )
         return
-    # 1 - discount, by factors
-    rest = (1.0 - game.discount) or 0.01
+    rest = (1.0 - game.discount) or 0.01  # by factors; others are tried about .99
     yield Family(
         lambda less: f"exact for discount {1.0 - less:.6g}, not {game.discount:.6g}",
         rest,
@@ -116,10 +113,14 @@ def _times_R(factor: float) -> str:
 
 
 def continuous(game: Game) -> Game | None:
-    """Return the game that is sampled, or None if the step does not come from one."""
+    """Return the game that is sampled, or None if the step does not come from one.
+
+    The logarithm of a step is real if no eigenvalue is 0 or negative.
+    """
     from scipy.linalg import logm
 
-    if not isinstance(game.dt, float):
+    poles = np.linalg.eigvals(game.A)
+    if not isinstance(game.dt, float) or np.any((poles.imag == 0.0) & (poles.real <= 0.0)):
         return None
     n, held = len(game.A), np.hstack([game.B, game.E])
     size = n + held.shape[1]
@@ -128,8 +129,6 @@ def continuous(game: Game) -> Game | None:
     try:
         rates = logm(step) / game.dt
     except (ValueError, np.linalg.LinAlgError):
-        return None
-    if np.iscomplexobj(rates) and np.abs(rates.imag).max() > 1e-9 * np.abs(rates).max():
         return None
     A, B, E = np.split(np.real(rates[:n]), [n, n + game.B.shape[1]], axis=1)
     weights = {name: getattr(game, name) / game.dt for name in "QRN"}
@@ -143,7 +142,7 @@ def continuous(game: Game) -> Game | None:
 def _nearest(family: Family, of: str, given: np.ndarray) -> OtherGame | None:
     """Return the game of a family of which P or K is nearest to a given one.
 
-    None if it is not near, or at an end of the searched range, as a gain of 0 is for an infinite R.
+    None if it is at an end of the searched range, as a gain of 0 is for an infinite R.
     """
     from scipy.optimize import minimize_scalar
 
@@ -167,9 +166,7 @@ def _nearest(family: Family, of: str, given: np.ndarray) -> OtherGame | None:
     options = {"xatol": _ACCURACY}
     with np.errstate(invalid="ignore"):  # the error of a game without a value is inf
         place = float(minimize_scalar(error, bounds=ends, method="bounded", options=options).x)
-    if not error(place) <= _NEAR:
-        return None
-    with suppress(NoSolutionError):
+    with suppress(NoSolutionError, BadInputError):
         nearest = getattr(solve(game_at(place)), of)
         return OtherGame(family.says(family.middle * math.exp(place)), nearest)
     return None

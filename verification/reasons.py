@@ -1,7 +1,7 @@
 """Search for the mistake in a wrong critic, by a table of exact transformations.
 
 A mistake is named only if the critic without it is right: each entry of P or K agrees with the
-exact one within `RIGHT`. Nothing is fitted, except which states or inputs have the mistake.
+exact one within the limit of the errors. Nothing else is decided by a tolerance.
 """
 
 from __future__ import annotations
@@ -17,21 +17,18 @@ from controller.critic.critic import Critic
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
+from hfa_support.reporting.text import percent
 from verification.box import balanced_units
-from verification.critic_errors import exact_action_value, matrix_errors, relative_error
+from verification.critic_errors import (
+    SMALL,
+    exact_action_value,
+    matrix_errors,
+    relative_error,
+)
 from verification.other_games import other_games
 
-#: Largest error of an entry without the mistake, and largest part of the error with the mistake.
-RIGHT, SHARE = 1e-3, 0.03
-#: A factor within this relative distance from its nominal value may be that of a mistake.
+#: A factor within this relative distance from its nominal value is tried as that of a mistake.
 NEAR = 0.05
-#: Smallest size of an entry, relative to the largest, to which its error is relative.
-SMALL = 1e-5
-#: Smallest size of a column, in place of 0.
-TINY = 1e-300
-#: If K differs more from the gain that P implies, relatively, K and P do not belong together. A
-#: smaller difference may be rounding.
-APART = 0.05
 #: Factor on a slope per degree, and on the column of a state in degrees.
 DEGREE = math.pi / 180.0
 _ANGLES = "as degrees and radians are"
@@ -62,16 +59,25 @@ class Mistake(NamedTuple):
 class Compared(NamedTuple):
     """A matrix of a critic beside the exact one.
 
-    kind: "P" or "K"
+    kind: "P", "K" or "H"
     given, exact: the matrices
     sizes: sizes of the entries, to which errors are relative. They change with the units as the
         entries do.
+    limit: largest error of an entry of a right matrix
     """
 
     kind: str
     given: np.ndarray
     exact: np.ndarray
     sizes: np.ndarray
+    limit: float
+
+    def first(self, mistakes: Iterator[Mistake]) -> str:
+        """Return the sentence of the first mistake without which the matrix is right, or ""."""
+        for mistake in mistakes:
+            if np.max(self.errors(mistake.undone)) <= self.limit:
+                return mistake.says
+        return ""
 
     def errors(self, matrix: np.ndarray) -> np.ndarray:
         """Return the relative error of each entry of a matrix."""
@@ -82,30 +88,29 @@ def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
     """Return a sentence that names the mistake in a wrong critic, or "" if none is recognized.
 
     exact: solution of the game
-    limit: largest relative error of a correct P
+    limit: largest relative error of a right critic
     """
     game = exact.game
-    if critic.H is not None and (reason := _reason_for_action_value(exact, critic, critic.H)):
+    if critic.H is not None and (reason := _reason_for_action_value(exact, critic, limit)):
         return reason
     if critic.P is None:
-        return _reason_for_gain(exact, critic.K)
+        return _reason_for_gain(exact, critic.K, limit)
     if all(check.ok for check in matrix_errors("P", critic.P, exact, limit)):
-        return _reason_for_policy(exact, critic, critic.P)
+        return _reason_for_policy(exact, critic, critic.P, limit)
     sizes = _sizes_of_states(exact)
-    values = Compared("P", critic.P, exact.P, np.outer(sizes, sizes))
+    values = Compared("P", critic.P, exact.P, np.outer(sizes, sizes), limit)
     mistakes = itertools.chain(
         _of_value(game, values), _of_weights(critic), _of_other_games(exact, values)
     )
-    return _first_mistake(values, mistakes) or _not_of_value(exact, critic, critic.P)
+    return values.first(mistakes) or _not_of_value(exact, critic, critic.P, limit)
 
 
-def _reason_for_gain(exact: Solution, K: np.ndarray) -> str:
-    gains = _gains(exact, K)
-    mistakes = itertools.chain(_of_gain(exact.game, gains), _of_other_games(exact, gains))
-    return _first_mistake(gains, mistakes)
+def _reason_for_gain(exact: Solution, K: np.ndarray, limit: float) -> str:
+    gains = _gains(exact, K, limit)
+    return gains.first(itertools.chain(_of_gain(exact.game, gains), _of_other_games(exact, gains)))
 
 
-def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray) -> str:
+def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray, limit: float) -> str:
     """Return a sentence on the wrong policy of a critic with a right P, or ""."""
     if critic.slope_gain is not None and critic.is_quadratic:
         return (
@@ -114,19 +119,19 @@ def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray) -> str:
         )
     return (
         _beyond_quadratic(critic)
-        or _reason_for_gain(exact, critic.K)
-        or _not_of_value(exact, critic, P)
+        or _reason_for_gain(exact, critic.K, limit)
+        or _not_of_value(exact, critic, P, limit)
     )
 
 
-def _reason_for_action_value(exact: Solution, critic: Critic, H: np.ndarray) -> str:
+def _reason_for_action_value(exact: Solution, critic: Critic, limit: float) -> str:
     """Return a sentence that names the mistake in the matrix H of an action value, or ""."""
-    right = exact_action_value(critic, exact)
-    if right is None:
+    H, right = critic.H, exact_action_value(critic, exact)
+    if H is None or right is None:
         return ""
     diagonal = np.sqrt(np.abs(np.diag(right)))
     sizes = _floored(diagonal)
-    values = Compared("H", H, right, np.outer(sizes, sizes))
+    values = Compared("H", H, right, np.outer(sizes, sizes), limit)
     n, m = exact.game.B.shape
     orders = {"(u, x)": [*range(m, m + n), *range(m)]}
     if len(H) > n + m:
@@ -146,12 +151,12 @@ def _reason_for_action_value(exact: Solution, critic: Critic, H: np.ndarray) -> 
         yield Mistake(says, -H)
         yield from _factors("action value", "Q is [x; u; w]'H [x; u; w], without 1/2", values)
 
-    return _first_mistake(values, mistakes())
+    return values.first(mistakes())
 
 
 def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
     """Yield that P or K is exact for a game that differs by one number, the nearest game first."""
-    kind, given, right, _ = compared
+    kind, given, right = compared.kind, compared.given, compared.exact
     numbers = np.triu(right) if kind == "P" else right
     if np.count_nonzero(numbers) < 2:
         return  # a single number agrees with many games
@@ -162,29 +167,15 @@ def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
     yield from sorted(undone, key=lambda mistake: np.max(compared.errors(mistake.undone)))
 
 
-def _not_of_value(exact: Solution, critic: Critic, P: np.ndarray) -> str:
-    """Return a sentence that K is not the gain that P implies, or "" if it is.
+def _not_of_value(exact: Solution, critic: Critic, P: np.ndarray, limit: float) -> str:
+    """Return a sentence on how much K differs from the gain that P implies, or "".
 
     K and P of an action value are not stored.
     """
-    if critic.H is not None:
+    apart = relative_error(exact.K + critic.K - exact.game.gain(P), exact.K)
+    if critic.H is not None or apart <= limit:
         return ""
-    difference = critic.K - exact.game.gain(P)
-    if relative_error(exact.K + difference, exact.K) <= APART:
-        return ""
-    return (
-        "K is not the gain that P implies: the stored K and P do not belong together, or not "
-        "to this plant and R"
-    )
-
-
-def _first_mistake(compared: Compared, mistakes: Iterator[Mistake]) -> str:
-    """Return the sentence of the first mistake without which P or K is right, or ""."""
-    error = float(np.max(compared.errors(compared.given)))
-    for mistake in mistakes:
-        if np.max(compared.errors(mistake.undone)) <= min(RIGHT, SHARE * error):
-            return mistake.says
-    return ""
+    return f"K differs by {percent(100.0 * apart)} from the gain that P implies on this plant"
 
 
 def _sizes_of_states(exact: Solution) -> np.ndarray:
@@ -193,7 +184,7 @@ def _sizes_of_states(exact: Solution) -> np.ndarray:
     return _floored(np.sqrt(np.abs(np.diag(exact.P))) * units) / units
 
 
-def _gains(exact: Solution, K: np.ndarray) -> Compared:
+def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
     """Return K beside the exact one, with the sizes r_i c_j of entries at which costs are 1:
     c_j = |K_:j| and r_i = |K_i: / c|.
     """
@@ -203,7 +194,7 @@ def _gains(exact: Solution, K: np.ndarray) -> Compared:
     priced = exact.K * inputs[:, None] / states
     columns = _floored(np.linalg.norm(priced, axis=0))
     rows = _floored(np.linalg.norm(priced / columns, axis=1))
-    return Compared("K", K, exact.K, np.outer(rows / inputs, columns * states))
+    return Compared("K", K, exact.K, np.outer(rows / inputs, columns * states), limit)
 
 
 def _floored(lengths: np.ndarray) -> np.ndarray:
@@ -337,7 +328,7 @@ def _of_rows(
     noun: what the rows belong to
     units: name of a wrong unit -> factor on a row
     """
-    columns = np.maximum(np.abs(exact).max(axis=0), TINY)
+    columns = np.maximum(np.abs(exact).max(axis=0), np.finfo(float).tiny)
     rows, exact_rows = given / columns, exact / columns
     with np.errstate(over="ignore"):  # of a K with a zero column
         distances = np.sum((rows[:, None] - exact_rows) ** 2, axis=-1)
@@ -355,12 +346,13 @@ def _factors(noun: str, meant: str, compared: Compared) -> Iterator[Mistake]:
     noun: what the matrix stands for, the value or the gain
     meant: the right convention, as in "V is z'P z"
     """
-    kind, given, exact, sizes = compared
+    kind, given, exact, sizes, _ = compared
     for factor, wrong in FACTORS.items():
         yield Mistake(f"the {noun} {wrong}: {meant}", given / factor)
     ratio = float(np.sum(given * exact / sizes**2) / (np.sum((exact / sizes) ** 2) or 1.0))
     if ratio and math.isfinite(ratio) and np.count_nonzero(exact) > 1:
-        shown = f"{ratio:.4g}" if abs(ratio - 1.0) > NEAR else f"{ratio:.8g}"
+        shown = f"{ratio:.4g}"
+        shown = f"{ratio:.8g}" if shown == "1" else shown
         yield Mistake(f"every entry of {kind} is {shown} times the exact one", given / ratio)
 
 
@@ -394,7 +386,7 @@ def _order_text(noun: str, order: np.ndarray) -> str:
 
 def _one_entry(compared: Compared) -> Iterator[Mistake]:
     """Yield that the entry with the largest error has a wrong sign, or alone differs."""
-    kind, given, exact, _ = compared
+    kind, given, exact, *_ = compared
     if np.count_nonzero(np.triu(exact) if kind == "P" else exact) < 3:
         return  # a single number agrees with many mistakes
     errors = compared.errors(given)

@@ -21,9 +21,9 @@ from hfa_support.arguments import ArrayLike
 from hfa_support.errors import NoSolutionError
 from trim.linear.linear_model import LinearModel
 
-#: A gain below this, or above its inverse, is a crossover at infinite frequency, or none, that
-#: rounding moved.
-ROUNDING = 1e-9
+#: Where M - 1/2 or M + 1/2 is below this, half of its digits are lost: a gain below this, or above
+#: its inverse, is a crossover at infinite frequency, or none.
+ROUNDING = math.sqrt(np.finfo(float).eps)
 #: Largest number of alternating secant and bisection steps for a crossover.
 _ROUNDS = 17
 #: A crossover has converged if two secants agree to this relative accuracy.
@@ -143,7 +143,7 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     seen = locus(grid)
     real = _crossings(np.imag, locus, grid, seen)
     imaginary = _crossings(np.real, locus, grid, seen)
-    static = seen[:1][np.abs(seen[:1].imag) <= ROUNDING * np.abs(seen[:1])]
+    static = seen[grid == 0.0]
     at_infinity = only.D.ravel()
     real_values = np.concatenate([static.real, real.values.real, at_infinity])
     frequencies = only.rate(imaginary.frequencies)
@@ -206,7 +206,7 @@ def _crossings(
     seen: M at the grid, (N,)
     """
     # If l is 0 or infinite up to rounding, rounding changes the sign of Im M.
-    is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < 0.1 * ROUNDING
+    is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < ROUNDING
     above = part(seen) > 0.0
     (where,) = np.nonzero((above[1:] != above[:-1]) & ~(is_lost[1:] & is_lost[:-1]))
     low, high = grid[where], grid[where + 1]

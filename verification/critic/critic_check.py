@@ -42,8 +42,6 @@ _CRITICS = (
     "a critic: write hfa.from_gain(game, K), hfa.from_value(game, P), hfa.from_weights(game, W, "
     "basis=...), hfa.from_network(game, NETWORK) or hfa.read_critic(FILE, game)"
 )
-#: Slope of a policy or curvature of a value, relative to the exact one, below which it is 0.
-_FLAT = 1e-6
 
 
 def verify(
@@ -242,23 +240,38 @@ def _refuse_other_time(game: Game, is_discrete: bool | None) -> None:
 
 def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> str:
     """Return the mistake that explains a wrong critic, or "" if none is recognized."""
-    from verification.network.mistakes import mistake_of_policy
     from verification.reasons import reason_for
 
     if not critic.is_finite:
         return ""
     if critic.network and critic.weights is None:
-        if critic.P is not None:
-            if box @ np.abs(critic.P) @ box <= _FLAT * (box @ np.abs(exact.P) @ box):
-                return "V of the network has no curvature at the trim"
-        elif len(critic.K) == 1 and np.all(np.abs(critic.K) @ box <= _FLAT * np.abs(exact.K) @ box):
-            return "the output, read as u, has no slope at the trim; if it is V: --network V=NAME"
-        mistake = mistake_of_policy(critic, exact, box, limit)
-        if critic.has_kink and not mistake:
-            return "the policy has a kink at the trim, and K has the mean slopes of both sides"
-        if mistake or relative_error(critic.K, exact.K) <= limit:
-            return mistake
+        return _reason_of_network(exact, critic, box, limit)
     return reason_for(exact, critic, limit)
+
+
+def _reason_of_network(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> str:
+    """Return what is found of a network in the box, and the mistake in K or P."""
+    from verification.network.mistakes import finding_of_policy
+    from verification.reasons import reason_for
+
+    if critic.P is not None:
+        if not critic.P.any():
+            return "V of the network has no curvature at the trim"
+    elif len(critic.K) == 1 and not critic.K.any():
+        return "the output, read as u, has no slope at the trim; if it is V: --network V=NAME"
+    found = finding_of_policy(critic, exact, box, limit)
+    if found is not None and found.rest is None:
+        return found.says
+    if found is not None and found.rest <= limit:
+        return f"{found.says}; otherwise the policy is exact"
+    if found is None and critic.has_kink:
+        return "the policy has a kink at the trim, and K has the mean slopes of both sides"
+    of_slopes = ""
+    if relative_error(critic.K, exact.K) > limit:
+        of_slopes = reason_for(exact, critic, limit)
+    if found is None:
+        return of_slopes
+    return f"{found.says}; {of_slopes or f'otherwise the policy is off by {found.rest:.2g}'}"
 
 
 def _polynomial_section(critic: Critic) -> Section:

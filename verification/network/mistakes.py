@@ -1,6 +1,8 @@
-"""Mistakes of a policy that is not linear: a bias, and actions that are clipped."""
+"""What a policy that is not linear does in the box: a bias, actions that are clipped, a squash."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,17 +16,25 @@ STATES = 8000
 STATES_OF_WIDE = 200
 #: Smallest number of states that are no corners and have the extreme value of a clipped input.
 CLIPPED = 3
-#: Largest error of the rest of a policy with a bias or clipped actions.
-REST = 0.01
-#: An input that stays below this part of the largest exact one is squashed.
-SQUASHED = 0.9
 
 
-def mistake_of_policy(critic: Critic, exact: Solution, box: np.ndarray, limit: float) -> str:
-    """Return a sentence on a constant or on clipped actions that explain the errors of u, or "".
+class Finding(NamedTuple):
+    """What a policy that is not linear does in the box.
 
-    They explain the errors if those of the rest of the policy are at most `REST`. Errors are
-    relative to the largest exact input in the box.
+    says: sentence
+    rest: largest error of u without the finding, relative to the largest exact input in the box;
+        None if nothing else is to be said
+    """
+
+    says: str
+    rest: float | None = None
+
+
+def finding_of_policy(
+    critic: Critic, exact: Solution, box: np.ndarray, limit: float
+) -> Finding | None:
+    """Return that a policy has a constant, clipped actions, or inputs that never move; or that it
+    is squashed. None if nothing is found.
 
     box: half-widths of the box of states, (n,)
     limit: largest error that passes
@@ -38,7 +48,7 @@ def mistake_of_policy(critic: Critic, exact: Solution, box: np.ndarray, limit: f
     sizes = np.maximum(np.abs(exact.K) @ box, np.finfo(float).tiny)
     errors = np.abs(u - bias + states @ exact.K.T) / sizes
     if np.all(u == u[0]):
-        return "the policy never moves an input: u is the same in the whole box"
+        return Finding("the policy never moves an input: u is the same in the whole box")
     rest = 0.0
     clips, still = [], []
     for name, unit, values, error in zip(
@@ -60,28 +70,33 @@ def mistake_of_policy(critic: Critic, exact: Solution, box: np.ndarray, limit: f
         facts.append(f"{' and '.join(still)} {'is' if len(still) == 1 else 'are'} never moved")
     if clips:
         facts.append(f"{', '.join(clips)} of the box")
-    if not facts or not rest <= REST:
-        return _squashed(critic, exact, u, sizes)
-    otherwise = "exact" if rest <= limit else f"off by {rest:.2g}"
-    return f"{'; '.join(facts)}; otherwise the policy is {otherwise}"
+    if not facts:
+        return _squashed(critic, exact, box, limit)
+    return Finding("; ".join(facts), rest)
 
 
-def _squashed(critic: Critic, exact: Solution, u: np.ndarray, sizes: np.ndarray) -> str:
-    """Return a sentence on inputs with right slopes that stay below the exact ones, or "".
+def _squashed(critic: Critic, exact: Solution, box: np.ndarray, limit: float) -> Finding | None:
+    """Return that inputs with right slopes stay below the exact ones.
 
-    u: inputs at states in the box, (N, m)
-    sizes: largest exact inputs in the box, (m,)
+    The inputs are those at the corners of the box where the exact ones are largest.
     """
-    if relative_error(critic.K, exact.K) > REST:
-        return ""
+    if relative_error(critic.K, exact.K) > limit:
+        return None
+    corners = -box * np.where(exact.K < 0.0, -1.0, 1.0)
     texts = [
-        f"{name} stays within ±{reach:.4g}{_shown(unit)}, where the exact one reaches {size:.4g}"
-        for name, unit, reach, size in zip(
-            exact.names.inputs, exact.names.input_units, np.abs(u).max(axis=0), sizes, strict=True
+        f"{name} is {reached:.4g}{_shown(unit)}, where the exact one is {size:.4g}"
+        for name, unit, reached, size in zip(
+            exact.names.inputs,
+            exact.names.input_units,
+            np.diag(critic.u(corners)),
+            np.abs(exact.K) @ box,
+            strict=True,
         )
-        if reach < SQUASHED * size
+        if 0.0 <= reached < (1.0 - limit) * size
     ]
-    return f"K is right, but {', '.join(texts)}: a squash, as tanh" if texts else ""
+    if not texts:
+        return None
+    return Finding(f"K is right, but {', '.join(texts)}, as by a squash (tanh)")
 
 
 def bias_text(critic: Critic, exact: Solution) -> str:
