@@ -267,7 +267,9 @@ class Transcription:
         begin = problem.padded(start)
         below, above = self._bounds(begin, margin)
         guess = unknowns_in_order(z / of_states, v / of_inputs)
-        scale = 1.0 / max(float(start @ problem.P @ start), 1e-12)
+        scale = 1.0 / (
+            float(start @ problem.P @ start) or 1.0
+        )  # without a cost, any scale is right
         parameters = np.concatenate([begin / of_states, lengths, [scale]])
         solved = solved_by(
             self._solver,

@@ -173,7 +173,7 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     wanted = min(most, _LONG / slowest if horizon is None else horizon)
     is_slow = dt >= _SLOW
     last = _LAST * (_LONGER if is_slow else 1.0)
-    longest = int(np.clip(last / (scaled.fastest * dt), 1, _MOST_SAMPLES))
+    longest = max(1, int(last / max(scaled.fastest * dt, last / _MOST_SAMPLES)))
     longest = 1 << (longest.bit_length() - 1)
     count = HOLDS * (1 + is_slow)
     grids = [Grid(scaled, dt, fine, count, longest) for fine in (*_FINE, count)]
@@ -199,7 +199,7 @@ def sample_time(scaled: ScaledProblem, asked: float | None = None) -> float:
     try:
         rule = _rule_of_samples(scaled)
     except NoSolutionError:
-        rule = _FASTEST / scaled.fastest
+        rule = _FASTEST / scaled.fastest if scaled.fastest else math.inf
     if asked > _COARSEST * rule:
         raise BadInputError(
             f"dt is {shown(asked)} s; give at most {_COARSEST * rule:.3g} s, "

@@ -68,7 +68,8 @@ def hold_of(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, seconds:
     rates = np.zeros((n + m, n + m))
     rates[:n] = np.hstack([A, B])
     size = float(np.abs(rates).sum(axis=1).max()) * seconds
-    doublings = max(0, math.ceil(math.log2(max(size, 1e-300) / _SHORT)))
+    _, exponent = math.frexp(size / _SHORT)  # size / _SHORT < 2^exponent, 0 for 0
+    doublings = max(0, exponent)
     of_both = np.block([[-rates.T, block_diag(Q, R)], [np.zeros_like(rates), rates]])
     moved = expm(of_both * seconds / 2**doublings)
     over = moved[n + m :, n + m :]

@@ -126,7 +126,7 @@ class Planner:
         pull = 2.0 * np.abs(P[:, :k]) @ self.scaled.box
         prices = _STIFF * np.maximum(pull, _LEAST_PRICE * pull.max())[self.soft] / self.grid.dt
         reach = np.minimum(0.5 * (highest - lowest)[self.soft], _LARGEST_SLACK)
-        return prices, prices / np.maximum(reach, 1e-9)
+        return prices, prices / reach
 
     def value(self, z: np.ndarray) -> float:
         """Return the linear cost z'Pz of some states, (n,)."""

@@ -31,9 +31,10 @@ from trim.point.operating_point import OperatingPoint
 
 #: Points of the Gauss quadrature on the ray from the trim to the state.
 _POINTS = 4
-#: Default weight of a kept rate at its limit, in units of 1/nominal². It was found on the flexible
-#: aircraft: with twice of it, flights at 5 deg cost up to 1.5 times the best instead of 1.23 times.
-LIMIT_WEIGHT = 5.0
+#: Default weight of a kept rate at its limit, relative to the least weight of inputs, in nominal
+#: units. It was found on the flexible aircraft: with twice of it, flights at 5 deg cost up to 1.5
+#: times the best instead of 1.23 times.
+LIMIT_WEIGHT = 10.0
 #: Most negative eigenvalue of P, relative to its norm.
 _NEGATIVE = 1e-9
 
@@ -108,7 +109,7 @@ class RiccatiLaw:
     E: disturbance matrix, (k, p)
     delta: δ, or inf for the LQR
     P: solution at the trim, (k, k)
-    limit_weight: weight of a kept rate at its limit, 1/nominal²
+    limit_weight: weight of a kept rate at its limit, relative to the least eigenvalue of R
     """
 
     def __init__(
@@ -125,7 +126,7 @@ class RiccatiLaw:
         self._attenuated = E @ E.T / delta**2
         self._P = P
         self._kept = [scaled.problem.states.index(name) for name in self.nearest.states]
-        self._limit_weight = limit_weight
+        self._limit_weight = limit_weight * float(np.linalg.eigvalsh(scaled.linear_states[3])[0])
         nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
         #: Points of the ray from the trim to the state, as fractions of it, each with its weight.
         self._ray = list(zip(0.5 * (1.0 + nodes), 0.5 * weights, strict=True))
@@ -229,7 +230,8 @@ def state_dependent(
     Q, R: weights, as `hfa.game` accepts them and with its defaults
     delta, E: δ and disturbance matrix of the game, as `hfa.game` accepts them; by default the LQR
     dt: sample time, s, by default chosen from the linear model as for `hfa.predictive`
-    limit_weight: weight that is added to a kept rate at its limit, in units of 1/nominal²
+    limit_weight: weight that is added to a kept rate at its limit, relative to the least eigenvalue
+        of R, in nominal units
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
 
     Raises BadInputError for a wrong argument. Raises NoSolutionError if the game at the trim has no

@@ -45,6 +45,16 @@ def test_at_the_trim_it_is_the_exact_policy_of_the_game():
         hfa.state_dependent(GTM, LEVEL, game.Q, game.R, delta=0.5 * exact.delta_min)
 
 
+def test_the_command_does_not_depend_on_the_unit_of_the_cost():
+    """Weights of the kept pitch rate follow Q and R."""
+    start = LEVEL.x + 0.05
+    commands = [
+        hfa.state_dependent(GTM, LEVEL, unit * np.eye(4), unit * np.eye(2))(0.0, start)
+        for unit in (1.0, 32.0)
+    ]
+    np.testing.assert_allclose(commands[0], commands[1], rtol=1e-9)
+
+
 def pushed(policy, start):
     """Return a flight of the Duffing oscillator."""
     return hfa.fly(DUFFING, AT_REST, policy, 8.0, initial=start, predict=False)
