@@ -120,11 +120,10 @@ def updated(
     for place, (row, used) in enumerate(zip(rows, is_used, strict=True)):
         variance = float(noise[place])
         own = G[row, row] / (G[row, row] + variance)
-        gain = ca.fmin(1.0, largest[place] / own) * G[:, row] / (G[row, row] + variance)
-        applied = ca.if_else(used, gain, 0.0)
-        x = x + applied * ca.if_else(used, seen[place] - x[row], 0.0)
-        P = _corrected(P, applied, row, variance)
-        G = _corrected(G, ca.if_else(ca.logic_or(used, is_blind), gain, 0.0), row, variance)
+        gain = ca.fmin(1.0, largest[place] / own) / (G[row, row] + variance) * G[:, row]
+        x = x + gain * ca.if_else(used, seen[place] - x[row], 0.0)
+        P = _corrected(P, used * gain, row, variance)
+        G = _corrected(G, ca.logic_or(used, is_blind) * gain, row, variance)
     impossible, finite = sum(is_impossible, ca.SX(0)), sum(is_finite, ca.SX(0))
     missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(finite > 0, 0, before.missed))
     is_lost = ca.logic_and(missed >= LOST, 2 * impossible > finite)
@@ -153,8 +152,13 @@ def _corrected(P: ca.SX, gain: ca.SX, row: int, variance: float) -> ca.SX:
     variance: that of the value's noise
     """
     of_row = P[:, row]
-    both = ca.mtimes(gain, of_row.T)
-    return P - both - both.T + (P[row, row] + variance) * ca.mtimes(gain, gain.T)
+    rest = of_row - (P[row, row] + variance) * gain
+    return _mirrored(P - ca.mtimes(gain, of_row.T) - ca.mtimes(rest, gain.T))
+
+
+def _mirrored(covariance: ca.SX) -> ca.SX:
+    """Return the symmetric matrix of a lower triangle: the upper one is not computed."""
+    return ca.tril2symm(ca.tril(covariance))
 
 
 def _at_values(
@@ -257,7 +261,7 @@ def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX | ca.DM)
 
 def _later(known: KalmanFilter, P: ca.SX, Phi: ca.SX | ca.DM) -> tuple[ca.SX, ca.SX]:
     """Return the covariance of the next sample, and 1 unless it stands still, being too large."""
-    later = ca.mtimes(ca.mtimes(Phi, P), Phi.T) + known.Q
+    later = _mirrored(ca.mtimes(ca.mtimes(Phi, P), Phi.T) + known.Q)
     is_known = ca.SX(1)
     for place, variance in enumerate(np.diag(known.P).tolist()):
         is_known = ca.logic_and(is_known, later[place, place] <= _UNKNOWN * variance)
