@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from reportlab.lib.pagesizes import A4, landscape
+from reportlab.lib.utils import simpleSplit
 from reportlab.pdfgen.canvas import Canvas
 from reportlab.platypus import (
+    BalancedColumns,
     BaseDocTemplate,
     Flowable,
     Frame,
@@ -27,18 +29,14 @@ from hfa_support.reporting.pdf_parts import (
     BOLD,
     CELL,
     FRAME,
-    GAP,
     NOTE,
     SANS,
     TEXT,
-    Drawing,
-    columns_of,
-    label_widths,
-    labelled,
+    drawing,
     paragraph,
     register_fonts,
+    rows_of_group,
     tables,
-    text_width,
 )
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Table, flowing, is_warning, printable
@@ -49,8 +47,8 @@ _MARGIN, _FOOT = 34.0, 18.0
 _PAGES = {"high": A4, "wide": landscape(A4)}
 #: Sizes of headings by level, points.
 _HEADINGS = (13.0, 11.0, 10.0)
-#: Width of a label of a cover, and height of a line to sign, points.
-_LABEL, _LINE = 90.0, 26.0
+#: Width of a label of a cover, height of a line to sign, and gap between columns, points.
+_LABEL, _LINE, _GAP = 90.0, 26.0, 16.0
 _IN_FRAMES = [("GRID", (0, 0), (-1, -1), 0.5, FRAME), ("VALIGN", (0, 0), (-1, -1), "TOP")]
 
 
@@ -80,7 +78,7 @@ def write_pdf(report: Contents, path: Path) -> None:
 
 
 def _page_template(name: str) -> PageTemplate:
-    frame = Frame(_MARGIN, _MARGIN, *_area(name), *(0.0,) * 4)
+    frame = Frame(_MARGIN, _MARGIN, *_area(name), *(0.0,) * 4, id=name)
     return PageTemplate(name, [frame], pagesize=_PAGES[name])
 
 
@@ -109,23 +107,13 @@ class _NumberedPages(Canvas):
         for number, page in enumerate(self.pages, start=1):
             self.__dict__.update(page)
             right = self._pagesize[0] - _MARGIN
-            count = f"{number} of {len(self.pages)}"
             self.setFont(SANS, CELL)
             self.setFillColor(NOTE)
-            self.drawRightString(right, _FOOT, count)
-            room = right - text_width(count) - GAP - _MARGIN
-            self.drawString(_MARGIN, _FOOT, _beginning(self.footer, room))
+            self.drawRightString(right, _FOOT, f"{number} of {len(self.pages)}")
+            first, *_ = simpleSplit(self.footer, SANS, CELL, 0.8 * right) or [""]
+            self.drawString(_MARGIN, _FOOT, first)
             super().showPage()
         super().save()
-
-
-def _beginning(text: str, room: float) -> str:
-    """Return a text, or as much of its beginning as fits, with "…"."""
-    if text_width(text) <= room:
-        return text
-    while text and text_width(f"{text}…") > room:
-        text = text[:-1]
-    return f"{text}…"
 
 
 def _story(report: Contents, level: int) -> Iterator[Flowable]:
@@ -134,8 +122,7 @@ def _story(report: Contents, level: int) -> Iterator[Flowable]:
     level: 0 for the document, 1 for a report in it
     """
     yield from _heading(report, level)
-    after = [f"Note: {note}" for note in report.notes]
-    after += filter(None, report.source.split("\n"))
+    after = (*(f"Note: {note}" for note in report.notes), *report.source.split("\n"))
     nested = [part for part in report.parts if isinstance(part, Contents)]
     others = [part for part in report.parts if not isinstance(part, Contents)]
     if nested:
@@ -150,7 +137,7 @@ def _story(report: Contents, level: int) -> Iterator[Flowable]:
             yield _framed(dict.fromkeys(BLANKS, ""), _LINE)
         yield Spacer(0.0, 6.0)
     if any(isinstance(part, Group) for part in others):
-        yield from _sheet(others, after, is_alone=level == 0)
+        yield from _sheet(others, after, with_pictures=level == 0)
     else:
         for part in others:
             yield from _part(part, "high")
@@ -190,15 +177,16 @@ def _lines(text: str) -> Iterator[Flowable]:
 
 
 def _small(lines: Sequence[str]) -> Iterator[Flowable]:
-    for line in lines:
+    for line in filter(None, lines):
         yield paragraph(line, CELL, textColor=NOTE, spaceBefore=3.0)
 
 
 def _framed(entries: Mapping[str, str], height: float | None = None) -> Grid:
     """Return entries, label -> text, in frames beside each other."""
-    cells = [labelled(*entry) for entry in entries.items()]
-    widths = label_widths(entries, _area("high")[0])
-    return Grid([cells], widths, height, style=_IN_FRAMES)
+    cells = [
+        [paragraph(label, CELL, BOLD), paragraph(text, CELL)] for label, text in entries.items()
+    ]
+    return Grid([cells], ["*"] * len(cells), height, style=_IN_FRAMES)
 
 
 def _book(
@@ -234,7 +222,7 @@ def _part(part: Any, page: str) -> Iterator[Flowable]:
     """Yield a paragraph, a table with sentences below it, a tuple of such parts, or a picture."""
     width, height = _area(page)
     if isinstance(part, Picture):
-        yield Drawing(part, height, is_optional=False)
+        yield from drawing(part, width, height)
     elif isinstance(part, str):
         yield from _lines(flowing(part))
     elif isinstance(part, Table):
@@ -246,28 +234,23 @@ def _part(part: Any, page: str) -> Iterator[Flowable]:
             yield from _part(each, page)
 
 
-def _sheet(parts: Sequence[Any], after: Sequence[str], is_alone: bool) -> Iterator[Flowable]:
+def _sheet(parts: Sequence[Any], after: Sequence[str], with_pictures: bool) -> Iterator[Flowable]:
     """Yield a sheet: its rows and sentences in two columns, then other tables and pictures.
 
     after: notes and provenance
-    is_alone: whether a picture that does not fit has a page of its own
     """
-    groups: list[Group] = []
+    columns: list[Flowable] = []
     rest = []
     for part in parts:
         lines = part if isinstance(part, tuple) and not isinstance(part, Table) else (part,)
         if isinstance(part, Group):
-            groups.append(part)
+            columns += rows_of_group(part)
         elif all(isinstance(line, str) for line in lines):
-            groups.append(Group("", (), lines))
-        else:
+            columns += _small(lines)
+        elif with_pictures or not isinstance(part, Picture):
             rest.append(part)
-    if after:
-        groups.append(Group("", (), tuple(after)))
-    width, height = _area("high")
-    yield columns_of(groups, width, height)
+    columns += _small(after)
+    none = dict.fromkeys(("leftPadding", "rightPadding", "topPadding", "bottomPadding"), 0.0)
+    yield BalancedColumns(columns, innerPadding=_GAP, spaceAfter=6.0, **none)
     for part in rest:
-        if isinstance(part, Picture):
-            yield Drawing(part, height, is_optional=not is_alone)
-        else:
-            yield from _part(part, "high")
+        yield from _part(part, "high")
