@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,13 +22,12 @@ from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
 from hfa_page.claims import load_claims
 from hfa_page.flights import load_flights
-from hfa_page.job_report import critic_picture, main_report, page, plotly_script
+from hfa_page.job_report import critic_picture, main_report, page, plotly_script, sections_of
 from hfa_page.main_job import (
     ASKED,
     MOST_ASKED,
     MOST_SWEPT,
     SWEEP,
-    MainJob,
     main_job,
     slider_beside,
 )
@@ -37,9 +36,6 @@ from hfa_support.files import write_text
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
-
-if TYPE_CHECKING:
-    from hfa_support.provenance import Provenance
 
 
 def _claims(text: str) -> Any:
@@ -141,10 +137,12 @@ def report(request: ReportRequest) -> Outcome:
     )
     job = replace(job, flights=request.flights, beside=beside)
     source = asked.source(condition, asked.parameters(hold))
-    whole = stated(request, main_report(job), source)
+    sections = sections_of(job)
+    whole = stated(request, main_report(job, sections), source)
     lines = []
     if place is not None:
-        lines.append(_written(job, whole, place, provenance(request, source)))
+        html = page(job, sections, provenance(request, source))
+        lines.append(_written(html, whole, place))
     lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
     lines.append(
         f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}"
@@ -158,9 +156,10 @@ def report(request: ReportRequest) -> Outcome:
     )
 
 
-def _written(job: MainJob, report: Report, place: Path, origin: Provenance) -> str:
-    """Write the page and return a line with the names of the written files."""
-    html = page(job, report, origin)
+def _written(html: str, report: Report, place: Path) -> str:
+    """Write the page, in a folder also its pictures and numbers, and return a line with their
+    names.
+    """
     if place.suffix:
         write_text(place, html)
         return f"wrote {printable(place)}"

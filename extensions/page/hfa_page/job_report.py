@@ -20,12 +20,11 @@ from hfa_page.claims import claims_section
 from hfa_page.compared_with_print import printed_comparison_tables
 from hfa_page.flights import flights_section
 from hfa_page.main_job import MainJob, Position, Slider
-from hfa_page.plots import pictures_over
+from hfa_page.plots import InteractivePlot, pictures_over
 from hfa_page.turbulence import flight_in_turbulence
 from hfa_support.errors import missing_package
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
-from hfa_support.reporting.markup import figure_html
 from hfa_support.reporting.parts import Part, Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
@@ -55,36 +54,59 @@ _POLICY = (
 )
 
 
-def main_report(job: MainJob) -> Report:
-    """Return the report of all results on the page. The data of the report contain every number."""
-    regeneration = job.regeneration.report()
+class Sections(NamedTuple):
+    """Sections of the page.
+
+    of_sliders: pictures of each aircraft that follow its slider
+    in_air: the flight in turbulence at the first requested angle
+    angles: model, game and critic at each requested angle
+    claims: claims of the paper
+    others: comparison with the print, meanings of the checks, modes, and the aircraft
+    """
+
+    of_sliders: tuple[Report, ...]
+    in_air: tuple[Report, ...]
+    angles: tuple[Report, ...]
+    claims: Report
+    others: tuple[Report, ...]
+
+
+def sections_of(job: MainJob) -> Sections:
+    """Return the sections of the page, with a flight that is simulated for it."""
     swept = job.slider.sweep.report()
-    angles = [angle_report(job, angle) for angle in job.angles]
-    claims = claims_section(job.claims, job.regeneration)
-    in_air = [flight_in_turbulence(angle) for angle in job.angles[:1]]
-    critics = []
-    for report in angles:
-        if "critic" in report.data:
-            angle_deg = report.data["dihedral_deg"]
-            critics.append({"dihedral_deg": angle_deg, **report.data["critic"]})
     tables = [part for part in swept.parts if not isinstance(part, Picture)]
-    return Report(
-        title="",
-        parts=(
-            *(Report(subject(slider.sweep.model), pictures_over(slider)) for slider in job.sliders),
-            *in_air,
-            *angles,
-            claims,
+    return Sections(
+        of_sliders=tuple(
+            Report(subject(slider.sweep.model), pictures_over(slider)) for slider in job.sliders
+        ),
+        in_air=tuple(flight_in_turbulence(angle) for angle in job.angles[:1]),
+        angles=tuple(angle_report(job, angle) for angle in job.angles),
+        claims=claims_section(job.claims, job.regeneration),
+        others=(
             Report("Every entry compared with the printed one", (job.regeneration.picture(),)),
             Report("Checks", (check_meanings(),)),
             Report("Modes over the dihedral angle", (replace(swept, parts=tables),)),
             Report("The aircraft", (job.parameters.report(),)),
         ),
+    )
+
+
+def main_report(job: MainJob, sections: Sections) -> Report:
+    """Return the report of all results on the page. The data of the report contain every number."""
+    of_sliders, in_air, angles, claims, others = sections
+    critics = [
+        {"dihedral_deg": report.data["dihedral_deg"], **report.data["critic"]}
+        for report in angles
+        if "critic" in report.data
+    ]
+    return Report(
+        title="",
+        parts=(*of_sliders, *in_air, *angles, claims, *others),
         data={
             "schema": "hfa.report/1",
             "ok": job.ok,
-            "regeneration": regeneration.data,
-            "sweep": swept.data,
+            "regeneration": job.regeneration.report().data,
+            "sweep": job.slider.sweep.report().data,
             "critics": critics,
             "angles": [report.data for report in angles],
             "claims": claims.data or None,
@@ -211,43 +233,46 @@ def _model_report(model: LinearModel) -> Report:
     return replace(report, parts=(*beside, _COLORS, *report.parts[len(beside) :]))
 
 
-def page(job: MainJob, report: Report, origin: Provenance) -> str:
+def page(job: MainJob, sections: Sections, origin: Provenance) -> str:
     """Return the page as HTML: a tab for each aircraft, with its slider; on that of the paper's
     aircraft the verdict, a table of verdicts, and sections, which are folded until the user opens
     them.
 
     origin: provenance, shown as the last section
     """
-    names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
-    # The first parts of a job's report are the pictures of the sliders.
-    parts = [part for part in report.parts if isinstance(part, Report)]
-    drawn, parts = parts[: len(job.sliders)], parts[len(job.sliders) :]
-    in_air, parts = parts[: len(job.angles[:1])], parts[len(job.angles[:1]) :]
-    parts.append(Report("Provenance", (f"{origin.command}\n{origin.text()}",)))
-    sections = [(f"part-{number}", part) for number, part in enumerate(parts)]
-    links = "".join(_link(name, part.title) for name, part in sections)
-    links_of_tabs = "".join(
-        _link(slider.key, pictures.title)
-        for slider, pictures in zip(job.sliders, drawn, strict=True)
-    )
+    pictures = main_report(job, sections).pictures()
+    names = html.escape(json.dumps(sorted(picture.name for picture in pictures)))
+    provenance = Report("Provenance", (f"{origin.command}\n{origin.text()}",))
+    folded = {
+        f"part-{number}": section
+        for number, section in enumerate(
+            (*sections.angles, sections.claims, *sections.others, provenance)
+        )
+    }
+    links = "".join(_link(name, section.title) for name, section in folded.items())
+    of_sliders = dict(zip(job.sliders, sections.of_sliders, strict=True))
+    links_of_tabs = "".join(_link(slider.key, drawn.title) for slider, drawn in of_sliders.items())
     tabs = f'<nav aria-label="Aircraft" class="tabs"><ul>{links_of_tabs}</ul></nav>'
     contents = f'<nav aria-label="Contents"><ul>{links}</ul></nav>'
     flown = stored_flights_section(job)
     checks = Report("Verdicts", (verdicts(job),)).html(3)
     articles = [
         f"<p>{verdict_sentence(job)}</p>{contents}",
-        any_value(job.slider, drawn[0], f'<section class="verdicts">{checks}</section>'),
-        *(f"<section>{each.html(3)}</section>" for each in (flown, *in_air) if each is not None),
+        any_value(
+            job.slider, of_sliders[job.slider], f'<section class="verdicts">{checks}</section>'
+        ),
+        *(
+            f"<section>{each.html(3)}</section>"
+            for each in (flown, *sections.in_air)
+            if each is not None
+        ),
         f'<p class="paper">The paper: {_PAPER}.</p>',
-        *(_folded(name, part) for name, part in sections),
+        *(_folded(name, section) for name, section in folded.items()),
     ]
-    tabbed = [(job.slider, "\n".join(articles))]
-    tabbed += [
-        (each, any_value(each, seen)) for each, seen in zip(job.sliders[1:], drawn[1:], strict=True)
-    ]
-    shown = "\n".join(
-        f'<article id="{slider.key}">{content}</article>' for slider, content in tabbed
-    )
+    tabs_of = {job.slider.key: "\n".join(articles)}
+    if job.beside is not None:
+        tabs_of[job.beside.key] = any_value(job.beside, of_sliders[job.beside])
+    shown = "\n".join(f'<article id="{key}">{tab}</article>' for key, tab in tabs_of.items())
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -304,9 +329,9 @@ def any_value(slider: Slider, drawn: Report, verdicts: str = "") -> str:
         shown = point_reports(point)
         beside.append(f'<section class="point" {place}>{shown.beside.html(3)}</section>')
         below.append(f'<section class="point below" {place}>{shown.below.html(3)}</section>')
-    pictures = [figure_html(picture) for picture in drawn.pictures()]
-    aircraft = "".join(pictures[:1])
-    locus = "".join(pictures[1:])
+    plots = [part.html() for part in drawn.parts if isinstance(part, InteractivePlot)]
+    aircraft = "".join(plots[:1])
+    locus = "".join(plots[1:])
     label = slider.points[slider.first].label
     name = html.escape(slider.sweep.variables[-1])
     return f"""<div><h2>{html.escape(drawn.title)}</h2>

@@ -113,12 +113,16 @@ def _axis(title: str, **more: Any) -> dict[str, Any]:
 
 def _figure(
     traces: Sequence[dict[str, Any]],
-    moving: Sequence[Sequence[dict[str, Any]]],
+    at_positions: Sequence[Sequence[dict[str, Any]]],
     x: dict[str, Any],
     y: dict[str, Any],
     legend: bool = True,
 ) -> PlotlyFigure:
-    """Return a Plotly figure with one frame for each position of the slider."""
+    """Return a Plotly figure with one frame for each position of the slider.
+
+    traces: all traces, those that follow the slider last
+    at_positions: the traces that follow the slider, at each of its positions
+    """
     layout = {
         "xaxis": x,
         "yaxis": y,
@@ -136,10 +140,10 @@ def _figure(
         "showlegend": legend,
         "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02},
     }
-    numbers = list(range(len(traces) - len(moving[0]), len(traces)))
+    numbers = list(range(len(traces) - len(at_positions[0]), len(traces)))
     frames = [
         {"name": str(i), "data": list(changed), "traces": numbers}
-        for i, changed in enumerate(moving)
+        for i, changed in enumerate(at_positions)
     ]
     return {"data": list(traces), "layout": layout, "frames": frames}
 
@@ -205,9 +209,9 @@ def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interactiv
     panels = [panel for point in trimmed for panel in panels_from_the_front(point)]
     largest = max(np.linalg.norm([panel.lift, panel.weight], axis=1).max() for panel in panels)
     scale = _LONGEST * span / float(largest)
-    moving = [_drawing(aircraft, point, scale) for point in trims]
+    drawings = [_drawing(aircraft, point, scale) for point in trims]
     heights = np.concatenate(
-        [np.asarray(trace["y"], dtype=float) for traces in moving for trace in traces]
+        [np.asarray(trace["y"], dtype=float) for traces in drawings for trace in traces]
     )
     room = in_units_of(aircraft, 16.0, "ft")
     wide = 1.5 * span + in_units_of(aircraft, 12.0, "ft")
@@ -222,7 +226,7 @@ def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interactiv
         "(orange), and at the hinges (green) the moment of loads and weight, positive "
         f"where it lifts the tips; {scale_text(aircraft, scale)}"
     )
-    figure = _figure(_FIXED, moving, x, y, legend=False)
+    figure = _figure(_FIXED, drawings, x, y, legend=False)
     return InteractivePlot(name, text, lambda: trim_figure(trimmed[0]), (figure,))
 
 
@@ -312,7 +316,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
                 "marker": {"size": 4},
             }
         )
-    moving = [[_roots(value, row, words)] for value, row in zip(values, roots, strict=True)]
+    chosen = [[_roots(value, row, words)] for value, row in zip(values, roots, strict=True)]
     traces.append(
         {
             "name": f"chosen {swept.variables[-1]}",
@@ -322,7 +326,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
     )
     x = _axis("real part, 1/s", rangemode="tozero")
     y = _axis("imaginary part, 1/s", rangemode="tozero")
-    return _figure(traces, moving, x, y)
+    return _figure(traces, chosen, x, y)
 
 
 def _roots(values: Any, roots: np.ndarray, words: str) -> dict[str, Any]:
