@@ -1,8 +1,8 @@
 """Measure how fast this project is: `python -m benchmarks [--quick] [NAME ...]`.
 
 Each job is timed in turn with the same work of another tool. Its rows are printed, stored in
-results.json and written into docs/scaling.md; the stored figures of other jobs are kept. --quick
-runs each job once at a toy size and stores nothing.
+results.json and written into benchmarks/README.md; the stored figures of other jobs are kept.
+--quick runs each job once at a toy size and stores nothing.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Timing of two functions in turn, and the table of the comparisons in docs/scaling.md."""
+"""Timing of two functions in turn, and the table of the comparisons in benchmarks/README.md."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table
 
 RESULTS = Path(__file__).with_name("results.json")
-PAGE = Path(__file__).parents[1] / "docs" / "scaling.md"
+PAGE = Path(__file__).with_name("README.md")
 #: Lines of the page between which the figures are written.
 BEGIN, END = "<!-- figures of make bench -->", "<!-- end of the figures -->"
 _PACKAGES = ("casadi", "numpy", "scipy", "control")
