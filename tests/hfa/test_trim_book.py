@@ -2,7 +2,6 @@
 
 import math
 import re
-from pathlib import Path
 
 import pypdf
 import pytest
@@ -24,7 +23,7 @@ NAMES = ("cruise", "stall", "planted", "climb")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("book")
     text = (ROOT / "examples/uav.toml").read_text("utf-8")
     (path / "uav.toml").write_text(f"CL_max = 1.0\n{text}", "utf-8")
@@ -32,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def written(folder: Path, *options: str) -> str:
+def written(folder, *options):
     """Return what `hfa trim` prints for the conditions."""
     files = ("--aircraft", f"{folder}/uav.toml", "--conditions", f"{folder}/book.csv")
     run = command("trim", *files, "-q", *options)
@@ -41,7 +40,7 @@ def written(folder: Path, *options: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def pages(folder: Path) -> list[str]:
+def pages(folder):
     """Return the texts of the pages of the PDF, without blanks."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", "1700000000")
@@ -50,7 +49,7 @@ def pages(folder: Path) -> list[str]:
     return ["".join(page.extract_text().split()) for page in read]
 
 
-def test_the_cover_says_what_the_book_is_of(pages: list[str]) -> None:
+def test_the_cover_says_what_the_book_is_of(pages):
     """Document, aircraft, digests of its files, mass as loaded and date, and lines to sign."""
     for text in (
         "documentTR-12,revisionB",
@@ -66,7 +65,7 @@ def test_the_cover_says_what_the_book_is_of(pages: list[str]) -> None:
         assert text in pages[0]
 
 
-def test_the_matrix_has_all_conditions_and_what_is_said_of_them(pages: list[str]) -> None:
+def test_the_matrix_has_all_conditions_and_what_is_said_of_them(pages):
     """Controls have the used share of their travel; a stall, a doubt and a failure their reason."""
     matrix = pages[1]
     for number, name in enumerate(("cruise", "stall", "planted", "tooslow", "climb"), start=1):
@@ -76,13 +75,13 @@ def test_the_matrix_has_all_conditions_and_what_is_said_of_them(pages: list[str]
         assert said in matrix
 
 
-def lost(sheet: hfa.OperatingPoint, text: str) -> list[str]:
+def lost(sheet, text):
     """Return the printed rows of a sheet that are not in the text of a page without blanks."""
     rows = [row for group in sheet.shown(full=False) for row in group.rows]
     return [row.name for row in rows if "".join("".join(row.cells()).split()) not in text]
 
 
-def test_each_trim_has_a_numbered_page_with_all_its_rows(pages: list[str], folder: Path) -> None:
+def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, folder):
     """Each page has the rows of the sheet of its trim. A page without its mass is seen."""
     assert len(pages) == 2 + len(NAMES)
     for number, text in enumerate(pages, start=1):
@@ -100,7 +99,7 @@ def test_each_trim_has_a_numbered_page_with_all_its_rows(pages: list[str], folde
         assert ("Check:" in text) == (name == "planted")
 
 
-def test_html_latex_and_markdown_say_the_same(folder: Path) -> None:
+def test_html_latex_and_markdown_say_the_same(folder):
     """The matrix in HTML links to the sheets."""
     document = ("--document", "TR-12, revision B")
     for suffix in ("html", "tex", "md"):
@@ -115,7 +114,7 @@ def test_html_latex_and_markdown_say_the_same(folder: Path) -> None:
     assert len(links) == len(NAMES)
 
 
-def test_the_figure_has_the_values_of_the_sheets() -> None:
+def test_the_figure_has_the_values_of_the_sheets():
     """Alpha in degrees, the used share of the travel in percent, the static margin, and nan without
     a trim.
     """
@@ -138,7 +137,7 @@ def test_the_figure_has_the_values_of_the_sheets() -> None:
     assert math.isnan(margin["static margin"][2])
 
 
-def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder: Path) -> None:
+def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder):
     """There is no figure to draw, which --picture says."""
     (folder / "weak.csv").write_text("speed,limit\n35,thrust=0:5\n36,thrust=0:3\n", "utf-8")
     words = ("trim", "--aircraft", f"{folder}/uav.toml", "--conditions", f"{folder}/weak.csv", "-q")
@@ -151,7 +150,7 @@ def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder: Path) -> Non
     assert_refused(run, 2, "no condition has an alpha")
 
 
-def test_a_model_without_a_speed_has_a_book(folder: Path) -> None:
+def test_a_model_without_a_speed_has_a_book(folder):
     """The matrix has its input with the used share of its travel."""
     words = ("trim", "--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM", "--hold", "angle=0,2")
     run = command(*words, "-q", "-o", str(folder / "pendulum.html"))
@@ -167,7 +166,7 @@ def test_a_model_without_a_speed_has_a_book(folder: Path) -> None:
         (("Ixz=0.2", "speed=30,35"), "mass13.5kgasloadedissued"),
     ],
 )
-def test_the_cover_has_the_mass_as_loaded_and_in_the_conditions(held, said, folder: Path) -> None:
+def test_the_cover_has_the_mass_as_loaded_and_in_the_conditions(held, said, folder):
     options = [f"--hold={each}" for each in held]
     path = folder / "mass.pdf"
     run = command(
@@ -177,7 +176,7 @@ def test_the_cover_has_the_mass_as_loaded_and_in_the_conditions(held, said, fold
     assert said in "".join(pypdf.PdfReader(path).pages[0].extract_text().split())
 
 
-def test_a_single_sheet_has_its_document_too(folder: Path) -> None:
+def test_a_single_sheet_has_its_document_too(folder):
     """The same words in Python."""
     model = hfa.load_model(str(folder / "uav.toml"))
     point = hfa.trim(model)

@@ -108,9 +108,7 @@ def test_a_plant_is_an_aircraft_of_these_commands(command, folder):
         ('"B1": [[1], [0]], "C1": [[1, 0]]', "B1, C1 are of another convention"),
     ],
 )
-def test_matrices_of_another_convention_are_no_aircraft(
-    others: str, said: str, folder: Path
-) -> None:
+def test_matrices_of_another_convention_are_no_aircraft(others, said, folder):
     """A descriptor matrix would change A, and COMPleib's B1 is E. C and D alone change nothing."""
     plant = '{"A": [[0, 1], [-2, -0.3]], "B": [[0], [1]], '
     Path("other.json").write_text(plant + others + "}")
@@ -122,13 +120,13 @@ def test_matrices_of_another_convention_are_no_aircraft(
     assert "E of the file is not used" in cli.hfa("linearize", "--aircraft", "game.json").out
 
 
-def test_deviations_of_an_aircraft_are_no_doubtful_flight(folder: Path) -> None:
+def test_deviations_of_an_aircraft_are_no_doubtful_flight(folder):
     """At the origin of a linear model, the deviation of the speed is 0."""
     assert cli.hfa("linearize", "--dihedral", "10", "-o", "linear.json").code == 0
     assert "Check:" not in cli.hfa("linearize", "--aircraft", "linear.json").out
 
 
-def test_a_vector_is_the_gain_of_a_single_input() -> None:
+def test_a_vector_is_the_gain_of_a_single_input():
     """(n,) is the gain of one input for critics, margins and flights, and of two inputs refused."""
     linear = hfa.LinearModel.of(A, B)
     game = hfa.game(linear, Q=np.eye(2), R=[1.0])
@@ -146,9 +144,7 @@ def test_a_vector_is_the_gain_of_a_single_input() -> None:
         ([0.0] * 7, [0.0] * 5, ("lif",), "unknown output 'lif'"),
     ],
 )
-def test_a_point_of_another_length_is_refused(
-    x: object, u: object, outputs: object, said: str
-) -> None:
+def test_a_point_of_another_length_is_refused(x, u, outputs, said):
     """`Model.at` names the vector and the number of its entries."""
     with pytest.raises(BadInputError, match=said):
         hfa.aircraft().at(x, u, outputs)

@@ -7,9 +7,8 @@ import importlib
 import inspect
 import re
 import shlex
-from collections.abc import Iterator
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 from cli import BAD_INPUT, unchecked_hfa
@@ -24,7 +23,7 @@ PAGES += sorted((ROOT / "docs").glob("*.md"))
 #: Command of a stranger's package, one that a page says is gone, and the form of all commands.
 ABSENT = ("hfa level thrust", "hfa prove region", "hfa command --help")
 #: Package or class of public names -> what a call in a text names.
-PUBLIC: dict[str, Any] = {package: importlib.import_module(package) for package in FOLDERS}
+PUBLIC = {package: importlib.import_module(package) for package in FOLDERS}
 CLASSES = [name for name in dir(PUBLIC["hfa"]) if inspect.isclass(getattr(PUBLIC["hfa"], name))]
 PUBLIC |= {name: getattr(PUBLIC["hfa"], name) for name in CLASSES}
 #: A name below one of these, or a call of a class, with its arguments.
@@ -41,7 +40,7 @@ class Text(NamedTuple):
     text: str
 
 
-def on_pages() -> Iterator[Text]:
+def on_pages():
     """Yield the words in backticks of all pages."""
     for page in PAGES:
         text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
@@ -49,7 +48,7 @@ def on_pages() -> Iterator[Text]:
             yield Text(f"{page.name}, {match[0]}", " ".join(match[1].split()))
 
 
-def in_sources(package: str) -> Iterator[Text]:
+def in_sources(package):
     """Yield all strings of a package: docstrings, helps and messages."""
     for path in sorted(FOLDERS[package].rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -59,14 +58,14 @@ def in_sources(package: str) -> Iterator[Text]:
                 yield Text(f"{path.name}, line {node.lineno}", node.value)
 
 
-def _shown(text: ast.JoinedStr) -> str:
+def _shown(text):
     """Return an f-string with VALUE in place of its values."""
     parts = (part.value if isinstance(part, ast.Constant) else "VALUE" for part in text.values)
     return "".join(map(str, parts))
 
 
 @cache
-def options_of_commands() -> dict[str, set[str]]:
+def options_of_commands():
     """Return command -> its options."""
     found = {}
     for name in commands():
@@ -76,7 +75,7 @@ def options_of_commands() -> dict[str, set[str]]:
     return found
 
 
-def unknown_options(where: str, text: str) -> Iterator[str]:
+def unknown_options(where, text):
     """Yield the commands in a text that do not exist, and options that the command does not have."""
     known = options_of_commands()
     names = "|".join(sorted(known, key=len, reverse=True))
@@ -92,17 +91,17 @@ def unknown_options(where: str, text: str) -> Iterator[str]:
                 yield f"{where}: {line}: no such option {option}"
 
 
-def unknown_names(where: str, text: str) -> Iterator[str]:
+def unknown_names(where, text):
     """Yield the calls in a text whose name or whose named arguments do not exist."""
     for path, arguments in CALL.findall(text):
-        found: Any = PUBLIC[path.split(".")[0]]
+        found = PUBLIC[path.split(".")[0]]
         for name in path.split(".")[1:]:
             found = getattr(found, name, None)
         if not callable(found):
             yield f"{where}: {path}: no such function"
             continue
         try:
-            call: Any = ast.parse(f"f({re.sub(r'[.]{3}|[*], ', '_', arguments)})", mode="eval").body
+            call = ast.parse(f"f({re.sub(r'[.]{3}|[*], ', '_', arguments)})", mode="eval").body
             parameters = inspect.signature(found).parameters
         except (SyntaxError, ValueError):  # `Game(A, B, *, Q, R)`, and a call without a signature
             continue
@@ -113,7 +112,7 @@ def unknown_names(where: str, text: str) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("place", ["pages", *FOLDERS])
-def test_all_proposed_commands_options_and_calls_exist(place: str) -> None:
+def test_all_proposed_commands_options_and_calls_exist(place):
     """Each command has the proposed options, and each function the proposed arguments."""
     pytest.importorskip("hfa_flight")
     texts = on_pages() if place == "pages" else in_sources(place)
@@ -131,7 +130,7 @@ def test_all_proposed_commands_options_and_calls_exist(place: str) -> None:
         ("a LinearModel.off(A, B)", "no such function"),
     ],
 )
-def test_planted_proposals_are_found(planted: str, said: str) -> None:
+def test_planted_proposals_are_found(planted, said):
     (found,) = [*unknown_options("here", planted), *unknown_names("here", planted)]
     assert said in found
 
@@ -164,7 +163,7 @@ HELD = sorted(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("proposed", HELD)
-def test_conditions_that_a_page_proposes_are_accepted(proposed: str, monkeypatch: Any) -> None:
+def test_conditions_that_a_page_proposes_are_accepted(proposed, monkeypatch):
     """A trim with the proposed options begins for at least one stored aircraft."""
     pytest.importorskip("jsbsim")
     monkeypatch.chdir(ROOT)

@@ -1,7 +1,5 @@
 """Names of states, inputs and modes as keys of trims, linear models and sweeps."""
 
-from __future__ import annotations
-
 import copy
 import json
 import pickle
@@ -14,17 +12,17 @@ import pytest
 from matplotlib import pyplot
 
 import hfa
-from hfa import LinearModel, NoSolutionError, linearize, sweep, trim
+from hfa import NoSolutionError, linearize, sweep, trim
 
 MODEL = hfa.aircraft()
 
 
 @cache
-def _linear() -> LinearModel:
+def _linear():
     return linearize(MODEL, trim(MODEL))
 
 
-def test_names_index_matrices() -> None:
+def test_names_index_matrices():
     """Rows and columns of A and B can be indexed by name, also in copies."""
     linear = _linear()
     assert linear.A["pitch_rate", "alpha"] == linear.A[3, 1]
@@ -35,7 +33,7 @@ def test_names_index_matrices() -> None:
         assert again["pitch_rate", "alpha"] == linear.A[3, 1]
 
 
-def test_modes_that_inputs_or_outputs_miss_are_zeros() -> None:
+def test_modes_that_inputs_or_outputs_miss_are_zeros():
     """`zeros` returns the eigenvalue of a mode that no input or no output affects."""
     linear = _linear()
     assert linear.is_stable == (np.linalg.eigvals(np.array(linear.A)).real.max() < 0.0)
@@ -54,7 +52,7 @@ def test_modes_that_inputs_or_outputs_miss_are_zeros() -> None:
     assert np.sort_complex(found) == pytest.approx(np.sort_complex(loop.zeros()), abs=1e-6)
 
 
-def test_a_sweep_is_a_sequence_of_linear_models() -> None:
+def test_a_sweep_is_a_sequence_of_linear_models():
     """A point without a trim raises its reason; `at` trims between the points."""
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]})
     for each in (swept, pickle.loads(pickle.dumps(swept))):
@@ -75,7 +73,7 @@ def test_a_sweep_is_a_sequence_of_linear_models() -> None:
         sweep(MODEL, {"dihedral": [0.2], "speed": [68.0, 5.0]})[1]
 
 
-def test_results_become_tables_of_pandas() -> None:
+def test_results_become_tables_of_pandas():
     """Trims, solutions and verdicts are converted to pandas tables. A verdict can be plotted."""
     linear = _linear()
     frame = linear.point.to_pandas()
@@ -88,7 +86,7 @@ def test_results_become_tables_of_pandas() -> None:
     pyplot.close("all")
 
 
-def test_a_sweep_is_a_table_and_draws_curves() -> None:
+def test_a_sweep_is_a_table_and_draws_curves():
     """Columns of the table and curves are the values of the points, angles drawn in degrees."""
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0, 70.0]})
     frame = swept.to_pandas()
@@ -111,7 +109,7 @@ def test_a_sweep_is_a_table_and_draws_curves() -> None:
     pyplot.close("all")
 
 
-def test_a_plot_of_point_shows_its_limits() -> None:
+def test_a_plot_of_point_shows_its_limits():
     """`point.plot` draws each variable, labeled with its name, at its share of its range; a point
     that was not found by a search, too.
     """

@@ -1,10 +1,7 @@
 """Reading of critic files with W, P and K, and refusal of faulty files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -55,7 +52,7 @@ SKEW = np.eye(4) + np.triu(np.ones((4, 4)), 1)
         (STEPS, {"H": np.diag([1.0, 1.0, 1.0, 0.0])}, "is singular"),
     ],
 )
-def test_bad_entries_are_refused_in_one_line(game: Game, content: Any, message: str) -> None:
+def test_bad_entries_are_refused_in_one_line(game, content, message):
     """Each faulty critic file is refused by one line that names the file and the fault."""
     with pytest.raises(BadInputError, match=f"^a.json: .*{message}") as refusal:
         critic_in(stored("a.json", **content), game)
@@ -65,13 +62,13 @@ def test_bad_entries_are_refused_in_one_line(game: Game, content: Any, message: 
 @pytest.mark.parametrize(
     ("name", "n", "says"), [("quadratic", 0, "0 st"), ("paper", 4, "6 states")]
 )
-def test_a_basis_needs_its_states(name: str, n: int, says: str) -> None:
+def test_a_basis_needs_its_states(name, n, says):
     with pytest.raises(BadInputError, match=says):
         basis(name, n)
 
 
 @pytest.mark.parametrize("has_gain", [False, True])
-def test_a_value_with_a_policy_of_its_own_keeps_both(has_gain: bool) -> None:
+def test_a_value_with_a_policy_of_its_own_keeps_both(has_gain):
     """A polynomial policy in a file stands beside the value of its weights; so does a gain."""
     x, y = z = np.array([0.4, -0.3])
     rows = np.array([[1.0, -2.0, 0.5, 0.0, 3.0], [0.3, 0.7, 0.0, 0.0, 0.0]])
@@ -83,7 +80,7 @@ def test_a_value_with_a_policy_of_its_own_keeps_both(has_gain: bool) -> None:
     assert float(critic.value(z)) == pytest.approx(terms[2:] @ [1.0, 0.2, 3.0])
 
 
-def test_functions_of_a_critic_follow_its_matrices() -> None:
+def test_functions_of_a_critic_follow_its_matrices():
     """Value, gradient and policy of a critic equal the formulas of its weights, or of its gain."""
     z = np.array([0.3, -0.2])
     weights = np.array([1.0, 2.0, 3.0, 0.5, -0.5])
@@ -102,14 +99,14 @@ def test_functions_of_a_critic_follow_its_matrices() -> None:
     assert np.array(gain.policy(z)).ravel() == pytest.approx(-K[1] @ z, rel=FEW_ROUNDINGS)
 
 
-def test_one_row_is_read_as_one_critic() -> None:
+def test_one_row_is_read_as_one_critic():
     """A file with one row of weights and P is read as one critic with this P."""
     P = np.array([[0.0, 0.5], [0.5, 2.0]])
     critic = critic_in(stored("h.npz", W=W[0], P=P), GAME)
     np.testing.assert_array_equal(critic.P, P)
 
 
-def test_the_files_basis_applies_unless_another_is_named() -> None:
+def test_the_files_basis_applies_unless_another_is_named():
     """The basis named in a critic file applies unless the caller names another basis."""
     single = stored("w.npz", W=np.arange(5.0), basis="quadratic+linear")
     found = critic_in(single, GAME).basis
@@ -133,7 +130,7 @@ OF_PLANT = {"state_units": ("m/s", "rad"), "input_units": ("N", "rad")}
 OF_FILE = {"state_units": ["kt", "deg"], "input_units": ["lbf", "deg"]}
 PER_STATE = np.array([3600.0 / 1852.0, 180.0 / np.pi])
 PER_INPUT = np.array([1.0 / 4.4482216152605, 180.0 / np.pi])
-CRITICS: dict[str, dict[str, Any]] = {
+CRITICS = {
     "gain": {"K": [[1.0, -2.0], [3.0, 0.5]]},
     "value": {"P": [[2.0, 0.3], [0.3, 1.0]]},
     "weights": {"W": np.arange(5.0) + 1.0, "basis": "quadratic+linear"},
@@ -145,7 +142,7 @@ CRITICS: dict[str, dict[str, Any]] = {
 }
 
 
-def in_units_of_file(game: Game) -> Game:
+def in_units_of_file(game):
     """Return a game in the units of the file."""
     names = game.names._replace(**{key: tuple(units) for key, units in OF_FILE.items()})
     return replace(
@@ -160,7 +157,7 @@ def in_units_of_file(game: Game) -> Game:
 
 
 @pytest.mark.parametrize("kind", CRITICS)
-def test_a_critic_means_the_same_in_all_units(kind: str) -> None:
+def test_a_critic_means_the_same_in_all_units(kind):
     """A file in other units than the plant contains the policy and the value of the same motion."""
     game = STEPS if "H" in CRITICS[kind] else GAME
     game = replace(game, names=game.names._replace(**OF_PLANT))
@@ -180,7 +177,7 @@ def test_a_critic_means_the_same_in_all_units(kind: str) -> None:
 
 @pytest.mark.parametrize("key", OF_PLANT)
 @pytest.mark.parametrize(("units", "says"), [(["N", "mol"], "mol"), (["N"] * 3, "3 units")])
-def test_units_that_are_not_the_plants_are_refused(key: str, units: list[str], says: str) -> None:
+def test_units_that_are_not_the_plants_are_refused(key, units, says):
     game = replace(GAME, names=GAME.names._replace(**{key: ("N", "rad")}))
     with pytest.raises(BadInputError, match=f"^K.json: .*{says}.*"):
         critic_in(stored("K.json", K=I2, **{key: units}), game)
@@ -199,7 +196,7 @@ ONE = replace(
 
 
 @pytest.mark.parametrize("poles", [{"e": [-1.0, -2.0]}, {"P": [[-1.0 + 1j], [-1.0 - 1j]]}, {}])
-def test_the_results_of_lqr_of_matlab_are_k_and_p(poles: dict[str, Any]) -> None:
+def test_the_results_of_lqr_of_matlab_are_k_and_p(poles):
     """[K, S, e] and [K, S, P] = lqr(...): S is the value, also where P are the poles."""
     exact = hfa.solve(ONE)
     scipy.io.savemat("lqr.mat", {"K": exact.K, "S": exact.P, **poles})
@@ -208,7 +205,7 @@ def test_the_results_of_lqr_of_matlab_are_k_and_p(poles: dict[str, Any]) -> None
     assert not hfa.verify(ONE, "lqr.mat").ok
 
 
-def test_a_gain_of_one_input_may_be_a_vector() -> None:
+def test_a_gain_of_one_input_may_be_a_vector():
     """In a file and as an array; with several inputs it is refused."""
     np.savez("k.npz", K=[4.0, 3.0])
     for found in (critic_in("k.npz", ONE), hfa.from_gain(ONE, [4.0, 3.0])):
@@ -218,11 +215,11 @@ def test_a_gain_of_one_input_may_be_a_vector() -> None:
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars", "xarray"])
-def test_labels_of_frames_are_matched_by_name(library: str) -> None:
+def test_labels_of_frames_are_matched_by_name(library):
     """Columns in another order are the same gain; other names are refused, numbers are an order."""
     package = pytest.importorskip(library)
 
-    def frame(columns: list[Any]) -> Any:
+    def frame(columns):
         if library == "pandas":
             return package.DataFrame([[3.0, 4.0]], index=["push"], columns=columns)
         if library == "polars":
@@ -238,7 +235,7 @@ def test_labels_of_frames_are_matched_by_name(library: str) -> None:
         assert hfa.from_gain(ONE, frame([0, 1])).K.tolist() == [[3.0, 4.0]]
 
 
-def test_h_is_read_in_the_order_that_its_file_lists() -> None:
+def test_h_is_read_in_the_order_that_its_file_lists():
     """H over (u, x) is that over (x, u), by blocks and by names; other names are refused."""
     H = (
         np.diag([4.0, 3.0, 2.0, 5.0])
@@ -256,7 +253,7 @@ def test_h_is_read_in_the_order_that_its_file_lists() -> None:
         critic_in(stored("odd.json", H=H, H_signals=["u", "z"]), STEPS)
 
 
-def test_the_table_of_hfa_solve_is_read_back(tmp_path: Path) -> None:
+def test_the_table_of_hfa_solve_is_read_back(tmp_path):
     """P and K of a .csv file, with names and units: PASS; in another unit K is converted."""
     exact = hfa.solve(ONE)
     exact.save("solved.csv")
@@ -269,7 +266,7 @@ def test_the_table_of_hfa_solve_is_read_back(tmp_path: Path) -> None:
         critic_in("other.csv", ONE)
 
 
-def test_other_names_in_a_file_are_noted() -> None:
+def test_other_names_in_a_file_are_noted():
     """Names of the plant in another order are refused; others are taken in its order, and told."""
     plant = LinearModel.of(GAME.A, GAME.B, states=("angle", "rate"), inputs=("roll", "pitch"))
     named = hfa.game(plant, Q=GAME.Q, R=GAME.R, E=GAME.E, delta=GAME.delta)

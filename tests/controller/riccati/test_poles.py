@@ -60,7 +60,7 @@ def test_poles_of_a_solution_do_not_lose_their_digits_in_its_units():
     np.testing.assert_allclose(found, exact, rtol=1e-15)
 
 
-def test_a_slow_pole_is_not_printed_as_zero() -> None:
+def test_a_slow_pole_is_not_printed_as_zero():
     """Of x' = -3e-9 x, which no input reaches."""
     game = Game(np.diag([-3e-9, -1.0]), [[0.0], [1.0]], Q=[1.0, 1.0], R=[1.0])
     (line,) = [part for part in solve(game).report().parts if "closed loop" in str(part)]

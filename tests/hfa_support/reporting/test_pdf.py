@@ -1,7 +1,6 @@
 """PDF documents: every row of a report is on its pages, which are numbered and not almost empty."""
 
 import dataclasses
-from pathlib import Path
 
 import pypdf
 import pytest
@@ -15,7 +14,7 @@ from hfa_support.reporting.text import Cell, Table
 WORDS = "that no table of the aircraft states the limit of this control surface at this speed"
 
 
-def sheet(count: int, title: str = "UAV trimmed: level, 35 m/s") -> Report:
+def sheet(count, title="UAV trimmed: level, 35 m/s"):
     """Return a sheet with groups of `count` rows."""
     groups = []
     for name in ("condition", "trim", "performance", "modes and levels"):
@@ -25,14 +24,14 @@ def sheet(count: int, title: str = "UAV trimmed: level, 35 m/s") -> Report:
     return Report(title, groups, ["a note"], source="hfa 0.4.0", head=head)
 
 
-def pages(report: Report, path: Path) -> list[str]:
+def pages(report, path):
     """Return the texts of the pages of a report, without blanks and line breaks."""
     report.save(path / "report.pdf")
     read = pypdf.PdfReader(path / "report.pdf").pages
     return ["".join(page.extract_text().split()) for page in read]
 
 
-def lost(report: Report, text: str) -> list[str]:
+def lost(report, text):
     """Return the cells and sentences of a report that are not in a text without blanks."""
     expected = [*report.title.split("\n"), *report.notes, *report.head.values()]
     for part in report.parts:
@@ -47,7 +46,7 @@ def lost(report: Report, text: str) -> list[str]:
 
 
 @pytest.mark.parametrize(("count", "expected"), [(3, 1), (16, 1), (24, 2), (50, 4)])
-def test_a_sheet_has_all_rows_and_as_few_pages_as_they_need(count, expected, tmp_path: Path):
+def test_a_sheet_has_all_rows_and_as_few_pages_as_they_need(count, expected, tmp_path):
     """The pages are numbered "1 of 2", and each has rows of both columns."""
     report = sheet(count)
     texts = pages(report, tmp_path)
@@ -58,7 +57,7 @@ def test_a_sheet_has_all_rows_and_as_few_pages_as_they_need(count, expected, tmp
         assert len(text) > 400
 
 
-def test_a_row_that_is_not_on_the_page_is_seen(tmp_path: Path) -> None:
+def test_a_row_that_is_not_on_the_page_is_seen(tmp_path):
     report = sheet(3)
     (text,) = pages(report, tmp_path)
     first = report.parts[0]
@@ -66,7 +65,7 @@ def test_a_row_that_is_not_on_the_page_is_seen(tmp_path: Path) -> None:
     assert lost(dataclasses.replace(report, parts=[planted]), text) == ["planted", "17.25"]
 
 
-def test_a_long_name_and_long_cells_are_wrapped(tmp_path: Path) -> None:
+def test_a_long_name_and_long_cells_are_wrapped(tmp_path):
     """Nothing is cut at the edge; control characters and markup are text."""
     title = f"{'Very long name of an aircraft ' * 8}\nCheck: a < b & <c>\x1b[31m"
     report = dataclasses.replace(sheet(3, title), head={"aircraft": title[:200]})
@@ -75,7 +74,7 @@ def test_a_long_name_and_long_cells_are_wrapped(tmp_path: Path) -> None:
     assert not lost(escaped, text)
 
 
-def book(count: int) -> Report:
+def book(count):
     rows = [(f"condition {i}", Cell("stalled", "bad"), f"{i}.5", WORDS) for i in range(count)]
     matrix = Table(("condition", "results", "alpha [deg]", "doubts"), rows)
     sheets = [sheet(10, f"condition {i}: level") for i in range(min(count, 3))]
@@ -83,7 +82,7 @@ def book(count: int) -> Report:
 
 
 @pytest.mark.parametrize("count", [1, 45, 46, 48, 60])
-def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path: Path) -> None:
+def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path):
     """A page of the matrix has at least four rows, each sheet a page of its own."""
     texts = pages(book(count), tmp_path)
     assert not lost(book(count), "".join(texts))
@@ -98,7 +97,7 @@ def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path: 
         assert text.count("results") == 1
 
 
-def test_a_table_wider_than_the_page_continues_in_blocks(tmp_path: Path) -> None:
+def test_a_table_wider_than_the_page_continues_in_blocks(tmp_path):
     """Each block begins with the first column."""
     header = tuple(f"column{i}" for i in range(30))
     table = Table(header, [tuple(f"{row}.{i}25" for i in range(30)) for row in range(3)])
@@ -107,7 +106,7 @@ def test_a_table_wider_than_the_page_continues_in_blocks(tmp_path: Path) -> None
     assert text.count("column0") > 1
 
 
-def test_a_picture_has_a_page_where_it_does_not_fit(tmp_path: Path) -> None:
+def test_a_picture_has_a_page_where_it_does_not_fit(tmp_path):
     """A sheet in a book leaves its picture out there, and nothing else."""
     picture = Picture("a.png", "a figure", lambda: new_figure(7.0, 9.0))
     report = sheet(16)
@@ -117,7 +116,7 @@ def test_a_picture_has_a_page_where_it_does_not_fit(tmp_path: Path) -> None:
     assert len(pages(nested, tmp_path)) == 3
 
 
-def test_equal_reports_give_equal_files(tmp_path: Path) -> None:
+def test_equal_reports_give_equal_files(tmp_path):
     contents = []
     for name in ("one", "two"):
         (tmp_path / name).mkdir()

@@ -1,17 +1,13 @@
 """The sheet of a trim: first lines, configuration, airspeeds, climb, levels and several sheets."""
 
-from __future__ import annotations
-
 import csv
 import functools
 import json
 import math
 import re
 import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -34,7 +30,7 @@ KNOT = 1852.0 / 3600.0
 
 
 @functools.cache
-def sheet(name: str, **hold: float) -> tuple[hfa.OperatingPoint, dict[str, Any]]:
+def sheet(name, **hold):
     """Return the trim of an aircraft and the data of its sheet."""
     model = hfa.aircraft() if name == "hfa" else hfa.load_model(name)
     point = hfa.trim(model, hold=hold)
@@ -44,7 +40,7 @@ def sheet(name: str, **hold: float) -> tuple[hfa.OperatingPoint, dict[str, Any]]
 # First lines.
 
 
-def test_paths_controls_and_modes_stand_in_the_first_lines() -> None:
+def test_paths_controls_and_modes_stand_in_the_first_lines():
     """A climb, a descent, alpha, each moved control with its limits, and modes of `linearize`."""
     gtm = f"{EXAMPLES}/gtm.py:GTM"
     for gamma, words in ((2.0, ": climb 2 deg,"), (-3.0, ": descent 3 deg,")):
@@ -69,7 +65,7 @@ def test_paths_controls_and_modes_stand_in_the_first_lines() -> None:
         assert f"{mode.name} {mode.frequency:.3g} rad/s, damping {mode.damping:.3g}" in third
 
 
-def test_the_first_line_has_what_is_imposed_and_no_value_that_follows() -> None:
+def test_the_first_line_has_what_is_imposed_and_no_value_that_follows():
     """A sideslip is named, and the load factor that it causes is not; an imposed one is named."""
     aircraft = f"{EXAMPLES}/cessna182.toml"
     for imposed, free, words in (
@@ -83,10 +79,10 @@ def test_the_first_line_has_what_is_imposed_and_no_value_that_follows() -> None:
         assert point.report().head["condition"].endswith(words[0] if words else "5,000 ft")
 
 
-def twin(*engines: str) -> Model:
+def twin(*engines):
     """Return an aircraft with two engines of 100 N, with switches engine1 and engine2."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         left, right = (getattr(u, name) for name in engines)
         left, right = 100.0 * left * p.engine1, 100.0 * right * p.engine2
         return {
@@ -111,9 +107,7 @@ def twin(*engines: str) -> Model:
         (twin("throttle1", "throttle2"), {"throttle1": 0.2}, "", 40.0),
     ],
 )
-def test_an_engine_out_of_an_own_aircraft_is_in_the_first_line(
-    model: Model, held: dict[str, float], words: str, right: float
-) -> None:
+def test_an_engine_out_of_an_own_aircraft_is_in_the_first_line(model, held, words, right):
     """The other engine then has the thrust of both, 60 N, and the rudder holds the nose."""
     point = hfa.trim(model, hold=held)
     title = " ".join(point.report().title.split())
@@ -147,7 +141,7 @@ SLED = Model("sled", STATES, INPUTS, equations, trim={"vx": 0.0, "vy": 0.0})
         ("solve --Q 1,1 --R 1,1 --delta inf", 1),
     ],
 )
-def test_a_derivative_that_is_not_a_number_is_one_line(words: str, code: int, folder: Path) -> None:
+def test_a_derivative_that_is_not_a_number_is_one_line(words, code, folder):
     """|v| has no derivative at rest: commands exit with 1 and one line; `trim` prints no modes."""
     Path("sled.py").write_text(SLED, "utf-8")
     verb, *options = words.split()
@@ -161,7 +155,7 @@ def test_a_derivative_that_is_not_a_number_is_one_line(words: str, code: int, fo
 # Stability with lags, stall, limits, load factor.
 
 
-def test_lags_follow_in_static_margin_and_control_per_g() -> None:
+def test_lags_follow_in_static_margin_and_control_per_g():
     """Independent: rigid-body slopes of steady lags at 15 deg, .2062 chord and -25.40 deg/g."""
     model = hfa.aircraft("unsteady")
     point = hfa.trim(model, hold={"dihedral": math.radians(15.0)})
@@ -183,10 +177,10 @@ def test_lags_follow_in_static_margin_and_control_per_g() -> None:
     assert stability["CL_alpha"] == pytest.approx(slope / force, rel=1e-6)
 
 
-def bumpy(start: float) -> tuple[Model, dict[str, float]]:
+def bumpy(start):
     """Return a wing whose lift over alpha has a first maximum at .2 rad and a larger one at .6."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         bumps = ca.exp(-(((x.alpha - 0.2) / 0.12) ** 2))
         bumps += 1.5 * ca.exp(-(((x.alpha - 0.6) / 0.12) ** 2))
         lift = 1000.0 * bumps
@@ -206,7 +200,7 @@ def bumpy(start: float) -> tuple[Model, dict[str, float]]:
 
 
 @pytest.mark.parametrize(("alpha", "stalled"), [(0.05, False), (0.3, True)])
-def test_the_stall_is_the_first_maximum_and_beyond_it_is_said(alpha: float, stalled: bool) -> None:
+def test_the_stall_is_the_first_maximum_and_beyond_it_is_said(alpha, stalled):
     """The first of two maxima is found to 1e-6; beyond it line three says so."""
     model, held = bumpy(alpha)
     report = hfa.trim(model, hfa.TrimCondition(model, held)).report()
@@ -219,7 +213,7 @@ def test_the_stall_is_the_first_maximum_and_beyond_it_is_said(alpha: float, stal
     assert ("speed / stall speed" in values(data)) != stalled
 
 
-def test_lift_above_the_declared_largest_coefficient_is_said() -> None:
+def test_lift_above_the_declared_largest_coefficient_is_said():
     """A trim of a table with CL_max .3, which needs CL = (W - T sin α) / (q S), about .32."""
     table = tomllib.loads((EXAMPLES / "uav.toml").read_text("utf-8"))
     table["geometry"]["CL_max"] = 0.3
@@ -232,10 +226,10 @@ def test_lift_above_the_declared_largest_coefficient_is_said() -> None:
     )
 
 
-def test_the_nearest_limit_is_named_also_if_it_is_assumed() -> None:
+def test_the_nearest_limit_is_named_also_if_it_is_assumed():
     """Alpha .4 % of its range from an assumed limit is named after a declared limit at 14 %."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         return {"speed": u.thrust - 0.1 * x.speed, "alpha": x.alpha - 0.996}, {}
 
     states = {
@@ -251,7 +245,7 @@ def test_the_nearest_limit_is_named_also_if_it_is_assumed() -> None:
     assert found["nearest assumed limit"] == "alpha highest 57.2958 deg"
 
 
-def test_an_assumed_limit_of_an_angle_does_not_hide_a_trim_upside_down() -> None:
+def test_an_assumed_limit_of_an_angle_does_not_hide_a_trim_upside_down():
     """Beyond 90 deg within an assumed limit, the second line says "Far out"."""
     model = Model(
         "inverted",
@@ -267,7 +261,7 @@ def test_an_assumed_limit_of_an_angle_does_not_hide_a_trim_upside_down() -> None
 # Configuration, air, performance.
 
 
-def test_the_configuration_is_that_of_the_data() -> None:
+def test_the_configuration_is_that_of_the_data():
     """HFA: Iyy is c1 + c2 sin² η of the paper. Table: its entries."""
     eta = math.radians(11.0)
     point, data = sheet("hfa", dihedral=eta)
@@ -293,11 +287,11 @@ ROWS = (
 )
 
 
-def bare() -> hfa.OperatingPoint:
+def bare():
     """Return a trim of the UAV without its outputs and configuration, as of a bare FMU."""
     uav = hfa.load_model(f"{EXAMPLES}/uav.toml")
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         rates = uav.layout.expressions([[*x], [*u], [ca.DM(v) for v in uav.p]], ())[0]
         return dict(zip(uav.states, ca.vertsplit(rates), strict=True)), {}
 
@@ -306,7 +300,7 @@ def bare() -> hfa.OperatingPoint:
     return hfa.trim(model, hfa.TrimCondition(model, {n: point[n] for n in ("speed", "yaw")}))
 
 
-def test_every_row_is_answered_or_not_in_this_model() -> None:
+def test_every_row_is_answered_or_not_in_this_model():
     """Each row has a figure or is "not in this model", and not both."""
     for point, is_bare in ((sheet("hfa")[0], False), (bare(), True)):
         data = point.report().data
@@ -317,11 +311,11 @@ def test_every_row_is_answered_or_not_in_this_model() -> None:
             assert (row in data["not_in_model"]) == is_bare
 
 
-def test_beyond_mach_1_the_calibrated_airspeed_has_the_pitot_pressure_of_rayleigh() -> None:
+def test_beyond_mach_1_the_calibrated_airspeed_has_the_pitot_pressure_of_rayleigh():
     """At M 1.3 and 80 kPa: the speed at sea level whose pressure behind a normal shock is as large."""
     p, mach = 80e3, 1.3
 
-    def impact(m: float, pressure: float) -> float:
+    def impact(m, pressure):
         shock = (6.0 * m**2 / 5.0) ** 3.5 * (6.0 / (7.0 * m**2 - 1.0)) ** 2.5
         return pressure * (shock - 1.0)
 
@@ -347,7 +341,7 @@ def test_beyond_mach_1_the_calibrated_airspeed_has_the_pitot_pressure_of_rayleig
 DAMPING = "dutch roll damping times frequency"
 
 
-def levels(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, int | None]:
+def levels(airplane, qualities):
     """Return quality -> level."""
     found = graded([Row(name, value) for name, value in qualities.items()], airplane)
     return {row.name: row.level for row in found}
@@ -355,7 +349,7 @@ def levels(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, int 
 
 #: Class, category, quality, and values with their levels, just inside and outside of the limits of
 #: Tables IV, VI, VII and VIII and Figures 1 to 3 of MIL-F-8785C.
-LIMITS: list[tuple[str, str, str, dict[float, int]]] = [
+LIMITS = [
     ("I", "A", "short period damping", {0.351: 1, 0.349: 2, 0.249: 3, 0.149: 4}),
     ("I", "A", "short period damping", {1.299: 1, 1.301: 2, 2.01: 3}),
     ("I", "B", "short period damping", {0.301: 1, 0.299: 2, 0.199: 3, 0.149: 4}),
@@ -387,7 +381,7 @@ LIMITS: list[tuple[str, str, str, dict[float, int]]] = [
 ]
 
 
-def test_levels_change_at_the_limits_of_the_standard() -> None:
+def test_levels_change_at_the_limits_of_the_standard():
     """Values on both sides of each limit have neighboring levels."""
     for class_, category, quality, expected in LIMITS:
         for value, level in expected.items():
@@ -397,7 +391,7 @@ def test_levels_change_at_the_limits_of_the_standard() -> None:
             assert found[quality] == level, quality
 
 
-def test_a_large_bank_per_sideslip_asks_for_more_damping() -> None:
+def test_a_large_bank_per_sideslip_asks_for_more_damping():
     """3.3.1.1: .014 (ω² φ/β - 20) is added to ζω of level 1; .7 damping suffices for class III."""
     values = {"dutch roll frequency": 3.0, "dutch roll phi/beta": 5.0}
     least = 0.15 + 0.014 * (9.0 * 5.0 - 20.0)
@@ -408,7 +402,7 @@ def test_a_large_bank_per_sideslip_asks_for_more_damping() -> None:
     assert levels(Airplane("III", "B"), {**heavy, DAMPING: 2.11})[DAMPING] == 1
 
 
-def test_phugoid_of_level_three_doubles_in_55_seconds() -> None:
+def test_phugoid_of_level_three_doubles_in_55_seconds():
     """ζ = -ln 2 / (55 ω) doubles in 55 s."""
     for seconds, level in ((56.0, 3), (54.0, 4)):
         damping = -math.log(2.0) / (seconds * 0.2)
@@ -426,19 +420,17 @@ def test_phugoid_of_level_three_doubles_in_55_seconds() -> None:
         (60_001.0, "loads", math.inf, "I"),  # a unit that no force has
     ],
 )
-def test_class_follows_from_weight_and_load_factor(
-    weight: float, unit: str, largest_load_factor: float, class_: str
-) -> None:
+def test_class_follows_from_weight_and_load_factor(weight, unit, largest_load_factor, class_):
     """The usual class is that of the weight, in any unit of force, or IV if maneuverable."""
     signals = {"weight": Signal(unit), "load_factor": Signal(max=largest_load_factor)}
 
     class Loaded(dict[str, float]):
         model = SimpleNamespace(outputs=signals)
 
-        def unit(self, name: str) -> str:
+        def unit(self, name):
             return signals[name].unit
 
-    found, reason = usual_class(cast(Any, Loaded(weight=weight)))
+    found, reason = usual_class(Loaded(weight=weight))
     assert found == class_
     assert "nan" not in reason
 
@@ -446,7 +438,7 @@ def test_class_follows_from_weight_and_load_factor(
 @pytest.mark.parametrize(
     ("mass", "unit", "class_"), [(5_600.0, "kg", "I"), (400.0, "slug", "II-L")]
 )
-def test_class_follows_from_the_mass_without_a_weight(mass: float, unit: str, class_: str) -> None:
+def test_class_follows_from_the_mass_without_a_weight(mass, unit, class_):
     """12,500 lbf are 5,670 kg or 389 slug in standard gravity."""
     states = {"V": Signal("m/s", start=50.0), "alpha": Signal("rad")}
     model = hfa.Model(
@@ -460,7 +452,7 @@ def test_class_follows_from_the_mass_without_a_weight(mass: float, unit: str, cl
     assert usual_class(Trimmed(hfa.trim(model)))[0] == class_
 
 
-def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
+def test_levels_of_a_sheet_are_those_of_its_modes():
     """The sheet grades the qualities of the linear model; modes without a rule are named."""
     point, data = sheet(f"{EXAMPLES}/cessna182.toml")
     linear = json.loads(
@@ -477,7 +469,7 @@ def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
     assert "level" in landing.data["sheet"]["n/alpha"]  # it has limits in category C only
 
 
-def test_a_sheet_of_degrees_taken_as_radians_is_doubted(folder: Path) -> None:
+def test_a_sheet_of_degrees_taken_as_radians_is_doubted(folder):
     """Alpha of 143 deg, limits beyond a turn, inertias of no body: each is named, trim or not."""
     text = (EXAMPLES / "uav.toml").read_text("utf-8")
     text = text.replace('["-25 deg", "25 deg"]', "[-25, 25]").replace("Izz = 1.759", "Izz = 2.9")
@@ -488,7 +480,7 @@ def test_a_sheet_of_degrees_taken_as_radians_is_doubted(folder: Path) -> None:
         assert name in said
 
 
-def test_published_and_newton_dynamics_differ_by_mode_in_percent() -> None:
+def test_published_and_newton_dynamics_differ_by_mode_in_percent():
     """At 7 deg the fast dihedral mode is the fastest real one, in `trim` and in `linearize`."""
     pairs, fastest = {}, {}
     for dynamics in ("published", "newton"):
@@ -510,7 +502,7 @@ def test_published_and_newton_dynamics_differ_by_mode_in_percent() -> None:
 # Doubts, advice, several sheets.
 
 
-def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:
+def test_conditions_of_a_file_are_rows_of_a_matrix(folder):
     """Each row equals the sheet of its own trim in degrees; a row that fails has its sentence."""
     text = (
         f"speed [m/s],gamma [rad],CD_0 [1]\n30,0,.0437\n35,{math.radians(2.0)!r},.0437\n5,0,.0437\n"
@@ -538,7 +530,7 @@ def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("sign", [1.0, 0.0, -1.0])
-def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign: float, tmp_path: Path) -> None:
+def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign, tmp_path):
     """The sign of Cn_beta, not that of the yaw acceleration, which has the opposite one here by
     Ixz Cl_beta.
     """
@@ -556,7 +548,7 @@ def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign: float, tmp_path: 
     assert ("out of the wind" in point.report().title) == (sign < 0.0)
 
 
-def test_a_sheet_states_what_is_not_as_in_the_file() -> None:
+def test_a_sheet_states_what_is_not_as_in_the_file():
     """A parameter of --hold stands beside the file's value: in the text, in JSON, in the head."""
     words = ("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--hold", "Cl_beta=-0.2")
     assert "Cl_beta -0.2 (as loaded: -0.12)" in command(*words).out
@@ -570,7 +562,7 @@ def test_a_sheet_states_what_is_not_as_in_the_file() -> None:
     assert "file:" not in hfa.trim(model.with_parameters(mass=13.5)).report().head["data"]
 
 
-def test_a_changed_angle_is_in_degrees_wherever_it_is_stated(folder: Path) -> None:
+def test_a_changed_angle_is_in_degrees_wherever_it_is_stated(folder):
     """In the row, in the provenance and in the head, as it was typed; data are in radians."""
     Path("own.py").write_text(
         """from hfa import Model, Signal
@@ -589,7 +581,7 @@ OWN = Model(
     assert Path("sheet.html").read_text("utf-8").count(stated) == 2
 
 
-def test_the_load_factor_is_normal_to_the_path() -> None:
+def test_the_load_factor_is_normal_to_the_path():
     """It is 1 in level flight, cos γ in a climb and 1/cos φ in a turn, and 1 can be imposed."""
     point = hfa.trim(hfa.load_model(f"{EXAMPLES}/uav.toml"))
     assert point["load_factor"] == pytest.approx(1.0, abs=1e-9)
@@ -601,7 +593,7 @@ def test_the_load_factor_is_normal_to_the_path() -> None:
 
 
 @pytest.mark.parametrize("name", ["cessna182.toml", "uav.toml"])
-def test_the_anticipation_parameter_is_that_by_hand(name: str) -> None:
+def test_the_anticipation_parameter_is_that_by_hand(name):
     """CAP = ω² / (n/α), with n/α = V q / (g α) of the steady response to elevator at constant V."""
     model = hfa.load_model(EXAMPLES / name)
     point = hfa.trim(model)
@@ -620,7 +612,7 @@ def test_the_anticipation_parameter_is_that_by_hand(name: str) -> None:
     ("speed", "output", "doubted"),
     [(0.2, "lift", True), (5.0, "lift", False), (0.2, "extension", False)],
 )
-def test_a_standing_aircraft_is_doubted(speed: float, output: str, doubted: bool) -> None:
+def test_a_standing_aircraft_is_doubted(speed, output, doubted):
     """A trim at less than a hundredth of the nominal speed is no flight, and its first lines say so,
     of a model with the outputs of an aircraft.
     """
@@ -635,10 +627,10 @@ def test_a_standing_aircraft_is_doubted(speed: float, output: str, doubted: bool
     assert ("no flight" in hfa.trim(model).report().title) == doubted
 
 
-def test_a_trim_without_air_is_doubted_and_leads_to_a_flight() -> None:
+def test_a_trim_without_air_is_doubted_and_leads_to_a_flight():
     """The held controls balance only where the density is 0; the advised options give a flight."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         density = 1.0 - x.altitude / 40e3
         rates = {
             "speed": u.thrust * ca.cos(x.alpha) - 1e-3 * density * x.speed**2,

@@ -1,14 +1,11 @@
 """Predictive policy: gradient, cost, limits, delays, disturbances and refusals."""
 
-from __future__ import annotations
-
 import json
 import math
 import pickle
 from copy import copy, deepcopy
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -45,13 +42,11 @@ predictive = partial(hfa.predictive, budget=math.inf)
 LAWS = {"predictive": predictive, "state-dependent": hfa.state_dependent}
 
 
-def made(law: str = "predictive", **settings: Any) -> Any:
+def made(law="predictive", **settings):
     return LAWS[law](CART, AT_REST, *WEIGHTS, **settings)
 
 
-def moved(
-    A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, h: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def moved(A, B, Q, R, h):
     """Return Ad, Bd and the exact cost Qd, Nd, Rd over a hold, by a sum over fine steps."""
     n, m = B.shape
     rates = np.block([[A, B], [np.zeros((m, n + m))]])
@@ -67,7 +62,7 @@ def moved(
     return over[:n, :n], over[:n, n:], W[:n, :n], W[:n, n:], W[n:, n:]
 
 
-def gradient(policy: Any) -> np.ndarray:
+def gradient(policy):
     """Return -dU/dX of the first sample at the pendulum's trim, by central differences."""
     columns = []
     for step in 1e-5 * np.eye(2):
@@ -79,7 +74,7 @@ def gradient(policy: Any) -> np.ndarray:
     return np.array(columns).T
 
 
-def gain_of_holds(A: np.ndarray, B: np.ndarray, holds: np.ndarray) -> np.ndarray:
+def gain_of_holds(A, B, holds):
     """Return the optimal gain of the first hold, by backward Riccati from P of SciPy."""
     P = solve_continuous_are(A, B, *WEIGHTS)
     for h in holds[::-1]:
@@ -89,7 +84,7 @@ def gain_of_holds(A: np.ndarray, B: np.ndarray, holds: np.ndarray) -> np.ndarray
     return K
 
 
-def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds() -> None:
+def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds():
     """Near the trim the gain of equal holds for ever takes over, by `solve_discrete_are`."""
     linear = hfa.linearize(PENDULUM, UPRIGHT)
     policy = predictive(PENDULUM, UPRIGHT, *WEIGHTS)
@@ -102,7 +97,7 @@ def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds() -> None:
     np.testing.assert_allclose(policy.K, forever, rtol=1e-9)
 
 
-def test_one_program_makes_the_last_plan_the_optimum_of_another_state() -> None:
+def test_one_program_makes_the_last_plan_the_optimum_of_another_state():
     """At a second sample whose state is not the predicted one, the input of a linear model is that
     of the exact gain of the holds. The old plan would give -0.43 in place of -0.17.
     """
@@ -118,7 +113,7 @@ def test_one_program_makes_the_last_plan_the_optimum_of_another_state() -> None:
     assert (policy.samples.planned, policy.samples.refused) == (2, 0)
 
 
-def test_the_sample_time_resolves_the_fastest_pole() -> None:
+def test_the_sample_time_resolves_the_fastest_pole():
     """A filter at 50 1/s beside the cart, without a weight worth a faster sample, sets it."""
     filtered = hfa.Model(
         "cart with a filter",
@@ -135,7 +130,7 @@ def test_the_sample_time_resolves_the_fastest_pole() -> None:
     assert 0.3 < 50.0 * policy.dt <= 0.7 < 50.0 * slow.dt
 
 
-def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies() -> None:
+def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies():
     """A plan of half a second costs z'Pz with P of SciPy within 1 %, and the next input is -K z."""
     linear = hfa.linearize(CART, AT_REST)
     P = np.array(hfa.lqr(linear.A, linear.B, *WEIGHTS).P)
@@ -152,9 +147,7 @@ def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies()
     [([30.0, 3.0], 12.0, *WEIGHTS), ([1.0, -1.5], 1.0, np.diag([1.0, 0.01]), 0.01 * np.eye(1))],
     ids=["long", "short"],
 )
-def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs(
-    start: list[float], horizon: float, Q: np.ndarray, R: np.ndarray
-) -> None:
+def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs(start, horizon, Q, R):
     """Its cost is that of SciPy's least squares with bounds, over the holds of the plan."""
     wide = {"speed": (-100.0, 100.0), "position": (-1000.0, 1000.0)}
     policy = predictive(CART, AT_REST, Q, R, limits=wide, horizon=horizon)
@@ -178,7 +171,7 @@ def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs(
     assert np.abs(found.x).max() > 1.99
 
 
-def unstable(square: float, cube: float) -> hfa.Model:
+def unstable(square, cube):
     """Return x' = x + square x² + cube x³ + u, whose linear optimum costs (1 + √2) x²."""
     return hfa.Model(
         "unstable",
@@ -188,7 +181,7 @@ def unstable(square: float, cube: float) -> hfa.Model:
     )
 
 
-def test_a_plan_that_is_lost_begins_anew() -> None:
+def test_a_plan_that_is_lost_begins_anew():
     """The inputs of the last plan lead to infinity after a kick, in which case feedback returns."""
     model = unstable(0.0, 1.0)
     policy = predictive(model, hfa.trim(model), [[1.0]], [[1.0]])
@@ -200,7 +193,7 @@ def test_a_plan_that_is_lost_begins_anew() -> None:
     assert abs(x[0]) < 1e-3
 
 
-def test_the_exact_gain_waits_until_its_own_flight_costs_the_value() -> None:
+def test_the_exact_gain_waits_until_its_own_flight_costs_the_value():
     """At x = 1 the plan costs the linear value, although the gain's own flight costs 16 % more."""
     model = unstable(-3.0, 3.91)
     point = hfa.trim(model)
@@ -217,13 +210,13 @@ def test_the_exact_gain_waits_until_its_own_flight_costs_the_value() -> None:
 
 
 def test_garbage_of_the_quadratic_program_leaves_the_old_plan(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     """If every program returns garbage, the first guess is flown, and the pendulum converges."""
 
     true = ca.conic
 
-    def conic(*arguments: Any) -> ca.Function:
+    def conic(*arguments):
         solve = true(*arguments)
         names = solve.name_in(), solve.name_out()
         given = [ca.MX.sym(name, solve.sparsity_in(name)) for name in names[0]]
@@ -238,9 +231,7 @@ def test_garbage_of_the_quadratic_program_leaves_the_old_plan(
     assert policy.samples.refused == policy.samples.planned - 1 > 0
 
 
-def flown(
-    policy: Any, model: Any, point: Any, start: dict[str, float], seconds: float, **happens: Any
-) -> tuple[float, np.ndarray, np.ndarray]:
+def flown(policy, model, point, start, seconds, **happens):
     """Return cost with z'Pz at the end, states and inputs of a flight with Q = 1 and R = 1."""
     scenario = Scenario(duration=seconds, **happens)
     initial = [start.get(name, 0.0) for name in model.states]
@@ -253,7 +244,7 @@ def flown(
     return float(flight.cost) + float(z @ P @ z), np.array(flight.states), np.array(flight.inputs)
 
 
-def test_a_flight_costs_little_more_than_the_best_flight() -> None:
+def test_a_flight_costs_little_more_than_the_best_flight():
     """The cart converges within all limits, along its speed limit, near the best flight found."""
     best = hfa.optimize(CART, AT_REST, {"position": 3.0}, *WEIGHTS)
     policy = made(margin=1e-3)
@@ -266,7 +257,7 @@ def test_a_flight_costs_little_more_than_the_best_flight() -> None:
     assert policy.samples.rise < 0.02
 
 
-def test_a_delay_is_bridged_by_the_commands_under_way() -> None:
+def test_a_delay_is_bridged_by_the_commands_under_way():
     """With a delay, the flight costs its drift until the first command acts, and the cost from
     there, as long as the equations are linear.
     """
@@ -284,7 +275,7 @@ def test_a_delay_is_bridged_by_the_commands_under_way() -> None:
     assert late == pytest.approx(start @ drift @ start + prompt, rel=5e-4)
 
 
-def test_the_game_of_a_finite_delta_is_at_the_end() -> None:
+def test_the_game_of_a_finite_delta_is_at_the_end():
     """Near the trim, K is that of the game with held inputs, by SciPy; it acts harder than the LQR."""
     linear = hfa.linearize(PENDULUM, UPRIGHT)
     delta = 1.5 * hfa.solve(hfa.game(linear, Q=WEIGHTS[0], R=WEIGHTS[1], delta=1e3)).delta_min
@@ -302,7 +293,7 @@ def test_the_game_of_a_finite_delta_is_at_the_end() -> None:
 
 
 @pytest.mark.parametrize(("deviation", "fastest"), [(0.0, 0.99), (0.1, 0.59), (10.0, 0.5)])
-def test_limits_are_narrowed_by_what_the_filter_does_not_know(deviation, fastest) -> None:
+def test_limits_are_narrowed_by_what_the_filter_does_not_know(deviation, fastest):
     """By 4 standard deviations of the predicted speed, at most to half of its limit of 1 m/s."""
     policy, x, speeds = made(), np.array([-8.0, 0.0]), []
     dt = policy.dt
@@ -313,7 +304,7 @@ def test_limits_are_narrowed_by_what_the_filter_does_not_know(deviation, fastest
     assert max(speeds) == pytest.approx(fastest, abs=0.01)
 
 
-def test_a_long_horizon_is_cut() -> None:
+def test_a_long_horizon_is_cut():
     """A horizon of a minute is cut to 10 time constants of the pendulum's growing pole."""
     policy = predictive(PENDULUM, UPRIGHT, *WEIGHTS, horizon=60.0)
     growing = np.linalg.eigvals(np.array(hfa.linearize(PENDULUM, UPRIGHT).A)).real.max()
@@ -335,14 +326,14 @@ def test_a_long_horizon_is_cut() -> None:
         ("X has shape (1,)", lambda: made("state-dependent")(0.0, [0.0])),
     ],
 )
-def test_what_is_refused(says: str, refused: Any) -> None:
+def test_what_is_refused(says, refused):
     with pytest.raises((hfa.BadInputError, hfa.NoSolutionError)) as caught:
         refused()
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def cart_flight(policy: Any, wrong: dict[int, Any]) -> np.ndarray:
+def cart_flight(policy, wrong):
     """Return the states of an exact flight of the cart, (N, 2), in which some samples are wrong."""
     policy.reset()
     dt = policy.dt
@@ -355,7 +346,7 @@ def cart_flight(policy: Any, wrong: dict[int, Any]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_wrong_sample_changes_no_flight(law: str) -> None:
+def test_a_wrong_sample_changes_no_flight(law):
     """The prediction of an exact model takes the place of a sample that is not finite or
     impossible, at the first one too, and the report counts it.
     """
@@ -368,7 +359,7 @@ def test_a_wrong_sample_changes_no_flight(law: str) -> None:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_copy_in_flight_flies_on_as_the_policy_does(law: str) -> None:
+def test_a_copy_in_flight_flies_on_as_the_policy_does(law):
     """A policy is a value with a state: a copy flies on, and does not change the original. Of 100
     further samples remains at most what a pickle says of a number and a time.
     """
@@ -388,7 +379,7 @@ def test_a_copy_in_flight_flies_on_as_the_policy_does(law: str) -> None:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_moved_aircraft_is_believed_at_the_second_sample(law: str) -> None:
+def test_a_moved_aircraft_is_believed_at_the_second_sample(law):
     """A jump that stays is no wrong sample: the policy returns from there."""
     policy = made(law, dt=0.1)
     policy(0.0, [0.0, 0.0])
@@ -398,7 +389,7 @@ def test_a_moved_aircraft_is_believed_at_the_second_sample(law: str) -> None:
     assert forces[1] < -0.5
 
 
-def test_a_first_plan_before_the_flight_is_that_of_its_first_sample() -> None:
+def test_a_first_plan_before_the_flight_is_that_of_its_first_sample():
     """A plan from the expected states is flown; from other states it is made anew."""
     policy = made()
     expected = policy(0.0, [3.0, 0.1]).item()
@@ -407,7 +398,7 @@ def test_a_first_plan_before_the_flight_is_that_of_its_first_sample() -> None:
         assert policy(0.0, [3.0, 0.1]).item() == pytest.approx(expected, abs=1e-3)
 
 
-def test_a_spent_budget_flies_the_last_plan_on() -> None:
+def test_a_spent_budget_flies_the_last_plan_on():
     """Without time for a program, the second input is that of the first plan."""
     policy = made(budget=1e-9)
     policy.begin([3.0, 0.1])
@@ -418,9 +409,7 @@ def test_a_spent_budget_flies_the_last_plan_on() -> None:
     assert policy.samples.late == 1
 
 
-def test_a_flight_of_the_command_does_not_depend_on_the_machine(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_flight_of_the_command_does_not_depend_on_the_machine(capsys, monkeypatch):
     """On a machine that needs a second between two instructions, the flight is the same."""
     words = ["fly", "--aircraft", PENDULUM_FILE, "--policy", "predictive", "--duration", "0.4"]
     words += ["--initial", "angle=40", "--disturbance", "push=2", "--json"]
@@ -434,9 +423,7 @@ def test_a_flight_of_the_command_does_not_depend_on_the_machine(
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_laws_fly_and_are_compared_on_the_command_line(
-    law: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_laws_fly_and_are_compared_on_the_command_line(law, capsys):
     """`fly --policy` and `optimize --policy` fly the same flight, near the best."""
     words = ["--aircraft", PENDULUM_FILE, "--policy", law, "--json"]
     assert main(["fly", *words, "--initial", "angle=40", "--duration", "5"]) == 0
@@ -463,12 +450,12 @@ def test_laws_fly_and_are_compared_on_the_command_line(
         ("--keep-inside", "move no limited state"),
     ],
 )
-def test_what_the_command_refuses(words: str, named: str) -> None:
+def test_what_the_command_refuses(words, named):
     assert_refused(hfa_command("fly", "--aircraft", PENDULUM_FILE, *words.split()), 2, named)
 
 
 @pytest.mark.slow
-def test_the_flexible_aircraft_converges_inside_its_envelope_from_the_papers_start() -> None:
+def test_the_flexible_aircraft_converges_inside_its_envelope_from_the_papers_start():
     """From x(0) at 10 deg, where the exact policy leaves the envelope, the flight stays inside at
     1.02 times the best flight, which costs 4560.
     """

@@ -5,15 +5,11 @@ training; zips/actions.json has the actions of its `predict`. `ppo_old_squash` w
 the check of later versions, `sac_old` in the format of torch before 1.6.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import pickle
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +17,7 @@ from cli import hfa as hfa_command
 from network_files import safetensors_file, torch_file
 
 import hfa
-from hfa import BadInputError, Critic
+from hfa import BadInputError
 
 ZIPS = Path(__file__).parent / "zips"
 STORED = json.loads((ZIPS / "actions.json").read_text())
@@ -31,11 +27,11 @@ RNG = np.random.default_rng(5)
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def read(path: Any, **how: Any) -> Critic:
+def read(path, **how):
     return hfa.read_critic(path, GAME, **how)
 
 
-def refusal(path: Any, **how: Any) -> str:
+def refusal(path, **how):
     """Return the message with which a file is refused: one line that begins with the path."""
     with pytest.raises(BadInputError) as caught:
         read(path, **how)
@@ -45,7 +41,7 @@ def refusal(path: Any, **how: Any) -> str:
 
 
 @pytest.mark.parametrize("name", STORED["actions"])
-def test_a_zip_gives_the_actions_of_stable_baselines(name: str) -> None:
+def test_a_zip_gives_the_actions_of_stable_baselines(name):
     """With squash, clip and box, without help; algorithm and unused parts are stated."""
     critic = read(ZIPS / f"{name}.zip")
     assert critic.u(OBSERVED) == pytest.approx(np.array(STORED["actions"][name]), abs=1e-6)
@@ -60,7 +56,7 @@ def test_a_zip_gives_the_actions_of_stable_baselines(name: str) -> None:
     assert stated["action"]["high"] == pytest.approx([2.0, 0.25])
 
 
-def test_a_value_beside_a_policy_is_read_with_the_activation_of_the_zip() -> None:
+def test_a_value_beside_a_policy_is_read_with_the_activation_of_the_zip():
     """V has neither squash nor box; u has both."""
     both = read(ZIPS / "ppo.zip", network="V=value_net,policy=policy_net+action_net")
     assert both.u(OBSERVED) == pytest.approx(np.array(STORED["actions"]["ppo"]), abs=1e-6)
@@ -74,11 +70,11 @@ def test_a_value_beside_a_policy_is_read_with_the_activation_of_the_zip() -> Non
     ("name", "said"),
     [("dqn", "one of 3 discrete actions"), ("ppo_normalized", "trained behind a VecNormalize")],
 )
-def test_policies_that_are_no_function_of_the_states_are_refused(name: str, said: str) -> None:
+def test_policies_that_are_no_function_of_the_states_are_refused(name, said):
     assert said in refusal(ZIPS / f"{name}.zip")
 
 
-def changed_zip(name: str, change: Callable[[dict[str, Any]], Any]) -> str:
+def changed_zip(name, change):
     """Write a zip with changed settings, and return its path."""
     with zipfile.ZipFile(ZIPS / f"{name}.zip") as archive:
         members = {each: archive.read(each) for each in archive.namelist()}
@@ -91,7 +87,7 @@ def changed_zip(name: str, change: Callable[[dict[str, Any]], Any]) -> str:
     return "changed.zip"
 
 
-def halved(data: dict[str, Any]) -> None:
+def halved(data):
     """Halve the box of the actions in the settings of a zip."""
     spaces = pytest.importorskip("gymnasium").spaces
     box = spaces.Box(np.array([-0.5, -0.25], "f4"), np.array([1.0, 0.125], "f4"))
@@ -108,7 +104,7 @@ def halved(data: dict[str, Any]) -> None:
         ("ppo_squash", lambda data: data["policy_kwargs"].update(squash_output=False)),
     ],
 )
-def test_another_box_and_another_squash_are_another_policy(name: str, change: Any) -> None:
+def test_another_box_and_another_squash_are_another_policy(name, change):
     """`verify` of the game whose optimum is the zip's slope finds a halved box and no squash.
 
     The squash changes the slope at the trim; the box of a clip changes the policy in the box.
@@ -122,11 +118,11 @@ def test_another_box_and_another_squash_are_another_policy(name: str, change: An
     assert (name != "ppo") == (np.abs(other.K - read(own).K).max() > 1e-3)
 
 
-def test_a_zip_without_its_class_is_refused() -> None:
+def test_a_zip_without_its_class_is_refused():
     assert "policy_class" in refusal(changed_zip("ppo", lambda data: data.pop("policy_class")))
 
 
-def test_an_old_torch_file_that_claims_large_storages_is_refused() -> None:
+def test_an_old_torch_file_that_claims_large_storages_is_refused():
     """Its storages together have at most the size of the file."""
     with zipfile.ZipFile(ZIPS / "sac_old.zip") as archive:
         content = archive.read("policy.pth")
@@ -141,7 +137,7 @@ def test_an_old_torch_file_that_claims_large_storages_is_refused() -> None:
 # Checkpoints of other libraries.
 
 
-def chain(*names: str, widths: tuple[int, ...] = (3, 5, 4, 2)) -> dict[str, np.ndarray]:
+def chain(*names, widths=(3, 5, 4, 2)):
     """Return random weights and biases of layers with these names."""
     tensors = {}
     for name, takes, gives in zip(names, widths[:-1], widths[1:], strict=True):
@@ -150,7 +146,7 @@ def chain(*names: str, widths: tuple[int, ...] = (3, 5, 4, 2)) -> dict[str, np.n
     return tensors
 
 
-def output_of(tensors: dict[str, np.ndarray], names: tuple[str, ...], activation: Any) -> Any:
+def output_of(tensors, names, activation):
     h = OBSERVED.T
     for name in names:
         h = tensors[f"{name}.weight"] @ h + tensors[f"{name}.bias"][:, None]
@@ -158,7 +154,7 @@ def output_of(tensors: dict[str, np.ndarray], names: tuple[str, ...], activation
     return h.T
 
 
-def relu(x: np.ndarray) -> np.ndarray:
+def relu(x):
     return np.maximum(x, 0.0)
 
 
@@ -168,7 +164,7 @@ VALUE = ("critic.0", "critic.2", "critic.4")
 
 
 @pytest.mark.parametrize("write", [torch_file, safetensors_file])
-def test_a_checkpoint_of_cleanrl_is_squashed_and_scaled(write: Any) -> None:
+def test_a_checkpoint_of_cleanrl_is_squashed_and_scaled(write):
     """tanh(output) action_scale + action_bias; its Q functions are not used."""
     names = ("0.fc1", "0.fc2", "0.fc_mu")
     tensors = chain(*names) | chain("1.fc1", "1.fc2", "1.fc3", widths=(5, 6, 6, 1))
@@ -180,7 +176,7 @@ def test_a_checkpoint_of_cleanrl_is_squashed_and_scaled(write: Any) -> None:
     assert critic.stated.notes == ("not used: 1.fc1, 1.fc2, 1.fc3",)
 
 
-def test_normalizers_of_checkpoints_are_refused_or_absent() -> None:
+def test_normalizers_of_checkpoints_are_refused_or_absent():
     """rsl_rl and rl_games store a normalizer beside the policy, which the states are not behind."""
     names = [f"model_state_dict.{name}" for name in (*ACTOR, *VALUE)]
     rsl_rl = chain(*names[:3]) | chain(*names[3:], widths=CRITIC)
@@ -202,7 +198,7 @@ def test_normalizers_of_checkpoints_are_refused_or_absent() -> None:
 
 
 @pytest.mark.parametrize("kind", ["float16", "bfloat16"])
-def test_half_precision_is_read(kind: str) -> None:
+def test_half_precision_is_read(kind):
     """float16, and bfloat16 in safetensors: the upper halves of float32."""
     tensors = chain(*ACTOR)
     singles = {name: each.astype("f4") for name, each in tensors.items()}
@@ -252,10 +248,10 @@ ASKED = {
 
 
 @pytest.mark.parametrize("name", ASKED)
-def test_each_example_of_a_refusal_is_accepted(name: str) -> None:
+def test_each_example_of_a_refusal_is_accepted(name):
     """The words that a refusal proposes lead, one after the other, to a policy of all layers."""
     path = torch_file("asked.pt", ASKED[name])
-    typed: dict[str, str] = {}
+    typed = {}
     for _ in range(4):
         try:
             policy = read(path, **typed)
@@ -272,7 +268,7 @@ def test_each_example_of_a_refusal_is_accepted(name: str) -> None:
     raise AssertionError(typed)
 
 
-def test_the_table_of_several_files_says_what_is_not_used() -> None:
+def test_the_table_of_several_files_says_what_is_not_used():
     """Also with -q, in the text and in the JSON."""
     matrices = {"A": GAME.A, "B": GAME.B, "Q": GAME.Q, "R": GAME.R}
     Path("plant.json").write_text(
@@ -284,14 +280,14 @@ def test_the_table_of_several_files_says_what_is_not_used() -> None:
         assert "not used: actor.log_std" in " ".join(said.split())
 
 
-def test_a_policy_of_other_observations_is_no_q_function() -> None:
+def test_a_policy_of_other_observations_is_no_q_function():
     """Of 3 observations, for a plant of 2 states and 1 input."""
     game = hfa.Game(-np.eye(2), np.ones((2, 1)), Q=np.ones(2), R=np.ones(1))
     with pytest.raises(BadInputError, match="has 3 inputs, but 2 observations are given"):
         hfa.read_critic(ZIPS / "sac.zip", game)
 
 
-def test_a_layer_on_a_basis_says_what_its_file_contains_besides() -> None:
+def test_a_layer_on_a_basis_says_what_its_file_contains_besides():
     """A value of 6 weights beside an actor, which is not used."""
     stored = chain("value", widths=(6, 1)) | chain(*ACTOR)
     critic = read(torch_file("both.pt", stored), network="V=value")

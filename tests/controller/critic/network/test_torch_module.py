@@ -1,10 +1,5 @@
 """torch networks in memory, and stand-ins with the attributes of torch's modules."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.special import expit, ndtr
@@ -24,32 +19,32 @@ class _Tensor:
 
     dtype = "torch.float32"
 
-    def __init__(self, values: Any) -> None:
+    def __init__(self, values):
         self.values = values
 
-    def detach(self) -> _Tensor:
+    def detach(self):
         """Return the tensor itself."""
         return self
 
     cpu = detach
 
-    def numpy(self) -> np.ndarray:
+    def numpy(self):
         """Return the numbers as an array."""
         return np.asarray(self.values)
 
 
-def _module(kind: str, **attributes: Any) -> Any:
+def _module(kind, **attributes):
     """Return a stand-in for a module of torch.nn with this class name and these attributes."""
     made = type(kind, (), {"__module__": "torch.nn.modules.any", **attributes})
     return made()
 
 
-def _linear(weight: Any, bias: Any) -> Any:
+def _linear(weight, bias):
     parameters = {"weight": _Tensor(weight), "bias": None if bias is None else _Tensor(bias)}
     return _module("Linear", _parameters=parameters)
 
 
-def _sequential(*parts: Any) -> Any:
+def _sequential(*parts):
     return _module(
         "Sequential",
         _modules={str(place): part for place, part in enumerate(parts)},
@@ -58,12 +53,12 @@ def _sequential(*parts: Any) -> Any:
     )
 
 
-def _network(activation: Any) -> Any:
+def _network(activation):
     first = _linear(WEIGHTS[0], BIASES[0])
     return _sequential(_sequential(first, activation), _linear(WEIGHTS[1], BIASES[1]))
 
 
-def test_another_module_is_read_through_its_state_dict() -> None:
+def test_another_module_is_read_through_its_state_dict():
     """A module of the user's class is the network of its state dict, with the given activation.
 
     Without an activation, and with a tensor that is no linear layer, it is refused.
@@ -87,7 +82,7 @@ def test_another_module_is_read_through_its_state_dict() -> None:
         hfa.from_network(GAME, made(), activation="tanh")
 
 
-def test_unsupported_modules_and_settings_are_refused() -> None:
+def test_unsupported_modules_and_settings_are_refused():
     """Unsupported modules, settings, sizes and numbers are refused by name."""
     layer = _linear(np.ones((1, 2)), None)
     for network, said in (
@@ -112,12 +107,12 @@ def test_unsupported_modules_and_settings_are_refused() -> None:
         hfa.from_network(GAME, lambda z: z)
 
 
-def _above(x: np.ndarray, below: np.ndarray) -> np.ndarray:
+def _above(x, below):
     return np.where(x > 0.0, x, below)
 
 
 #: torch's activations with their default settings.
-ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+ACTIVATIONS = {
     "ELU": lambda x: _above(x, np.expm1(x)),
     "GELU": lambda x: x * ndtr(x),
     "LeakyReLU": lambda x: _above(x, 0.01 * x),
@@ -131,7 +126,7 @@ ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 @pytest.mark.parametrize("kind", ACTIVATIONS)
-def test_each_activation_is_that_of_torch(kind: str) -> None:
+def test_each_activation_is_that_of_torch(kind):
     """Policies of Sequentials are those of the formulas in torch's documentation."""
     defaults = {"ELU": {"alpha": 1.0}, "GELU": {"approximate": "none"}}
     defaults |= {
