@@ -122,35 +122,3 @@ def test_sampled_games_scale_with_the_units(seed):
             each.sampled(step)
     with pytest.raises(hfa.BadInputError, match="dt is True"):
         replace(game).sampled(True)
-
-
-@pytest.mark.parametrize(
-    ("kind", "seed"),
-    [
-        ("continuous", 36),
-        ("discount", 36),
-        *(
-            pytest.param(kind, seed, marks=pytest.mark.slow)
-            for kind in ("continuous", "discrete", "discount")
-            for seed in range(37, 46)
-        ),
-    ],
-)
-def test_verdicts_and_learning_do_not_depend_on_units(kind, seed):
-    """`verify` says the same words of exact and of wrong critics, and `learn` finds K."""
-    game = drawn(kind, seed)  # of which R may be 0, from which nothing is learned
-    game = far_above(replace(game, R=game.R + np.eye(len(game.R))))
-    other, (z, u, *_) = in_other_units(game, seed)
-    exact, found = hfa.solve(game), hfa.solve(other)
-    if np.abs(exact.K).max() < 1e-3:
-        return
-    for factor, is_right in ((1.0, True), (1.5, False)):
-        verdicts = [
-            hfa.verify(each, hfa.from_gain(each, factor * solution.K))
-            for each, solution in ((game, exact), (other, found))
-        ]
-        assert [verdict.ok for verdict in verdicts] == [is_right, is_right]
-        first, second = (words(str(verdict.report()).splitlines()[0]) for verdict in verdicts)
-        assert first == second
-    K = hfa.learn(other).K / u[:, None] * z
-    np.testing.assert_allclose(K, exact.K, rtol=1e-5, atol=1e-5 * np.abs(exact.K).max())

@@ -1,17 +1,16 @@
 """Models converted to SI units agree with the original models after conversion."""
 
-import math
 import pickle
-import random
 import re
+from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 import pytest
 from extension import Extension
+from twins import PLANE, named
 
 import hfa
-from hfa import BadInputError, Model, Signal, linearize, trim
+from hfa import BadInputError, linearize, trim
 from hfa.extend import About
 from hfa_aircraft import in_si
 from trim import usual_condition
@@ -123,80 +122,6 @@ def test_an_aircraft_of_each_reader_is_the_same_in_si(reader):
     np.testing.assert_allclose(B, linear.B, rtol=1e-5, atol=1e-6 * np.abs(linear.B).max())
 
 
-#: Kind of quantity -> its units, each with the number of SI units (NIST SP 811), SI first.
-SIZES = {
-    "speed": {"m/s": 1.0, "kt": 1852.0 / 3600.0, "km/h": 1.0 / 3.6, "mph": 0.44704},
-    "angle": {"rad": 1.0, "deg": math.pi / 180.0},
-    "length": {"m": 1.0, "ft": 0.3048, "km": 1000.0, "nmi": 1852.0},
-    "force": {"N": 1.0, "lbf": 4.4482216152605, "kN": 1000.0},
-    "mass": {"kg": 1.0, "lbm": 0.45359237, "slug": 14.593902937206364},
-    "pressure": {"N/m^2": 1.0, "lbf/ft^2": 47.88025898033584, "psi": 6894.757293168361},
-    "power": {"W": 1.0, "hp": 745.6998715822702, "kW": 1000.0},
-    "time": {"s": 1.0, "min": 60.0},
-}
-
-
-def plane(units):
-    """An aircraft with equations in SI, whose signals are in the units of each quantity."""
-    size = {kind: SIZES[kind][unit] for kind, unit in units.items()}
-    size["turn"] = size["angle"] / size["time"]
-    words = {**units, "turn": f"{units['angle']}/{units['time']}"}
-    kinds = {"speed": "speed", "alpha": "angle", "pitch": "angle", "pitch_rate": "turn"}
-    kinds |= {"altitude": "length", "elevator": "angle", "thrust": "force", "gamma": "angle"}
-    kinds |= {"lift": "force", "drag": "force", "dynamic_pressure": "pressure", "power": "power"}
-    sizes = {name: size[kind] for name, kind in kinds.items()}
-
-    def signal(name, *numbers):
-        return Signal(words[kinds[name]], *(number / sizes[name] for number in numbers))
-
-    def equations(x, u, p, w):
-        V, alpha, pitch, q, height = (getattr(x, name) * sizes[name] for name in x._fields)
-        elevator, thrust = u.elevator * sizes["elevator"], u.thrust * sizes["thrust"]
-        mass, gravity, climb = p.mass * size["mass"], 9.80665, pitch - alpha
-        dynamic = 0.6125 * ca.exp(-height / 9000.0) * V**2
-        lift = dynamic * 16.2 * (0.31 + 4.9 * alpha + 0.43 * elevator)
-        drag = dynamic * 0.8
-        moment = dynamic * 24.0 * (-0.015 - 0.89 * alpha - 1.28 * elevator - 9.0 * q / V)
-        turning = (lift + thrust * ca.sin(alpha)) / mass / V
-        rates = {
-            "speed": (thrust * ca.cos(alpha) - drag) / mass - gravity * ca.sin(climb),
-            "alpha": q + gravity * ca.cos(climb) / V - turning,
-            "pitch": q,
-            "pitch_rate": moment / 1824.0,
-            "altitude": V * ca.sin(climb),
-        }
-        outputs = {"gamma": climb, "lift": lift, "drag": drag, "dynamic_pressure": dynamic}
-        outputs["power"] = thrust * V
-        in_units = {name: value / sizes[name] for name, value in outputs.items()}
-        return {name: rate / sizes[name] * size["time"] for name, rate in rates.items()}, in_units
-
-    outputs = ("gamma", "lift", "drag", "dynamic_pressure", "power")
-    return Model(
-        "plane",
-        states={
-            "speed": signal("speed", 10.0, 25.0, 90.0, 55.0),
-            "alpha": signal("alpha", 0.1, -0.2, 0.3),
-            "pitch": signal("pitch", 0.1, -0.6, 0.6),
-            "pitch_rate": signal("pitch_rate", 0.2, -1.0, 1.0),
-            "altitude": signal("altitude", 100.0, 0.0, 4000.0, 1000.0),
-        },
-        inputs={
-            "elevator": signal("elevator", 0.1, -0.35, 0.35),
-            "thrust": signal("thrust", 500.0, 0.0, 3000.0, 1000.0),
-        },
-        parameters={
-            "mass": Signal(units["mass"], *(np.array([1e3, 5e2, 2e3, 1043.0]) / size["mass"]))
-        },
-        outputs={name: signal(name, 1.0, -1e6, 1e6) for name in outputs},
-        equations=equations,
-        trim={"speed": 55.0 / sizes["speed"], "gamma": 0.0, "altitude": 1e3 / sizes["altitude"]},
-        linear=("speed", "alpha", "pitch", "pitch_rate"),
-        about=About(
-            weights={"Q": {"alpha": 3.0 * size["angle"] ** 2, "speed": 0.0}, "E": ("alpha",)}
-        ),
-    )
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed):
     """Signals, trim, A, B, poles, sheet, game and verdict in SI are those of the twin.
@@ -204,10 +129,14 @@ def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed):
     The twin is the same aircraft with signals in SI. The units are random; those without a second
     give equations per minute.
     """
-    choose = random.Random(seed)
-    units = {kind: choose.choice([*sizes][1:]) for kind, sizes in SIZES.items()}
-    twin = plane({kind: next(iter(sizes)) for kind, sizes in SIZES.items()})
-    model = in_si(plane(units))
+
+    def weighted(model, size):
+        """Return the aircraft with weights and a disturbance of alpha, in its units."""
+        weights = {"Q": {"alpha": 3.0 * size**2, "speed": 0.0}, "E": ("alpha",)}
+        return replace(model, about=About(weights=weights))
+
+    other, twin = named(seed), weighted(PLANE, 1.0)
+    model = in_si(weighted(other.model, other.sizes["alpha"]))
     assert model.native.time_unit == "min"
     assert model.time_unit == "s"
     for name, signal in twin.signals.items():
@@ -229,7 +158,7 @@ def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed):
         assert (row.name, row.unit) == (row_of_twin.name, row_of_twin.unit)
         if not isinstance(row.value, str):  # a bound of rounding
             assert row.value == pytest.approx(row_of_twin.value, rel=1e-6, abs=1e-9), row.name
-    declared = math.radians(1.0) / 60.0  # deg/min, of a disturbance of the rate of alpha
+    declared = other.sizes["alpha"] / 60.0  # a unit per minute, of the rate of alpha
     np.testing.assert_allclose(hfa.game(linear).E, [[0.0], [declared], [0.0], [0.0]])
     games = [hfa.game(each, delta=40.0, E=np.eye(4)) for each in (linear, linear_twin)]
     solution, solution_of_twin = map(hfa.solve, games)

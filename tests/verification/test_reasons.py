@@ -9,7 +9,6 @@ from cli import answer
 from game_files import AT_15, stored
 from game_samples import failed_names, game_models
 from planted_critics import gain, other_root, value, weights_of
-from stored_games import in_units, stored as stored_game
 
 from controller import critic_in
 from hfa import Critic, Game, from_gain, from_network, from_value, from_weights, solve, verify
@@ -288,24 +287,3 @@ def test_each_part_of_a_file_is_checked(game, held, factors, said):
         assert data[f"{name}_rel_error"] == pytest.approx(
             abs(factors.get(name, 1.0) - 1.0), rel=1e-6, abs=1e-12
         )
-
-
-@pytest.mark.parametrize(("number", "place"), [(0, 5), (4, 1), (8, 2)])
-def test_a_reason_does_not_depend_on_units(number, place):
-    """Longitudinal and lateral states are not coupled; units differ by up to a million."""
-    game = stored_game("aircraft", number).game.with_delta(np.inf)
-    other, (z, u, *_, cost) = in_units(game, np.random.default_rng(number), 10.0, 3)
-    P, K, column = value(game), gain(game), np.arange(len(game.A)) == place
-    noise = np.random.default_rng(1).standard_normal(K.shape)
-    for factor, words in ((-1.0, "has the wrong sign"), (np.pi / 180.0, "is in degrees")):
-        says = f"state {place + 1} {words}"
-        factors = np.where(column, factor, 1.0)
-        wrong_P, wrong_K = P * np.outer(factors, factors), K * factors
-        for each, values, gains in (
-            (game, wrong_P, wrong_K),
-            (other, wrong_P / np.outer(z, z) * cost, wrong_K * u[:, None] / z),
-        ):
-            assert says in verify(each, from_value(each, values)).reason
-            assert says in verify(each, from_gain(each, gains)).reason
-    for each, gains in ((game, K), (other, K * u[:, None] / z)):
-        assert verify(each, from_gain(each, gains * (1.0 + 0.01 * noise))).reason == ""

@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -51,48 +50,6 @@ def test_estimates_and_bands():
     drawn = [model.parameters["Cm_alpha"].start for model in result.draws(200, seed=1)]
     half = 0.5 * (result["Cm_alpha"].high - result["Cm_alpha"].low)
     assert np.std(drawn) == pytest.approx(half / 1.96, rel=0.15)
-
-
-def in_other_units(model, factors):
-    """Return a model whose signals are `factors` times those of another one."""
-
-    def scaled(signals):
-        return {
-            name: signal._replace(
-                **{
-                    field: factors.get(name, 1.0) * getattr(signal, field)
-                    for field in ("nominal", "min", "max", "start")
-                }
-            )
-            for name, signal in signals.items()
-        }
-
-    def equations(x, u, p, w):
-        x, u = (
-            SimpleNamespace(**{n: getattr(v, n) / factors.get(n, 1.0) for n in names})
-            for v, names in ((x, model.states), (u, model.inputs))
-        )
-        rates, outputs = model.equations(x, u, p, w)
-        return {name: factors.get(name, 1.0) * rate for name, rate in rates.items()}, outputs
-
-    trim = {name: factors.get(name, 1.0) * value for name, value in model.trim.items()}
-    of_model = {"states": scaled(model.states), "inputs": scaled(model.inputs)}
-    return replace(model, equations=equations, trim=trim, **of_model)
-
-
-def test_parameters_do_not_depend_on_the_units_of_a_record():
-    """Estimates, bands and verdict are those in radians and meters, however large other units are."""
-    factors = {"speed": 1e6, "alpha": 1e-6, "pitch_rate": 1e3, "pitch": 1e-3}
-    factors |= {"elevator": math.degrees(1.0), "thrust": 1e-5}
-    columns = {name: factors.get(name, 1.0) * values for name, values in record().items()}
-    other = identify(in_other_units(begun(1.5), factors), columns, FREE)
-    assert other.ok
-    for name, usual in found().parameters.items():
-        ends = (other[name].value, other[name].low, other[name].high)
-        width = usual.high - usual.low
-        assert ends == pytest.approx((usual.value, usual.low, usual.high), abs=1e-8 * width)
-    for name, usual in found().quantities.items():
-        assert other.quantities[name].fit == pytest.approx(usual.fit, abs=1e-9)
 
 
 @pytest.mark.slow
