@@ -40,13 +40,11 @@ def in_si(model: Model) -> Model:
 
 @lru_cache(maxsize=16)
 def coherent(model: Model) -> Model:
-    """Return a model in radians and units of one system, as the figures of reports require.
+    """Return a model in radians, seconds and units of one system, as figures of reports require.
 
     The system is that of feet, slugs and pounds if a unit has feet, and SI otherwise. Signals in
-    units of it are unchanged, and all signals of a model whose time is not in seconds.
+    units of it are unchanged.
     """
-    if model.time_unit != "s":
-        return model
     words = " ".join(signal.unit for signal in model.signals.values())
     bases = ENGLISH_BASES if re.search(r"\bft\b", words) else SI_BASES
     units = {name: coherent_unit(signal.unit, bases) for name, signal in model.signals.items()}
