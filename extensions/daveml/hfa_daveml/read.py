@@ -5,7 +5,8 @@ by the first of these rules that applies:
 
 - An input listed in `names.MOTION` follows from the motion and the air.
 - An input that is an output of a file has the value of that output.
-- An input without initial value, or with a word of `_MOVED` in its name, is an input of the model.
+- An input without initial value, or with a word of `_COMMANDS` in its name, is an input of the
+  model.
 - Any other input is a parameter of the model.
 
   F = q̄ S (C_X, C_Y, C_Z),  M = q̄ S (b C_l, c C_m, b C_n) - r x F
@@ -48,7 +49,7 @@ _WIDEST_ALPHA = 0.6
 _WIDEST_BETA = 0.5
 #: An input whose name contains one of these words is an input of the model, even if it has an
 #: initial value.
-_MOVED = ("deflection", "powerlever", "throttle", "pilotcontrol")
+_COMMANDS = ("deflection", "powerlever", "throttle", "pilotcontrol")
 
 
 def read_model(text: str) -> Model:
@@ -98,10 +99,10 @@ class _Files:
             and variable.name not in self._outputs
         ]
         self.inputs = {
-            each.name: (document, each) for document, each in free if self._is_moved(each)
+            each.name: (document, each) for document, each in free if self._is_command(each)
         }
         self.parameters = {
-            each.name: (document, each) for document, each in free if not self._is_moved(each)
+            each.name: (document, each) for document, each in free if not self._is_command(each)
         }
 
     def _add_output(self, document: Document, variable: Variable) -> None:
@@ -113,10 +114,10 @@ class _Files:
             )
         self._outputs[variable.name] = (document, variable)
 
-    def _is_moved(self, variable: Variable) -> bool:
+    def _is_command(self, variable: Variable) -> bool:
         if variable.initial is None:
             return True
-        return any(word in variable.name.lower() for word in _MOVED)
+        return any(word in variable.name.lower() for word in _COMMANDS)
 
     def _refuse_missing(self) -> None:
         needed = [names.MASS, *names.INERTIA, names.AREA, names.SPAN, names.CHORD, *names.MOMENTS]
@@ -135,7 +136,7 @@ class _Files:
         """Return the aircraft as a `Model`, from paths joined by + and the hash of the files."""
         inputs = SimpleNamespace(**dict.fromkeys(self.inputs, 0.0))
         parameters = {name: _start(*each) for name, each in self.parameters.items()}
-        value_at_rest = self._values(_standing(), inputs, SimpleNamespace(**parameters))
+        value_at_rest = self._values(_motion_at_rest(), inputs, SimpleNamespace(**parameters))
         self._refuse_not_positive(value_at_rest)
         low, high = self._range("angleOfAttack", _WIDEST_ALPHA)
         sideslip = self._range("angleOfSideslip", _WIDEST_BETA)
@@ -233,7 +234,7 @@ class _Files:
     def _equations(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the rates of the states, and the outputs, each by name."""
         motion = Motion(x, _GRAVITY, "english", p.isa)
-        value = self._values(_given(x, motion), u, p)
+        value = self._values(_motion_values(x, motion), u, p)
         force = motion.pressure * value(names.AREA)
         air_force = force * self._coefficients(value, x.alpha)
         arms = ca.vertcat(value(names.SPAN), value(names.CHORD), value(names.SPAN))
@@ -268,7 +269,7 @@ class _Files:
             for known, vector in ((STATES, x), (self.inputs, u), ((*self.parameters, ISA), p))
         )
         motion = Motion(state, _GRAVITY, "english", parameters.isa)
-        value = self._values(_given(state, motion), inputs, parameters)
+        value = self._values(_motion_values(state, motion), inputs, parameters)
         inertias = zip(("Ixx", "Iyy", "Izz"), names.INERTIA, strict=True)
         of_file = {"mass": (names.MASS, "slug")} | {
             name: (moment, "slug ft^2") for name, moment in inertias
@@ -329,7 +330,7 @@ class _Files:
         return value
 
 
-def _given(x: Any, motion: Motion) -> dict[str, Any]:
+def _motion_values(x: Any, motion: Motion) -> dict[str, Any]:
     """Return the quantities of the motion that a file may use, by name."""
     density = motion.air.density
     return {name: getattr(x, name) for name in STATES} | {
@@ -345,7 +346,7 @@ def _number(expression: Any) -> float:
     return float(ca.evalf(ca.SX(expression)))
 
 
-def _standing() -> dict[str, float]:
+def _motion_at_rest() -> dict[str, float]:
     """Return the motion at which constant outputs, such as the mass, are evaluated."""
     # The speed is 300 ft/s, the angle of attack is `_ALPHA`, and the air density is that of sea
     # level. All other quantities of the motion are 0.

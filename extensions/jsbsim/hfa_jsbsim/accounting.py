@@ -81,7 +81,7 @@ def account(parts: Parts, equations: Equations) -> list[Note]:
         notes.append(Note(statement, subject, component.where, MOTION))
     left: dict[str, list[Element]] = {_NO_FORCE: [], _NOT_READ: []}
     for root in parts.folders.documents:
-        for element, reason in _left_out(root):
+        for element, reason in _omitted(root):
             left.setdefault(reason, []).append(element)
     for reason, elements in left.items():
         if elements:
@@ -99,7 +99,7 @@ def constant_commands(parts: Parts, equations: Equations) -> list[str]:
     names = [
         name
         for name in equations.declared
-        if name in properties.asked
+        if name in properties.names_read
         and properties.writer(name) is None
         and re.search("cmd|command", name.rsplit("/", 1)[-1])
     ]
@@ -118,7 +118,7 @@ def _elements() -> dict[str, Any]:
     return data["elements"]
 
 
-def _left_out(root: Element) -> Iterator[tuple[Element, str]]:
+def _omitted(root: Element) -> Iterator[tuple[Element, str]]:
     """Yield (element, reason) for each element that was not read but may be omitted."""
     pending = [root]
     while pending:
@@ -217,7 +217,7 @@ def _of_writers(equations: Equations) -> list[Note]:
         mine = [writer for writer in writers if writer.element is not None]
         if not rights or not mine:
             continue
-        if rights == "R" and name in properties.asked:
+        if rights == "R" and name in properties.names_read:
             raise _refusal(mine[-1], f"{shortened(name)} is a read-only JSBSim property")
         unnumbered = without_numbers(name)
         reason = next((why for prefix, why in _NOTED.items() if unnumbered.startswith(prefix)), "")
@@ -231,12 +231,12 @@ def _of_writers(equations: Equations) -> list[Note]:
                     f"{shortened(name)} is a failure or limit of a component, which cannot be set"
                 )
                 raise _refusal(mine[-1], fault)
-        elif not (name in properties.asked or unnumbered.startswith(_IDLE)):
+        elif not (name in properties.names_read or unnumbered.startswith(_IDLE)):
             raise _refusal(
                 mine[-1],
                 f"{shortened(name)} is a built-in JSBSim property that cannot be set",
             )
-        if "-cmd-norm" in name and name in properties.asked and len(writers) > len(mine):
+        if "-cmd-norm" in name and name in properties.names_read and len(writers) > len(mine):
             notes.append(Note(_SET_TWICE, shortened(name), mine[-1].where))
     return notes
 

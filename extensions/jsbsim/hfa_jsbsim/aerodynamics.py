@@ -9,7 +9,7 @@ import casadi as ca
 
 from hfa_aircraft.rigid.motion import wind_axes
 from hfa_jsbsim.air import Motion
-from hfa_jsbsim.airframe import Metrics
+from hfa_jsbsim.airframe import Loads, Metrics
 from hfa_jsbsim.functions import function_value
 from hfa_jsbsim.notes import Note
 from hfa_jsbsim.properties import Properties, Writer
@@ -135,8 +135,8 @@ class Aerodynamics:
         """Return the square of the lift coefficient, (lift / (q S))²."""
         return (self._lift() / (self._motion.pressure_head * self._wings.area)) ** 2
 
-    def loads(self) -> tuple[ca.SX, ca.SX]:
-        """Return the force, lb, and the moment about the center of gravity, ft lb, body axes."""
+    def loads(self) -> Loads:
+        """Return the aerodynamic force and moment."""
         force = self._force(at_center=False)
         sums = ca.vertcat(*(self._sum(component, at_center=False) for component in range(3, 6)))
         moment = ca.mtimes(self._to_body(self._moment_frame), sums)
@@ -146,7 +146,7 @@ class Aerodynamics:
         if shift is not None:
             back = function_value(shift.need("function"), self._properties) * self._wings.chord
             arm = arm - ca.vertcat(back, 0.0, 0.0)
-        return force + self._force(at_center=True), moment + ca.cross(arm, force)
+        return Loads(force + self._force(at_center=True), moment + ca.cross(arm, force))
 
 
 def _acts_at_center(function: Element) -> bool:

@@ -30,9 +30,9 @@ from hfa_jsbsim.air import (
     motion_of,
     state_properties,
 )
-from hfa_jsbsim.airframe import Body, Mass, mass_of
+from hfa_jsbsim.airframe import Body, Loads, Mass, mass_of
 from hfa_jsbsim.catalog import access
-from hfa_jsbsim.clock import moves_with_time
+from hfa_jsbsim.clock import depends_on_time
 from hfa_jsbsim.control_system import add_control_systems
 from hfa_jsbsim.engines import OF_ENGINES, STEP, Effect, EngineFile, HostAircraft, spool_error
 from hfa_jsbsim.functions import function_value, named, table_value
@@ -48,9 +48,9 @@ from hfa_jsbsim.properties import (
 from hfa_jsbsim.reactions import Reactions
 from hfa_jsbsim.surfaces import (
     PilotInput,
-    cut_surfaces,
     names_read_by,
     reach_throttle,
+    use_surface_positions,
 )
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
@@ -117,7 +117,7 @@ class Equations:
         commands = ca.vertcat(*(given_input.symbol for given_input in self.inputs.values()))
         add_control_systems(parts.systems(), self.properties, commands)
         section = parts.section("aerodynamics")
-        air_loads = Aerodynamics(section, self.properties, parts.wings, self.motion, self)
+        aerodynamics = Aerodynamics(section, self.properties, parts.wings, self.motion, self)
         reactions = Reactions(parts.section("external_reactions"), self.properties)
         self._define_reactions(reactions)
         self._host = HostAircraft(
@@ -131,19 +131,21 @@ class Equations:
         self._engines = [self._add_engine(file, self._host) for file in parts.engines]
         self._reach_throttles()
         if section is not None:
-            self._cut_surfaces(section)
+            self._use_surface_positions(section)
         self.effects = self._effects()
         self.rates: dict[str, Any] = {}
         self.outputs: dict[str, Any] = {}
-        force, moment = air_loads.loads()
-        outside, twist = reactions.loads(self.motion, self.mass.arm)
-        self._move(x, force, moment, outside, twist)
+        external = reactions.loads(self.motion, self.mass.arm)
+        self._set_rates_and_outputs(x, aerodynamics.loads(), external)
         self._add_filters()
         self._solve_rates_of_angles()
         self._refuse_wind()
-        self._stop_clock()
-        if air_loads.hysteresis is not None and "aero/stall-hyst-norm" in self.properties.asked:
-            self.notes.append(air_loads.hysteresis)
+        self._remove_time()
+        if (
+            aerodynamics.hysteresis is not None
+            and "aero/stall-hyst-norm" in self.properties.names_read
+        ):
+            self.notes.append(aerodynamics.hysteresis)
         self.notes += self.properties.notes
 
     def used(self) -> set[int]:
@@ -187,10 +189,10 @@ class Equations:
             properties.define(f"aero/{name}dot-rad_sec", symbol)
             properties.define(f"aero/{name}dot-deg_sec", symbol * (180.0 / math.pi))
 
-    def _cut_surfaces(self, section: Element) -> None:
+    def _use_surface_positions(self, section: Element) -> None:
         """Replace commands by the surface positions that the aerodynamics read in their place."""
         given = dict(self.inputs)
-        self.notes += cut_surfaces(names_read_by(section), self.properties, self.inputs)
+        self.notes += use_surface_positions(names_read_by(section), self.properties, self.inputs)
         self.replaced_commands = [
             command.symbol for name, command in given.items() if self.inputs[name] is not command
         ]
@@ -328,14 +330,14 @@ class Equations:
                 self.properties.define_initial(full_name, place)
         self.properties.define("inertia/empty-weight-lbs", self.parts.empty.weight)
         for name in OF_MASS:
-            self._follow(name, partial(self._of_mass, name))
-        self._follow("aero/h_b-mac-ft", self._reference_height)
+            self._define_lazily(name, partial(self._mass_property, name))
+        self._define_lazily("aero/h_b-mac-ft", self._reference_height)
 
-    def _of_mass(self, name: str) -> Any:
+    def _mass_property(self, name: str) -> Any:
         """Return the mass property with this name."""
         return mass_properties(self.mass)[name]
 
-    def _follow(self, name: str, compute: Callable[[], Any]) -> None:
+    def _define_lazily(self, name: str, compute: Callable[[], Any]) -> None:
         """Define a property by a function that is called when the property is first read."""
         self.properties.add_writer(name, Writer(compute, "", -1))
 
@@ -350,14 +352,14 @@ class Equations:
         """Define the properties of the total external force and moment."""
         for axis, (along, turn) in enumerate(zip("xyz", "lmn", strict=True)):
             for kind, name in (
-                (0, f"forces/fb{along}-external-lbs"),
-                (1, f"moments/{turn}-external-lbsft"),
+                ("force", f"forces/fb{along}-external-lbs"),
+                ("moment", f"moments/{turn}-external-lbsft"),
             ):
 
-                def total(kind: int = kind, axis: int = axis) -> Any:
-                    return reactions.loads(self.motion, self.mass.arm)[kind][axis]
+                def total(kind: str = kind, axis: int = axis) -> Any:
+                    return getattr(reactions.loads(self.motion, self.mass.arm), kind)[axis]
 
-                self._follow(name, total)
+                self._define_lazily(name, total)
 
     def _reach_throttles(self) -> None:
         """Use throttle positions as inputs for engines whose throttle command has no effect."""
@@ -463,16 +465,15 @@ class Equations:
             for file, writer in zip(self.parts.engines, self._engines, strict=True)
         ]
 
-    def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
+    def _set_rates_and_outputs(self, x: Any, air: Loads, external: Loads) -> None:
         """Set the outputs and the time derivatives of all states except filter states."""
-        # air_force, air_moment (3,)
         motion = self.motion
         mass = self.mass
-        force = sum((effect.force for effect in self.effects), start=air_force + outside[0])
-        moment = sum((effect.moment for effect in self.effects), start=air_moment + outside[1])
-        pushed = force / mass.slugs
+        force = sum((each.force for each in self.effects), start=air.force + external.force)
+        moment = sum((each.moment for each in self.effects), start=air.moment + external.moment)
+        specific_force = force / mass.slugs
         gravity = self.parameters["gravity"] * motion.down
-        velocity_rate = acceleration(motion.velocity, motion.rates, pushed, gravity)
+        velocity_rate = acceleration(motion.velocity, motion.rates, specific_force, gravity)
         rotation_rate = angular_acceleration(motion.rates, moment, mass.inertia)
         self.rates = state_rates(x, motion.velocity, velocity_rate, rotation_rate, motion.climb)
         for effect in self.effects:
@@ -483,7 +484,7 @@ class Equations:
         weight = mass.slugs * self.parameters["gravity"]
         # Lift, drag and moment are those of steady flow, without rates of alpha and beta.
         rates = ca.vertcat(*self.rate_symbols)
-        loads = ca.vertcat(ca.mtimes(motion.wind_to_body.T, air_force), air_moment)
+        loads = ca.vertcat(ca.mtimes(motion.wind_to_body.T, air.force), air.moment)
         steady = ca.substitute(loads, rates, ca.SX.zeros(2))
         wind_force = loads[:3]
         self.outputs = {
@@ -491,7 +492,7 @@ class Equations:
             "mach": motion.mach,
             "gamma": self.properties.read("flight-path/gamma-rad", ""),
             "turn_rate": turn_rate(x),
-            "load_factor": load_factor(motion.alpha, pushed, self.parameters["gravity"]),
+            "load_factor": load_factor(motion.alpha, specific_force, self.parameters["gravity"]),
             "lift_to_weight": -wind_force[2] / weight,
             "thrust": sum((effect.thrust for effect in self.effects), start=ca.SX(0.0)),
             "weight": mass.weight,
@@ -557,7 +558,7 @@ class Equations:
                     f"parameters {', '.join(WINDS)}"
                 )
 
-    def _stop_clock(self) -> None:
+    def _remove_time(self) -> None:
         """Set the simulation time to 0."""
         # If the time derivatives depend on the simulation time, but not in steady flight, a note is
         # added.
@@ -567,7 +568,7 @@ class Equations:
             return
         symbols = [*self.states.values(), *(each.symbol for each in self.inputs.values())]
         symbols += [*self.parameters.values(), *self.gusts.values()]
-        if moves_with_time(rates, self._time, symbols):
+        if depends_on_time(rates, self._time, symbols):
             raise BadInputError(
                 f"{self.parts.path}: the rates depend on simulation/sim-time-sec, which is not "
                 "supported; remove this property"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -161,6 +161,13 @@ class Mass:
         location: structural frame, inches
         """
         return structural_to_body(location - self.center)
+
+
+class Loads(NamedTuple):
+    """Force, lb, and moment about the center of gravity, ft lb, in body axes, (3,) each."""
+
+    force: ca.SX
+    moment: ca.SX
 
 
 def structural_to_body(offset: Any) -> Any:

@@ -21,7 +21,7 @@ _USUAL = {
 _TIMES = (0.37, 5.3, 61.7, 1234.5)
 
 
-def moves_with_time(rates: ca.SX, time: ca.SX, symbols: Sequence[ca.SX]) -> bool:
+def depends_on_time(rates: ca.SX, time: ca.SX, symbols: Sequence[ca.SX]) -> bool:
     """Return whether time derivatives in a typical steady flight change with the simulation time.
 
     rates: time derivatives, expressions of `time` and `symbols`

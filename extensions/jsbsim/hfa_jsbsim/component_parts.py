@@ -49,7 +49,7 @@ def _input(child: Element, properties: Properties) -> Any:
     return properties.value(child.text, child)
 
 
-def ends_of(element: Element) -> tuple[float, float]:
+def min_and_max(element: Element) -> tuple[float, float]:
     """Return the numbers in <min> and <max> of an element."""
     return element.need("min").number(), element.need("max").number()
 
@@ -60,7 +60,7 @@ def travels(component: Element) -> bool:
     return any(setting.need("time").number() > 0.0 for setting in settings)
 
 
-def beyond(value: Any, width: Any) -> Any:
+def after_deadband(value: Any, width: Any) -> Any:
     """Return a value after a deadband centered at 0: the part of the value outside the deadband.
 
     width: width of the deadband
@@ -71,7 +71,7 @@ def beyond(value: Any, width: Any) -> Any:
     return ca.if_else(value < -half, value + half, above)
 
 
-def settling(component: Element, properties: Properties) -> Any:
+def filter_rate(component: Element, properties: Properties) -> Any:
     """Return <c1> of a filter, 1/s. Raises BadInputError for a constant that is not positive."""
     rate = parameter(component, "c1", properties, 0.0)
     if is_constant(rate) and float(rate) <= 0.0:

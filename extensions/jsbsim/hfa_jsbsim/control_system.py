@@ -14,14 +14,14 @@ import casadi as ca
 
 from hfa_aircraft.march.march import saturated
 from hfa_jsbsim.component_parts import (
-    beyond,
+    after_deadband,
     coefficients,
     detents,
-    ends_of,
+    filter_rate,
     input_of,
     inputs_of,
+    min_and_max,
     parameter,
-    settling,
     travels,
 )
 from hfa_jsbsim.functions import function_value, table_value
@@ -178,8 +178,8 @@ def _aerosurface_scale(component: Element, properties: Properties) -> Any:
     # Positive and negative inputs have separate slopes about 0 unless <zero_centered> is 0 or
     # false.
     domain = component.find("domain")
-    lowest, highest = (-1.0, 1.0) if domain is None else ends_of(domain)
-    out_lowest, out_highest = ends_of(component.need("range"))
+    lowest, highest = (-1.0, 1.0) if domain is None else min_and_max(domain)
+    out_lowest, out_highest = min_and_max(component.need("range"))
     value = ca.SX(input_of(component, properties))
     centered = component.find("zero_centered")
     if centered is not None and centered.text in ("0", "false"):
@@ -204,7 +204,7 @@ def _kinematic(component: Element, properties: Properties) -> Any:
 
 def _deadband(component: Element, properties: Properties) -> Any:
     width = parameter(component, "width", properties, 0.0)
-    return beyond(input_of(component, properties), width) * component.value_of("gain", 1.0)
+    return after_deadband(input_of(component, properties), width) * component.value_of("gain", 1.0)
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
@@ -215,7 +215,7 @@ def _actuator(component: Element, properties: Properties) -> Any:
         properties.leave_out(component, "its rate limit", is_never=True)
     width = component.value_of("deadband_width", 0.0)
     if width:
-        value = beyond(value, width)
+        value = after_deadband(value, width)
     play = component.value_of("hysteresis_width", 0.0)
     if play:
         name = shortened(component.attributes.get("name", ""))
@@ -253,7 +253,7 @@ def _function(component: Element, properties: Properties) -> Any:
 def _lag(component: Element, properties: Properties) -> Any:
     """Return the output of the filter c1 / (s + c1)."""
     # Unless filters are states, the output equals the input.
-    rate = settling(component, properties)
+    rate = filter_rate(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its lag is omitted")
         return input_of(component, properties)
@@ -265,7 +265,7 @@ def _lag(component: Element, properties: Properties) -> Any:
 def _washout(component: Element, properties: Properties) -> Any:
     """Return the output of the filter s / (s + c1)."""
     # Unless filters are states, the output is 0.
-    rate = settling(component, properties)
+    rate = filter_rate(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its output is 0, as for a constant input")
         component.find("input")
@@ -468,10 +468,10 @@ def surface_limits(writer: Writer | None) -> tuple[float, float]:
     clip = component.find("clipto")
     try:
         if clip is not None:
-            low, high = ends_of(clip)
+            low, high = min_and_max(clip)
             return (low, high) if low <= high else (-math.inf, math.inf)
         if component.name == "aerosurface_scale":
-            return ends_of(component.need("range"))
+            return min_and_max(component.need("range"))
     except ValueError:  # limits that are properties
         return -math.inf, math.inf
     return detents(component) if component.name == "kinematic" else (-math.inf, math.inf)

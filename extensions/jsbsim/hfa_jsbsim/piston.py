@@ -59,11 +59,11 @@ def piston_power(
     where = file.mount.where
     total = aircraft.properties.read("propulsion/pt-lbs_sqft", where) * _PSF_TO_PA
     temperature = air.temperature / 1.8
-    ram_pressure = (total - ambient) * _set(file, aircraft, "ram-air-factor", 1.0) + ambient
+    ram_pressure = (total - ambient) * _settable(file, aircraft, "ram-air-factor", 1.0) + ambient
     speed = engine_rpm(file, aircraft)
     displacement = engine.value_of("displacement", 360.0, "IN3") * _IN3_TO_M3
     breathing = _Breathing(engine)
-    efficiency = _set(file, aircraft, "volumetric-efficiency", 0.85)
+    efficiency = _settable(file, aircraft, "volumetric-efficiency", 0.85)
     piston_speed = speed * breathing.stroke / 360.0
     throttled = ram_pressure * breathing.pressure_ratio(throttle_of(file, aircraft), piston_speed)
     rates = {}
@@ -100,7 +100,7 @@ def piston_power(
     return power, {"map-pa": manifold, "map-inhg": manifold / _INHG_TO_PA}, rates
 
 
-def _set(file: EngineFile, aircraft: HostAircraft, name: str, default: float) -> Any:
+def _settable(file: EngineFile, aircraft: HostAircraft, name: str, default: float) -> Any:
     """Return a number of a piston engine, which the engine's file or a system can set."""
     return own_property(file, aircraft, name, file.engine.value_of(name, default))
 

@@ -93,7 +93,7 @@ class Properties:
     centered: whether values that depend on themselves are set to 0 instead of raising LoopError.
     has_filter_states: whether dynamic components have states.
     travels: (component, target) of each <kinematic> that takes time to move.
-    asked: names of the properties that were read.
+    names_read: names of the properties that were read.
     ranges: argument of a table -> lowest and highest breakpoint of its tables.
     filters: states of dynamic components.
     left_out: dynamic components whose dynamics are omitted.
@@ -103,7 +103,7 @@ class Properties:
         self.has_filter_states = has_filter_states
         self.travels: list[tuple[Element, ca.SX]] = []
         self.filters: list[FilterState] = []
-        self.asked: set[str] = set()
+        self.names_read: set[str] = set()
         self.ranges: dict[str, tuple[float, float]] = {}
         self.left_out: dict[str, tuple[Element, str, bool]] = {}
         self.unset: dict[str, str] = {}
@@ -208,7 +208,7 @@ class Properties:
         if not _NAME.fullmatch(key):
             fault = f"{where}: {shortened(name)!r} is neither a number nor a property name"
             raise BadInputError(f"{fault}; give a number or the name of a property")
-        self.asked.add(key)
+        self.names_read.add(key)
         writers = self._writers.get(key)
         if not writers:
             if key not in self._initial:
@@ -263,7 +263,7 @@ class Properties:
 
         The default is also returned, with a note, if the value depends on itself or on all forces.
         """
-        self.asked.add(canonical(name))
+        self.names_read.add(canonical(name))
         if self.writer(name) is None:
             return self._initial.get(canonical(name), default)
         try:

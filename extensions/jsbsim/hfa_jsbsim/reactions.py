@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_jsbsim.air import Motion
+from hfa_jsbsim.airframe import Loads
 from hfa_jsbsim.functions import function_value
 from hfa_jsbsim.notes import Note
 from hfa_jsbsim.properties import LoopError, Properties, is_zero
@@ -21,24 +22,24 @@ class Reactions:
 
     def __init__(self, section: Element | None, properties: Properties) -> None:
         self._properties = properties
-        self._own: dict[str, float] = {}
+        self._initial: dict[str, float] = {}
         self._forces = list(section.all("force")) if section is not None else []
         self._moments = list(section.all("moment")) if section is not None else []
         for force in self._forces:
             self._define(force, "xyz")
-            names = [f"{_base(force)}/location-{axis}-in" for axis in "xyz"]
+            names = [f"{_prefix(force)}/location-{axis}-in" for axis in "xyz"]
             place = force.find("location")
-            self._begin(names, None if place is None else place.vector("IN"))
+            self._set_initial(names, None if place is None else place.vector("IN"))
         for moment in self._moments:
             self._define(moment, "lmn")
 
-    def _begin(self, names: list[str], vector: np.ndarray | None) -> None:
+    def _set_initial(self, names: list[str], vector: np.ndarray | None) -> None:
         """Set the initial values of three properties to the components of a vector."""
         # If `vector` is None, a property without a value is set to 0.
         # vector (3,)
         values = np.zeros(3) if vector is None else vector
         for name, value in zip(names, values, strict=True):
-            self._own[name] = value
+            self._initial[name] = value
             if vector is not None or not self._properties.is_known(name):
                 self._properties.define_initial(name, value)
 
@@ -46,13 +47,13 @@ class Reactions:
         """Define the properties for the magnitude and direction of a force or moment."""
         # Marks it as read; it is used only if the magnitude is not 0.
         element.attributes.get("frame")
-        magnitude = f"{_base(element)}/{_magnitude(element)}"
+        magnitude = f"{_prefix(element)}/{_magnitude_name(element)}"
         if not self._properties.is_known(magnitude):
             self._properties.define_initial(magnitude, 0.0)
-        self._begin([f"{_base(element)}/{axis}" for axis in axes], _direction(element))
+        self._set_initial([f"{_prefix(element)}/{axis}" for axis in axes], _direction(element))
 
-    def loads(self, motion: Motion, arm: Callable[[Any], Any]) -> tuple[ca.SX, ca.SX]:
-        """Return the total force, lb, and moment about the center of gravity, ft lb, in body axes.
+    def loads(self, motion: Motion, arm: Callable[[Any], Any]) -> Loads:
+        """Return the total of the external forces and moments.
 
         arm: function (location, inches) -> vector from the center of gravity, body axes, ft
         """
@@ -60,26 +61,26 @@ class Reactions:
         moment = ca.SX.zeros(3)
         for element in self._forces:
             force = self._vector(element, "xyz", motion)
-            names = [f"{_base(element)}/location-{axis}-in" for axis in "xyz"]
+            names = [f"{_prefix(element)}/location-{axis}-in" for axis in "xyz"]
             total += force
             moment += ca.cross(arm(self._read(names, element)), force)
         for element in self._moments:
             moment += self._vector(element, "lmn", motion)
-        return total, moment
+        return Loads(total, moment)
 
     def _vector(self, element: Element, axes: str, motion: Motion) -> ca.SX:
         """Return an external force, lb, or moment, ft lb, in body axes, (3,)."""
-        names = [f"{_base(element)}/{axis}" for axis in axes]
-        self._properties.asked.update(names)
-        magnitude = self._size(element)
+        names = [f"{_prefix(element)}/{axis}" for axis in axes]
+        self._properties.names_read.update(names)
+        magnitude = self._magnitude(element)
         if is_zero(magnitude):
             return ca.SX.zeros(3)
         along = self._read(names, element)
         return ca.mtimes(_to_body(element, motion), along) * magnitude
 
-    def _size(self, element: Element) -> Any:
+    def _magnitude(self, element: Element) -> Any:
         function = element.find("function")
-        name = f"{_base(element)}/{_magnitude(element)}"
+        name = f"{_prefix(element)}/{_magnitude_name(element)}"
         if function is None:
             return self._properties.read_or(name, 0.0, element.where)
         try:
@@ -94,16 +95,16 @@ class Reactions:
     def _read(self, names: list[str], element: Element) -> ca.SX:
         values = []
         for name in names:
-            own_value = self._own[name]
+            own_value = self._initial[name]
             values.append(ca.SX(self._properties.read_or(name, own_value, element.where)))
         return ca.vertcat(*values)
 
 
-def _base(element: Element) -> str:
+def _prefix(element: Element) -> str:
     return f"external_reactions/{element.attributes.get('name', '')}"
 
 
-def _magnitude(element: Element) -> str:
+def _magnitude_name(element: Element) -> str:
     return "magnitude" if element.name == "force" else "magnitude-lbsft"
 
 

@@ -224,7 +224,7 @@ class _Declaration:
             full_name for full_name, name in equations.chosen.items() if name not in self.inputs
         ]
         if idle:
-            read = equations.properties.asked
+            read = equations.properties.names_read
             known = [name for name in (*equations.declared, *read) if name not in idle]
             meant = advice(idle[0], dict.fromkeys(known))
             raise BadInputError(
@@ -268,7 +268,7 @@ class _Declaration:
                 alternatives=tuple(
                     (throttle, name) for name, pair in self._splits().items() for throttle in pair
                 ),
-                begin=self._beginning(),
+                begin=self._start_of_search(),
                 explain=partial(
                     explain,
                     self.parts,
@@ -377,23 +377,20 @@ class _Declaration:
         lowest = 10.0 if is_alone else 0.0
         if is_alone and file.kind == "piston_engine":
             lowest = 0.8 * file.engine.value_of("idlerpm", 600.0) / file.gear_ratio
-        usual = _stated_speed(file) or _advancing(file, self.usual_speed)
+        usual = _stated_speed(file) or _usual_propeller_speed(file, self.usual_speed)
         return Signal("rpm", 0.1 * usual, lowest, start=0.9 * usual, rate=usual)
 
     def _inputs(self) -> dict[str, Signal]:
         """Return the signals of the inputs, by name."""
         signals = {}
         for name, pilot_input in self.inputs.items():
-            usual = 0.6 if name.startswith("throttle") else 0.0
-            start = self.equations.starts.get(name, usual)
-            without_delay = (
-                self._left_out(name) if name.startswith("throttle") else self._behind(name)
-            )
-            limits = pilot_input.limits
-            signals[name] = Signal(pilot_input.unit, 0.1, *limits, start, moving=without_delay)
+            is_throttle = name.startswith("throttle")
+            start = self.equations.starts.get(name, 0.6 if is_throttle else 0.0)
+            note = self._note_on_engines(name) if is_throttle else self._note_on_kinematics(name)
+            signals[name] = Signal(pilot_input.unit, 0.1, *pilot_input.limits, start, moving=note)
         return signals
 
-    def _behind(self, name: str) -> str:
+    def _note_on_kinematics(self, name: str) -> str:
         """Return a note on each <kinematic> that takes time to follow an input, or ""."""
         symbol = self.inputs[name].symbol
         components = [
@@ -406,7 +403,7 @@ class _Declaration:
         names = ", ".join(shortened(each.attributes.get("name", "")) for each in components)
         return f"{name} moves, and <kinematic> {names} follows without delay"
 
-    def _left_out(self, throttle: str) -> str:
+    def _note_on_engines(self, throttle: str) -> str:
         """Return a note on engines that follow a throttle without their lag, or ""."""
         number = throttle.removeprefix("throttle")
         lags = [file.lag for file in self.parts.engines if number in ("", str(file.number))]
@@ -489,7 +486,7 @@ class _Declaration:
         power = Signal("hp", 100.0)
         return {name: signals.get(name, power) for name in self.equations.outputs}
 
-    def _of_stopped_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
+    def _start_of_stopped_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
         """Return initial values of propeller speeds and blade angles of engines that do not run."""
         # The values are by name. An engine does not run if it is off or without fuel. The initial
         # speed is the windmilling speed, or 0. If `values` contains an array of several airspeeds,
@@ -634,7 +631,7 @@ class _Declaration:
                 modes[f"{file.lag.rstrip('0123456789')} {file.number}"] = (file.lag,)
         return modes
 
-    def _beginning(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
+    def _start_of_search(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
         """Return a function from the imposed values to the initial values of a trim search."""
         # Both are mappings by name. The angle of attack follows from the lift coefficient of level
         # flight, and bank and body rates from a turn to the right. Propellers begin at a typical
@@ -657,12 +654,12 @@ class _Declaration:
             alpha = np.clip(0.2 * (lift_coefficient - 0.25), -0.05, 0.25)
             values = {"speed": speed, "alpha": alpha, "pitch": alpha + imposed.get("gamma", 0.0)}
             for file in propellers:
-                rpm = _advancing(file, speed)
+                rpm = _usual_propeller_speed(file, speed)
                 stated = _stated_speed(file)
                 within = np.clip(rpm, 0.45 * stated, 0.99 * stated) if stated else rpm
                 values[f"rpm{file.number}"] = within
             values |= coordinated(GRAVITY["english"], imposed)
-            return values | self._of_stopped_engines({**imposed, **values})
+            return values | self._start_of_stopped_engines({**imposed, **values})
 
         return begin
 
@@ -700,7 +697,7 @@ def _stated_speed(file: EngineFile) -> float:
     return 0.85 * file.engine.value_of("maxrpm", 2800.0) / file.gear_ratio
 
 
-def _advancing(file: EngineFile, speed: Any) -> Any:
+def _usual_propeller_speed(file: EngineFile, speed: Any) -> Any:
     """Return the speed of a propeller, rpm, at the advance ratio `_ADVANCE_RATIO`."""
     return 60.0 * speed / (_ADVANCE_RATIO * file.thruster.value_of("diameter", 0.001, "FT"))
 

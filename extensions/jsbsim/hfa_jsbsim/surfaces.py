@@ -40,7 +40,7 @@ def names_read_by(element: Element) -> list[str]:
     return sorted(names, key=lambda name: (not name.endswith(("-rad", "-deg")), name))
 
 
-def cut_surfaces(
+def use_surface_positions(
     names: Iterable[str], properties: Properties, inputs: dict[str, PilotInput]
 ) -> list[Note]:
     """Replace pilot commands by surface positions as inputs where no steady-state relation exists.
