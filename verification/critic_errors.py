@@ -74,6 +74,11 @@ def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
     return float((np.abs(difference) / np.maximum(np.abs(exact), SMALL * largest)).max())
 
 
+def floored(sizes: np.ndarray) -> np.ndarray:
+    """Return sizes of at least `SMALL` times the largest one, or 1 if all are 0."""
+    return np.maximum(sizes, SMALL * sizes.max()) if sizes.any() else np.ones(sizes.shape)
+
+
 def error_check(name: str, error: float, limit: float, what: str) -> Check:
     """Return the check that an error is at most a limit.
 

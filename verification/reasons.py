@@ -22,6 +22,7 @@ from verification.box import balanced_units
 from verification.critic_errors import (
     SMALL,
     exact_action_value,
+    floored,
     matrix_errors,
     relative_error,
 )
@@ -130,7 +131,7 @@ def _reason_for_action_value(exact: Solution, critic: Critic, limit: float) -> s
     if H is None or right is None:
         return ""
     diagonal = np.sqrt(np.abs(np.diag(right)))
-    sizes = _floored(diagonal)
+    sizes = floored(diagonal)
     values = Compared("H", H, right, np.outer(sizes, sizes), limit)
     n, m = exact.game.B.shape
     orders = {"(u, x)": [*range(m, m + n), *range(m)]}
@@ -181,7 +182,7 @@ def _not_of_value(exact: Solution, critic: Critic, P: np.ndarray, limit: float) 
 def _sizes_of_states(exact: Solution) -> np.ndarray:
     """Return √P_ii of the exact P, (n,)."""
     units = balanced_units(exact.game)
-    return _floored(np.sqrt(np.abs(np.diag(exact.P))) * units) / units
+    return floored(np.sqrt(np.abs(np.diag(exact.P))) * units) / units
 
 
 def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
@@ -192,14 +193,9 @@ def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
     prices = np.diag(exact.excess_weight)
     inputs = np.sqrt(np.where(prices > 0.0, prices, 1.0))
     priced = exact.K * inputs[:, None] / states
-    columns = _floored(np.linalg.norm(priced, axis=0))
-    rows = _floored(np.linalg.norm(priced / columns, axis=1))
+    columns = floored(np.linalg.norm(priced, axis=0))
+    rows = floored(np.linalg.norm(priced / columns, axis=1))
     return Compared("K", K, exact.K, np.outer(rows / inputs, columns * states), limit)
-
-
-def _floored(lengths: np.ndarray) -> np.ndarray:
-    """Return lengths of at least `SMALL` times the largest one, or 1 if all are 0."""
-    return np.maximum(lengths, SMALL * lengths.max()) if lengths.any() else lengths + 1.0
 
 
 def _of_value(game: Game, values: Compared) -> Iterator[Mistake]:
@@ -328,11 +324,9 @@ def _of_rows(
     noun: what the rows belong to
     units: name of a wrong unit -> factor on a row
     """
-    columns = np.maximum(np.abs(exact).max(axis=0), np.finfo(float).tiny)
+    columns = floored(np.abs(exact).max(axis=0))
     rows, exact_rows = given / columns, exact / columns
-    with np.errstate(over="ignore"):  # of a K with a zero column
-        distances = np.sum((rows[:, None] - exact_rows) ** 2, axis=-1)
-    order = _assigned(np.nan_to_num(distances, nan=1e300, posinf=1e300))
+    order = _assigned(np.sum((rows[:, None] - exact_rows) ** 2, axis=-1))
     yield Mistake(_order_text(noun, order), given[np.argsort(order)])
     with np.errstate(all="ignore"):
         factors = np.sum(rows * exact_rows, axis=1) / np.sum(exact_rows**2, axis=1)

@@ -440,9 +440,10 @@ def _derivative_at(expression: ca.SX, z: ca.SX, point: np.ndarray) -> np.ndarray
     return np.array(each_row).T
 
 
-#: Sizes of the deviations beside a kink, relative change of K there that is a kink, and least part
-#: of this change that is left at the smaller deviations; of a smooth u, a thousandth is left.
-_BESIDE = 1e-9, 1e-12
+#: Distances from z = 0 at which K is compared on both sides, relative change of K that is a kink,
+#: and least part of this change that is left at the smaller distance; of a smooth u, a thousandth
+#: is left.
+_BESIDE, _NEARER = 1e-9, 1e-12
 _KINK = 1e-3
 _LEFT = 0.5
 
@@ -452,16 +453,20 @@ def _gain_at_0(u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
 
     At a kink, K is the mean of both sides.
     """
-    K = -_derivative_at_0(u, z)
-    beside = 1.0 + np.arange(z.numel()) * 0.618 % 1.0  # on no common switching plane
-    (after, before), near = (
-        [-_derivative_at(u, z, side * size * beside) for side in (1.0, -1.0)] for size in _BESIDE
+    sides, nearer = _gains_beside_0(u, z, _BESIDE), _gains_beside_0(u, z, _NEARER)
+    change, change_nearer = (
+        float(np.abs(after - before).max(initial=0.0)) for after, before in (sides, nearer)
     )
-    largest = float(np.abs([after, before]).max(initial=0.0))
-    change, left = (float(np.abs(a - b).max(initial=0.0)) for a, b in ((after, before), near))
-    if np.isfinite(largest) and change > _KINK * largest and left > _LEFT * change:
-        return (after + before) / 2.0, True
-    return K, False
+    largest = float(np.abs(sides).max(initial=0.0))
+    if np.isfinite(largest) and change > _KINK * largest and change_nearer > _LEFT * change:
+        return sides.mean(axis=0), True
+    return -_derivative_at_0(u, z), False
+
+
+def _gains_beside_0(u: ca.SX, z: ca.SX, distance: float) -> np.ndarray:
+    """Return K = -∂u/∂z at two opposite states beside z = 0, (2, m, n)."""
+    direction = 1.0 + np.arange(z.numel()) * 0.618 % 1.0  # on no common switching plane
+    return np.array([-_derivative_at(u, z, side * distance * direction) for side in (1.0, -1.0)])
 
 
 #: Largest relative difference between W and P of one critic: the rounding of six printed digits.

@@ -103,14 +103,14 @@ class RecordedGame:
         """Least-squares fit of A to the drifts, (n, n), used only to test stability."""
         return np.asarray(np.linalg.lstsq(self.states, self.drifts, rcond=None)[0].T)
 
-    def worth(self, problem: Problem) -> np.ndarray:
+    def S(self, problem: Problem) -> np.ndarray:
         """S_s = B R⁻¹B' - s E E'/δ², (n, n)."""
         return self.control - problem.share * self.disturbance
 
     def regressors(self, P: np.ndarray, problem: Problem) -> np.ndarray:
         """Return the rates of the basis functions under the policies of P, (N, M)."""
-        pushed = self.states @ (self.worth(problem) @ P).T
-        rates = self.drifts - problem.discount * self.states - pushed
+        by_policies = self.states @ (self.S(problem) @ P).T
+        rates = self.drifts - problem.discount * self.states - by_policies
         return np.asarray(np.einsum("jmi,ji->jm", self.gradient, rates))
 
     def evaluated(self, P: np.ndarray, problem: Problem) -> np.ndarray:
@@ -120,7 +120,7 @@ class RecordedGame:
         of equal length.
         """
         regressors = self.regressors(P, problem)
-        costs = quadratic_forms(self.states, self.Q + P @ self.worth(problem) @ P)
+        costs = quadratic_forms(self.states, self.Q + P @ self.S(problem) @ P)
         row_lengths = np.linalg.norm(regressors, axis=1)
         equations = regressors / row_lengths[:, None]
         column_lengths = np.linalg.norm(equations, axis=0)
@@ -146,14 +146,14 @@ class RecordedGame:
 
     def margin(self, P: np.ndarray, problem: Problem) -> float:
         """Return the stability margin of A - βI - S_s P, 1/s, positive for a stable loop."""
-        loop = self.fitted - self.worth(problem) @ P
+        loop = self.fitted - self.S(problem) @ P
         return problem.discount - float(np.linalg.eigvals(loop).real.max())
 
     def residuals(self, P: np.ndarray) -> tuple[float, float]:
         """Return the relative norms of the residual of the value y'P y (`residual_sizes`)."""
         slopes = 2.0 * self.states @ P
         costs = quadratic_forms(self.states, self.Q)
-        return residual_sizes(slopes, self.drifts, costs, self.worth(Problem(0.0, 1.0)))
+        return residual_sizes(slopes, self.drifts, costs, self.S(Problem(0.0, 1.0)))
 
 
 def without_discount(recorded: RecordedGame, progress: Progress | None) -> np.ndarray:

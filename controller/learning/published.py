@@ -142,12 +142,13 @@ class PublishedLaw:
             with np.errstate(all="ignore"):
                 weights = weights + STEP * self.rate(weights)
             if not np.isfinite(weights).all():
-                needed = "lambda_0 = {:.2g}, alpha1 = {:.2g} and alpha2 = {:.2g} require an"
-                needed += " explicit step below {:.2g} s"
+                gains = self.gains
                 raise NoSolutionError(
                     f"the law of Eq. (46) as printed overflows at step {step + 1} (t = "
-                    f"{(step + 1) * STEP:.3g} s): {needed.format(*self.gains)}, the printed step "
-                    f"is {STEP:g} s; leave out the law for one that solves the game"
+                    f"{(step + 1) * STEP:.3g} s): lambda_0 = {gains.lambda_0:.2g}, alpha1 = "
+                    f"{gains.alpha1:.2g} and alpha2 = {gains.alpha2:.2g} require an explicit step "
+                    f"below {gains.explicit_step_limit:.2g} s, the printed step is {STEP:g} s; "
+                    "leave out the law for one that solves the game"
                 )
         return weights
 

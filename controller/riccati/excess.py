@@ -264,16 +264,16 @@ class ExcessEquation:
         ahead = self.E.transpose() * D
         if self.crossed is None:
             return self.V.solve(ahead)
-        return self.left(D).solve(ahead * self.F + self.crossed)
+        return self.slack(D).solve(ahead * self.F + self.crossed)
 
-    def left(self, D: arb_mat) -> arb_mat:
+    def slack(self, D: arb_mat) -> arb_mat:
         """Return V - E'D E, (k, k), in continuous time V."""
         return self.V - self.E.transpose() * D * self.E if self.is_discrete else self.V
 
     def residual(self, D: arb_mat, gain: arb_mat) -> arb_mat:
         """Return the left side of the equation, with the gain of D."""
         change = change_along(Balls(self.F), Balls(D), is_discrete=self.is_discrete).matrix
-        return change + self.C + gain.transpose() * self.left(D) * gain
+        return change + self.C + gain.transpose() * self.slack(D) * gain
 
     def solved(self, start: arb_mat | None = None) -> _Bounded:
         """Return the balls of D and of its gain, proved in units in which the loop is balanced.
@@ -343,16 +343,16 @@ def excess_ball(equation: ExcessEquation, D: arb_mat, Y: arb_mat) -> arb_mat:
     shape = Balls(Y)
     if not proves_stable(loop, shape, DEFECT, is_discrete=equation.is_discrete):
         raise NotProvedError("the loop of the worst disturbance")
-    left = equation.left(D)
-    if not is_positive_definite(left):
+    slack = equation.slack(D)
+    if not is_positive_definite(slack):
         raise NotProvedError("the disturbance pays")
     through = loop.norm() if equation.is_discrete else 1
     size, rho = shape.norm(), norm(equation.residual(D, gain))
     zeta = 4 * rho
     farthest = zeta * size  # |Z| is at most this
     E = norm(equation.E)
-    inverse = Balls(left).inverse_norm()
-    if equation.is_discrete:  # |(left - E'Z E)⁻¹| <= 2 |left⁻¹|
+    inverse = Balls(slack).inverse_norm()
+    if equation.is_discrete:  # |(slack - E'Z E)⁻¹| <= 2 |slack⁻¹|
         if not inverse * E**2 * farthest < 0.5:
             raise NotProvedError("the disturbance pays near D")
         inverse = 2 * inverse

@@ -25,7 +25,6 @@ from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.progress import with_progress
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import numbered
 from verification.critic.critic_check import FLIGHTS, verify as judge
 from verification.critic_errors import LIMIT
 from verification.figures import verdicts_figure
@@ -161,27 +160,25 @@ def _notes(
             yield f"{path} moves {moved}; the other inputs stay at the trim"
         if file.plant not in ("", names.origin):
             yield f"{path} is of {file.plant}; the game is of {names.origin}"
-        yield from _notes_on_names(path, file, names)
+        yield from _notes_on_units(path, file, names)
         delta = named.game.delta
         if file.delta is not None and not math.isclose(file.delta, delta, rel_tol=1e-6):
             yield f"{path} is of a game with delta {file.delta:g}; the game has delta {delta:g}"
 
 
-def _notes_on_names(path: str, file: CriticFile, names: PlantNames) -> Iterator[str]:
-    """Yield notes on names in a critic's file that the plant does not have, and on other units."""
-    converted = []
-    for signal, letter in (("state", "x"), ("input", "u")):
-        known, units = getattr(names, f"{signal}s"), getattr(names, f"{signal}_units")
-        in_file = file.names.get(f"{signal}s", ())
-        is_named = known != numbered(letter, len(known))
-        if is_named and len(in_file) == len(known) and in_file != known:
-            yield f"{path} has the {signal}s {', '.join(in_file)}; taken as {', '.join(known)}"
-        of_file = file.names.get(f"{signal}_units", ())
-        converted += [
-            f"{name} from {stated} to {unit}"
-            for name, stated, unit in zip(known, of_file, units, strict=False)
-            if stated and unit and stated != unit
-        ]
+def _notes_on_units(path: str, file: CriticFile, names: PlantNames) -> Iterator[str]:
+    """Yield a note on what is converted to the units of the plant."""
+    converted = [
+        f"{name} from {stated} to {unit}"
+        for signal in ("state", "input")
+        for name, stated, unit in zip(
+            getattr(names, f"{signal}s"),
+            file.names.get(f"{signal}_units", ()),
+            getattr(names, f"{signal}_units"),
+            strict=False,
+        )
+        if stated and unit and stated != unit
+    ]
     if converted:
         yield f"{path}: converted {', '.join(converted)}"
 

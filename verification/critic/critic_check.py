@@ -260,12 +260,10 @@ def _reason_of_network(exact: Solution, critic: Critic, box: np.ndarray, limit: 
     elif len(critic.K) == 1 and not critic.K.any():
         return "the output, read as u, has no slope at the trim; if it is V: --network V=NAME"
     found = finding_of_policy(critic, exact, box, limit)
-    if found is not None and found.rest is None:
-        return found.says
-    if found is not None and found.rest <= limit:
-        return f"{found.says}; otherwise the policy is exact"
     if found is None and critic.has_kink:
         return "the policy has a kink at the trim, and K has the mean slopes of both sides"
+    if found is not None and found.rest <= limit:
+        return found.says
     of_slopes = ""
     if relative_error(critic.K, exact.K) > limit:
         of_slopes = reason_for(exact, critic, limit)

@@ -22,12 +22,11 @@ class Finding(NamedTuple):
     """What a policy that is not linear does in the box.
 
     says: sentence
-    rest: largest error of u without the finding, relative to the largest exact input in the box;
-        None if nothing else is to be said
+    rest: largest error of u without the finding, relative to the largest exact input in the box
     """
 
     says: str
-    rest: float | None = None
+    rest: float = 0.0
 
 
 def finding_of_policy(
@@ -72,7 +71,8 @@ def finding_of_policy(
         facts.append(f"{', '.join(clips)} of the box")
     if not facts:
         return _squashed(critic, exact, box, limit)
-    return Finding("; ".join(facts), rest)
+    says = "; ".join(facts)
+    return Finding(f"{says}; otherwise the policy is exact" if rest <= limit else says, rest)
 
 
 def _squashed(critic: Critic, exact: Solution, box: np.ndarray, limit: float) -> Finding | None:

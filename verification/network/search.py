@@ -18,7 +18,7 @@ from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.text import percent
 from verification.box import starts_in
-from verification.critic_errors import SMALL, error_check
+from verification.critic_errors import error_check, floored
 from verification.network.flights import (
     DOUBLINGS,
     FEW,
@@ -75,11 +75,6 @@ class Findings(NamedTuple):
     def cost_lost(self) -> float:
         """Largest cost above the optimum, percent."""
         return self.flown.cost_lost_flown_percent
-
-
-def _floored(sizes: np.ndarray) -> np.ndarray:
-    """Return the largest magnitudes of several quantities, bounded below, as scales of errors."""
-    return np.maximum(sizes, SMALL * sizes.max() or 1.0)
 
 
 def findings_of(
@@ -152,14 +147,14 @@ def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple
 
     The kinds are "value", "gradient" and "policy", as far as the critic has them. Errors of V are
     relative to b'|P| b, an upper bound on the exact V in the box. Other errors are relative to the
-    largest exact dV/dz_i or u_i in the box, bounded below (`_floored`), those of u by the weights
+    largest exact dV/dz_i or u_i in the box, bounded below (`floored`), those of u by the weights
     of the inputs. The constant of V is subtracted, because no policy depends on it.
     """
     weights = np.sqrt(np.diag(exact.excess_weight))
     sizes_of = {
         "value": np.atleast_1d(b @ np.abs(exact.P) @ b),
-        "gradient": _floored(2.0 * np.abs(exact.P) @ b),
-        "policy": _floored(weights * (np.abs(exact.K) @ b)) / weights,
+        "gradient": floored(2.0 * np.abs(exact.P) @ b),
+        "policy": floored(weights * (np.abs(exact.K) @ b)) / weights,
     }
     functions = {"value": critic.value, "gradient": critic.gradient, "policy": critic.policy}
     names = []
@@ -199,9 +194,9 @@ def search(exact: Solution, critic: Critic, box: np.ndarray) -> tuple[float, tup
     starts = starts_in(np.ones(len(box)), starts_of(critic), seed=0)
     reached = []
     sampled = np.array(errors_at((box * starts).T))
-    for error, weights in zip(sampled, np.eye(len(names)), strict=True):
-        sizes = np.where(np.isfinite(error), np.abs(error), math.inf)
-        worst, *_ = ranking = np.argsort(-sizes, kind="stable")
+    for error, sizes, weights in zip(sampled, _sizes(sampled), np.eye(len(names)), strict=True):
+        ranking = np.argsort(-sizes, kind="stable")
+        worst = ranking[0]
         reached.append(starts[worst])
         if not math.isfinite(sizes[worst]):
             continue
@@ -219,8 +214,9 @@ def search(exact: Solution, critic: Critic, box: np.ndarray) -> tuple[float, tup
     return at_origin, tuple(largest.values())
 
 
-def _sizes(values: ca.DM) -> np.ndarray:
-    sizes = np.abs(np.array(values))
+def _sizes(errors: ca.DM | np.ndarray) -> np.ndarray:
+    """Return the magnitudes of errors, inf of those that are not finite."""
+    sizes = np.abs(np.array(errors))
     return np.where(np.isfinite(sizes), sizes, math.inf)
 
 
