@@ -74,7 +74,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
         rate = model.rate_scale(name) * factor
         scaled["states"][name] = scaled["states"][name]._replace(rate=rate)
         factors.setdefault(f"{name}_dot", factor)
-    domain, begin = model.domain, model.trimming.begin
+    domain, begin, explain = model.domain, model.trimming.begin, model.trimming.explain
     return replace(
         model,
         **scaled,
@@ -89,9 +89,10 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
             check=domain.check and partial(_check, factors, domain.check),
             reference=_scaled(factors, domain.reference),
         ),
-        # Explanations have values in declared units in their texts.
         trimming=replace(
-            model.trimming, begin=begin and partial(_begin, factors, begin), explain=None
+            model.trimming,
+            begin=begin and partial(_begin, factors, begin),
+            explain=explain and partial(_explain, factors, explain),
         ),
         source=Source(model.source.text, model.source.digest, native=model, reload=reload),
     )
@@ -110,6 +111,11 @@ def _signal_in(unit: str, factor: float, signal: Signal) -> Signal:
 def _scaled(factors: Mapping[str, float], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return name -> converted value. An airspeed without a declared signal is unchanged."""
     return {name: value * factors.get(name, 1.0) for name, value in values.items()}
+
+
+def _unscaled(factors: Mapping[str, float], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return name -> value in the declared unit, the inverse of `_scaled`."""
+    return {name: value / factors.get(name, 1.0) for name, value in values.items()}
 
 
 def _declared(factors: Mapping[str, float], vector: Any) -> Any:
@@ -142,8 +148,22 @@ def _begin(
     imposed: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Return variable -> initial value of a trim search."""
-    declared = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
-    return _scaled(factors, begin(declared))
+    return _scaled(factors, begin(_unscaled(factors, imposed)))
+
+
+def _explain(
+    factors: Mapping[str, float],
+    explain: Callable[[Mapping[str, Any], Callable[..., Any]], str],
+    imposed: Mapping[str, Any],
+    solve: Callable[..., Any],
+) -> str:
+    """Return why a trim does not exist, in words with the units of the declaration."""
+
+    def solve_declared(hold: Mapping[str, Any], free: tuple[str, ...]) -> dict[str, Any] | None:
+        found = solve(_scaled(factors, hold), free)
+        return None if found is None else _unscaled(factors, found)
+
+    return explain(_unscaled(factors, imposed), solve_declared)
 
 
 @dataclass(frozen=True)

@@ -153,13 +153,13 @@ def test_missing_trims_are_explained(name, held, reason):
     assert re.search(f"no trim: .*{reason}", message)
 
 
-def explained_failure(aircraft, **held):
+def explained_failure(aircraft, *options, **held):
     """Return the line on standard error, with reasons, for a condition without a trim.
 
     held: imposed values
     """
     words = [word for name, value in held.items() for word in ("--hold", f"{name}={value}")]
-    done = run("trim", "--aircraft", aircraft, *words)
+    done = run("trim", "--aircraft", aircraft, *words, *options)
     assert done.code == 1
     (line,) = done.err.strip().splitlines()
     return line
@@ -195,7 +195,9 @@ def test_missing_lift_is_explained(speed, reason, tmp_path):
 
     At 60 ft/s, the wing alone would carry more than the weight below an alpha of 40 deg.
     """
-    assert re.search(reason, explained_failure(written(tmp_path, glider()), speed=speed))
+    aircraft = written(tmp_path, glider())
+    assert re.search(reason, explained_failure(aircraft, speed=speed))
+    assert re.search(reason, explained_failure(aircraft, "--units", "si", speed=0.3048 * speed))
 
 
 def test_missing_jsbsim_aircraft_are_refused(monkeypatch, tmp_path):

@@ -39,10 +39,25 @@ def _radius(moment: str) -> Callable[[_Values], float]:
 _INERTIAS = "check the inertias and the mass, and their units (1 slug = 32.17 lb)"
 _PER_DEGREE = "it may be given per deg (a factor of 57.3)"
 _PER_RADIAN = "it may be given per rad (a factor of 57.3)"
+#: Slope -> its usual sizes, per rad.
+_SLOPES = {"CL_alpha": (1.0, 7.0), "Cm_elevator": (0.3, 3.0)}
+#: A slope this factor outside is nearer, by ratio, to usual ones in the other unit of angles.
+_OUTSIDE = math.sqrt(math.degrees(1.0))
 _RATES = (
     'a weak damping; derivatives of rates are per rad, with per = "deg" too: multiply those per '
     "deg by 57.3"
 )
+
+
+def _doubt_of_slope(name: str, of: _Values) -> str:
+    """Return a sentence if a slope was probably given in the other unit of angles, or ""."""
+    size, (least, most) = abs(of(name)), _SLOPES[name]
+    if least / _OUTSIDE <= size <= most * _OUTSIDE or math.isnan(size):
+        return ""
+    other = _PER_DEGREE if size < least else _PER_RADIAN
+    return f"{name} is {size:.3g} per rad, usual are {least:g} to {most:g}; {other}"
+
+
 #: Aspect ratios are those from lifting bodies to human-powered aircraft. A mean chord is area /
 #: span for a rectangular wing, and 1.33 times as long for a delta. Wings of small aspect ratio have
 #: a slope of the lift of about 1, thin airfoils of 2 pi. Radii of gyration are a half of those of
@@ -76,15 +91,7 @@ _RANGES = (
         "the drag coefficient at the condition of the derivatives is {:.4g}, below 0",
     ),
     _Usual(
-        lambda of: abs(of("CL_alpha")), 0.3, math.inf,
-        f"CL_alpha is {{:.3g}} per rad, usual are 1 to 7; {_PER_DEGREE}",
-    ),
-    _Usual(
-        lambda of: abs(of("CL_alpha")), 0.0, 20.0,
-        f"CL_alpha is {{:.3g}} per rad, usual are 1 to 7; {_PER_RADIAN}",
-    ),
-    _Usual(
-        lambda of: -of("Cm_alpha") / of("CL_alpha") if 0.3 <= abs(of("CL_alpha")) <= 20.0 else 0.0,
+        lambda of: 0.0 if _doubt_of_slope("CL_alpha", of) else -of("Cm_alpha") / of("CL_alpha"),
         -3.0, 3.0,
         f"Cm_alpha is that of a static margin of {{:.2g}} chords; {_PER_RADIAN}",
     ),
@@ -97,14 +104,6 @@ _RANGES = (
     _Usual(
         lambda of: of("Cl_beta"), -math.inf, 0.01,
         "Cl_beta is {:.3g}, above 0: sideslip rolls into the wind, or the sign is wrong",
-    ),
-    _Usual(
-        lambda of: abs(of("Cm_elevator")), 0.03, math.inf,
-        f"Cm_elevator is {{:.2g}} per rad, usual are 0.3 to 3; {_PER_DEGREE}",
-    ),
-    _Usual(
-        lambda of: abs(of("Cm_elevator")), 0.0, 10.0,
-        f"Cm_elevator is {{:.3g}} per rad, usual are 0.3 to 3; {_PER_RADIAN}",
     ),
     _Usual(
         lambda of: -of("Cl_p") if of("Cl_p") < 0.0 else math.nan, 0.03, math.inf,
@@ -158,6 +157,7 @@ def doubts_about(table: Table, parameters: Mapping[str, float]) -> Iterator[str]
         number = usual.number(of)
         if number < usual.least or number > usual.most:
             yield usual.says.format(number)
+    yield from filter(None, (_doubt_of_slope(name, of) for name in _SLOPES))
     signs = _SIGNS if table.center is not None else {**_SIGNS, **_SIGNS_OF_CONTROLS}
     for name, (sign, meaning) in signs.items():
         if sign * of(name) < 0.0:
@@ -225,7 +225,7 @@ def _of_alpha(of: _Values, missing: float) -> Iterator[str]:
     """
     stated, slope = of("alpha"), of("CL_alpha")
     off = missing / slope if slope else 0.0
-    if math.isfinite(stated) and abs(off) > _OFF_ALPHA and 0.3 <= abs(slope) <= 20.0:
+    if math.isfinite(stated) and abs(off) > _OFF_ALPHA and not _doubt_of_slope("CL_alpha", of):
         yield (
             f"level flight at the condition of the derivatives is at alpha "
             f"{math.degrees(stated + off):.3g} deg, the table has {math.degrees(stated):.3g} deg; "
