@@ -570,7 +570,7 @@ def test_margins_of_a_filters_loop_are_where_it_is_unstable(angle):
     linear = hfa.trim(hfa.aircraft(), dihedral=angle * DEG).linearize()
     K = np.array(hfa.solve(hfa.paper.published_game(linear)).K)
     known = hfa.filter(linear, NOISE, AIR)
-    found = known.margins(K)
+    found = known.policy(K).margins
     gain = np.hstack([K, np.zeros((5, 3))])
     kept = np.eye(9) - known.L @ known.C
     both = np.zeros((14, 14))
@@ -601,9 +601,8 @@ def test_margins_of_a_filters_loop_are_where_it_is_unstable(angle):
         assert (radius(np.ones(5), share * found.unknown_delay) < 1.0) == is_stable
     alone = np.linalg.eigvals((known.Phi - known.Gamma @ gain) @ kept)
     assert found.compensator_radius == pytest.approx(np.abs(alone).max(), rel=1e-9)
-    assert known.policy(K).margins.delay == found.delay
     with pytest.raises(BadInputError, match="spectral radius"):
-        known.margins(-K)
+        _ = known.policy(-K).margins
 
 
 @pytest.mark.parametrize("lost", [0, 3, 5])

@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from hfa_flight.air.delay import in_samples
 from hfa_flight.policies.deployment.sampled_loop import Chain, held, margins
+from hfa_flight.policies.kalman import KalmanFilter
 from hfa_support.errors import BadInputError
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Result
@@ -57,7 +58,7 @@ class FilterMargins(Result):
         )
 
 
-def margins_of(known: Any, K: np.ndarray) -> FilterMargins:
+def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
     """Return the margins of the loop of a gain u = -K x̂ behind a filter.
 
     K: (m, k)
@@ -86,7 +87,7 @@ def margins_of(known: Any, K: np.ndarray) -> FilterMargins:
     )
 
 
-def _delayed(known: Any, gain: np.ndarray, delay: float) -> Chain:
+def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
     """Return the loop in which all inputs are late, and the filter does not know.
 
     Its states are those of aircraft and air, the commands under way, the latest first, and those of
@@ -124,7 +125,7 @@ def _delayed(known: Any, gain: np.ndarray, delay: float) -> Chain:
     return Chain(F, G, command, n, known.dt, np.eye(size, n))
 
 
-def _unknown_delay(known: Any, gain: np.ndarray) -> float | None:
+def _unknown_delay(known: KalmanFilter, gain: np.ndarray) -> float | None:
     """Return the smallest delay of all inputs, unknown to the filter, that is unstable, s."""
 
     def excess(delay: float) -> Any:

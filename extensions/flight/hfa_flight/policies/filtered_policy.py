@@ -28,7 +28,7 @@ from hfa_flight.policies.estimate import (
     updated,
     winds_in,
 )
-from hfa_flight.policies.filter_margins import FilterMargins
+from hfa_flight.policies.filter_margins import FilterMargins, margins_of
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
 from hfa_flight.policies.sampled_policy import SampledPolicy, deviations_of
@@ -413,7 +413,7 @@ class FilteredPolicy(SampledPolicy):
     def margins(self) -> FilterMargins | None:
         """Margins of the linear loop, or None for a law without a constant gain or with a delay."""
         gain = self.law.gain
-        return None if gain is None or self.delay else self.filter.margins(gain)
+        return None if gain is None or self.delay else margins_of(self.filter, gain)
 
     def texts(self) -> list[str]:
         """Return sentences on the filter and on its loop."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -23,9 +23,6 @@ from trim.linear.kinks import linearization_at
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_of
 from trim.point.operating_point import OperatingPoint
-
-if TYPE_CHECKING:
-    from hfa_flight.policies.filter_margins import FilterMargins
 
 #: Default drift of a state in one second: share of its sensor noise, or without a sensor of a
 #: hundredth of its nominal value.
@@ -246,17 +243,6 @@ class KalmanFilter(Result):
         speed = added.of(x[:k], ca.DM(self.W) @ x[k:])
         hessian = ca.Function("hessian", [x], [ca.densify(ca.hessian(speed, x)[0])])
         return added.row, hessian(0.0).full()
-
-    def margins(self, K: np.ndarray) -> FilterMargins:
-        """Return how far the linear loop of a gain u = -K x̂ tolerates changes.
-
-        K: (m, k)
-
-        Raises BadInputError for a gain with which the loop is not stable.
-        """
-        from hfa_flight.policies.filter_margins import margins_of
-
-        return margins_of(self, K)
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from hfa.options.option import is_given
 from hfa.options.ranges import array_of
 from hfa.options.trims import OF_THE_TRIM, GivenTrim, trim_input
 from hfa_aircraft.model import Model
+from hfa_prove.commands.check_request import CheckRequest
 from hfa_prove.commands.schedule import gains_of_file, interval_of, refuse_weights
 from hfa_prove.search.family import Family, exact_gains
 from hfa_prove.statements.aircraft import SAME_TRIM
@@ -36,19 +37,21 @@ class AskedTrim(NamedTuple):
     ends: tuple[float, ...]
 
 
-def asked_trim(request: Any) -> AskedTrim:
+def asked_trim(request: CheckRequest) -> AskedTrim:
     """Return the trims that the options define."""
     asked = trim_input(request, scheduled=interval_of)
     ends = () if asked.at is None else tuple(array_of("--at", asked.at, 2).tolist())
     return AskedTrim(asked.trim(None, asked.held()), ends)
 
 
-def _names_one(request: Any, names: tuple[str, ...]) -> bool:
+def _names_one(request: CheckRequest, names: tuple[str, ...]) -> bool:
     """Return whether one of these options is given."""
     return any(is_given(request, name) for name in names)
 
 
-def given_for(statement: ScheduleStatement, request: Any, trim: AskedTrim) -> dict[str, Given]:
+def given_for(
+    statement: ScheduleStatement, request: CheckRequest, trim: AskedTrim
+) -> dict[str, Given]:
     """Return path of an entry of the statement -> the value that the user's options give.
 
     Raises BadInputError or NoSolutionError if the options do not define the subject.
