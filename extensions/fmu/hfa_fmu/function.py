@@ -63,7 +63,7 @@ class Evaluator:
         """Return f, (m,). Raises FmuError if a call fails."""
         return np.frombuffer(self.instance.values(v.tobytes(), time)).copy()
 
-    def fired(self, points: Iterable[np.ndarray]) -> str:
+    def event_among(self, points: Iterable[np.ndarray]) -> str:
         """Return the name and value of an event indicator that has not the sign of the first point
         at all points, or "". Raises FmuError if a call fails.
         """
@@ -106,9 +106,9 @@ class Evaluator:
 
     def refuse_events(self, v: np.ndarray, direction: np.ndarray, step: float = STEP) -> None:
         """Raise FmuError if an event indicator changes its sign within a step to either side."""
-        fired = self.fired([v, *(v + h * direction for h in self._steps(direction, step))])
-        if fired:
-            raise FmuError(f"an event of the FMU: {fired} within the steps of the derivatives")
+        event = self.event_among([v, *(v + h * direction for h in self._steps(direction, step))])
+        if event:
+            raise FmuError(f"an event of the FMU: {event} within the steps of the derivatives")
 
     def write_values(self, v: memoryview, result: memoryview) -> None:
         """Write f, or NaN and the reason in `fault`."""

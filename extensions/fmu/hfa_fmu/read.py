@@ -318,8 +318,8 @@ def _fault_of_flight(evaluator: Evaluator) -> Callable[[Any, Any, Any], str]:
             return evaluator.fault
         rows = np.hstack([x, u, np.tile(p, (len(x), 1))])
         try:
-            if fired := evaluator.fired(rows):
-                return f"an event of the FMU, at which its equations change: {fired}"
+            if event := evaluator.event_among(rows):
+                return f"an event of the FMU, at which its equations change: {event}"
         except FmuError as error:
             return str(error)
         return ""

@@ -133,29 +133,38 @@ def _as_records(
     inputs: str,
 ) -> list[Record]:
     """Return a `Record` for each path, flight, table, dictionary or record."""
+    records = []
+    for number, each in enumerate(given, start=1):
+        record = _as_record(model, each, held, f"record {number}")
+        records.append(replace(record, has_steps=inputs == "steps"))
+    return records
+
+
+def _as_record(model: Model, given: Any, held: Mapping[str, float], name: str) -> Record:
+    """Return the `Record` of a path, flight, table, dictionary or record.
+
+    name: name of a record that is no file, for messages
+    """
     from hfa_flight.simulate.flight import Flight
 
-    read = []
-    for number, each in enumerate(given, start=1):
-        if isinstance(each, str | Path):
-            each = read_record(each, model, held)
-        elif not isinstance(each, Record):
-            if isinstance(each, Flight):
-                columns = zip(each.model.states, each.states.T, strict=True)
-                inputs_of = zip(each.model.inputs, each.inputs.T, strict=True)
-                each = {"time": each.time, **dict(columns), **dict(inputs_of)}
-            if hasattr(each, "reset_index"):  # a pandas table
-                is_index = each.index.name == "time" and "time" not in each.columns
-                each = each.reset_index() if is_index else each
-                each = columns_of_table(each, model, f"record {number}")
-            if not isinstance(each, Mapping):
-                raise BadInputError(
-                    f"record {number} is of type {type(each).__name__}; give a path, a flight, a "
-                    "pandas table or a dictionary"
-                )
-            each = record_of(model, each, held, f"record {number}")
-        read.append(replace(each, has_steps=inputs == "steps"))
-    return read
+    if isinstance(given, Record):
+        return given
+    if isinstance(given, str | Path):
+        return read_record(given, model, held)
+    columns = given
+    if isinstance(given, Flight):
+        states = zip(given.model.states, given.states.T, strict=True)
+        inputs = zip(given.model.inputs, given.inputs.T, strict=True)
+        columns = {"time": given.time, **dict(states), **dict(inputs)}
+    elif hasattr(given, "reset_index"):  # a pandas table
+        is_index = given.index.name == "time" and "time" not in given.columns
+        columns = columns_of_table(given.reset_index() if is_index else given, model, name)
+    if not isinstance(columns, Mapping):
+        raise BadInputError(
+            f"{name} is of type {type(given).__name__}; give a path, a flight, a pandas table or a "
+            "dictionary"
+        )
+    return record_of(model, columns, held, name)
 
 
 def _free_names(

@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_identify.directions import beyond_unknowns
 from hfa_identify.fit import Fit
 from hfa_support.reporting.results import Result
 
@@ -118,15 +117,46 @@ def _standing_alone(residuals: np.ndarray, present: np.ndarray) -> np.ndarray:
     return rows[far + 1] if len(far) <= max(1, len(v) // 50) else rows[:0]
 
 
+class _Beyond(NamedTuple):
+    """Changes F of the quantities of a record that no change of the unknowns explains.
+
+    beyond: part F⊥ that parameters and initial state do not explain, (N, k, c)
+    information: Σ F' R⁻¹ F with the variances R of the residuals, (c, c)
+    information_beyond: Σ F⊥' R⁻¹ F⊥, (c, c)
+    """
+
+    beyond: np.ndarray
+    information: np.ndarray
+    information_beyond: np.ndarray
+
+
+def _beyond_unknowns(fit: Fit, number: int, F: np.ndarray) -> _Beyond:
+    """Return the part of changes F (N, k, c) of a record that no unknown explains."""
+    beyond_start, projected = fit.beyond_start(number, F), fit.projected[number]
+    weighted = F * fit.weights(number)[:, :, None]
+    by_parameters = _products(projected, weighted)
+    change = np.linalg.pinv(fit.information, rcond=1e-13, hermitian=True) @ by_parameters
+    return _Beyond(
+        beyond_start - projected @ change,
+        _products(F, weighted),
+        _products(beyond_start, weighted) - change.T @ by_parameters,
+    )
+
+
+def _products(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the sums over samples and quantities of products (c, d) of (N, k, c) and (N, k, d)."""
+    return np.asarray(np.tensordot(one, other, ((0, 1), (0, 1))))
+
+
 def _driven(fit: Fit, number: int, place: int) -> np.ndarray:
     """Return changes of a quantity that follow the inputs, and that no unknown explains, (N, d)."""
     inputs = _delayed_inputs(fit, number)
     changes = np.zeros((*fit.residuals[number].shape, inputs.shape[1]))
     changes[:, place] = inputs
-    found = beyond_unknowns(fit, {number: changes})
+    found = _beyond_unknowns(fit, number, changes)
     size = np.sqrt(np.maximum(np.diag(found.information), 1e-300))
     parts, axes = np.linalg.eigh(found.information_beyond / size[:, None] / size)
-    return np.asarray(found.beyond[number][:, place] / size @ axes[:, parts > _CONFOUNDED])
+    return np.asarray(found.beyond[:, place] / size @ axes[:, parts > _CONFOUNDED])
 
 
 def _delayed_inputs(fit: Fit, number: int) -> np.ndarray:
