@@ -287,37 +287,53 @@ def _variables(
     states: dict[str, str] = {}
     for element in root.findall("ModelVariables/*"):
         typed = element if version == 3 else next(iter(element))
-        declared = types.get(typed.get("declaredType"))
-        items = [] if declared is None else declared.findall(".//Item")
-        if declared is not None and version == 2:
-            declared = next(iter(declared), None)
-        attributes = {**(declared.attrib if declared is not None else {}), **typed.attrib}
-        kind = "an array" if typed.find("Dimension") is not None else typed.tag
-        kind = "Float64" if kind == "Real" else kind
-        lowest, highest = _RANGES.get(kind, (0, 0))
-        if items:
-            values = [int(each.attrib["value"]) for each in items]
-            lowest, highest = min(values), max(values)
-        usual = {"min": lowest, "max": highest, "nominal": 0, "start": 0}
-        given = attributes if kind in _RANGES else {}
-        low, high, nominal, start = (_number(given.get(key) or usual[key]) for key in usual)
-        name = element.attrib["name"]
-        variables[name] = Variable(
-            name,
-            int(element.attrib["valueReference"]),
-            kind,
-            element.get("causality", "local"),
-            element.get("variability", "continuous"),
-            attributes.get("unit", ""),
-            *(abs(nominal), low, high, start),
-        )
+        variable = _variable(element, typed, types.get(typed.get("declaredType")), version)
+        variables[variable.name] = variable
         if "derivative" in typed.attrib:
-            states[name] = typed.attrib["derivative"]
+            states[variable.name] = typed.attrib["derivative"]
     if version == 2:
         names = list(variables)
         return variables, {name: names[int(index) - 1] for name, index in states.items()}
     of_reference = {str(each.reference): name for name, each in variables.items()}
     return variables, {name: of_reference[reference] for name, reference in states.items()}
+
+
+def _variable(
+    element: ElementTree.Element,
+    typed: ElementTree.Element,
+    declared: ElementTree.Element | None,
+    version: int,
+) -> Variable:
+    """Return a variable.
+
+    typed: the element with the attributes of the type, a child in FMI 2.0
+    declared: definition of its type, or None
+    """
+    items = [] if declared is None else declared.findall(".//Item")
+    if declared is not None and version == 2:
+        declared = next(iter(declared), None)
+    attributes = {**(declared.attrib if declared is not None else {}), **typed.attrib}
+    kind = "an array" if typed.find("Dimension") is not None else typed.tag
+    kind = "Float64" if kind == "Real" else kind
+    lowest, highest = _RANGES.get(kind, (0, 0))
+    if items:
+        values = [int(each.attrib["value"]) for each in items]
+        lowest, highest = min(values), max(values)
+    usual = {"min": lowest, "max": highest, "nominal": 0, "start": 0}
+    given = attributes if kind in _RANGES else {}
+    low, high, nominal, start = (_number(given.get(key) or usual[key]) for key in usual)
+    return Variable(
+        name=element.attrib["name"],
+        reference=int(element.attrib["valueReference"]),
+        kind=kind,
+        causality=element.get("causality", "local"),
+        variability=element.get("variability", "continuous"),
+        unit=attributes.get("unit", ""),
+        nominal=abs(nominal),
+        low=low,
+        high=high,
+        start=start,
+    )
 
 
 def _number(text: str | float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -43,29 +43,32 @@ _MIXTURE = (
 )
 
 
-def piston_power(
-    file: EngineFile, aircraft: HostAircraft
-) -> tuple[Any, dict[str, Any], dict[str, Any]]:
-    """Return (power, properties, rates) of a piston engine.
+class PistonPower(NamedTuple):
+    """Power of a piston engine, hp, and what else it sets.
 
-    - power: hp
-    - properties: last part of the name -> value
-    - rates: {manifold pressure state: time derivative, inHg/s}, empty if the pressure is not a
-      state
+    properties: last part of the name -> value
+    rates: {manifold pressure state: time derivative, inHg/s}, empty if the pressure is not a state
+    """
+
+    horsepower: Any
+    properties: dict[str, Any]
+    rates: dict[str, Any]
+
+
+def piston_power(file: EngineFile, aircraft: HostAircraft) -> PistonPower:
+    """Return the power of a piston engine.
+
+    It is the indicated power, less the static friction and the power of the supercharger, plus the
+    power of the mean pressure p in the cylinders, p V n / cycles, of pumping and friction.
     """
     engine = file.engine
     air = aircraft.motion.air
     ambient = air.pressure * _PSF_TO_PA
-    where = file.mount.where
-    total = aircraft.properties.read("propulsion/pt-lbs_sqft", where) * _PSF_TO_PA
-    temperature = air.temperature / 1.8
-    ram_pressure = (total - ambient) * _settable(file, aircraft, "ram-air-factor", 1.0) + ambient
     speed = engine_rpm(file, aircraft)
-    displacement = engine.value_of("displacement", 360.0, "IN3") * _IN3_TO_M3
     breathing = _Breathing(engine)
-    efficiency = _settable(file, aircraft, "volumetric-efficiency", 0.85)
     piston_speed = speed * breathing.stroke / 360.0
-    throttled = ram_pressure * breathing.pressure_ratio(throttle_of(file, aircraft), piston_speed)
+    ratio = breathing.pressure_ratio(throttle_of(file, aircraft), piston_speed)
+    throttled = _ram_pressure(file, aircraft, ambient) * ratio
     rates = {}
     state = lag_state(file, aircraft)
     if state is not None:
@@ -73,31 +76,56 @@ def piston_power(
         rates[file.lag] = (throttled / _INHG_TO_PA - state) / delay
         throttled = state * _INHG_TO_PA
     manifold = _boosted(file, aircraft, throttled, ambient, speed)
-    compression = engine.value_of("compression-ratio", 8.5)
-    back_ratio = ca.fmin(ambient / ca.fmax(manifold, 1.0), compression)
-    reduction = 0.3 / 1.3 + (compression - back_ratio) / (1.3 * (compression - 1.0))
-    volume_flow = displacement * (speed / 60.0) / 2.0 * efficiency * reduction
-    air_flow = volume_flow * manifold / (_GAS_CONSTANT * temperature)
-    lever = aircraft.properties.read(f"fcs/mixture-cmd-norm[{file.number}]", where)
-    mixture = aircraft.properties.read_or(f"fcs/mixture-pos-norm[{file.number}]", lever, where)
-    fuel_share = 1.3 * mixture * 101325.0 / ambient / 14.7
-    fuel_flow = air_flow * fuel_share * 2.2046 * 3600.0
-    indicated: Any = fuel_flow / _consumption(file, aircraft, breathing)
-    indicated = indicated * _mixture_efficiency(engine, aircraft, fuel_share)
+    efficiency = _settable(file, aircraft, "volumetric-efficiency", 0.85)
+    displacement = engine.value_of("displacement", 360.0, "IN3") * _IN3_TO_M3
+    swept = displacement * (speed / 60.0) / 2.0
+    volume_flow = swept * efficiency * _exhaust_factor(engine, ambient, manifold)
+    air_flow = volume_flow * manifold / (_GAS_CONSTANT * (air.temperature / 1.8))
     own_friction = engine.value_of("static-friction", 1.5, "HP")
     static_friction = own_property(file, aircraft, "friction-hp", own_friction)
-    indicated = indicated - static_friction
-    friction: Any = -engine.value_of("dynamic-fmep", 18400.0, "PA") * piston_speed * FOOT
-    friction = friction - engine.value_of("static-fmep", 46500.0, "PA")
-    pumping = (throttled - ambient) * efficiency
     runs = running(file, aircraft)
-    indicated = ca.if_else(runs, indicated, -static_friction)
+    of_fuel = _power_of_fuel(file, aircraft, breathing, air_flow)
+    indicated = ca.if_else(runs, of_fuel - static_friction, -static_friction)
     # Without ignition the engine is dragged by the propeller.
-    friction = ca.if_else(runs, friction, 0.0)
+    friction = ca.if_else(runs, _friction_pressure(engine, piston_speed), 0.0)
+    pumping = (throttled - ambient) * efficiency
     cycles = engine.value_of("cycles", 4.0)
-    lost = (pumping + friction) * displacement * speed / (cycles * 22371)
-    power = indicated + lost - _boost_loss(engine, throttled, manifold, volume_flow)
-    return power, {"map-pa": manifold, "map-inhg": manifold / _INHG_TO_PA}, rates
+    of_pressures = (pumping + friction) * displacement * speed / (cycles * 22371)
+    power = indicated + of_pressures - _boost_loss(engine, throttled, manifold, volume_flow)
+    return PistonPower(power, {"map-pa": manifold, "map-inhg": manifold / _INHG_TO_PA}, rates)
+
+
+def _ram_pressure(file: EngineFile, aircraft: HostAircraft, ambient: Any) -> Any:
+    """Return the pressure in front of the air box, Pa."""
+    total = aircraft.properties.read("propulsion/pt-lbs_sqft", file.mount.where) * _PSF_TO_PA
+    return (total - ambient) * _settable(file, aircraft, "ram-air-factor", 1.0) + ambient
+
+
+def _exhaust_factor(engine: Element, ambient: Any, manifold: Any) -> Any:
+    """Return the fraction of the cylinder that exhaust gas leaves free for fresh air."""
+    compression = engine.value_of("compression-ratio", 8.5)
+    back_ratio = ca.fmin(ambient / ca.fmax(manifold, 1.0), compression)
+    return 0.3 / 1.3 + (compression - back_ratio) / (1.3 * (compression - 1.0))
+
+
+def _power_of_fuel(
+    file: EngineFile, aircraft: HostAircraft, breathing: _Breathing, air_flow: Any
+) -> Any:
+    """Return the power of the fuel that burns with an air flow, kg/s, in hp."""
+    where = file.mount.where
+    lever = aircraft.properties.read(f"fcs/mixture-cmd-norm[{file.number}]", where)
+    mixture = aircraft.properties.read_or(f"fcs/mixture-pos-norm[{file.number}]", lever, where)
+    ambient = aircraft.motion.air.pressure * _PSF_TO_PA
+    fuel_share = 1.3 * mixture * 101325.0 / ambient / 14.7
+    fuel_flow = air_flow * fuel_share * 2.2046 * 3600.0
+    power = fuel_flow / _consumption(file, aircraft, breathing)
+    return power * _mixture_efficiency(file.engine, aircraft, fuel_share)
+
+
+def _friction_pressure(engine: Element, piston_speed: Any) -> Any:
+    """Return the mean pressure of friction in the cylinders, Pa, negative."""
+    dynamic = -engine.value_of("dynamic-fmep", 18400.0, "PA") * piston_speed * FOOT
+    return dynamic - engine.value_of("static-fmep", 46500.0, "PA")
 
 
 def _settable(file: EngineFile, aircraft: HostAircraft, name: str, default: float) -> Any:

@@ -61,10 +61,10 @@ def _of_thruster(file: EngineFile, aircraft: HostAircraft) -> Effect:
         return drive(file, aircraft, turboprop_power(file, aircraft) * HP)
     if file.kind == "electric_engine":
         return drive(file, aircraft, electric_power(file, aircraft) * HP)
-    horsepower, properties, rates = piston_power(file, aircraft)
-    effect = drive(file, aircraft, horsepower * HP)
-    effect.properties |= properties
-    effect.rates |= rates
+    piston = piston_power(file, aircraft)
+    effect = drive(file, aircraft, piston.horsepower * HP)
+    effect.properties |= piston.properties
+    effect.rates |= piston.rates
     return effect
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 
@@ -34,35 +34,28 @@ def propeller_effect(file: EngineFile, aircraft: HostAircraft, power: Any) -> Ef
     power: power of the engine, ft lb/s
     """
     prop = file.thruster
-    number = file.number
     power = ca.if_else(engine_rpm(file, aircraft) > 0.1, power, ca.fmax(power, 0.0))
-    motion = aircraft.motion
-    turned = orientation(file, aircraft.properties)
-    place = placed(file, aircraft)
-    arm = aircraft.mass.arm(place)
-    local = ca.mtimes(turned.T, motion.air_velocity + ca.cross(motion.rates, arm))
     diameter = max(prop.value_of("diameter", 0.001, "FT"), 0.001)
-    inertia = max(prop.value_of("ixx", 1e-6, "SLUG*FT2"), 1e-6)
-    turns = getattr(aircraft.states, f"rpm{number}") / 60.0
-    omega = ca.fmax(2.0 * math.pi * turns, 0.01)
-    advance = local[0] / (diameter * ca.fmax(turns, 0.01))
-    tip_mach = ca.sqrt((turns * diameter * math.pi) ** 2 + local[0] ** 2) / motion.air.sound
+    axes, location = orientation(file, aircraft.properties), placed(file, aircraft)
+    flow = _flow(file, aircraft, axes, location, diameter)
     blade, blade_rates = _blade(file, aircraft)
-    thrust_coefficient = _coefficient(file, aircraft, "C_THRUST", [advance, blade], tip_mach)
-    power_coefficient = _coefficient(file, aircraft, "C_POWER", [advance, blade], tip_mach)
-    density = motion.air.density
+    thrust_coefficient = _coefficient(file, aircraft, "C_THRUST", flow, blade)
+    power_coefficient = _coefficient(file, aircraft, "C_POWER", flow, blade)
+    density, turns = aircraft.motion.air.density, flow.turns
     thrust = thrust_coefficient * turns**2 * diameter**4 * density
-    needed = power_coefficient * turns**3 * diameter**5 * density
-    induced = _induced_velocity(local[0], thrust, density, diameter)
+    absorbed = power_coefficient * turns**3 * diameter**5 * density
+    induced = _induced_velocity(flow.velocity[0], thrust, density, diameter)
+    inertia = max(prop.value_of("ixx", 1e-6, "SLUG*FT2"), 1e-6)
+    omega = ca.fmax(2.0 * math.pi * turns, 0.01)
     sense = 1.0 if file.thruster_mount.value_of("sense", 1.0) >= 0.0 else -1.0
     version = float(prop.attributes.get("version", "0") or "0")
     momentum = inertia * omega * sense * (-1.0 if version > 1.0 else 1.0)
-    along = turned[:, 0]
-    own_moment = ca.cross(motion.rates, along * momentum) - along * sense * power / omega
-    location = _acting_location(file, place, local, induced, sense)
-    force, moment = thrust_force_and_moment(file, aircraft, thrust, location, own_moment)
-    speed_rate = (power - needed) / omega / inertia * 30.0 / math.pi
-    rpm = getattr(aircraft.states, f"rpm{number}")
+    gyroscopic = ca.cross(aircraft.motion.rates, axes[:, 0] * momentum)
+    own_moment = gyroscopic - axes[:, 0] * sense * power / omega
+    acting = _acting_location(file, location, flow.velocity, induced, sense)
+    force, moment = thrust_force_and_moment(file, aircraft, thrust, acting, own_moment)
+    speed_rate = (power - absorbed) / omega / inertia * 30.0 / math.pi
+    rpm = getattr(aircraft.states, f"rpm{file.number}")
     # The propeller does not turn backwards: at rest, a braking torque has no effect.
     speed_rate = ca.if_else(rpm + speed_rate * STEP > 0.0, speed_rate, -rpm / STEP)
     return Effect(
@@ -70,15 +63,43 @@ def propeller_effect(file: EngineFile, aircraft: HostAircraft, power: Any) -> Ef
         moment,
         thrust,
         power / HP,
-        {f"rpm{number}": speed_rate, **blade_rates},
+        {f"rpm{file.number}": speed_rate, **blade_rates},
         {
             "propeller-torque-ftlb": -sense * power / omega,
             "thrust-coefficient": thrust_coefficient,
-            "advance-ratio": advance,
+            "advance-ratio": flow.advance,
             "prop-induced-velocity_fps": induced,
-            "helical-tip-Mach": tip_mach,
+            "helical-tip-Mach": flow.tip_mach,
         },
     )
+
+
+class _Flow(NamedTuple):
+    """Airflow at a propeller.
+
+    velocity: velocity of the propeller in the air, in the thruster's axes, ft/s, (3,)
+    turns: revolutions per second
+    advance: advance ratio V / (n D)
+    tip_mach: Mach number of the tips
+    """
+
+    velocity: ca.SX
+    turns: Any
+    advance: Any
+    tip_mach: Any
+
+
+def _flow(
+    file: EngineFile, aircraft: HostAircraft, axes: ca.SX, location: ca.SX, diameter: float
+) -> _Flow:
+    """Return the airflow at a propeller with these axes, location and diameter, ft."""
+    motion = aircraft.motion
+    at_propeller = motion.air_velocity + ca.cross(motion.rates, aircraft.mass.arm(location))
+    velocity = ca.mtimes(axes.T, at_propeller)
+    turns = getattr(aircraft.states, f"rpm{file.number}") / 60.0
+    advance = velocity[0] / (diameter * ca.fmax(turns, 0.01))
+    tip_speed = ca.sqrt((turns * diameter * math.pi) ** 2 + velocity[0] ** 2)
+    return _Flow(velocity, turns, advance, tip_speed / motion.air.sound)
 
 
 def _blade(file: EngineFile, aircraft: HostAircraft) -> tuple[Any, dict[str, Any]]:
@@ -108,7 +129,7 @@ def _blade(file: EngineFile, aircraft: HostAircraft) -> tuple[Any, dict[str, Any
 
 
 def _coefficient(
-    file: EngineFile, aircraft: HostAircraft, name: str, arguments: list[Any], tip_mach: Any
+    file: EngineFile, aircraft: HostAircraft, name: str, flow: _Flow, blade: Any
 ) -> Any:
     """Return C_T or C_P with its factor and Mach correction."""
     prop = file.thruster
@@ -116,11 +137,12 @@ def _coefficient(
     if name not in tables:
         raise prop.error(f"the propeller has no table {name}; add this table")
     fixed = prop.value_of("minpitch", 0.0) == prop.value_of("maxpitch", 0.0)
-    value = internal_table(tables[name], aircraft, arguments[:1] if fixed else arguments)
+    arguments = [flow.advance] if fixed else [flow.advance, blade]
+    value = internal_table(tables[name], aircraft, arguments)
     factor, mach = ("ct_factor", "CT_MACH") if name == "C_THRUST" else ("cp_factor", "CP_MACH")
     value = value * prop.value_of(factor, 1.0)
     if mach in tables:
-        value = value * internal_table(tables[mach], aircraft, [tip_mach])
+        value = value * internal_table(tables[mach], aircraft, [flow.tip_mach])
     return value
 
 

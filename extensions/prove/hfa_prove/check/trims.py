@@ -70,6 +70,7 @@ def _limited(flight: Flight) -> tuple[str, ...]:
 def _expressions(
     model: Model, imposed: tuple[str, ...], unknowns: tuple[str, ...], limited: tuple[str, ...]
 ) -> Expressions:
+    """Return the trim equations and the linear model, also of imposed outputs."""
     w = ca.SX.sym("w", len(unknowns))
     s = ca.SX.sym("s")
     numbers = ca.SX.sym("numbers", len(imposed) + len(model.parameters) + 1)

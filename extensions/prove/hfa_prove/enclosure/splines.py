@@ -154,6 +154,7 @@ def tables_of(function: ca.Function) -> tuple[Table, ...]:
 
 @lru_cache(maxsize=64)
 def _tables_of(stored: str, function: ca.Function) -> tuple[Table, ...]:
+    """Return the outputs of a table from its serialized form, of which the results are kept."""
     entries = _Entries(bytes(_nibbles(stored)), function.name())
     grids = entries.split("Interpolant::grid", "Interpolant::offset")
     bases = [_hats(grid) for grid in grids]
