@@ -305,11 +305,6 @@ def of_predictive(twin):
     return commanded(twin, policy)
 
 
-def of_best_flight(twin):
-    found = hfa.optimize(twin.model, point_of(twin), started(twin), *weights_of(twin))
-    return {"cost": found.cost * twin.cost}
-
-
 def linear_policy(K):
     o = ca.SX.sym("o", K.shape[1])
     return ca.Function("policy", [o], [ca.DM(K) @ o])
@@ -409,7 +404,6 @@ ANSWERS = {
     "hfa.state_dependent": of_state_dependent,
     "hfa.keep_inside": of_inside,
     "hfa.predictive": of_predictive,
-    "hfa.optimize": of_best_flight,
     "trim.transfers": of_transfers,
     "trim.modes_of": of_modes,
     "trim.trim_points": of_points,
@@ -443,14 +437,14 @@ WITHOUT = {
     "verification.verdict_report": "shows",
     **dict.fromkeys(("controller.basis", "controller.run"), "knows no plant"),
     "verification.relative_error": "of two arrays",
+    "hfa.optimize": "takes minutes",
 }
 #: Answers of words about units, or of numbers of files, are those of twins with named units alone.
 NAMED = ("trim.sheet_of", "trim.graded")
 #: Those whose times are in seconds by their definition: of samples, of the drift of a state.
-SECONDS = ("hfa.filter", "hfa.keep_inside", "hfa.assess", "hfa.environment")
+SECONDS = ("hfa.filter", "hfa.keep_inside", "hfa.assess", "hfa.environment", "hfa.predictive")
 #: Those that take more than a second.
 SLOW = (
-    "hfa.optimize",
     "hfa.predictive",
     "controller.radii_of",
     "hfa.assess",

@@ -123,20 +123,6 @@ def square_layers(*names):
     return layers | {f"{names[-1]}.weight": np.ones((1, 6))}
 
 
-def two_layers(name, outputs=1):
-    """Return weights and biases of a network with two linear layers, 6-4-outputs.
-
-    name: prefix of the tensors' names
-    """
-    rng = np.random.default_rng(0)
-    weights = {f"{name}.0": rng.normal(size=(4, 6)), f"{name}.2": rng.normal(size=(outputs, 4))}
-    return {
-        f"{key}.{kind}": W if kind == "weight" else W[:, 0]
-        for key, W in weights.items()
-        for kind in ("weight", "bias")
-    }
-
-
 def read(path, *, states=6, inputs=5, **how):
     """Return the network in a file as a critic of a plant with these numbers of states and inputs.
 
