@@ -14,7 +14,7 @@ from hfa_aircraft.about import About, Domain, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_model.atmosphere import refuse_beyond_the_atmosphere
-from hfa_model.kinematics import DISTURBANCES, winds_named
+from hfa_model.kinematics import DISTURBANCES, winds_of
 from hfa_model.outputs import OUTPUTS, instant_of, outputs_of
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.published import published_data
@@ -49,7 +49,7 @@ class Equations:
         p: parameters
         w: disturbances, in the order of `DISTURBANCES`
         """
-        winds = winds_named(w._fields, w)
+        winds = winds_of(w)
         instant = instant_of(x, u, p, self.variant, winds)
         return instant.rates._asdict(), outputs_of(instant)
 

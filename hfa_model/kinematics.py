@@ -17,8 +17,7 @@ panel.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
 
@@ -59,14 +58,13 @@ DISTURBANCES = (
 )
 
 
-def winds_named(names: Sequence[str], values: Sequence[Quantity]) -> Winds:
-    """Return the winds at the panels, each the sum of the disturbances that act on the panel.
+def winds_of(w: Any) -> Winds:
+    """Return the winds at the panels, each the sum of the disturbances that act on the panel, ft/s.
 
-    names: names in `DISTURBANCES`; a name without a panel acts on all panels
-    values: one value for each name, ft/s
+    w: named tuple of disturbances in `DISTURBANCES`; one without a panel acts on all panels
     """
     sums: dict[str, dict[str, Quantity]] = {"center": {}, "outer": {}}
-    for name, value in zip(names, values, strict=True):
+    for name, value in w._asdict().items():
         component, _, panel = name.partition("_")
         panels = (panel,) if panel else tuple(sums)
         for reached in panels:

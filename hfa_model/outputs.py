@@ -17,7 +17,6 @@ from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density, speed_of_sound
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.kinematics import (
-    STILL_AIR,
     Winds,
     angle_of_attack,
     center_flow,
@@ -56,7 +55,7 @@ def instant_of(
     u: Input[Quantity],
     p: Parameters[Quantity],
     variant: Variant,
-    winds: Winds = STILL_AIR,
+    winds: Winds,
 ) -> Instant:
     """Return the state x and input u with the loads and rates that follow from the equations of
     motion.

@@ -50,7 +50,7 @@ from hfa_model.kinematics import (
     flow_of,
     outer_height,
     outer_velocity,
-    winds_named,
+    winds_of,
 )
 from hfa_model.outputs import Instant, outputs_of
 from hfa_model.parameters import Parameters, default_parameters
@@ -150,7 +150,7 @@ def unsteady_equations(
     p: the parameters of `newton`, `EFFECTS` and `tail_aspect_ratio`
     w: disturbances, a subset of `DISTURBANCES`
     """
-    winds = winds_named(w._fields, w)
+    winds = winds_of(w)
     air = density(x.altitude)
     center_motion = _panel_motion("center", x, p, winds)
     outer_motion = _panel_motion("outer", x, p, winds)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import some_of
+from hfa.options.argument_types import listed_names
 from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.option import option
 from hfa.options.plants import aircraft_help
@@ -28,15 +28,15 @@ class LinearizeRequest(Request, TrimOptions):
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     picture: Path | None = picture_option("Bode plots from each input to each output")
     states: tuple[str, ...] | None = option(
-        "states of the model, in order; default: those of its linear model", "a,b,...", some_of()
+        "states of the model, in order; default: those of its linear model", "a,b,...", listed_names
     )
     inputs: tuple[str, ...] | None = option(
-        "inputs of the model, in order; default: all", "a,b,...", some_of(), rare=True
+        "inputs of the model, in order; default: all", "a,b,...", listed_names, rare=True
     )
     outputs: tuple[str, ...] | None = option(
         "outputs of the model, in order; default: the states, C = I",
         "a,b,...",
-        some_of(),
+        listed_names,
         rare=True,
     )
     bode: bool = option("add transmission zeros and transfer functions")

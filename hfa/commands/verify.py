@@ -13,7 +13,7 @@ from typing import NamedTuple
 from controller.critic.critic_file import critic_file, critic_suffixes
 from controller.critic.reading import CriticFile
 from controller.game.zero_sum import Game
-from hfa.options.argument_types import positive, some_of
+from hfa.options.argument_types import listed_names, positive
 from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
 from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, given_game
@@ -80,7 +80,7 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
     inputs: tuple[str, ...] = option(
         "inputs that the critic's policy moves; the others stay at the trim; default: all",
         "NAME,NAME",
-        some_of(),
+        listed_names,
         default=(),
         rare=True,
     )

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, choice_of, refuse_unknown, shortened
+from hfa_support.errors import BadInputError, choice_of, shortened
 from hfa_support.files import note_read
 from hfa_support.schema import NUMBER, POSITIVE, Number
 from hfa_support.units import split_unit
@@ -200,24 +200,15 @@ def one_of(*words: str) -> Callable[[str], str]:
     return convert
 
 
-def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
-    """Return an option type that accepts names separated by commas, each at most once.
-
-    known: the accepted names; any name if none is given
-    """
-
-    def convert(text: str) -> tuple[str, ...]:
-        names = tuple(name.strip() for name in text.split(","))
-        if not all(names):
-            raise BadInputError(f"is {shortened(text)!r}; give names separated by commas")
-        for name in names:
-            if known:
-                refuse_unknown("contains the unknown name", name, known)
-            if names.count(name) > 1:
-                raise BadInputError(f"contains {name} twice; remove one {name}")
-        return names
-
-    return convert
+def listed_names(text: str) -> tuple[str, ...]:
+    """Return the names in a text "a,b,...", each at most once."""
+    names = tuple(name.strip() for name in text.split(","))
+    if not all(names):
+        raise BadInputError(f"is {shortened(text)!r}; give names separated by commas")
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInputError(f"contains {name} twice; remove one {name}")
+    return names
 
 
 def input_file(*suffixes: str) -> Callable[[str], Path]:

@@ -22,10 +22,10 @@ def jsonable(value: Any) -> Any:
     """Return a value as objects that `json` can write.
 
     Mappings, lists, tuples, arrays, texts and numbers are converted. Numbers that are not finite
-    become None.
+    become None, because JSON has none.
     """
     if isinstance(value, (float, np.floating)):  # tested first: most values are floats
-        return finite_or_none(value)
+        return float(value) if math.isfinite(value) else None
     if isinstance(value, (list, tuple)):
         return [jsonable(item) for item in value]
     if isinstance(value, Mapping):
@@ -34,14 +34,6 @@ def jsonable(value: Any) -> Any:
         values = value.tolist()
         return values if value.dtype == float and np.isfinite(value).all() else jsonable(values)
     return value.item() if isinstance(value, np.generic) else value
-
-
-def finite_or_none(value: float | np.floating[Any]) -> float | None:
-    """Return a finite number as a float.
-
-    inf and nan become None. JSON does not support these values.
-    """
-    return float(value) if math.isfinite(value) else None
 
 
 def json_text(value: Any) -> str:

@@ -27,7 +27,7 @@ from reportlab.platypus import (
 
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.rows import Group
-from hfa_support.reporting.text import Table, are_words, printable
+from hfa_support.reporting.text import Table, are_words, blocks_that_fit, printable
 
 #: Names of the font, and its files.
 SANS, BOLD = "Sans", "Sans-Bold"
@@ -116,15 +116,12 @@ def tables(table: Table, notes: Sequence[str], room: float) -> Iterator[Rows]:
         _column(str(heading), [row[place] for row in table.rows], is_label=place == 0)
         for place, heading in enumerate(table.header)
     ]
-    blocks = [columns[:1]]
-    for column in columns[1:]:
-        if len(blocks[-1]) > 1 and sum(each.least for each in (*blocks[-1], column)) > room:
-            blocks.append(columns[:1])
-        blocks[-1].append(column)
-    for block in blocks:
+    blocks = blocks_that_fit([column.least for column in columns], 1, room)
+    for places in blocks:
+        block = [columns[place] for place in places]
         rows = [*map(list, zip(*(column.cells for column in block), strict=True))]
         widths = _widths(block, room)
-        below = notes if block is blocks[-1] else ()
+        below = notes if places is blocks[-1] else ()
         spans = [("SPAN", (0, -1 - place), (-1, -1 - place)) for place in range(len(below))]
         rows += [[paragraph(note, CELL), *[""] * (len(block) - 1)] for note in below]
         yield _grid(rows, widths, *spans)

@@ -294,7 +294,7 @@ def columns(
     texts = [[printable(str(cell), lines=False) for cell in row] for row in cells]
     widths = [max(len(row[i]) for row in texts) for i in range(len(header))]
     blocks = []
-    for shown in _columns_that_fit(widths, labels, width):
+    for shown in blocks_that_fit(widths, labels, width, len(_GAP)):
         lines = []
         for row, row_cells in zip(texts, cells, strict=True):
             aligned = []
@@ -307,22 +307,23 @@ def columns(
     return "\n\n".join(blocks)
 
 
-def _columns_that_fit(widths: list[int], labels: int, width: int | None) -> list[list[int]]:
-    """Return the indices of the columns in each block of a table."""
-    # Each block contains the labels and as many other columns as fit into the width, at least one.
-    if width is None or not widths:
-        return [[*range(len(widths))]]
-    names = [*range(labels)]
-    used_by_names = sum(widths[:labels]) + len(_GAP) * (labels - 1)
-    blocks = [names.copy()]
-    used = used_by_names
+def blocks_that_fit(
+    widths: Sequence[float], labels: int, room: float | None, gap: float = 0.0
+) -> list[list[int]]:
+    """Return the indices of the columns in each block of a table.
+
+    Each block contains the labels and as many other columns as fit, at least one.
+
+    labels: number of first columns that name a row
+    room: width of a block, or None for a single block
+    gap: width between two columns
+    """
+    blocks = [[*range(min(labels, len(widths)))]]
     for i in range(labels, len(widths)):
-        needed = len(_GAP) + widths[i]
-        if used + needed > width and len(blocks[-1]) > labels:
-            blocks.append(names.copy())
-            used = used_by_names
+        needed = sum(widths[each] + gap for each in (*blocks[-1], i)) - gap
+        if room is not None and needed > room and len(blocks[-1]) > labels:
+            blocks.append([*range(labels)])
         blocks[-1].append(i)
-        used += needed
     return blocks
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa.options.argument_types import option_errors, output_file, some_of
+from hfa.options.argument_types import listed_names, option_errors, output_file
 from hfa.options.command import Outcome, Request, command
 from hfa.options.option import option
 from hfa.options.output import ProgressLine
@@ -18,8 +18,6 @@ from hfa.options.ranges import array_of, value_range
 from hfa.options.show import provenance, stated
 from hfa.options.trims import SEVERAL, SeveralTrims, dihedral_option, trim_input
 from hfa_aircraft.loading import load_model
-from hfa_model.outputs import OUTPUTS
-from hfa_model.vectors import STATES
 from hfa_page.claims import load_claims
 from hfa_page.flights import load_flights
 from hfa_page.job_report import critic_picture, main_report, page, plotly_script, sections_of
@@ -71,7 +69,7 @@ class ReportRequest(Request, SeveralTrims):
         "dihedral angles of the slider and the root locus, degrees; default 0:20:0.5", "RANGE"
     )
     outputs: tuple[str, ...] | None = option(
-        "outputs for which C and D are added to the page", "a,b,...", some_of(*STATES, *OUTPUTS)
+        "outputs for which C and D are added to the page", "a,b,...", listed_names
     )
     claims: Any = option(
         "claims.json of studies/section5/results, or the folder that contains the "

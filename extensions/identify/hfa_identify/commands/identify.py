@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from hfa.options.argument_types import each_of, input_file, one_of, quantity, some_of
+from hfa.options.argument_types import each_of, input_file, listed_names, one_of, quantity
 from hfa.options.command import Outcome, Request, command, output_option, picture_option
 from hfa.options.option import option
 from hfa.options.output import ProgressLine
@@ -52,7 +52,7 @@ class IdentifyRequest(Request, AircraftOptions):
         "parameters to identify, such as CL_alpha,Cm_q or CL_*,Cm_*; also the bias of a column, "
         "such as bias_alpha",
         "NAMES",
-        some_of(),
+        listed_names,
         required=True,
     )
     given: Mapping[str, str] = option(
