@@ -127,6 +127,11 @@ class Twin(NamedTuple):
         """Sizes of the units of the inputs."""
         return self.of(*PLANE.inputs)
 
+    @property
+    def length(self):
+        """Size of the unit of lengths of the air: of the altitude beside knots, else the meter."""
+        return self.sizes["altitude"] if self.model.unit("speed") == "kt" else 1.0
+
     def typed(self, **numbers):
         """Return numbers in SI units in those of the twin."""
         return {name: number / self.sizes[name] for name, number in numbers.items()}

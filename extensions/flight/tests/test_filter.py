@@ -113,69 +113,6 @@ def test_the_gain_is_the_optimal_one(known):
     assert known.unobservable == ()
 
 
-def plane(length, angle):
-    """Return the linear model of a longitudinal aircraft whose units are multiples of m and rad.
-
-    length: ft per unit of length
-    angle: size of the unit of an angle, rad
-    """
-    of_states = np.array([length, angle, angle, angle])
-    A = np.array([[-0.05, 4, 0, -9.8], [-0.01, -2, 1, 0], [0.02, -9, -3, 0], [0, 0, 1, 0]])
-    A = A * of_states / of_states[:, None]
-    B = np.array([[0.1], [-0.2], [-10.0], [0.0]]) * angle / of_states[:, None]
-    E = np.array([0.02, 0.04, 0.18, 0.0]) * length / of_states
-    names = ("speed", "alpha", "pitch_rate", "pitch")
-    unit = {1.0: "m/s", 0.3048: "ft/s"}[length]
-
-    def rates(x, u, p, w):
-        z = (x.speed - 30.0 / length, x.alpha, x.pitch_rate, x.pitch)
-        return {
-            name: sum(a * each for a, each in zip(A[i].tolist(), z, strict=True))
-            + B[i, 0] * u.elevator
-            + E[i] * w.updraft
-            for i, name in enumerate(names)
-        }, {}
-
-    units = (unit, *["1/s" if name == "pitch_rate" else "1" for name in names[1:]])
-    nominals = np.array([3.0, 0.1, 0.2, 0.1]) / of_states
-    states = {
-        name: hfa.Signal(each, nominal=float(size))
-        for name, each, size in zip(names, units, nominals, strict=True)
-    }
-    model = hfa.Model(
-        "plane",
-        states,
-        {"elevator": hfa.Signal("1", nominal=0.1 / angle)},
-        rates,
-        disturbances={"updraft": hfa.Signal(unit)},
-        trim={"speed": 30.0 / length},
-    )
-    return hfa.trim(model, hold={"speed": 30.0 / length, "elevator": 0.0}).linearize(), of_states
-
-
-def test_a_filter_is_the_same_in_other_units():
-    """With lengths in ft and angles in 1e-7 rad, P, L and the radius scale as the units do.
-
-    One state has no sensor.
-    """
-    found = []
-    for length, angle in ((1.0, 1.0), (1.0, 1e-7), (0.3048, 1e6)):
-        linear, units = plane(length, angle)
-        noise = np.array([0.1, 0.003, 0.002, 0.002]) / units
-        sensors = dict(zip(linear.states, noise.tolist(), strict=True))
-        del sensors["alpha"]
-        known = hfa.filter(linear, sensors, Turbulence((1.0 / length, 200.0 / length)))
-        measured = units[[0, 2, 3]]
-        P = known.P[:4, :4] * np.outer(units, units)
-        L = known.L[:4] * units[:, None] / measured
-        found.append((P, L, known.radius, known.sensors))
-    for P, L, radius, sensors in found[1:]:
-        np.testing.assert_allclose(P, found[0][0], rtol=1e-7, atol=1e-14)
-        np.testing.assert_allclose(L, found[0][1], rtol=1e-7, atol=1e-12)
-        assert radius == pytest.approx(found[0][2], rel=1e-10)
-        assert sensors == ("speed", "pitch_rate", "pitch")
-
-
 def test_modes_that_no_sensor_observes_are_named():
     """A decaying one is noted; one that does not decay is refused with the sensor to add."""
     states = {name: hfa.Signal(nominal=1.0) for name in ("x", "y")}
