@@ -132,7 +132,6 @@ class PythonPolicy(SampledPolicy):
     function: (t in s, X by name) -> U, (m,), or U by name. Inputs without a value remain at trim
     """
 
-    is_called = True
     predicts = True
 
     function: Callable[[float, Any], Any]

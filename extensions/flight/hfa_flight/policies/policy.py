@@ -47,11 +47,9 @@ class Policy(Reported):
       last row afterwards
     identity: JSON data that identify the policy
     predicts: whether the linear model is flown with the policy too, as a prediction
-    is_called: whether the policy is a function of the user, which is called in one nonlinear flight
     """
 
     predicts: ClassVar[bool] = True
-    is_called: ClassVar[bool] = False
 
     name: str
     held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)

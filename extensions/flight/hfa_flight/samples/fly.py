@@ -75,12 +75,12 @@ def fly(
 ) -> Flight | FlightsInAir:
     """Simulate a policy u on the nonlinear aircraft X' = f(X, U0 + u, w) + d and return the flight.
 
-    The flight ends at the first tick in which it leaves the envelope. With `predict`, the flight of
-    the linear model x' = A x + B u + E w + d with nominal parameters is included, up to the same
-    time.
+    The flight ends at the first tick in which it leaves the envelope. With `predict`, its report
+    compares it with the flight of the linear model x' = A x + B u + E w + d with nominal
+    parameters, up to the same time, which is simulated when it is first read (`flight.predicted`).
 
     The steps of the integration have errors of at most 1e-7 of each state. A Python function of (t,
-    X) is called once a tick in the nonlinear flight, and with `predict` in the linear one.
+    X) is called once a tick of each of the two flights.
 
     With `samples`, so many flights are simulated, each with its own draw of the scenario's random
     quantities, and returned as `hfa.FlightsInAir`. A deployment with a filter flies behind it.
@@ -98,8 +98,8 @@ def fly(
     scenario: disturbances, noise and faults. Of a single flight, its random quantities must be
         drawn already
     envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
-    predict: whether the linear model is simulated too, except with a policy that plans. Of a single
-        flight
+    predict: whether the flight is compared with that of the linear model, except with a policy that
+        plans. Of a single flight
     weights: Q (k, k) and R (m, m) of the cost of a single flight, or None without a cost
     progress: called during the flights; by default a line on a terminal
     samples: number of flights, or None for a single one

@@ -136,11 +136,7 @@ def fly(
     result = fly_within(compiled, within, progress=shown)
     start = result.flight.limited[0] + point.x
     refuse_start(within, start, happens.moving_air)
-    if not (predict and flown.predicts):
-        return result
-    linear = replace(loop, plant=LinearPlant.at(model, point, loop.wind_names), cost=None)
-    ticks = round(result.flown / happens.tick)
-    return replace(result, predicted=CompiledLoop(linear).fly(ticks=ticks))
+    return replace(result, predicts=predict and flown.predicts)
 
 
 def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:
@@ -264,7 +260,7 @@ class Flight(StatesAndInputs, Result, Reported):
         none. Without an envelope, the state that diverges
     cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit, or null if there is
         none.
-    predicted: flight of the linear model, or None if it was not simulated
+    predicts: whether the flight is compared with that of the linear model
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -280,7 +276,7 @@ class Flight(StatesAndInputs, Result, Reported):
     flight: Deviations
     departure: Departure | None
     cycle: LimitCycle | None
-    predicted: Deviations | None = None
+    predicts: bool = False
 
     @property
     def point(self) -> OperatingPoint:
@@ -410,6 +406,15 @@ class Flight(StatesAndInputs, Result, Reported):
     def policy(self) -> Mapping[str, Any]:
         """Name and gain K of the policy, with the breakpoints of scheduled gains."""
         return self.loop.policy.data(self.model)
+
+    @cached_property
+    def predicted(self) -> Deviations | None:
+        """Flight of the linear model up to the same time, simulated when it is first read."""
+        if not self.predicts:
+            return None
+        plant = LinearPlant.at(self.model, self.point, self.loop.wind_names)
+        linear = CompiledLoop(replace(self.loop, plant=plant, cost=None))
+        return linear.fly(ticks=round(self.flown / self.loop.scenario.tick))
 
     @property
     def largest_difference_from_linear(self) -> Mapping[str, float] | None:
