@@ -11,10 +11,6 @@ import numpy as np
 from hfa_aircraft.march.march import saturated
 from hfa_support.errors import BadInputError, refuse_unless_positive
 
-#: Longest integration step relative to the lag. For the actuators alone, the Runge-Kutta method of
-#: order 4 is unstable beyond 2.785.
-LONGEST_STEP = 2.5
-
 
 @dataclass(frozen=True)
 class ActuatorBank:
@@ -60,18 +56,6 @@ class ActuatorBank:
     def inputs(self) -> tuple[str, ...]:
         """Names of the m inputs that the actuators move."""
         return tuple(self.lag._fields)
-
-    def refuse_step(self, step: float) -> None:
-        """Raise BadInputError if an integration step is too long for the lag of an actuator.
-
-        step: s
-        """
-        for name, lag in zip(self.inputs, self.lag, strict=True):
-            if step > LONGEST_STEP * lag * (1 + 1e-9):
-                raise BadInputError(
-                    f"the lag of {name} is {lag:g} s, but a step of {step:g} s requires at least"
-                    f" {step / LONGEST_STEP:g} s; increase the lag or shorten the step"
-                )
 
     def refuse_trim(self, trim: np.ndarray) -> None:
         """Raise BadInputError if a trim input is outside the position limits of its actuator.

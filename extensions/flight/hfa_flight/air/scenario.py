@@ -35,7 +35,7 @@ _ERRORS = 0
 _NOISE = 1
 _AIR = 2
 
-#: Largest number of steps of a flight, limited by the memory of an ordinary computer.
+#: Largest number of rows of a flight, limited by the memory of an ordinary computer.
 MOST_STEPS = 10_000_000
 
 
@@ -111,7 +111,7 @@ class Scenario(Reported):
     By default, nothing disturbs the flight.
 
     duration: s
-    step: integration step, s
+    step: interval of the rows of the flight, s
     tick: interval at which the held inputs change, s, a whole number of steps
     initial: (n,), deviation from trim, or () for none
     reference, disturbance: signals (k,) for the states of the linear model, or None for 0
@@ -125,9 +125,9 @@ class Scenario(Reported):
     sample: interval of the noise, of turbulence and of a filter or function that acts as the
         policy, s, a whole number of ticks. Default: a tick
 
-    Raises BadInputError if times are not multiples of each other or are too long, the step is too
-    long for the actuators, a factor is not positive, the delay or the sample is not a whole number
-    of ticks, or there are both a gust and turbulence.
+    Raises BadInputError if times are not multiples of each other or are too long, a factor is not
+    positive, the delay or the sample is not a whole number of ticks, or there are both a gust and
+    turbulence.
 
     >>> from hfa_flight import OneMinusCosine, Scenario
     >>> gust = OneMinusCosine(length=400.0, peak=5.0, speed=68.0)
@@ -166,8 +166,6 @@ class Scenario(Reported):
         if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
             most = f"give at most {MOST_STEPS * self.step:g} s with a step of {self.step:g} s"
             raise BadInputError(f"duration is {self.duration:g} s; {most}")
-        if self.actuators is not None:
-            self.actuators.refuse_step(self.step)
         for name, factor in self.errors.items():
             refuse_unless_positive(f"the factor on {name}", factor)
         if not 0.0 <= self.delay < math.inf:
@@ -195,7 +193,7 @@ class Scenario(Reported):
 
     @property
     def steps_per_tick(self) -> int:
-        """Number of integration steps in a tick."""
+        """Number of rows in a tick."""
         return round(self.tick / self.step)
 
     @property
@@ -278,7 +276,7 @@ class Scenario(Reported):
     def in_ticks(self, tick: float, longest: float, sample: float | None = None) -> Scenario:
         """Return the scenario with another tick, s, and a duration of whole ticks.
 
-        longest: longest integration step, s
+        longest: longest interval of the rows, s
         sample: duration of a sample, s, or None for a tick
         """
         count = max(1, round(self.duration / tick))

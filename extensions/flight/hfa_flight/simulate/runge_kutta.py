@@ -9,6 +9,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import BoundFunction
 
 #: Largest error of a step, relative to the size of each state. Costs are printed with six digits.
@@ -22,6 +23,8 @@ _ROUNDING = 1e-12
 _SAFETY, _SHORTER, _LONGER, _ORDER = 0.9, 0.2, 10.0, 5.0
 #: The error of a fifth of a step over a jump is about a fifth, and over a kink a 25th.
 _AT_A_JUMP = 0.1
+#: Largest number of steps between two calls of `RungeKutta.rows`, about 2 s of computation.
+_MOST_STEPS = 100_000
 
 
 def step_function(rate: ca.Function, nominal: np.ndarray) -> ca.Function:
@@ -51,8 +54,8 @@ def step_function(rate: ca.Function, nominal: np.ndarray) -> ca.Function:
     largest = ca.fmax(before, ca.mmax(size[deviating] / units[deviating]))
     allowed = TOLERANCE * (size + _SMALL * units * largest) + _ROUNDING * units
     ratio = ca.norm_2(error / (allowed + sys.float_info.min)) / math.sqrt(y.numel())
-    relative = ca.mmax(error[deviating] / units[deviating]) / largest
-    results = (after, largest, ratio, relative, ca.mtimes(k, ca.DM(RK45.P)))
+    in_units = ca.norm_2(error[deviating] / units[deviating])
+    results = (after, largest, ratio, in_units, ca.mtimes(k, ca.DM(RK45.P)))
     return ca.Function("step", [t, y, held, h, before], [ca.densify(each) for each in results])
 
 
@@ -86,7 +89,10 @@ class RungeKutta:
         self._steps: list[_Step] = []
 
     def advance(self, begin: float, end: float, y: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return the state at `end`, (n,), from y at `begin`, with constant held inputs."""
+        """Return the state at `end`, (n,), from y at `begin`, with constant held inputs.
+
+        Raises NoSolutionError if too many steps are necessary.
+        """
         t, now, held_now, h, before = self._function.inputs
         after, largest, of_allowed, error, slopes = self._function.results
         now[:], held_now[:] = y, held
@@ -101,15 +107,21 @@ class RungeKutta:
             factor = _SAFETY * share ** (-1 / _ORDER) if share > 0.0 else _LONGER
             is_within = share <= 1.0  # also False for an error that is not a number
             is_short = seconds <= self._shortest
-            if not is_within and (not is_short or share < _AT_A_JUMP * rejected):
-                rejected = share if is_short else math.inf
+            in_units = float(error[0])
+            if not is_within and (not is_short or in_units < _AT_A_JUMP * rejected):
+                rejected = in_units if is_short else math.inf
                 self._next = (_SHORTER if is_short else max(_SHORTER, factor)) * seconds
                 continue
             rejected = math.inf
             if not math.isfinite(share):
                 left, seconds = 1, end - time  # the flight diverges
             elif not is_within:
-                self.error += float(error[0])
+                self.error += in_units / float(largest[0])
+            if len(self._steps) == _MOST_STEPS:
+                raise NoSolutionError(
+                    f"the simulation requires steps of {seconds:.2g} s at {time:.4g} s: the loop "
+                    "has a fast mode, such as an actuator with a short lag; slow it down"
+                )
             self._steps.append(_Step(time, seconds, now.copy(), slopes.copy()))
             now[:] = after
             self._largest = float(largest[0])

@@ -135,7 +135,7 @@ class CompiledLoop:
         if stop is None and lost.any():
             raise NoSolutionError(
                 f"the simulation diverges at t = {flight.times[lost.argmax()]:.6g} s; check that "
-                "the policy stabilizes the aircraft, or shorten the step"
+                "the policy stabilizes the aircraft"
             )
         return replace(flight, integration_error=flying.integration.error)
 
