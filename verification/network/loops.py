@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -21,7 +21,8 @@ from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
 from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, Outcome, has_decayed
 from hfa_support.matrices import quadratic_forms
-from hfa_support.native.bound import BoundFunction
+from hfa_support.native.bound import BoundFunction, by_rows
+from hfa_support.native.columns import by_columns_or_rows
 from verification.plant import NonlinearPlant
 
 #: A tick of a simulation in continuous time is as long as the slowest linear loop needs to decay to
@@ -36,6 +37,8 @@ TICKS = 100
 #: that is slow to evaluate (a wide network, the nonlinear plant).
 STEPS = 20_000
 FEW_STEPS = 2000
+#: Number of flights from which each operation is applied to all of them: a third of the time.
+_MANY_ROWS = 24
 #: Number of steps of a discrete loop in a tick, unless it is slow.
 _PER_TICK = 100
 #: Largest number of Newton steps to an equilibrium, and its largest distance, in boxes.
@@ -114,15 +117,20 @@ class Rates:
 
         shares = np.abs(rows / self._sizes).max(axis=1, keepdims=True)
         band = rows.shape[1] - 1  # no flight acts on another
-        bound = BoundFunction(self._closed.map(len(rows)))
+        mapped: Any = by_columns_or_rows if len(rows) >= _MANY_ROWS else by_rows
+        function, order = mapped(self._closed, len(rows))
+        bound = BoundFunction(function)
+        state, rate = (
+            memory.reshape(rows.shape, order=order)
+            for memory in (bound.inputs[0], bound.results[0])
+        )
 
         def rates(numbers: np.ndarray, _: float) -> np.ndarray:
-            bound.inputs[0][:] = numbers
+            state[:] = numbers.reshape(rows.shape)
             bound()
-            rates, values = bound.results
-            if not (values <= self._largest).all():
+            if not (bound.results[1] <= self._largest).all():
                 raise FloatingPointError
-            return rates
+            return rate.ravel()
 
         try:
             with warnings.catch_warnings(action="ignore"):  # of LSODA when it fails
