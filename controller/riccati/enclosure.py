@@ -23,7 +23,7 @@ from controller.riccati.balls import (
     part,
     precision,
 )
-from controller.riccati.equation import Bound, equation_of, scaled_balls
+from controller.riccati.equation import Bound, Equation, equation_of, scaled_balls
 from controller.riccati.lyapunov import Lyapunov
 from controller.riccati.pickled_balls import make_balls_picklable
 from controller.riccati.proof import (
@@ -43,9 +43,10 @@ from controller.riccati.proposal import (
     lyapunov_in_bits,
     of_control_loop,
     proposal_in_bits,
+    proposal_of,
 )
 from controller.riccati.rationals import is_semidefinite
-from controller.riccati.refusal import why_never, why_never_at, why_no_value
+from controller.riccati.refusal import too_large_at, why_never, why_never_at, why_no_value
 from hfa_support.errors import NoSolutionError
 
 if TYPE_CHECKING:
@@ -181,6 +182,24 @@ def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str
     return replace(outcome, is_raised=True)
 
 
+def decided_in_doubles(equation: Equation[DoubleBalls], frequency: float | None) -> Enclosure | str:
+    """Return what a proposal of LAPACK proves of an equation with semidefinite weights, or "".
+
+    frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
+    """
+    with np.errstate(all="ignore"):
+        if frequency is not None:
+            reason = too_large_at(equation.with_arithmetic(Balls), frequency)
+            if reason:
+                return reason
+        try:
+            proposal = proposal_of(equation)
+            found = _outcome(proposal, DoubleBalls, digits=False, in_bits=False)
+            return found or _outcome(corrected(proposal), Balls, digits=False, in_bits=False)
+        except FailedError:
+            return ""
+
+
 def _have_same_gains(first: Enclosure, second: Enclosure) -> bool:
     """Return whether the gains of two enclosures move the plant alike, within 1 %.
 
@@ -244,11 +263,10 @@ def _outcomes(game: Game, delta: float, *, digits: bool) -> Iterator[Enclosure |
 
     yield proved(BITS, in_lapack, DoubleBalls)
     yield proved(BITS, refined, Balls)
+    yield proved(2 * BITS, refined, Balls)
     yield why_never(game)
     for n_bits in ATTEMPTS:
         yield proved(n_bits, with_bits, Balls)
-        if n_bits == BITS:
-            yield proved(2 * BITS, refined, Balls)
         if n_bits == 2 * BITS and len(game.A) <= MOST_STATES:
             yield why_never_at(game, delta)
 

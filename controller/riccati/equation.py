@@ -47,11 +47,17 @@ def users_units(game: Game) -> Units:
     return Units(*(np.zeros(size, dtype=int) for size in (*game.B.shape, game.E.shape[1])))
 
 
-def scaled(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | arb_mat:
+def scaled(
+    matrix: np.ndarray | arb_mat, rows: np.ndarray, columns: np.ndarray
+) -> np.ndarray | arb_mat:
     """Return 2^rows_i M_ij 2^columns_j exactly, in balls if doubles over- or underflow.
 
     rows, columns: (n,) and (m,) integers
     """
+    if not isinstance(matrix, np.ndarray):
+        return scaled_balls(matrix, rows, columns)
+    if not (rows.any() or columns.any()):
+        return matrix
     powers = np.add.outer(rows, columns)
     with np.errstate(all="ignore"):
         result = np.ldexp(matrix, powers)
@@ -98,6 +104,26 @@ class Entries:
             _symmetric(game.R, u),
             scaled(game.N, z, u),
         )
+
+    def in_states(self, T: arb_mat) -> Entries:
+        """Return the matrices in the states T z, in balls.
+
+        T: (n, n), exact
+
+        Raises ZeroDivisionError if T may be singular with the bits of `precision`.
+        """
+        A, B, E, Q, N = map(_balls, (self.A, self.B, self.E, self.Q, self.N))
+        back = T.inv()
+        down = back.transpose()
+        return Entries(
+            T * A * back, T * B, T * E, symmetric_part(down * Q * back), self.R, down * N
+        )
+
+    @property
+    def rounded(self) -> Entries:
+        """The matrices in doubles."""
+        exact = self.A, self.B, self.E, self.Q, self.R, self.N
+        return Entries(*(Balls.of(each).midpoint for each in exact))
 
     @cached_property
     def R_inverse(self) -> arb_mat:

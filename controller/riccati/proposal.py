@@ -85,6 +85,15 @@ def in_doubles(game: Game, delta: float) -> Proposal:
         return _corrected(*_uncorrected(game, delta))
 
 
+def proposal_of(equation: Equation[DoubleBalls]) -> Proposal:
+    """Return a proposal by LAPACK in the given states, corrected by residuals.
+
+    Raises FailedError.
+    """
+    with _failures():
+        return _corrected(equation, stabilizing_in_doubles(equation))
+
+
 def value_in_doubles(game: Game) -> np.ndarray:
     """Return P, (n, n), by LAPACK, which nothing corrects or proves.
 

@@ -66,14 +66,19 @@ def _crossing(equation: Equation[Balls], *, in_bits: bool) -> str:
     """
     if not equation.is_disturbed:
         return ""
-    for frequency in _between_eigenvalues(equation, in_bits=in_bits):
-        if _sign(equation, frequency) == -1:
-            unit = "rad/step" if equation.is_discrete else "rad/s"
-            return (
-                f"for every input, the gain from the disturbance is at least {equation.delta:.6g}"
-                f" (at {frequency:.4g} {unit})"
-            )
-    return ""
+    frequencies = _between_eigenvalues(equation, in_bits=in_bits)
+    return next(filter(None, (too_large_at(equation, each) for each in frequencies)), "")
+
+
+def too_large_at(equation: Equation[Balls], frequency: float) -> str:
+    """Return that the gain from the disturbance is proved too large at a frequency, or ""."""
+    if not equation.is_disturbed or _sign(equation, frequency) != -1:
+        return ""
+    unit = "rad/step" if equation.is_discrete else "rad/s"
+    return (
+        f"for every input, the gain from the disturbance is at least {equation.delta:.6g}"
+        f" (at {frequency:.4g} {unit})"
+    )
 
 
 def _between_eigenvalues(equation: Equation[Balls], *, in_bits: bool) -> list[float]:

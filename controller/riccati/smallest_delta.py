@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import BITS, Balls, DoubleBalls, midpoints, precision
-from controller.riccati.enclosure import Enclosure, UndecidedError, decided
-from controller.riccati.equation import Equation, equation_of
-from controller.riccati.poles import enclosed_poles
+from controller.riccati.balls import BITS, Balls, DoubleBalls, ball_matrix, precision
+from controller.riccati.enclosure import (
+    Enclosure,
+    UndecidedError,
+    decided,
+    decided_in_doubles,
+    has_exact_weights,
+)
+from controller.riccati.equation import Entries, Equation, equation_of, scaled
+from controller.riccati.level import levelled
 from controller.riccati.proposal import (
     FailedError,
     disturbance_units,
@@ -121,10 +128,12 @@ class _Left(NamedTuple):
     square: 1/δ²
     numbers: the square of the decay of the slowest motion, the inverse of the growth of P, and in
         discrete time the price of the disturbance
+    frequency: of the slowest motion, rad/s or rad/step, if it is known
     """
 
     square: float
     numbers: np.ndarray
+    frequency: float | None = None
 
 
 class _Secant:
@@ -166,8 +175,10 @@ class _Secant:
         return 0.5 * (low + high) if high < 4.0 * low else math.sqrt(low) * math.sqrt(high)
 
 
-def _estimate(search: _Search) -> float:
+def _estimate(search: _Search) -> _Left:
     """Return an estimate of 1/delta_min² in doubles, by secants, each nine tenths of the way.
+
+    The frequency is that of the last value before it.
 
     It is a proposal only: `_bracket` proves what is returned.
     """
@@ -180,8 +191,9 @@ def _estimate(search: _Search) -> float:
         if is_value:
             secant.add(found)
             last, guess = guess, secant.zero()
-            if guess < secant.high and abs(guess - last) <= SETTLED * guess:
-                return guess
+            step = guess / square - 1.0  # the error of a secant is about its square
+            if guess < secant.high and max(abs(guess - last) / guess, step**2) <= SETTLED:
+                return secant.low._replace(square=guess)
         else:
             secant.high = square
         low, high = secant.low.square, secant.high
@@ -194,11 +206,12 @@ def _estimate(search: _Search) -> float:
         if not LEAST**2 < square < LEAST**-2:
             break
     if secant.low is first:  # doubles find no value
-        return search.first_square()
-    return guess if guess < secant.high else secant.farther(2.0)
+        return first._replace(square=search.first_square())
+    best = guess if guess < secant.high else secant.farther(2.0)
+    return secant.low._replace(square=best)
 
 
-def _bracket(search: _Search, guess: float) -> DeltaMin:
+def _bracket(search: _Search, estimate: _Left) -> DeltaMin:
     """Return proved bounds about an estimate of 1/delta_min².
 
     Usually both are proved beside the estimate. If not, the distance from it grows until they are,
@@ -208,15 +221,16 @@ def _bracket(search: _Search, guess: float) -> DeltaMin:
     """
     secant = _Secant(_Left(0.0, np.full(1, np.nan)))
     width, value, refused = BESIDE, math.inf, 0.0
+    guess, frequency = estimate.square, estimate.frequency
     square = guess / width
     while True:
         delta = square**-0.5
-        outcome = search.proved(delta)
+        outcome = search.proved(delta, frequency)
         is_value = not isinstance(outcome, str)
         if isinstance(outcome, str):
             refused, secant.high = delta, square
         else:
-            value = delta
+            value, frequency = delta, outcome.frequency
             secant.add(outcome)
         if value <= refused * (1.0 + TOLERANCE):
             return DeltaMin(value, refused)
@@ -234,32 +248,43 @@ def _bracket(search: _Search, guess: float) -> DeltaMin:
 
 
 class _Search:
-    """Values of one game at many δ, in exact units in which P without disturbance is near 1."""
+    """Values of one game at many δ, in states in which P without disturbance is nearly 1.
+
+    There, doubles have the digits that they lose in the user's states.
+    """
 
     def __init__(self, game: Game, undisturbed: Enclosure) -> None:
         self.game = game
-        self.units = undisturbed.proved.equation.units
-        self.P = midpoints(undisturbed.proved.X)
-        values, vectors = np.linalg.eigh(self.P)
-        least = max(float(values[-1]), 0.0) * np.finfo(float).eps ** 0.75 or 1.0
-        self.to_level = vectors / np.sqrt(np.maximum(values, least))
+        self.has_exact_weights = has_exact_weights(game)
+        found = undisturbed.proved
+        self.units = found.exactly.units
+        with precision(2 * undisturbed.bits), np.errstate(all="ignore"):
+            level = levelled(undisturbed)
+            self.entries = found.exactly.entries.in_states(level.to_level)
+            self.rounded = self.entries.rounded
+            back = Balls(level.from_level)
+            self.P = (back.T @ Balls(found.X) @ back).symmetric().midpoint
 
-    def equation(self, square: float) -> Equation[DoubleBalls]:
-        """Return the equation at 1/δ²."""
+    def equation(self, square: float, entries: Entries) -> Equation[DoubleBalls]:
+        """Return the equation at 1/δ².
+
+        entries: of the game, in the states of the search
+        """
         delta = math.inf if square == 0.0 else square**-0.5
         units = self.units._replace(disturbances=disturbance_units(self.game, delta))
-        return equation_of(self.game, units, DoubleBalls, delta)
+        E = scaled(entries.E, np.zeros(len(self.game.A), dtype=int), units.disturbances)
+        return equation_of(self.game, units, DoubleBalls, delta, replace(entries, E=E))
 
     def first_square(self) -> float:
         """Return the 1/δ² at which P has grown by half its size, to the first order."""
-        with precision(BITS):
-            equation = self.equation(0.0)
+        with precision(BITS), np.errstate(all="ignore"):
+            equation = self.equation(0.0, self.rounded)
             try:
                 F, E = loop_in_doubles(equation, self.P), equation.E.midpoint
                 push = F.T @ self.P @ E if equation.is_discrete else self.P @ E
                 lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
                 growth, _ = lyapunov.solve(-push @ push.T)
-                rate = float(np.linalg.eigvalsh(self.to_level.T @ growth @ self.to_level)[-1])
+                rate = float(np.linalg.eigvalsh(growth)[-1])
             except (np.linalg.LinAlgError, ValueError):
                 rate = math.nan
         return 0.5 / rate if rate > 0.0 else 1.0
@@ -268,7 +293,7 @@ class _Search:
         """Return the numbers at 1/δ², nan if doubles find no value."""
         with precision(BITS), np.errstate(all="ignore"):
             try:
-                equation = self.equation(square)
+                equation = self.equation(square, self.rounded)
                 X = stabilizing_in_doubles(equation)
                 poles, price = np.linalg.eigvals(loop_in_doubles(equation, X)), None
                 if equation.is_disturbed and equation.is_discrete:
@@ -278,33 +303,39 @@ class _Search:
             except (np.linalg.LinAlgError, ValueError, FailedError):
                 return _Left(square, np.full(1, np.nan))
 
-    def proved(self, delta: float) -> _Left | str:
+    def proved(self, delta: float, frequency: float | None) -> _Left | str:
         """Return the numbers at a δ that is proved to have a value, or why it has none.
 
         A δ at which neither is proved is exactly on a boundary: the next one is taken.
 
+        frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
+
         Raises UndecidedError if that does not help.
         """
-        try:
-            outcome = decided(self.game, delta, digits=False)
-        except UndecidedError:
-            outcome = decided(self.game, np.nextafter(delta, 0.0), digits=False)
+        outcome: Enclosure | str = ""
+        square = delta**-2
+        if self.has_exact_weights:
+            with precision(2 * BITS), np.errstate(all="ignore"):
+                equation = self.equation(square, self._entries_near(square))
+                outcome = decided_in_doubles(equation, frequency)
+        if not outcome:
+            try:
+                outcome = decided(self.game, delta, digits=False)
+            except UndecidedError:
+                outcome = decided(self.game, np.nextafter(delta, 0.0), digits=False)
         if isinstance(outcome, str):
             return outcome
-        found, square = outcome.proved, delta**-2
-        equation, units = found.equation, found.equation.units
-        steps = self.units.states - units.states
-        with precision(outcome.bits), np.errstate(all="ignore"):
-            P = Balls.around(found.X, found.spread)
-            poles = enclosed_poles(equation.loop(P, Balls(found.gains)).matrix).values
-            price = equation.disturbance_price(P)
-            slack = None
-            if price is not None:
-                d = units.disturbances
-                slack = np.ldexp(midpoints(price.matrix), -np.add.outer(d, d))
-            X = np.ldexp(midpoints(found.X), np.add.outer(steps, steps))
-            left = self.left(square, X, poles, slack)
+        left = self.in_doubles(square)
         return left._replace(numbers=np.where(left.numbers > 0.0, left.numbers, np.nan))
+
+    def _entries_near(self, square: float) -> Entries:
+        """Return the entries in states in which P at 1/δ² is nearly diagonal, with 1 and -1."""
+        try:
+            X = stabilizing_in_doubles(self.equation(square, self.rounded))
+            values, vectors = np.linalg.eigh(X)
+            return self.entries.in_states(ball_matrix(np.sqrt(np.abs(values))[:, None] * vectors.T))
+        except (np.linalg.LinAlgError, ValueError, FailedError, ZeroDivisionError):
+            return self.entries
 
     def left(
         self, square: float, X: np.ndarray, poles: np.ndarray, price: np.ndarray | None
@@ -315,11 +346,14 @@ class _Search:
         price: δ² - E'X E, (k, k), in discrete time; None in continuous time or without disturbance
         """
         is_discrete = self.game.is_discrete
-        decay = 1.0 - np.abs(poles).max() if is_discrete else -poles.real.max()
-        sizes = np.linalg.eigvalsh(self.to_level.T @ X @ self.to_level)
+        decays = 1.0 - np.abs(poles) if is_discrete else -poles.real
+        slowest = int(np.argmin(decays))
+        decay, pole = float(decays[slowest]), poles[slowest]
+        frequency = abs(float(np.angle(pole) if is_discrete else pole.imag))
+        sizes = np.linalg.eigvalsh(X)
         # Beyond its growth to infinity, P has large negative eigenvalues.
         growth = 1.0 / sizes[-1] if sizes[0] > -INDEFINITE else -1.0
         numbers = [math.copysign(decay**2, decay), growth]
         if is_discrete:
             numbers.append(1.0 if price is None else square * float(np.linalg.eigvalsh(price)[0]))
-        return _Left(square, np.array(numbers))
+        return _Left(square, np.array(numbers), frequency)
