@@ -225,7 +225,7 @@ def _bracket(search: _Search, estimate: _Left) -> DeltaMin:
     square = guess / width
     while True:
         delta = square**-0.5
-        outcome = search.proved(delta, frequency)
+        outcome = search.proved(square, frequency)
         is_value = not isinstance(outcome, str)
         if isinstance(outcome, str):
             refused, secant.high = delta, square
@@ -303,8 +303,8 @@ class _Search:
             except (np.linalg.LinAlgError, ValueError, FailedError):
                 return _Left(square, np.full(1, np.nan))
 
-    def proved(self, delta: float, frequency: float | None) -> _Left | str:
-        """Return the numbers at a δ that is proved to have a value, or why it has none.
+    def proved(self, square: float, frequency: float | None) -> _Left | str:
+        """Return the numbers at a 1/δ² that is proved to have a value, or why it has none.
 
         A δ at which neither is proved is exactly on a boundary: the next one is taken.
 
@@ -313,7 +313,7 @@ class _Search:
         Raises UndecidedError if that does not help.
         """
         outcome: Enclosure | str = ""
-        square = delta**-2
+        delta = square**-0.5
         if self.has_exact_weights:
             with precision(2 * BITS), np.errstate(all="ignore"):
                 equation = self.equation(square, self._entries_near(square))
