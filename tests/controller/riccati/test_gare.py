@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from tolerances import SAME_FORMULA
 
 from controller import minimum_delta
+from controller.riccati.enclosure import Enclosure, decided
 from hfa import BadInputError, Game, NoSolutionError, from_value, solve
 from verification import relative_error
 
@@ -222,3 +223,15 @@ def test_the_printed_gain_stabilizes(slow, is_refined):
     assert np.linalg.eigvals(A - B @ printed).real.max() < 0.0
     assert (np.linalg.eigvals(A - B @ solution.K.round(4)).real.max() > 0.0) == is_refined
     assert np.array_equal(printed, solution.K.round(4)) != is_refined
+
+
+def test_the_bracket_of_many_unstable_states_is_that_of_proofs_in_the_users_states():
+    """Two inputs hold them: in some directions P is far larger than in others."""
+    rng = np.random.default_rng(3)
+    n = 8
+    A, B, E = (rng.standard_normal((n, k)) for k in (n, 2, 2))
+    game = Game(A / np.sqrt(n) + 0.5 * np.eye(n), B, E=E, Q=np.eye(n), R=np.eye(2))
+    smallest = minimum_delta(game)
+    assert smallest.refused < smallest.value <= smallest.refused * (1.0 + 1e-6)
+    assert isinstance(decided(game, smallest.value, digits=False), Enclosure)
+    assert isinstance(decided(game, smallest.refused, digits=False), str)
