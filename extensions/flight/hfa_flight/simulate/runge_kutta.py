@@ -104,7 +104,7 @@ class RungeKutta:
             t[0], h[0], before[0] = time, seconds, self._largest
             self._function()
             share = float(of_allowed[0])
-            factor = _SAFETY * share ** (-1 / _ORDER) if share > 0.0 else _LONGER
+            factor = _SAFETY * share ** (-1 / _ORDER) if share != 0.0 else _LONGER
             is_within = share <= 1.0  # also False for an error that is not a number
             is_short = seconds <= self._shortest
             in_units = float(error[0])
