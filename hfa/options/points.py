@@ -92,34 +92,37 @@ def given_points(request: PointOptions) -> GivenPoints:
     """
     given = trim_input(request)
     model = given.model
-    values = given.hold if given.at is None else {model.schedule: given.at, **given.hold}
-    columns: dict[str, Range] = {}
+    of_options = given.hold if given.at is None else {model.schedule: given.at, **given.hold}
     for row in given.rows:
         given.for_row(row)  # raises where an option gives the same variable
-    if given.rows and (several := [name for name, each in values.items() if len(each) > 1]):
+    several = [name for name, values in of_options.items() if len(values) > 1]
+    if given.rows and several:
         raise BadInputError(
             f"give {several[0]} either as a column of {request.conditions} or by an option with "
             "one value"
         )
+    constants = {name: values[0] for name, values in given.hold.items() if len(values) == 1}
+    columns: dict[str, Range] = {}
     if _alike(given.rows):
         listed = [row.values for row in given.rows]
-        columns = {name: tuple(row[name] for row in listed) for name in listed[0]}
-    constants = {name: each[0] for name, each in given.hold.items() if len(each) == 1}
+        columns = {name: tuple(values[name] for values in listed) for name in listed[0]}
     if given.rows and not columns:
         if given.at is not None:
             constants[model.schedule] = given.at[0]
         return GivenPoints(given, constants, {}, listed=True)
-    others = {name for name in (*values, *columns) if name not in constants}
+    swept = {*of_options, *columns} - {*constants}
     # An axis would replace a constant of its group, such as the speed the Mach number.
     beside_axes = {
-        name for group in model.alternatives if others.intersection(group) for name in group
+        name for group in model.alternatives if swept.intersection(group) for name in group
     }
-    varied = {*others, *beside_axes, *model.parameters}
-    axes: dict[str, Range] = {name: each for name, each in values.items() if name in varied}
+    of_axes = {*swept, *beside_axes, *model.parameters}
+    axes: dict[str, Range] = {
+        name: values for name, values in of_options.items() if name in of_axes
+    }
     if not columns:
         single_first = dict(sorted(axes.items(), key=lambda axis: len(axis[1]) > 1))
         return GivenPoints(given, constants, single_first, listed=False)
-    repeated = {name: (each[0],) * len(given.rows) for name, each in axes.items()}
+    repeated = {name: (values[0],) * len(given.rows) for name, values in axes.items()}
     return GivenPoints(given, constants, columns | repeated, listed=True)
 
 

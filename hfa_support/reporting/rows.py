@@ -139,11 +139,14 @@ class Group(NamedTuple):
             line = _GAP.join(
                 (name.ljust(name_width), value.rjust(value_width), unit.ljust(unit_width))
             )
-            note = "" if row is None else printable(row.cells()[3], lines=False)
+            if row is None:  # the heading
+                yield line.rstrip()
+                continue
+            note = printable(row.cells()[3], lines=False)
             is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE)
             indent = begin if is_beside else len(_GAP)
             notes = [note] if width is None else textwrap.wrap(note, width - indent)
-            tone = TONES.get(row.tone) if row is not None and color else None
+            tone = TONES.get(row.tone) if color else None
             toned = [f"\033[{tone}m{part}\033[0m" if tone else part for part in notes]
             beside = "".join(toned[:1]) if is_beside else ""
             yield (line.ljust(begin) + beside).rstrip()

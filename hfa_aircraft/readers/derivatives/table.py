@@ -10,7 +10,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hfa_aircraft.about import Source
 from hfa_aircraft.readers.derivatives.avl import (
@@ -218,31 +218,10 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
     system = texts["units"] or "si"
     limits = {name: _limits(name, each, system) for name, each in pairs.items()}
     thrust = limits.pop(THRUST_INPUT, (0.0, math.inf))
-    numbers = {
-        name: each for name, each in entries.items() if name not in pairs and name not in _TEXTS
-    }
+    numbers = {name: each for name, each in entries.items() if name not in {*pairs, *_TEXTS}}
+    values, derivatives, meanings, dimensional = _numbers_of(numbers, limits, texts, system)
     axes = texts["axes"] or "body"
-    values: dict[str, float] = {}
-    derivatives: dict[str, float] = {}
-    meanings: dict[str, Derivative] = {}
-    dimensional: dict[DimensionalDerivative, float] = {}
-    per = _ANGLES[texts["per"] or "rad"]
-    for name, entry in numbers.items():
-        meaning = derivative_of(name, limits)
-        other = dimensional_of(name, limits)
-        if name in UNITS:
-            values[name] = number(name, entry, _unit(name, system))
-        elif meaning is not None:
-            plain = 1.0 / per if meaning.is_by_angle else 1.0
-            derivatives[name] = number(name, entry, meaning.unit, plain)
-            meanings[name] = meaning
-        elif other is not None:
-            plain = 1.0 / per if other.coefficient.is_by_angle else 1.0
-            unit = other.unit(system, _divided(name, entry, texts["dimensional"]))
-            dimensional[other] = number(name, entry, unit, plain)
-        else:
-            raise _unknown(name, entry, limits)
-    determined = {other.coefficient.name: other.name for other in dimensional}
+    determined = {derivative.coefficient.name: derivative.name for derivative in dimensional}
     _refuse_missing(values, {*derivatives, *determined}, source.text or _DICTIONARY)
     _refuse_sizes(values, entries)
     _refuse_altitude(values.get("altitude", 0.0), entries, system)
@@ -250,31 +229,75 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
         values["mass"] = values["weight"] / GRAVITY[system]
     _refuse_two_forms(entries, determined)
     steady = {name: derivatives.get(name, 0.0) for name in ("CL_0", "CD_0", "Cm_0")}
-    for other, value in dimensional.items():
-        if axes == "body" and other.is_about_stability_axes and values.get("alpha", 0.0):
-            raise entries[other.name].error(
-                f'{other.name} is about stability axes; give axes = "stability", or alpha = 0'
+    for derivative, value in dimensional.items():
+        name, coefficient = derivative.name, derivative.coefficient
+        if axes == "body" and derivative.is_about_stability_axes and values.get("alpha", 0.0):
+            raise entries[name].error(
+                f'{name} is about stability axes; give axes = "stability", or alpha = 0'
             )
-        coefficient = other.coefficient
         meanings[coefficient.name] = coefficient
-        derivatives[coefficient.name] = other.value(
+        derivatives[coefficient.name] = derivative.value(
             value, texts["dimensional"], values, steady, axes, system
         )
     if by_speed := {THRUST_BY_SPEED, "thrust_slope"} & {*values, *derivatives}:
         _refuse_no_drag(by_speed.pop(), entries, derivatives)
     return Table(
-        texts["name"] or stem,
-        system,
-        source,
-        values,
-        derivatives,
-        meanings,
-        limits,
-        thrust,
-        axes,
-        tuple(_notes(values, derivatives)),
+        name=texts["name"] or stem,
+        system=system,
+        source=source,
+        values=values,
+        derivatives=derivatives,
+        meanings=meanings,
+        surfaces=limits,
+        thrust=thrust,
+        axes=axes,
+        notes=tuple(_notes(values, derivatives)),
         words={name: texts[name] for name in WORDS if texts[name]},
     )
+
+
+class _Numbers(NamedTuple):
+    """Numbers of a table, by what they are.
+
+    values: size, mass, condition or thrust line -> value
+    derivatives: derivative of a coefficient -> value, per rad
+    meanings: derivative of a coefficient -> coefficient and argument
+    dimensional: dimensional derivative -> value, per rad
+    """
+
+    values: dict[str, float]
+    derivatives: dict[str, float]
+    meanings: dict[str, Derivative]
+    dimensional: dict[DimensionalDerivative, float]
+
+
+def _numbers_of(
+    entries: Mapping[str, Entry],
+    surfaces: Mapping[str, Any],
+    texts: Mapping[str, str],
+    system: str,
+) -> _Numbers:
+    """Return the numbers in entries, in the table's system of units and per rad.
+
+    surfaces: names of the control surfaces
+    texts: name -> text of the entries that are texts
+    """
+    found = _Numbers({}, {}, {}, {})
+    per_angle = 1.0 / _ANGLES[texts["per"] or "rad"]
+    for name, entry in entries.items():
+        if name in UNITS:
+            found.values[name] = number(name, entry, _unit(name, system))
+        elif meaning := derivative_of(name, surfaces):
+            plain = per_angle if meaning.is_by_angle else 1.0
+            found.derivatives[name] = number(name, entry, meaning.unit, plain)
+            found.meanings[name] = meaning
+        elif dimensional := dimensional_of(name, surfaces):
+            plain = per_angle if dimensional.coefficient.is_by_angle else 1.0
+            unit = dimensional.unit(system, _divided(name, entry, texts["dimensional"]))
+            found.dimensional[dimensional] = number(name, entry, unit, plain)
+        else:
+            raise _unknown(name, entry, surfaces)
+    return found
 
 
 def _refuse_no_drag(
