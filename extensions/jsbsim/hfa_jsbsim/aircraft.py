@@ -263,7 +263,7 @@ class Equations:
                 self.properties.define_initial(f"atmosphere/{kind}-{axis}-fps", 0.0)
 
     def _define_commands(self) -> None:
-        """Define the properties of the pilot's commands and levers."""
+        """Define the properties of commands, levers and chosen inputs, and of what is constant."""
         properties = self.properties
         for name, full_name in _COMMANDS.items():
             properties.define(full_name, self.inputs[name].symbol)
@@ -282,16 +282,7 @@ class Equations:
                 properties.define(command, value)
                 follow = Writer(partial(properties.read, command, ""), "", -1)
                 properties.add_writer(f"fcs/{lever}-pos-norm[{file.number}]", follow)
-        symbols = {name: each.symbol for name, each in self.inputs.items()}
-        for full_name, name in self.chosen.items():
-            held = properties.writer(full_name)
-            for other, symbol in symbols.items():
-                if held is not None and held.compute() is symbol:
-                    raise BadInputError(
-                        f"inputs={shortened(full_name)}: this property is already the input "
-                        f"{other}; remove it from ?inputs="
-                    )
-            properties.define(full_name, symbols[name])
+        self._define_chosen_inputs()
         properties.define_initial("gear/gear-pos-norm", 1.0)
         properties.define("accelerations/gravity-ft_sec2", self.parameters["gravity"])
         properties.define_initial("simulation/dt", STEP)
@@ -302,8 +293,35 @@ class Equations:
             properties.define_initial(f"forces/fb{along}-gear-lbs", 0.0)
             properties.define_initial(f"moments/{turn}-gear-lbsft", 0.0)
 
+    def _define_chosen_inputs(self) -> None:
+        """Define the properties that the user made inputs."""
+        symbols = {name: each.symbol for name, each in self.inputs.items()}
+        for full_name, name in self.chosen.items():
+            held = self.properties.writer(full_name)
+            for other, symbol in symbols.items():
+                if held is not None and held.compute() is symbol:
+                    raise BadInputError(
+                        f"inputs={shortened(full_name)}: this property is already the input "
+                        f"{other}; remove it from ?inputs="
+                    )
+            self.properties.define(full_name, symbols[name])
+
     def _define_loads(self) -> None:
         """Define the properties of tanks, point masses, mass and center of gravity."""
+        self._define_tanks()
+        for number, point in enumerate(self.parts.points):
+            weight = self.parameters[f"pointmass{number}"]
+            self.properties.define(f"inertia/pointmass-weight-lbs[{number}]", weight)
+            for axis, place in zip("XYZ", point.location, strict=True):
+                full_name = f"inertia/pointmass-location-{axis}-inches[{number}]"
+                self.properties.define_initial(full_name, place)
+        self.properties.define("inertia/empty-weight-lbs", self.parts.empty.weight)
+        for name in OF_MASS:
+            self._define_lazily(name, partial(self._mass_property, name))
+        self._define_lazily("aero/h_b-mac-ft", self._reference_height)
+
+    def _define_tanks(self) -> None:
+        """Define the properties of the tanks and of their total contents."""
         for number, tank in enumerate(self.parts.tanks):
             prefix = f"propulsion/tank[{number}]"
             contents = self.parameters[f"tank{number}"]
@@ -322,16 +340,6 @@ class Equations:
                 if tank.kind == kind:
                     total += self.parameters[f"tank{number}"]
             self.properties.define(f"propulsion/{name}", total)
-        for number, point in enumerate(self.parts.points):
-            weight = self.parameters[f"pointmass{number}"]
-            self.properties.define(f"inertia/pointmass-weight-lbs[{number}]", weight)
-            for axis, place in zip("XYZ", point.location, strict=True):
-                full_name = f"inertia/pointmass-location-{axis}-inches[{number}]"
-                self.properties.define_initial(full_name, place)
-        self.properties.define("inertia/empty-weight-lbs", self.parts.empty.weight)
-        for name in OF_MASS:
-            self._define_lazily(name, partial(self._mass_property, name))
-        self._define_lazily("aero/h_b-mac-ft", self._reference_height)
 
     def _mass_property(self, name: str) -> Any:
         """Return the mass property with this name."""

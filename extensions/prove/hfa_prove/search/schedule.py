@@ -19,7 +19,7 @@ from hfa_prove.enclosure.ball_function import Undecided
 from hfa_prove.fields import Rejected
 from hfa_prove.search.family import Family
 from hfa_prove.statements.schedule import Gains, ScheduleStatement, ScheduleWitness
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 
@@ -94,15 +94,11 @@ def prove_schedule(
     Raises BadInputError if proofs do not support the trims. Raises NoSolutionError if the statement
     is not proved; the message states the place and the open claim.
     """
+    if isinstance(scheduled_rate, str):
+        refuse_unknown("scheduled_rate is", scheduled_rate, ("largest",))
     family.check(low, high)
     flight = family.flight(low, high)
-    if len(gains.breakpoints) > 1:
-        first, last = float(gains.breakpoints[0]), float(gains.breakpoints[-1])
-        if low < first or high > last:
-            raise BadInputError(
-                f"the table of gains covers {first:g} to {last:g}, not {low:g} to {high:g}; choose "
-                "an interval within the table"
-            )
+    _refuse_uncovered(gains, low, high)
     n = len(flight.model.linear)
     still = ScheduleWitness(_MOST, np.zeros(0), np.zeros((0, n, n)))
     samples = _samples(ScheduleProof(ScheduleStatement(flight, gains, 0.0), still))
@@ -126,6 +122,16 @@ def prove_schedule(
             f"no Lyapunov function was found for a motion of the scheduling variable{how}"
         )
     return _first_proved(candidates, progress)
+
+
+def _refuse_uncovered(gains: Gains, low: float, high: float) -> None:
+    """Raise BadInputError unless a table of gains covers the interval; a constant gain does."""
+    first, last = float(gains.breakpoints[0]), float(gains.breakpoints[-1])
+    if first < last and (low < first or high > last):
+        raise BadInputError(
+            f"the table of gains covers {first:g} to {last:g}, not {low:g} to {high:g}; choose "
+            "an interval within the table"
+        )
 
 
 def _first_proved(
