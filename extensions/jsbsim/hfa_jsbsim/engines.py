@@ -169,33 +169,43 @@ def read_engine(number: int, mount: Element, opened: Any, tanks: Sequence[Tank])
     Raises BadInputError if the engine or its thruster is not supported.
     """
     thruster_mount = mount.need("thruster")
-    engine = opened(mount)
-    if engine is mount:
-        engine = next((child for child in mount.children if child.name.endswith("_engine")), mount)
-    thruster = opened(thruster_mount)
-    if thruster is thruster_mount:
-        children = thruster_mount.children
-        thruster = next((child for child in children if child.name in THRUSTERS), thruster_mount)
-    for part, kinds in ((engine, KINDS), (thruster, THRUSTERS)):
-        if part.take().name not in kinds:
-            raise part.error(
-                f"<{shortened(part.name)}> is not supported; use {', '.join(KINDS)} with "
-                "propeller, direct or nozzle"
-            )
+    engine = _content(mount, opened, KINDS)
+    thruster = _content(thruster_mount, opened, THRUSTERS)
     point = thruster_mount.find("location")
     location = np.zeros(3) if point is None else point.vector("IN")
     numbers = [int(feed.number()) for feed in mount.all("feed")]
-    numbers = [index for index in numbers if 0 <= index < len(tanks)]
-    feeds = [tanks[index] for index in numbers]
-    dry = "fuel" if not any(tank.kind == "FUEL" and tank.usable for tank in feeds) else ""
-    oxidizers = [tank for tank in feeds if tank.kind == "OXIDIZER"]
-    if oxidizers and engine.name == "rocket_engine" and not any(tank.usable for tank in oxidizers):
-        dry = "oxidizer"
+    feeds = tuple(index for index in numbers if 0 <= index < len(tanks))
+    dry = _dry_of(engine, [tanks[index] for index in feeds])
+    return EngineFile(number, mount, engine, thruster_mount, thruster, location, feeds, dry)
+
+
+def _content(mount: Element, opened: Any, kinds: Sequence[str]) -> Element:
+    """Return the engine or thruster that a mount contains, or that the mount's file contains."""
+    part: Element = opened(mount)
+    if part is mount:
+        inside = (
+            each
+            for each in mount.children
+            if each.name in kinds or each.name.endswith("_engine")  # also an unsupported one
+        )
+        part = next(inside, mount)
+    if part.take().name not in kinds:
+        raise part.error(
+            f"<{shortened(part.name)}> is not supported; use {', '.join(KINDS)} with "
+            "propeller, direct or nozzle"
+        )
+    return part
+
+
+def _dry_of(engine: Element, feeds: Sequence[Tank]) -> str:
+    """Return "fuel" or "oxidizer" if the tanks that feed an engine contain none, else ""."""
     if engine.name == "electric_engine":
-        dry = ""
-    return EngineFile(
-        number, mount, engine, thruster_mount, thruster, location, tuple(numbers), dry
-    )
+        return ""
+    oxidizers = [tank.usable for tank in feeds if tank.kind == "OXIDIZER"]
+    if engine.name == "rocket_engine" and oxidizers and not any(oxidizers):
+        return "oxidizer"
+    has_fuel = any(tank.usable for tank in feeds if tank.kind == "FUEL")
+    return "" if has_fuel else "fuel"
 
 
 @dataclass(frozen=True)
@@ -475,9 +485,6 @@ def rocket_thrust(file: EngineFile, aircraft: HostAircraft) -> Any:
 def turboprop_power(file: EngineFile, aircraft: HostAircraft) -> Any:
     """Return the power of a turboprop, hp (`FGTurboProp::Run`).
 
-    In steady-state equations, only the fraction `_BEYOND` of the power beyond the torque limit
-    remains.
-
     Raises BadInputError if a table is missing.
     """
     engine = file.engine
@@ -498,16 +505,22 @@ def turboprop_power(file: EngineFile, aircraft: HostAircraft) -> Any:
             raise engine.error("the turboprop has no table EnginePowerVC; add this table")
         factor = table_value(tables["EnginePowerVC"], aircraft.properties, file.number)
     power = ca.fmin(power * factor, engine.need("maxpower").number())
-    limiter = engine.find("ielumaxtorque")
-    if limiter is not None and file.has_propeller:
-        torque = limiter.number("FT*LB")
-        turns = getattr(aircraft.states, f"rpm{file.number}") / 60.0
-        most = torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP
-        power = ca.fmin(power, most + _BEYOND * (power - most))
-        statement = "the torque is limited to this value, about which JSBSim's limiter oscillates"
-        aircraft.properties.notes.append(Note(statement, f"{torque:g} ft lb", limiter.where))
+    power = _within_torque(file, aircraft, power)
     dragged = ca.if_else(engine_rpm(file, aircraft) > 5.0, -0.012, 0.0)
     return ca.if_else(running(file, aircraft), power, dragged)
+
+
+def _within_torque(file: EngineFile, aircraft: HostAircraft, power: Any) -> Any:
+    """Return the power of a turboprop, hp, of which `_BEYOND` remains beyond the torque limit."""
+    limiter = file.engine.find("ielumaxtorque")
+    if limiter is None or not file.has_propeller:
+        return power
+    torque = limiter.number("FT*LB")
+    turns = getattr(aircraft.states, f"rpm{file.number}") / 60.0
+    most = torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP
+    statement = "the torque is limited to this value, about which JSBSim's limiter oscillates"
+    aircraft.properties.notes.append(Note(statement, f"{torque:g} ft lb", limiter.where))
+    return ca.fmin(power, most + _BEYOND * (power - most))
 
 
 def electric_power(file: EngineFile, aircraft: HostAircraft) -> Any:
