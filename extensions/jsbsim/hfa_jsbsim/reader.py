@@ -206,7 +206,6 @@ class _Declaration:
         pressure = parts.mass.weight / max(parts.wings.area, 1e-6)
         #: True airspeed at sea level for a lift coefficient of 0.5, ft/s.
         self.usual_speed = math.sqrt(2.0 * pressure / (SEA_LEVEL.density * 0.5))
-        self._add_outputs(equations)
 
     def _add_outputs(self, equations: Equations) -> None:
         """Add positions of surfaces that pilot commands move, and differences of throttles."""
@@ -234,6 +233,7 @@ class _Declaration:
 
     def model(self, source: Source, notes: list[Note]) -> Model:
         """Return the model of the aircraft."""
+        self._add_outputs(self.equations)
         states = self._states()
         outputs = self._outputs()
         linear = tuple(name for name in states if name not in ("yaw", "altitude"))
