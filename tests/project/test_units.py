@@ -542,9 +542,10 @@ class Floored:
         )
 
 
-@pytest.mark.parametrize(("name", "seed"), [("solve", 0), ("sweep", 1), ("filter", 0)])
-def test_a_floor_in_units_is_found(name, seed, monkeypatch):
+@pytest.mark.parametrize("name", ["solve", "sweep", "filter"])
+def test_a_floor_in_units_is_found(name, monkeypatch):
     right = getattr(hfa, name)
     monkeypatch.setattr(hfa, name, lambda *given, **options: Floored(right(*given, **options)))
     answers = ANSWERS[f"hfa.{name}"]
-    assert differences(answers(scaled(seed, seconds=True)), answers(SI)) != []
+    twins = (scaled(seed, seconds=True) for seed in range(1, 4))
+    assert any(differences(answers(twin), answers(SI)) for twin in twins)
