@@ -43,10 +43,9 @@ class CompiledLoop:
         self._now = now = loop.at(t, y, held)
         observed = (now.error, now.inputs, now.winds, now.angle)
         is_long = flights * loop.scenario.ticks >= COMPILE_FROM_TICKS
-        rate = self._function("loop_rate", now.rate).serialize()
+        rate = self._function("loop_rate", now.rate)
         self.step = BoundFunction(_step(rate, tuple(self._nominal.tolist()), is_long))
-        seen = self._function("loop_observed", ca.vertcat(*observed)).serialize()
-        self.observed = _rows(seen)
+        self.observed = _rows(self._function("loop_observed", ca.vertcat(*observed)))
         ends = np.cumsum([0, *(column.numel() for column in observed)]).tolist()
         self._places = tuple(map(slice, ends[:-1], ends[1:]))
         self._alpha = -1
@@ -57,7 +56,7 @@ class CompiledLoop:
 
     def _function(self, name: str, expression: ca.SX) -> ca.Function:
         """Return the function (t, y, held) -> expression."""
-        return ca.Function(name, [*self._arguments], [ca.densify(expression)])
+        return _shared(ca.Function(name, [*self._arguments], [ca.densify(expression)]))
 
     @property
     def _nominal(self) -> np.ndarray:
@@ -156,21 +155,35 @@ class CompiledLoop:
 
 
 @lru_cache(maxsize=32)
-def _step(rate: str, nominal: tuple[float, ...], is_long: bool) -> ca.Function:
-    """Return `step_function` of a serialized rate, as machine code for long flights."""
-    step = step_function(_without_repetitions(rate), np.array(nominal))
+def _step(rate: ca.Function, nominal: tuple[float, ...], is_long: bool) -> ca.Function:
+    """Return `step_function` of a rate, as machine code for long flights."""
+    step = step_function(rate, np.array(nominal))
     return machine_code(step) if is_long else step
 
 
 @lru_cache(maxsize=32)
-def _rows(observed: str) -> RowFunction:
-    """Return a serialized function as a function of rows."""
-    return RowFunction(_without_repetitions(observed))
+def _rows(observed: ca.Function) -> RowFunction:
+    """Return a function as a function of rows."""
+    return RowFunction(observed)
 
 
-def _without_repetitions(text: str) -> ca.Function:
-    """Return a serialized function in which no expression is computed twice."""
-    function = ca.Function.deserialize(text)
+def _shared(function: ca.Function) -> ca.Function:
+    """Return a function in which nothing is computed twice, the same object for equal functions.
+
+    A function that calls Python, as that of an FMU does, has no text by which it could be equal.
+    """
+    called = (each.class_name() for each in function.find_functions())
+    if "CallbackInternal" in called:
+        return _without_repetitions(function)
+    return _of_text(function.serialize())
+
+
+@lru_cache(maxsize=64)
+def _of_text(text: str) -> ca.Function:
+    return _without_repetitions(ca.Function.deserialize(text))
+
+
+def _without_repetitions(function: ca.Function) -> ca.Function:
     arguments = function.sx_in()
     return ca.Function(function.name(), arguments, function.call(arguments), {"cse": True})
 
