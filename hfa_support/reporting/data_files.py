@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -74,7 +74,8 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
                 f"{target}: this result is not a table; use .json, .npz, .mat, .html or .md"
             )
         origin = {name: data[name] for name in ("schema", "provenance") if name in data}
-        write_text(target, _csv(records, json.dumps(jsonable(origin))))
+        with written_whole(target) as stream:
+            _write_csv(stream, records, json.dumps(jsonable(origin)))
     else:
         raise BadInputError(
             f"{target}: the suffix {suffix!r} is unknown; use .json, .npz, .mat, .csv, .html, "
@@ -134,15 +135,17 @@ def _field_name(key: str) -> str:
     return name if name[:1].isalpha() else f"x{name}"
 
 
-def _csv(records: Table, about: str) -> str:
-    """Return a table as CSV text."""
-    # The last column is called "about", and contains the text `about` in the first row of values.
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
+def _write_csv(stream: IO[bytes], records: Table, about: str) -> None:
+    """Write a table as CSV in UTF-8, row by row.
+
+    about: text in the first row of values of a last column, which is called "about"
+    """
+    text = io.TextIOWrapper(stream, "utf-8", newline="")
+    writer = csv.writer(text, lineterminator="\n")
     writer.writerow((*records.header, "about"))
     for number, row in enumerate(records.rows):
         writer.writerow([*map(_cell, row), about if number == 0 else ""])
-    return stream.getvalue()
+    text.detach()
 
 
 def _cell(cell: Any) -> Any:

@@ -204,20 +204,24 @@ def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> No
     taken = BadInputError(
         f"{path} already exists; continue this store with --resume, or give another path"
     )
-    if path.exists():
+    if os.path.lexists(path):  # also a link to itself
         raise taken
-    with tempfile.TemporaryDirectory(
-        prefix=".hfa-", dir=path.parent, ignore_cleanup_errors=True
-    ) as temporary:
-        folder = Path(temporary)
-        for name, content in _template(job, provenance).items():
-            file = folder / "store" / name
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(content.to_bytes())
-        try:
-            (folder / "store").rename(path)
-        except OSError as error:
-            raise (taken if path.exists() else error) from None  # another run created it first
+    files = _template(job, provenance)
+    try:
+        with tempfile.TemporaryDirectory(
+            prefix=".hfa-", dir=path.parent, ignore_cleanup_errors=True
+        ) as temporary:
+            store = Path(temporary) / "store"
+            for name, content in files.items():
+                file = store / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(content.to_bytes())
+            store.rename(path)
+    except OSError as error:
+        if path.exists():  # another run created it first
+            raise taken from None
+        reason = f"cannot write {path}: {error.strerror}; choose a writable folder"
+        raise BadInputError(reason) from error
 
 
 def _template(job: RowJob, provenance: Mapping[str, Any] | None) -> dict[str, Any]:

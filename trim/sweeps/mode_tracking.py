@@ -67,14 +67,15 @@ def track_modes(
     """
     for name in states:
         refuse_unknown("unknown state", name, model.states)
-    modes = _modes(A, np.array([model.states[name].nominal for name in states]))
+    nominal = np.array([model.states[name].nominal for name in states])
     consecutive = np.arange(len(A) - 1)[:, None] + [0, 1]
     pairs = consecutive if neighbours is None else _connected(neighbours, consecutive)
-    order = np.empty(modes.values.shape, dtype=int)  # number of the eigenvalue in each column
-    order[0] = order_fastest_first(modes.values[0])
-    for before, point, match in _along_tree(pairs, modes):
+    found = _paired(A, nominal, pairs)
+    order = np.empty(found.values.shape, dtype=int)  # number of the eigenvalue in each column
+    order[0] = order_fastest_first(found.values[0])
+    for before, point, match in _along_tree(pairs, found):
         order[point] = match[order[before]]
-    return np.take_along_axis(modes.values.astype(complex), order, axis=1)
+    return np.take_along_axis(found.values, order, axis=1)
 
 
 def _modes(A: np.ndarray, nominal: np.ndarray) -> _Modes:
@@ -119,51 +120,85 @@ def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
     return np.concatenate([neighbours, path[apart]])
 
 
-def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np.ndarray]]:
-    """Yield (point, next point, pairing) along the tree of the most similar neighbors."""
-    # The tree begins at the first point. The pairing (n,) contains, for each eigenvalue of the
-    # point, the index of its match at the next point.
-    # pairs (M, 2)
+class _Paired(NamedTuple):
+    """Eigenvalues of N points, and their best pairings at M pairs of points.
+
+    values: (N, n), eigenvalues
+    matches: (M, n), for each eigenvalue of the first point, the index of its match at the second
+    gains: (M,), the sum that the pairing maximizes (`track_modes`)
+    """
+
+    values: np.ndarray
+    matches: np.ndarray
+    gains: np.ndarray
+
+
+def _along_tree(pairs: np.ndarray, found: _Paired) -> Iterator[tuple[int, int, np.ndarray]]:
+    """Yield (point, next point, pairing) along the tree of the most similar neighbors.
+
+    The tree begins at the first point. The pairing (n,) contains, for each eigenvalue of the point,
+    the index of its match at the next point.
+
+    pairs: (M, 2)
+    """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
-    count = len(modes.values)
-    pairings, gain = _pairings(modes, pairs)
+    count = len(found.values)
+    by_gain = np.argsort(-found.gains)
     rank = np.empty(len(pairs))
-    rank[np.argsort(-gain)] = np.arange(1.0, len(pairs) + 1)
+    rank[by_gain] = np.arange(1.0, len(pairs) + 1)
     graph = csr_array((rank, tuple(pairs.T.astype(np.int32))), (count, count))
-    tree = minimum_spanning_tree(graph)
+    tree = minimum_spanning_tree(graph).tocoo()
     order, predecessors = breadth_first_order(tree, 0, directed=False)
-    forward = dict(zip(map(tuple, pairs.tolist()), pairings, strict=True))
+    is_forward = predecessors[tree.col] == tree.row
+    pair_to = np.empty(count, dtype=int)  # number of the pair that leads to each point
+    pair_to[np.where(is_forward, tree.col, tree.row)] = by_gain[tree.data.astype(int) - 1]
     for point in order[1:].tolist():
-        before = int(predecessors[point])
-        pairing = forward.get((before, point))
-        if pairing is None:
-            pairing = np.argsort(forward[point, before])
-        yield before, point, pairing
+        match = found.matches[pair_to[point]]
+        is_second = pairs[pair_to[point], 1] == point
+        yield int(predecessors[point]), point, match if is_second else np.argsort(match)
+
+
+def _paired(A: np.ndarray, nominal: np.ndarray, pairs: np.ndarray) -> _Paired:
+    """Return the eigenvalues of N matrices, and their best pairings at M pairs of points.
+
+    Eigenvectors are computed for `_AT_ONCE` pairs at a time.
+
+    A: (N, n, n)
+    nominal: nominal values of the states, (n,)
+    pairs: (M, 2)
+    """
+    values = np.empty(A.shape[:2], dtype=complex)
+    values[:1] = _modes(A[:1], nominal).values
+    matches = np.empty((len(pairs), A.shape[1]), dtype=int)
+    gains = np.empty(len(pairs))
+    by_point = np.argsort(pairs.max(axis=1), kind="stable")
+    for begin in range(0, len(pairs), _AT_ONCE):
+        rows = by_point[begin : begin + _AT_ONCE]
+        points, places = np.unique(pairs[rows], return_inverse=True)
+        modes = _modes(A[points], nominal)
+        values[points] = modes.values
+        matches[rows], gains[rows] = _pairings(modes, places.reshape(-1, 2))
+    return _Paired(values, matches, gains)
 
 
 def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the best pairing of the eigenvalues of pairs of points, and its gain, (M,)."""
-    # The pairing contains, for each eigenvalue of the first point, the index of its match at the
-    # second point. The gain is the sum that the pairing maximizes (`track_modes`).
-    # pairs (M, 2)
-    matches = np.empty((len(pairs), modes.values.shape[1]), dtype=int)
-    sums = np.empty(len(pairs))
-    for begin in range(0, len(pairs), _AT_ONCE):
-        rows = slice(begin, begin + _AT_ONCE)
-        first, second = pairs[rows].T
-        gain = _gain(modes.at(first), modes.at(second))
-        best = gain.argmax(axis=2)
-        # If the best column of each row is a different one, these columns are the best permutation.
-        # The two members of a pair have equal gains with a real eigenvalue.
-        shared = (np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1)
-        pairs_at = np.count_nonzero(modes.values.imag > 0.0, axis=1)
-        for i in np.flatnonzero(shared | (pairs_at[first] != pairs_at[second])).tolist():
-            best[i] = _best_permutation(gain[i], modes.values[first[i]], modes.values[second[i]])
-        matches[rows] = best
-        sums[rows] = np.take_along_axis(gain, best[:, :, None], axis=2)[:, :, 0].sum(axis=1)
-    return matches, sums
+    """Return the best pairing of the eigenvalues of pairs of points, (M, n), and its gain, (M,).
+
+    modes: modes of the points
+    pairs: (M, 2), indices of the points in `modes`
+    """
+    first, second = pairs.T
+    gain = _gain(modes.at(first), modes.at(second))
+    best = gain.argmax(axis=2)
+    # If the best column of each row is a different one, these columns are the best permutation.
+    # The two members of a pair have equal gains with a real eigenvalue.
+    shared = (np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1)
+    pairs_at = np.count_nonzero(modes.values.imag > 0.0, axis=1)
+    for i in np.flatnonzero(shared | (pairs_at[first] != pairs_at[second])).tolist():
+        best[i] = _best_permutation(gain[i], modes.values[first[i]], modes.values[second[i]])
+    return best, np.take_along_axis(gain, best[:, :, None], axis=2)[:, :, 0].sum(axis=1)
 
 
 def _gain(modes: _Modes, others: _Modes) -> np.ndarray:

@@ -31,6 +31,8 @@ from trim.point.uniqueness import keepable_in
 #: Possible statuses of a point.
 STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
 TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
+#: Number of points whose results are computed together: about 100 MB of memory.
+CHUNK = 25_000
 #: Width of the cells at whose centers the search for points with free states begins, in nominal
 #: values: for a single variable, and for several variables, which have many more cells.
 _FINE_CELL = 0.01

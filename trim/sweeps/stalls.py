@@ -7,6 +7,7 @@ import numpy as np
 
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model, recognized
+from hfa_support.native.bound import RowFunction
 
 #: Outputs with which the lift is compared with a declared largest lift coefficient.
 _LARGEST = ("dynamic_pressure", "reference_area", "largest_lift_coefficient")
@@ -36,6 +37,7 @@ def stalled(
         left = found[1] * found[2] * found[3] - lift
     else:
         left = ca.jacobian(lift, symbols[0][model.state_places([alpha])[0]])
-    values = ca.Function("left", symbols, [left])(states.T, inputs.T, parameters.T)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(values.full()[0] < 0.0)
+    (values,) = RowFunction(ca.Function("left", symbols, [ca.densify(left)]))(
+        states, inputs, parameters
+    )
+    return np.asarray(values[:, 0] < 0.0)

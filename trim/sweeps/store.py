@@ -19,14 +19,12 @@ from hfa_support.rows.store import RowJob, array_of_rows, fill_store
 from trim.linear.modes import fastest_first
 from trim.point.condition import TrimCondition
 from trim.point.system import TrimSystem
-from trim.sweeps.points import STATUS, TRIMMED, parameters_at
+from trim.sweeps.points import CHUNK, STATUS, TRIMMED, parameters_at
 from trim.sweeps.stalls import stalled
 from trim.sweeps.sweep import run_points, slow_note, trimmed_words
 from trim.sweeps.sweep_arrays import arrays_of, at_limit, labels_of, limited
 from trim.sweeps.sweep_plan import SweepPlan
 
-#: Number of points in a chunk: at least half a second of work, about 90 MB of results.
-CHUNK = 100_000
 #: Number of points in a chunk if each point is trimmed separately: seconds of work.
 SLOW_CHUNK = 1_000
 #: Value of `status` for a point that is not computed yet.
@@ -128,7 +126,7 @@ def _stored_points(*task: Any) -> dict[str, Any]:
     rows = run_points(*task)
     condition: TrimCondition = task[3]
     trimmed = rows["status"] == TRIMMED
-    eigenvalues = np.full(rows["states"].shape, np.nan, dtype=complex)
+    eigenvalues = np.full(rows["states"].shape, complex(np.nan, np.nan))
     eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(rows["A"][trimmed]))
     reached = at_limit(condition, rows["states"], rows["inputs"])
     model, variables, values, *_ = task

@@ -41,6 +41,7 @@ from trim.point.status import NAME, RESULTS, STALLED, UNTRIMMED, Status
 from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import (
     BEYOND_LIMITS,
+    CHUNK,
     TRIMMED,
     condition_at,
     model_at,
@@ -234,7 +235,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def eigenvalues(self) -> RootTable:
         """Eigenvalues of A, (N, k), 1/s; each column contains one mode; nan if not trimmed."""
         trimmed = self.trimmed
-        found = np.full(self.A.shape[:2], np.nan, dtype=complex)
+        found = np.full(self.A.shape[:2], complex(np.nan, np.nan))
         if trimmed.any():
             neighbours = _neighbours(self.plan.sizes, trimmed)
             linear = self.model.linear
@@ -735,27 +736,55 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
             "larger steps"
         )
     model = plan.model
-    rows = run_points(*plan.task(0, plan.count), progress)
-    trimmed = rows["status"] == TRIMMED
     linear = model.state_places(model.linear)
-    # Points beyond the limits have states and inputs, but nan in A and B.
-    is_trimmed = trimmed[:, None]
+    n, m, k = len(model.states), len(model.inputs), len(linear)
+    states, inputs = np.empty((plan.count, n)), np.empty((plan.count, m))
+    A, B = np.empty((plan.count, k, k)), np.empty((plan.count, k, m))
+    reasons: list[str] = []
+    kinks: dict[int, tuple[str, ...]] = {}
+    one_by_one = 0
+    for first in range(0, plan.count, CHUNK):
+        chunk = slice(first, min(first + CHUNK, plan.count))
+        rows = run_points(*plan.task(chunk.start, chunk.stop), _after(first, plan, progress))
+        # Points beyond the limits have states and inputs, but nan in A and B.
+        is_trimmed = (rows["status"] == TRIMMED)[:, None]
+        states[chunk] = np.where(is_trimmed, rows["states"], np.nan)
+        inputs[chunk] = np.where(is_trimmed, rows["inputs"], np.nan)
+        A[chunk] = rows["A"][:, linear][:, :, linear]
+        B[chunk] = rows["B"][:, linear]
+        reasons += _reasons(plan, rows)
+        kinks |= {first + point: notes for point, notes in rows["kinked"].items()}
+        one_by_one += int(rows["one_by_one"].sum())
     return Sweep(
         plan=plan,
-        values=rows["values"],
-        reasons=_reasons(plan, rows),
-        states=with_names(np.where(is_trimmed, rows["states"], np.nan), (), model.state_names),
-        inputs=with_names(np.where(is_trimmed, rows["inputs"], np.nan), (), model.input_names),
-        A=rows["A"][:, linear][:, :, linear],
-        B=rows["B"][:, linear],
-        kinks=rows["kinked"],
-        one_by_one=int(rows["one_by_one"].sum()),
+        values=plan.values(0, plan.count),
+        reasons=tuple(reasons),
+        states=with_names(states, (), model.state_names),
+        inputs=with_names(inputs, (), model.input_names),
+        A=A,
+        B=B,
+        kinks=kinks,
+        one_by_one=one_by_one,
     )
 
 
-def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the reason for a missing trim at each point, or "" at a point with a trim."""
-    reasons = [rows["failures"].get(i, "") for i in range(plan.count)]
+def _after(first: int, plan: SweepPlan, progress: Progress | None) -> Progress | None:
+    """Return the progress of a sweep as that of a chunk which begins with the point `first`."""
+    if progress is None:
+        return None
+
+    def of_sweep(done: float, total: float, what: str = "", /) -> None:
+        progress(first + done, plan.count, what)
+
+    return of_sweep
+
+
+def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> list[str]:
+    """Return the reason for a missing trim at some points of a sweep, or "" for a trim.
+
+    rows: results of `run_points`
+    """
+    reasons = [rows["failures"].get(i, "") for i in range(len(rows["values"]))]
     for i in np.flatnonzero(rows["status"] == BEYOND_LIMITS).tolist():
         values = rows["values"][i]
         balancing = dict(zip(plan.model.inputs, rows["inputs"][i].tolist(), strict=True))
@@ -765,7 +794,7 @@ def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
             reasons[i] = beyond_limits(model, condition, balancing)
         except BadInputError as error:  # a listed value outside its limits
             reasons[i] = str(error)
-    return tuple(reasons)
+    return reasons
 
 
 def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str, ...]:
@@ -831,6 +860,11 @@ def column(swept: Sweep, name: str) -> np.ndarray:
 
     Raises BadInputError for any other name.
     """
-    names = swept._ipython_key_completions_()
-    refuse_unknown("unknown variable", name, names)
-    return np.hstack([swept.values, swept.states, swept.inputs])[:, names.index(name)]
+    refuse_unknown("unknown variable", name, swept._ipython_key_completions_())
+    model = swept.model
+    if name in swept.variables:
+        return swept.values[:, swept.variables.index(name)]
+    names, values = (
+        (model.states, swept.states) if name in model.states else (model.inputs, swept.inputs)
+    )
+    return np.asarray(values)[:, list(names).index(name)]

@@ -82,6 +82,12 @@ def test_each_point_of_a_sweep_has_the_slopes_of_its_own_kinks():
     assert note.endswith("(9 of 11 points, the first at 0)")
 
 
+def test_kinks_of_a_sweep_in_chunks_are_those_of_its_points(monkeypatch):
+    whole = swept()
+    monkeypatch.setattr("trim.sweeps.sweep.CHUNK", 4)
+    assert swept() == whole
+
+
 def test_several_kinks_at_one_point_have_their_own_slopes():
     """v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u)."""
 

@@ -9,7 +9,7 @@ from hfa.exit_codes import INTERRUPTED, TERMINATED
 
 SWEEP = ("sweep", "--dihedral")
 WORKERS = ("--workers", "2", "-o", "a.zarr")
-THREE_CHUNKS = (*SWEEP, "0:14:0.01", "--hold", "speed=66:68:0.0125", *WORKERS)
+THREE_CHUNKS = (*SWEEP, "0:14:0.04", "--hold", "speed=66:68:0.0125", *WORKERS)
 LONG = (*SWEEP, "0:20:1", "--hold", "panel_mass=0.1:2:0.00002", *WORKERS)
 SLOW = pytest.mark.slow
 

@@ -1,5 +1,6 @@
 """Points of sweeps equal single trims, in memory and in a store. Faulty sweeps are refused."""
 
+import csv
 import re
 
 import numpy as np
@@ -147,6 +148,28 @@ def test_a_list_is_given_by_conditions(command, tmp_path):
     words = (command, "--condition", str(path), "--dihedral", "10")
     assert_refused(hfa(*words), 2, f"`hfa {command} --conditions FILE`")
     assert hfa(command, "--conditions", str(path)).code == 0
+
+
+def test_a_point_without_a_trim_has_no_numbers_in_a_file(tmp_path):
+    """Both parts of its eigenvalues are NaN, as are its states, inputs, A and B."""
+    path = tmp_path / "swept.csv"
+    assert hfa("sweep", "--dihedral", "10", "--hold", "speed=10,68", "-o", str(path)).code == 0
+    with path.open(newline="", encoding="utf-8") as stream:
+        untrimmed, trimmed = csv.DictReader(stream)
+    numbers = [name for name in trimmed if "eigenvalue" in name or name.startswith(("state", "A("))]
+    assert {untrimmed[name] for name in numbers} == {"NaN"}
+    assert "NaN" not in {trimmed[name] for name in numbers}
+
+
+def test_a_sweep_in_chunks_is_that_of_all_points(aircraft, monkeypatch):
+    """Reasons and finished points are counted from the first point of the sweep."""
+    grid = {"speed": [10.0, 11.0, 68.0, 60.0, 12.0]}
+    finished = []
+    whole = sweep(aircraft, grid)
+    monkeypatch.setattr("trim.sweeps.sweep.CHUNK", 2)
+    assert sweep(aircraft, grid, progress=lambda *at: finished.append(at)) == whole
+    assert [len(reason) > 0 for reason in whole.reasons] == [True, True, False, False, True]
+    assert {all_points for _, all_points, *_ in finished} <= {5}
 
 
 # Many points together, compared with single trims.
