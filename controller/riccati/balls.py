@@ -14,6 +14,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
@@ -151,12 +152,14 @@ class Balls:
     @classmethod
     def of(cls, matrix: np.ndarray | arb_mat | BallMatrix) -> Balls:
         """Return a matrix that contains the given one, itself if it is of this kind."""
+        from flint import arb_mat
+
         if isinstance(matrix, Balls):
             return matrix
         if isinstance(matrix, np.ndarray):
             return cls(ball_matrix(matrix))
-        found: Any = matrix
-        return cls(found.matrix if hasattr(found, "matrix") else found)
+        exact: Any = matrix
+        return cls(exact if isinstance(matrix, arb_mat) else exact.matrix)
 
     @classmethod
     def around(cls, middle: arb_mat | BallMatrix, spread: Sequence[arb]) -> Balls:
@@ -164,12 +167,12 @@ class Balls:
         column = ball_matrix([[each] for each in spread])
         return cls(cls.of(middle).matrix + _centered(column * column.transpose()))
 
-    @property
+    @cached_property
     def midpoint(self) -> np.ndarray:
         """Midpoints, rounded to doubles."""
         return midpoints(self.matrix)
 
-    @property
+    @cached_property
     def radius(self) -> np.ndarray:
         """Radii, rounded up."""
         return radii(self.matrix)
@@ -258,11 +261,13 @@ class DoubleBalls:
     @classmethod
     def of(cls, matrix: np.ndarray | arb_mat | BallMatrix) -> DoubleBalls:
         """Return a matrix that contains the given one, itself if it is of this kind."""
+        from flint import arb_mat
+
         if isinstance(matrix, DoubleBalls):
             return matrix
         if isinstance(matrix, np.ndarray):
             return cls(matrix, np.zeros_like(matrix))
-        balls: Any = matrix if hasattr(matrix, "midpoint") else Balls.of(matrix)
+        balls: Any = Balls(matrix) if isinstance(matrix, arb_mat) else matrix
         middle = balls.midpoint
         return cls(middle, UP * (balls.radius + 2.0 * ROUNDOFF * np.abs(middle)) + UNDERFLOW)
 
