@@ -361,7 +361,7 @@ class StepEquation(Equation[Matrix]):
             return self.R
         m, k = self.R.rows, self.game.E.shape[1]
         d = self.units.disturbances
-        price = self.arithmetic.of(scaled_balls(identity(k) * (-1 / self.w), d, d))
+        price = self.arithmetic.of(np.ldexp(np.eye(k), np.add.outer(d, d))).times(-1 / self.w)
         nothing = self.arithmetic.of(np.zeros((k, m)))
         return self.R.beside(nothing.T).T.beside(nothing.beside(price).T).T
 
