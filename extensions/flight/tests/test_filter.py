@@ -378,7 +378,7 @@ def test_a_law_that_plans_is_filtered_with_the_nonlinear_model(law):
 def test_plans_stay_inside_in_moving_air(point, known, linear):
     """In moderate turbulence, from the trim and from x(0), where the exact gain leaves."""
     game = hfa.paper.published_game(linear)
-    planned = hfa.predictive(point.model, point, game.Q, game.R, margin=0.1, budget=np.inf)
+    planned = hfa.predictive(point.model, point, game.Q, game.R, margin=0.03, budget=np.inf)
     air = Uncertainty(noise=NOISE, turbulence=Turbulence("moderate", 40000.0))
     start = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
     for initial, duration in ((0.0 * start, 10.0), (start, 1.0)):

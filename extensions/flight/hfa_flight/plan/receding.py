@@ -212,12 +212,13 @@ class RecedingHorizon:
         return self._one_sample_later(last, z, until)
 
     def _continued(self, plan: Plan, promised: float, until: float) -> Plan:
-        """Return a plan improved, or a new one where it is far dearer than promised.
+        """Return a plan improved, or a new one if it is far dearer than promised and time is left.
 
         promised: cost so far plus that of the plan from the states that were predicted
         """
         improved = self._improved(plan, until)
-        if self._memory.spent + improved.cost <= _LOST * promised:
+        is_over = np.isfinite(improved.cost) and time.thread_time() >= until
+        if is_over or self._memory.spent + improved.cost <= _LOST * promised:
             return improved
         guess = min(self.planner.guesses(plan.z[0], plan.room), key=lambda each: each.cost)
         return min(self._improved(guess, until), improved, key=lambda each: each.cost)
