@@ -1,8 +1,9 @@
-"""Matrices of balls, which contain the exact result of each operation, in two arithmetics.
+"""Matrices of balls, which contain the exact result of each operation.
 
 `Balls` has as many bits as `precision` gives it, and `DoubleBalls` is as fast as a few products of
-doubles; `pairs.py` has a third one between them. Bounds are numbers of FLINT, which round outward:
-a bound that is compared proves what it says, and a number that is not finite proves nothing.
+doubles; the `Pairs` of `pairs.py` have twice its digits. Bounds are numbers of FLINT, which round
+outward: a bound that is compared proves what it says, and a number that is not finite proves
+nothing.
 
 Sources: Johansson, IEEE Transactions on Computers 66 (2017), 1281-1292 (Arb); Rump, Acta Numerica
 19 (2010), 287-449.

@@ -1,4 +1,4 @@
-"""The Riccati equation of a game with the game's exact entries, in balls of either arithmetic."""
+"""The Riccati equation of a game with the game's exact entries, in balls of any arithmetic."""
 
 from __future__ import annotations
 
