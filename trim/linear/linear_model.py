@@ -204,15 +204,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return self.point.dihedral_deg
 
     @property
-    def scheduled(self) -> dict[str, float] | None:
-        """Value of the scheduling variable, name -> value.
-
-        The mapping is empty without a scheduling variable and for a parameter, and None for the
-        flexible aircraft (`dihedral_deg`).
-        """
-        return self.point.scheduled
-
-    @property
     def output_units(self) -> tuple[str, ...]:
         """Units of the outputs, in order."""
         return self.model.units(self.outputs)
@@ -396,7 +387,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
             F=self.F,
             disturbances=self.disturbances,
             dihedral_deg=self.dihedral_deg,
-            scheduled=self.scheduled,
+            scheduled=self.point.scheduled,
             disturbance_units=self.disturbance_units,
         )
 

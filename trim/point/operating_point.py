@@ -188,15 +188,15 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def scheduled(self) -> dict[str, float] | None:
-        """Entry `scheduled` of files: scheduling variable -> value, or {} if the model has none or
-        it is a parameter.
+        """Value of the scheduling variable, name -> value, as files contain it.
 
-        Files of the paper's aircraft have the entry `dihedral_deg` in its place: None.
+        The mapping is {} if the model has no scheduling variable, or a parameter as one. It is None
+        for the paper's aircraft, whose files contain `dihedral_deg` instead.
         """
-        schedule = self.model.schedule
+        name = self.model.schedule
         if self.model.about.names_schedule:
             return None
-        return {schedule: self.values[schedule]} if schedule in self.values else {}
+        return {name: self.values[name]} if name in self.values else {}
 
     @property
     def at_scheduled(self) -> str:
