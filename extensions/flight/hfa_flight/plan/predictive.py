@@ -129,7 +129,7 @@ class Predictive(SampledPolicy):
         times: dict[str, float | None] = {"median_seconds": None, "seconds_99": None}
         if len(done.seconds):
             times = dict(zip(times, np.quantile(done.seconds, (0.5, 0.99)).tolist(), strict=True))
-        samples = {**counts, **times, "first_plan": self.first_plan, "rise": done.rise}
+        samples = {**counts, **times, "first_plan": self.first_plan}
         return {**super().data(model), "dt": self.dt, "holds": self.holds, "samples": samples}
 
     def notes(self) -> tuple[str, ...]:
@@ -143,7 +143,6 @@ class Predictive(SampledPolicy):
             "distance from the trim (margin).",
             f"{done.planned} samples with a plan, {done.linear} with the exact held gain; "
             f"{done.refused} steps of the quadratic program refused.",
-            f"The cost so far plus that of the plan rose by at most {100 * done.rise:.2g} %.",
         ]
         asked = self.controller.planner.grid.asked
         if asked is not None:

@@ -24,8 +24,6 @@ _LOST = 1.05
 #: The linear policy takes over where the costs of the plan and of its own flight are within this
 #: fraction of z'Pz.
 _LINEAR = 0.01
-#: Share of a plan's cost above which z'Pz at its end is replaced by a flight of the linear policy.
-_SMALL_END = 0.002
 #: Cost below which a flight is at its target, relative to z'Pz at a corner of the usual box.
 _NOTHING = 1e-12
 
@@ -42,9 +40,6 @@ class Samples:
     first: the first plan, or None without one
     first_seconds: processor time of the first plan, s
     seconds: processor time of each later sample with a plan, s
-    rise: largest rise of the cost so far plus that of the plan over the least such sum before it,
-        relative to that sum. The plan counts with the flight of the linear policy after its end, or
-        with z'Pz where that flight leaves the limits. A change by what was not predicted is no rise
     """
 
     planned: int = 0
@@ -55,7 +50,6 @@ class Samples:
     first: Plan | None = None
     first_seconds: float = 0.0
     seconds: list[float] = field(default_factory=list)
-    rise: float = 0.0
 
 
 @dataclass
@@ -67,7 +61,6 @@ class _Memory:
     waits: whether the plan was made before the flight, and waits for its first sample
     linear_agrees: whether the linear policy takes over at the next sample in its region
     spent: cost since the plan began
-    least: least sum of this cost and that of a plan
     """
 
     room: Range
@@ -75,7 +68,6 @@ class _Memory:
     waits: bool = False
     linear_agrees: bool = False
     spent: float = 0.0
-    least: float = 0.0
     samples: Samples = field(default_factory=Samples)
 
 
@@ -188,16 +180,6 @@ class RecedingHorizon:
         """Return the cost of the flight of the linear policy from z, inf beyond the limits."""
         return self.planner.cost_of_gain(self.end.K, z)
 
-    def _value(self, plan: Plan) -> float:
-        """Return the cost of a plan with the flight of the linear policy after its end, or with
-        z'Pz where that flight leaves the limits.
-        """
-        at_end = self.planner.value(plan.z[-1])
-        if at_end <= _SMALL_END * plan.cost:
-            return plan.cost
-        linear = self._linear_cost(plan.z[-1])
-        return plan.cost - at_end + linear if np.isfinite(linear) else plan.cost
-
     def _planned(self, z: np.ndarray, until: float) -> Plan:
         """Return the plan from the states z: the last one, improved, or the better of two new."""
         memory = self._memory
@@ -238,7 +220,7 @@ class RecedingHorizon:
         memory.samples.unsolved += sum(each.unsolved for each in improved)
         plan = min((each.plan for each in improved), key=lambda each: each.cost)
         memory.plan = plan
-        memory.spent, memory.least = 0.0, self._value(plan)
+        memory.spent = 0.0
         if memory.samples.first is None:
             memory.samples.first = plan
             memory.samples.first_seconds = time.thread_time() - began
@@ -249,25 +231,17 @@ class RecedingHorizon:
 
         A new guess replaces it where the flight has become far dearer than the plan promised.
         """
-        planner, memory = self.planner, self._memory
+        memory = self._memory
         promised = memory.spent + last.cost
-        memory.spent += planner.cost_of_sample(last)
-        measured = planner.later(last, z, memory.room)
-        predicted = planner.later(last, last.z[1], last.room)
-        unpredicted_cost = measured.cost - measured.price - (predicted.cost - predicted.price)
-        is_finite = np.isfinite(unpredicted_cost)
-        memory.least = memory.least + unpredicted_cost if is_finite else np.inf
-        return self._continued(measured, promised, until)
+        memory.spent += self.planner.cost_of_sample(last)
+        return self._continued(self.planner.later(last, z, memory.room), promised, until)
 
     def _improved(self, plan: Plan, until: float) -> Plan:
         """Return a plan improved by a step of the program."""
-        samples, memory = self.samples, self._memory
+        samples = self.samples
         if time.thread_time() >= until:
             samples.late += 1
         better = self.planner.improved(plan, 1, until)
-        total = memory.spent + self._value(better.plan)
         samples.unsolved += better.unsolved
         samples.refused += better.is_refused
-        samples.rise = max(samples.rise, (total - memory.least) / max(memory.least, self.nothing))
-        memory.least = min(total, memory.least)
         return better.plan

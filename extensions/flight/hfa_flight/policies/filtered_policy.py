@@ -16,6 +16,7 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.delay import acting_commands, in_samples
 from hfa_flight.air.scenario import Scenario
+from hfa_flight.policies.crossing_air import seen_from_air
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
 from hfa_flight.policies.deployment.sampled_loop import held
@@ -23,7 +24,6 @@ from hfa_flight.policies.estimate import (
     extended_step,
     memory_size,
     propagated,
-    seen_from_air,
     unpacked,
     updated,
     winds_in,

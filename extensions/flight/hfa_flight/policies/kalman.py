@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, Self
 
+import casadi as ca
 import numpy as np
 
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.turbulence import AirFilter, Turbulence, held_noise, turbulence_of
+from hfa_flight.policies.crossing_air import added_speed
 from hfa_flight.policies.deployment.sampled_loop import held
 from hfa_support.errors import (
     BadInputError,
@@ -231,10 +233,6 @@ class KalmanFilter(Result):
         """Return the row of the speed, and the second derivatives by x of what winds across the
         path add to it, (n, n).
         """
-        import casadi as ca
-
-        from hfa_flight.policies.estimate import added_speed
-
         n, k = len(self.Phi), len(self.states)
         added = added_speed(self)
         if added is None:
