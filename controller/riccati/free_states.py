@@ -19,6 +19,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, identity, midpoints
 from controller.riccati.enclosure import lyapunov_enclosure
+from controller.riccati.rationals import echelon, null_space, rational
 
 if TYPE_CHECKING:
     from flint import arb_mat, fmpq, fmpq_mat
@@ -69,14 +70,14 @@ def free_states(game: Game) -> FreeStates | None:
 
     n, m = game.B.shape
     weights = game.weights
-    cost = _rationals(weights + weights.T)
-    A, B = _rationals(game.A), _rationals(game.B)
-    basis = _rationals(np.eye(n))
+    cost = rational(weights + weights.T)
+    A, B = rational(game.A), rational(game.B)
+    basis = rational(np.eye(n))
     while True:
         # [z; u; c] with weights [z; u] = 0 and A z + B u = basis c
         dynamics = _beside(_beside(A, B), -1 * basis)
         nothing = fmpq_mat(n + m, basis.ncols())
-        solutions = _null_space(_above(dynamics, _beside(cost, nothing)))
+        solutions = null_space(_above(dynamics, _beside(cost, nothing)))
         states, pivots = _column_echelon(_rows(solutions, 0, n))
         if states.ncols() == basis.ncols() or not states.ncols():
             break
@@ -134,19 +135,6 @@ def _pivots(basis: np.ndarray) -> list[int]:
     return sorted(order[: basis.shape[1]].tolist())
 
 
-def _rational(number: float) -> fmpq:
-    from flint import fmpq
-
-    return fmpq(*number.as_integer_ratio())
-
-
-def _rationals(matrix: np.ndarray) -> fmpq_mat:
-    from flint import fmpq_mat
-
-    rows, columns = matrix.shape
-    return fmpq_mat(rows, columns, [_rational(entry) for entry in matrix.ravel().tolist()])
-
-
 def _balls(matrix: fmpq_mat) -> arb_mat:
     from flint import arb
 
@@ -177,30 +165,7 @@ def _rows_at(matrix: fmpq_mat, places: list[int]) -> fmpq_mat:
     return _of_rows([rows[place] for place in places], matrix.ncols())
 
 
-def _echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
-    """Return the reduced row echelon form, and the columns of its pivots."""
-    reduced, rank = matrix.rref()
-    pivots = [
-        next(j for j in range(matrix.ncols()) if reduced[i, j] != 0) for i in range(int(rank))
-    ]
-    return reduced, pivots
-
-
-def _null_space(matrix: fmpq_mat) -> fmpq_mat:
-    """Return a basis of the vectors v with M v = 0, in columns."""
-    from flint import fmpq_mat
-
-    reduced, pivots = _echelon(matrix)
-    free = [j for j in range(matrix.ncols()) if j not in pivots]
-    basis = fmpq_mat(matrix.ncols(), len(free))
-    for place, j in enumerate(free):
-        basis[j, place] = 1
-        for i, pivot in enumerate(pivots):
-            basis[pivot, place] = -reduced[i, j]
-    return basis
-
-
 def _column_echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
     """Return a basis of the columns with the identity in some rows, and these rows."""
-    reduced, pivots = _echelon(matrix.transpose())
+    reduced, pivots = echelon(matrix.transpose())
     return _rows(reduced, 0, len(pivots)).transpose(), pivots

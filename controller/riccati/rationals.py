@@ -78,43 +78,42 @@ def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly | None:
     if rank == n:
         return None
     # The rows L with L B = L A B = ... = 0 span an invariant subspace: L A = F L.
-    basis = _kernel(reached.transpose())
+    basis = null_space(reached.transpose())
     left = basis.transpose()
-    pivots = _pivots(left)
+    _, pivots = echelon(left)
     square = fmpq_mat([[left[i, j] for j in pivots] for i in range(left.nrows())])
     moved = left * A
     of_modes = fmpq_mat([[moved[i, j] for j in pivots] for i in range(left.nrows())]) * square.inv()
     return of_modes.charpoly().numer()
 
 
-def _pivots(matrix: fmpq_mat) -> list[int]:
-    """Return the pivot columns of a matrix."""
+def echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
+    """Return the reduced row echelon form, and the columns of its pivots."""
     reduced, rank = matrix.rref()
-    rows = reduced.tolist()
-    return [next(j for j, entry in enumerate(rows[i]) if entry != 0) for i in range(rank)]
+    rows = reduced.tolist()[: int(rank)]
+    return reduced, [next(j for j, entry in enumerate(row) if entry != 0) for row in rows]
 
 
 def _columns(matrix: fmpq_mat) -> fmpq_mat:
     """Return independent columns that span the same space."""
     from flint import fmpq_mat
 
-    pivots = _pivots(matrix)
+    _, pivots = echelon(matrix)
     return fmpq_mat([[row[j] for j in pivots] for row in matrix.tolist()])
 
 
-def _kernel(matrix: fmpq_mat) -> fmpq_mat:
-    """Return columns that span the kernel of a matrix, (n, n - rank)."""
-    from flint import fmpq, fmpq_mat
+def null_space(matrix: fmpq_mat) -> fmpq_mat:
+    """Return a basis of the vectors v with M v = 0, in columns, (n, n - rank)."""
+    from flint import fmpq_mat
 
-    reduced, _ = matrix.rref()
-    pivots, n = _pivots(matrix), matrix.ncols()
-    columns = []
-    for free in (j for j in range(n) if j not in pivots):
-        column = [fmpq(int(j == free)) for j in range(n)]
+    reduced, pivots = echelon(matrix)
+    free = [j for j in range(matrix.ncols()) if j not in pivots]
+    basis = fmpq_mat(matrix.ncols(), len(free))
+    for place, j in enumerate(free):
+        basis[j, place] = 1
         for i, pivot in enumerate(pivots):
-            column[pivot] = -reduced[i, free]
-        columns.append(column)
-    return fmpq_mat(columns).transpose() if columns else fmpq_mat(n, 0)
+            basis[pivot, place] = -reduced[i, j]
+    return basis
 
 
 def unstable_root(polynomial: fmpz_poly, growth: float, *, is_discrete: bool) -> complex | None:
