@@ -111,8 +111,8 @@ def actuators_option() -> Any:
     return option(about, _ACTUATORS, kind, rare=True)
 
 
-#: Default of --margin with --filter. With 0.03, plans from x(0) cost 3 % less, and 1 of 12 flights
-#: from the corners of a box at 5 deg in moderate air is lost.
+#: Default of --margin with --filter. With 0.03, plans from x(0) cost 3 % less, and 1 of 33 flights
+#: from a box of states at 5 deg in moderate air is lost.
 _FILTERED_MARGIN = 0.1
 
 
