@@ -37,7 +37,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -57,7 +56,7 @@ from hfa_aircraft.readers.derivatives.plausible import doubts_about
 from hfa_aircraft.readers.derivatives.table import Table, read_table, table_of
 from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY, LENGTH, Motion, rigid_aircraft
 from hfa_aircraft.rigid.atmosphere import air_at
-from hfa_aircraft.rigid.motion import inertia_matrix, wind_axes
+from hfa_aircraft.rigid.motion import flow_rates, inertia_matrix, wind_axes
 from hfa_aircraft.signals import Signal
 from hfa_support.errors import BadInputError
 from hfa_support.units import conversion
@@ -185,16 +184,16 @@ def _configuration(table: Table, x: Any, u: Any, p: Any) -> dict[str, tuple[floa
         name: (table.values[entry], table.unit(entry)) for name, entry in names.items()
     }
     found |= {name: (word, "") for name, word in table.words.items()}
-    moved = 0.0
+    shift = 0.0
     if CENTER in table.values:
         center = p[list(_parameters(table)).index(CENTER)]
-        moved = (center - table.values[CENTER]) * table.values["chord"]
+        shift = (center - table.values[CENTER]) * table.values["chord"]
         found["center_of_gravity"] = center, table.unit(CENTER)
     if table.center is not None:
         place, length = table.center
         x_of_point, *others = place
         in_length = conversion(table.unit("chord"), length) or 1.0  # the reader checks it
-        for axis, value in zip("xyz", (x_of_point + moved * in_length, *others), strict=True):
+        for axis, value in zip("xyz", (x_of_point + shift * in_length, *others), strict=True):
             found[f"center_of_gravity_{axis}"] = value, length
     return found
 
@@ -246,88 +245,98 @@ class _Equations:
     def __init__(self, table: Table) -> None:
         self._table = table
         values = table.values
-        self._angle = values.get("thrust_angle", 0.0)
-        self._height = values.get("thrust_height", 0.0)
-        self._alpha = values.get("alpha", 0.0)
-        #: Rotation from the axes of the coefficients to body axes.
-        self._turn = wind_axes(self._alpha if table.axes == "stability" else 0.0, 0.0)
-        sound = float(air_at(values.get("altitude", 0.0), table.system).sound)
-        self._mach = values["speed"] / sound
-        density = float(air_at(values.get("altitude", 0.0), table.system).density)
-        self._pressure = 0.5 * density * values["speed"] ** 2
+        self._reference_alpha = values.get("alpha", 0.0)
+        air = air_at(values.get("altitude", 0.0), table.system)
+        self._reference_mach = values["speed"] / float(air.sound)
+        self._reference_pressure = 0.5 * float(air.density) * values["speed"] ** 2
+        #: Rotation to body axes from the axes of the moments and the angular rates.
+        self._moments_to_body = wind_axes(
+            self._reference_alpha if table.axes == "stability" else 0.0, 0.0
+        )
+        angle = values.get("thrust_angle", 0.0)
+        self._thrust_direction = ca.vertcat(ca.cos(angle), 0.0, -ca.sin(angle))
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the rates of the states and the outputs, each as name -> value."""
-        sizes = SimpleNamespace(**self._table.values)
+        values = self._table.values
         motion = Motion(x, p.gravity, self._table.system, p.isa)
-        rates = ca.mtimes(self._turn.T, motion.rates)
-        moved = self._moved(p)
-        arguments = self._arguments(x, u, rates, motion, moved)
-        q = arguments["q"]
-        tail = self._tail_factor(moved)
-        pressure_area = motion.pressure * sizes.wing_area
-        to_body = wind_axes(x.alpha, 0.0)
+        shift = self._center_shift(p)
+        tail = self._tail_factor(shift)
+        variables = self._variables(x, u, motion, shift)
+        of_forces = variables | {"q": tail * variables["q"]}
+        of_moments = variables | {"q": tail**2 * variables["q"]}
+        thrust = self._thrust(x, u, p, motion)
+        thrust_force = thrust * self._thrust_direction
 
-        of_forces = self._force_coefficients(p, arguments | {"q": tail * q})
-        air_force = pressure_area * ca.mtimes(to_body, of_forces.along_axes)
-        size = self._thrust(x, u, p, motion)
-        thrust = size * ca.vertcat(ca.cos(self._angle), 0.0, -ca.sin(self._angle))
-        specific = (air_force + thrust) / p.mass
-        alpha_rate = self._alpha_rate(x, p, motion, specific)
-        lag = alpha_rate * sizes.chord / (2.0 * x.speed)
-        of_lag = _ForceCoefficients(
-            *(self._coefficient(name, p, {"alphadot": lag}) for name in _FORCES)
+        # The rate of alpha follows from the forces without it.
+        coefficients = self._force_coefficients(p, of_forces)
+        air_force = self._in_body_axes(x, motion, coefficients)
+        specific_force = (air_force + thrust_force) / p.mass
+        alpha_rate = self._alpha_rate(x, p, motion, specific_force)
+        alphadot = alpha_rate * values["chord"] / (2.0 * x.speed)
+        of_alphadot = _ForceCoefficients(
+            *(self._coefficient(name, p, {"alphadot": alphadot}) for name in _FORCES)
         )
-        lag_force = pressure_area * ca.mtimes(to_body, of_lag.along_axes)
+        force_of_alphadot = self._in_body_axes(x, motion, of_alphadot)
+        specific_force += force_of_alphadot / p.mass
 
-        # Forces at the point of the derivatives, without and with those of the lag. With a tail
-        # arm, the forces of q and alphadot are not at this point, but at the tail.
-        at_point, with_lag = air_force, air_force + lag_force
-        if TAIL_ARM in self._table.values:
-            without_tail = self._force_coefficients(p, arguments | {"q": 0.0})
-            at_point = with_lag = pressure_area * ca.mtimes(to_body, without_tail.along_axes)
-        of_moments = arguments | {"q": tail**2 * q}
-        steady = pressure_area * sizes.chord * self._coefficient("Cm", p, of_moments)
-        of_moments["alphadot"] = tail * lag
-        moments = [self._coefficient(name, p, of_moments) for name in ("Cl", "Cm", "Cn")]
-        arms = ca.vertcat(sizes.span, sizes.chord, sizes.span)
-        by_thrust = ca.vertcat(0.0, self._height * size * ca.cos(self._angle), 0.0)
-        moment = ca.mtimes(self._turn, pressure_area * arms * ca.vertcat(*moments)) - by_thrust
-        _, side_force, down_force = ca.vertsplit(with_lag + thrust)
-        moment += moved * ca.vertcat(0.0, -down_force, side_force)
+        # Forces at the point of the derivatives, those of q and alphadot included unless a tail
+        # causes them.
+        steady_force = air_force
+        force = air_force + force_of_alphadot
+        if TAIL_ARM in values:
+            without_tail = self._force_coefficients(p, variables | {"q": 0.0})
+            steady_force = force = self._in_body_axes(x, motion, without_tail)
+        moment = self._moment_at_point(p, motion, of_moments | {"alphadot": tail * alphadot})
+        moment -= ca.vertcat(0.0, values.get("thrust_height", 0.0) * thrust_force[0], 0.0)
+        _, side_force, down_force = ca.vertsplit(force + thrust_force)
+        moment += shift * ca.vertcat(0.0, -down_force, side_force)
         inertia = inertia_matrix((p.Ixx, p.Iyy, p.Izz), (0.0, p.Ixz, 0.0))
-        specific += lag_force / p.mass
-        state_rates, outputs = motion.rates_and_outputs(specific, moment, inertia)
-        coefficients = {
-            "lift_coefficient": of_forces.lift + of_lag.lift,
-            "drag_coefficient": of_forces.drag + of_lag.drag,
-        }
-        forces = motion.forces(
-            pressure_area * of_forces.lift,
-            pressure_area * of_forces.drag,
-            steady - moved * at_point[2],
-            size,
-            p.mass,
-            sizes.wing_area,
-            sizes.chord,
-        )
-        if LARGEST_LIFT in self._table.values:
-            forces["largest_lift_coefficient"] = self._table.values[LARGEST_LIFT]
-        return state_rates, outputs | coefficients | forces
+        rates, outputs = motion.rates_and_outputs(specific_force, moment, inertia)
 
-    def _moved(self, p: Any) -> Any:
-        """Return the distance of the center of gravity behind the point of the derivatives."""
+        pressure_area = motion.pressure * values["wing_area"]
+        pitching_moment = pressure_area * values["chord"] * self._coefficient("Cm", p, of_moments)
+        outputs |= motion.forces(
+            pressure_area * coefficients.lift,
+            pressure_area * coefficients.drag,
+            pitching_moment - shift * steady_force[2],
+            thrust,
+            p.mass,
+            values["wing_area"],
+            values["chord"],
+        )
+        outputs["lift_coefficient"] = coefficients.lift + of_alphadot.lift
+        outputs["drag_coefficient"] = coefficients.drag + of_alphadot.drag
+        if LARGEST_LIFT in values:
+            outputs["largest_lift_coefficient"] = values[LARGEST_LIFT]
+        return rates, outputs
+
+    def _in_body_axes(self, x: Any, motion: Motion, coefficients: _ForceCoefficients) -> Any:
+        """Return the force q̄ S (C_L, C_D, C_Y) in body axes, (3,)."""
+        along_body_axes = ca.mtimes(wind_axes(x.alpha, 0.0), coefficients.along_axes)
+        return motion.pressure * self._table.values["wing_area"] * along_body_axes
+
+    def _moment_at_point(self, p: Any, motion: Motion, variables: Mapping[str, Any]) -> Any:
+        """Return the moment q̄ S (b C_l, c C_m, b C_n) in body axes, (3,)."""
+        values = self._table.values
+        coefficients = [self._coefficient(name, p, variables) for name in ("Cl", "Cm", "Cn")]
+        lengths = ca.vertcat(values["span"], values["chord"], values["span"])
+        pressure_area = motion.pressure * values["wing_area"]
+        return ca.mtimes(self._moments_to_body, pressure_area * lengths * ca.vertcat(*coefficients))
+
+    def _center_shift(self, p: Any) -> Any:
+        """Return Δ, the distance of the center of gravity behind the point of the derivatives."""
         values = self._table.values
         return (p.cg - values[CENTER]) * values["chord"] if CENTER in values else 0.0
 
-    def _tail_factor(self, moved: Any) -> Any:
+    def _tail_factor(self, shift: Any) -> Any:
         """Return 1 - Δ/l, the arm of the tail relative to that of the file."""
         values = self._table.values
-        return 1.0 - moved / values[TAIL_ARM] if TAIL_ARM in values else 1.0
+        return 1.0 - shift / values[TAIL_ARM] if TAIL_ARM in values else 1.0
 
-    def _force_coefficients(self, p: Any, arguments: Mapping[str, Any]) -> _ForceCoefficients:
+    def _force_coefficients(self, p: Any, variables: Mapping[str, Any]) -> _ForceCoefficients:
         """Return the coefficients of the forces, with induced drag."""
-        lift, drag, side = (self._coefficient(name, p, arguments) for name in _FORCES)
+        lift, drag, side = (self._coefficient(name, p, variables) for name in _FORCES)
         return _ForceCoefficients(lift, drag + self._value(p, INDUCED) * lift**2, side)
 
     def _thrust(self, x: Any, u: Any, p: Any, motion: Motion) -> Any:
@@ -337,58 +346,56 @@ class _Equations:
         level = drag + self._value(p, INDUCED) * lift**2  # C_T,0
         ratio = x.speed / values["speed"]
         if "thrust_slope" in values:
-            force = self._pressure * values["wing_area"] * level
+            force = self._reference_pressure * values["wing_area"] * level
             return u.thrust * ratio ** (values["speed"] * values["thrust_slope"] / force)
         if THRUST_BY_SPEED in self._table.derivatives:
             change = self._value(p, THRUST_BY_SPEED) / level
-            return u.thrust * motion.pressure / self._pressure * ratio**change
+            return u.thrust * motion.pressure / self._reference_pressure * ratio**change
         return u.thrust
 
-    def _arguments(self, x: Any, u: Any, rates: Any, motion: Motion, moved: Any) -> dict[str, Any]:
-        """Return the variables that derivatives multiply, suffix -> value."""
-        # The variable of the suffix alphadot is not included.
-        # rates (3,)
-        sizes = self._table.values
+    def _variables(self, x: Any, u: Any, motion: Motion, shift: Any) -> dict[str, Any]:
+        """Return the variables that derivatives multiply, suffix -> value, without alphadot."""
+        values = self._table.values
         alpha, beta = x.alpha, x.beta
         if self._table.center is not None:  # AVL's angles are those of the flow at its point
-            alpha = alpha - x.pitch_rate * moved * ca.cos(x.alpha) / x.speed
-            beta = beta + x.yaw_rate * moved / x.speed
-        half_span = sizes["span"] / (2.0 * x.speed)
-        half_chord = sizes["chord"] / (2.0 * x.speed)
-        deflections = {name: getattr(u, name) for name in self._table.surfaces}
+            alpha = alpha - x.pitch_rate * shift * ca.cos(x.alpha) / x.speed
+            beta = beta + x.yaw_rate * shift / x.speed
+        half_span = values["span"] / (2.0 * x.speed)
+        half_chord = values["chord"] / (2.0 * x.speed)
+        roll_rate, pitch_rate, yaw_rate = ca.vertsplit(
+            ca.mtimes(self._moments_to_body.T, motion.rates)
+        )
         return {
             "0": 1.0,
-            "alpha": alpha - self._alpha,
+            "alpha": alpha - self._reference_alpha,
             "beta": beta,
-            "p": rates[0] * half_span,
-            "q": rates[1] * half_chord,
-            "r": rates[2] * half_span,
-            "mach": motion.mach - self._mach,
-            "u": x.speed / sizes["speed"] - 1.0,
-            **deflections,
+            "p": roll_rate * half_span,
+            "q": pitch_rate * half_chord,
+            "r": yaw_rate * half_span,
+            "mach": motion.mach - self._reference_mach,
+            "u": x.speed / values["speed"] - 1.0,
+            **{name: getattr(u, name) for name in self._table.surfaces},
         }
 
-    def _coefficient(self, name: str, p: Any, arguments: Mapping[str, Any]) -> Any:
+    def _coefficient(self, name: str, p: Any, variables: Mapping[str, Any]) -> Any:
         """Return an aerodynamic coefficient, the sum of derivatives times variables."""
         total: Any = 0.0
         for derivative, meaning in self._table.meanings.items():
-            if meaning.coefficient == name and meaning.argument in arguments:
-                total = total + getattr(p, derivative) * arguments[meaning.argument]
+            if meaning.coefficient == name and meaning.argument in variables:
+                total = total + getattr(p, derivative) * variables[meaning.argument]
         return total
 
     def _value(self, p: Any, name: str) -> Any:
         """Return the derivative with the given name, or 0 if the table does not contain it."""
         return getattr(p, name) if name in self._table.derivatives else 0.0
 
-    def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific: Any) -> Any:
-        """Return the rate of alpha, rad/s, including the lift due to this rate."""
-        # The derivative of this lift is CL_alphadot. The drag and the side force due to the rate of
-        # alpha do not change this rate.
-        # specific (3,)
-        sizes = self._table.values
-        forward, _, down = ca.vertsplit(motion.velocity)
-        free = motion.acceleration(specific)
-        rate = (forward * free[2] - down * free[0]) / (forward**2 + down**2)
-        lag = motion.pressure * sizes["wing_area"] * sizes["chord"] / (2.0 * x.speed * p.mass)
+    def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific_force: Any) -> Any:
+        """Return the rate of alpha, rad/s, of which the lift C_L,alphadot is a part.
+
+        specific_force: force without that of alphadot, divided by mass, in body axes, (3,)
+        """
+        values = self._table.values
+        _, rate, _ = flow_rates(motion.velocity, motion.acceleration(specific_force))
+        lag = motion.pressure * values["wing_area"] * values["chord"] / (2.0 * x.speed * p.mass)
         slope = self._value(p, "CL_alphadot") * lag / (x.speed * ca.cos(x.beta))
         return rate / (1.0 + slope)
