@@ -8,6 +8,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_support.native.columns import of_rows
+
 
 class BoundFunction:
     """A dense CasADi Function with fixed memory. A call has an overhead of about a microsecond.
@@ -52,8 +54,8 @@ class BoundFunction:
 MAKING = threading.RLock()
 #: Numbers of rows in a block. The largest that is at most twice the number of rows is used.
 _TOGETHER = (250, 16)
-#: Number of rows, in all calls, above which `by_columns_or_rows` is worthwhile. It takes 9 µs for
-#: an operation and saves 4 ns for an operation and row.
+#: Number of rows, in all calls, above which `by_columns` is worthwhile. It takes 9 µs for an
+#: operation and saves 4 ns for an operation and row.
 _MANY = 2000
 
 #: Bound Function for several rows, with views (rows, size) of its arguments and results.
@@ -118,11 +120,8 @@ class RowFunction(threading.local):
         """Return the bound Function for several rows, its arguments and its results."""
         # An argument or result is an array (together, entries). The block is stored for later
         # calls.
-        mapped = by_rows
-        if self._rows >= _MANY:
-            from hfa_support.native.columns import by_columns_or_rows as mapped
         with MAKING:
-            function, order = mapped(self.function, together)
+            function, order = of_rows(self.function, together, self._rows >= _MANY)
             bound = BoundFunction(function)
             inputs, results = (
                 [memory.reshape(together, -1, order=order) for memory in part]
@@ -130,13 +129,3 @@ class RowFunction(threading.local):
             )
             block = self._blocks[together] = bound, inputs, results
         return block
-
-
-def by_rows(function: ca.Function, rows: int) -> Any:
-    """Return a Function that evaluates `function` for several rows in sequence, and "C".
-
-    "C" is the memory order of its arguments and results.
-
-    rows: number of rows
-    """
-    return function.map(rows) if rows > 1 else function, "C"

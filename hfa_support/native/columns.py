@@ -7,20 +7,19 @@ from collections.abc import Sequence
 import casadi as ca
 
 
-def by_columns_or_rows(function: ca.Function, rows: int) -> tuple[ca.Function, str]:
-    """Return a Function that evaluates `function` for several rows, and the memory order of its
-    arguments.
-
-    - "F": each operation is applied to all rows at once (`by_columns`).
-    - "C": this is not possible, and the rows are evaluated in sequence.
+def of_rows(function: ca.Function, rows: int, by_operation: bool) -> tuple[ca.Function, str]:
+    """Return a Function that evaluates `function` for several rows, and the memory order, "F" or
+    "C", of its arguments and results.
 
     function: dense Function of one row
     rows: number of rows
+    by_operation: whether each operation is applied to all rows at once, if that is possible
+        (`by_columns`), and not one row evaluated after the other
     """
-    at_once = by_columns(function, rows) if rows > 1 else None
-    if at_once is None:
-        return function.map(rows) if rows > 1 else function, "C"
-    return at_once, "F"
+    if rows == 1:
+        return function, "C"
+    at_once = by_columns(function, rows) if by_operation else None
+    return (function.map(rows), "C") if at_once is None else (at_once, "F")
 
 
 def by_columns(function: ca.Function, rows: int) -> ca.Function | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -21,8 +21,8 @@ from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
 from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, Outcome, has_decayed
 from hfa_support.matrices import quadratic_forms
-from hfa_support.native.bound import BoundFunction, by_rows
-from hfa_support.native.columns import by_columns_or_rows
+from hfa_support.native.bound import BoundFunction
+from hfa_support.native.columns import of_rows
 from verification.plant import NonlinearPlant
 
 #: A tick of a simulation in continuous time is as long as the slowest linear loop needs to decay to
@@ -117,8 +117,7 @@ class Rates:
 
         shares = np.abs(rows / self._sizes).max(axis=1, keepdims=True)
         band = rows.shape[1] - 1  # no flight acts on another
-        mapped: Any = by_columns_or_rows if len(rows) >= _MANY_ROWS else by_rows
-        function, order = mapped(self._closed, len(rows))
+        function, order = of_rows(self._closed, len(rows), len(rows) >= _MANY_ROWS)
         bound = BoundFunction(function)
         state, rate = (
             memory.reshape(rows.shape, order=order)

@@ -127,8 +127,10 @@ class StabilityFile:
                 f"the drag of {self.path} is induced drag alone (CDvis 0); add CD_0 to the table,"
                 " or CDCL to the .avl file"
             )
-        factors = [math.sqrt(max(0.0, 1.0 - each**2)) for each in (self.value("Mach"), mach)]
-        if abs(factors[0] - factors[1]) > _COMPRESSIBILITY:
+        of_file, of_flight = (
+            math.sqrt(max(0.0, 1.0 - each**2)) for each in (self.value("Mach"), mach)
+        )
+        if abs(of_file - of_flight) > _COMPRESSIBILITY:
             yield (
                 f"{self.path} is for Mach {self.value('Mach'):g}, and the flight condition has Mach"
                 f" {mach:.3g}"
@@ -163,41 +165,53 @@ def read_stability_file(path: str) -> StabilityFile:
     is_machine_readable = lines[0][1].strip() == "DERMATS"
     found = _machine_readable(lines) if is_machine_readable else _printed(lines)
     values: dict[str, Entry] = {}
-    controls: dict[str, Entry] = {}
+    deflections: dict[str, Entry] = {}
     for place, name, value, is_deflection in found:
         if not is_deflection:
             name = re.sub(r"(?<=d)0+(?=\d)", "", name)  # CLd01 is CLd1
         entry = Entry(value, f"{path}, line {place}")
-        target = controls if is_deflection else values
-        if name in target:
+        of_its_kind = deflections if is_deflection else values
+        if name in of_its_kind:
             raise entry.error(f"{name} is given twice; write each run case to a file of its own")
-        target[name] = entry
-    count = sum(name.startswith("CLd") for name in values)
-    if len(controls) < count:
-        raise BadInputError(
-            f"{path}: {count} controls have derivatives, but {len(controls)} a deflection; {_AGAIN}"
-        )
-    plain = identifiers(controls)
-    before_design_variables = list(controls.items())[:count]
-    of_controls = {plain[name]: entry for name, entry in before_design_variables}
-    file = StabilityFile(path, content, values, of_controls)
+        of_its_kind[name] = entry
     for place, line in lines:
         if "Geometric axis orientation" in line:
             raise BadInputError(
                 f"{path}, line {place}: x is aft and z up; choose x forward and z down (OPER, O, A)"
                 " in AVL and write the file again"
             )
+    file = StabilityFile(path, content, values, _controls(deflections, values, path))
+    _refuse_run_case(file)
+    return file
+
+
+def _controls(
+    deflections: Mapping[str, Entry], values: Mapping[str, Entry], path: str
+) -> dict[str, Entry]:
+    """Return the deflections of the controls that have derivatives, by identifier."""
+    count = sum(name.startswith("CLd") for name in values)
+    if len(deflections) < count:
+        raise BadInputError(
+            f"{path}: {count} controls have derivatives, but {len(deflections)} a deflection; "
+            f"{_AGAIN}"
+        )
+    identifier = identifiers(deflections)
+    before_design_variables = list(deflections.items())[:count]
+    return {identifier[name]: entry for name, entry in before_design_variables}
+
+
+def _refuse_run_case(file: StabilityFile) -> None:
+    """Raise BadInputError unless a whole aircraft is in straight flight without sideslip."""
     if abs(file.value("Clp")) <= _DERIVATIVE_ZERO:
-        raise values["Clp"].error(
+        raise file.values["Clp"].error(
             "Clp is 0, because the case is one half of a symmetric aircraft; set iYsym to 0 in the "
             ".avl file, with YDUPLICATE, and write the file again"
         )
     for name in _STRAIGHT:
         if abs(file.value(name)) > _PRINTED_ZERO:
-            raise values[name].error(
+            raise file.values[name].error(
                 f"{name} is {file.value(name):g}; write the file at a run case with {name} 0"
             )
-    return file
 
 
 class _Found(NamedTuple):

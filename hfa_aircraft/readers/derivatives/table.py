@@ -213,14 +213,16 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
 def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
     """Return the table of the entries after checks of names, units, limits and required entries."""
     pairs = {name: each for name, each in entries.items() if isinstance(each.value, list | tuple)}
-    given_texts = [name for name in _TEXTS if name not in pairs or name not in WORDS]
-    texts = dict.fromkeys(_TEXTS, "") | {name: _text(name, entries) for name in given_texts}
+    surfaces_named_as_words = {*pairs} & {*WORDS}  # flap = ["0 deg", "30 deg"]
+    texts = {
+        name: "" if name in surfaces_named_as_words else _text(name, entries) for name in _TEXTS
+    }
     system = texts["units"] or "si"
+    axes = texts["axes"] or "body"
     limits = {name: _limits(name, each, system) for name, each in pairs.items()}
     thrust = limits.pop(THRUST_INPUT, (0.0, math.inf))
     numbers = {name: each for name, each in entries.items() if name not in {*pairs, *_TEXTS}}
     values, derivatives, meanings, dimensional = _numbers_of(numbers, limits, texts, system)
-    axes = texts["axes"] or "body"
     determined = {derivative.coefficient.name: derivative.name for derivative in dimensional}
     _refuse_missing(values, {*derivatives, *determined}, source.text or _DICTIONARY)
     _refuse_sizes(values, entries)
@@ -239,8 +241,9 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
         derivatives[coefficient.name] = derivative.value(
             value, texts["dimensional"], values, steady, axes, system
         )
-    if by_speed := {THRUST_BY_SPEED, "thrust_slope"} & {*values, *derivatives}:
-        _refuse_no_drag(by_speed.pop(), entries, derivatives)
+    for name in (THRUST_BY_SPEED, "thrust_slope"):
+        if name in values or name in derivatives:
+            _refuse_no_drag(name, entries, derivatives)
     return Table(
         name=texts["name"] or stem,
         system=system,
@@ -288,13 +291,13 @@ def _numbers_of(
         if name in UNITS:
             found.values[name] = number(name, entry, _unit(name, system))
         elif meaning := derivative_of(name, surfaces):
-            plain = per_angle if meaning.is_by_angle else 1.0
-            found.derivatives[name] = number(name, entry, meaning.unit, plain)
+            without_unit = per_angle if meaning.is_by_angle else 1.0
+            found.derivatives[name] = number(name, entry, meaning.unit, without_unit)
             found.meanings[name] = meaning
         elif dimensional := dimensional_of(name, surfaces):
-            plain = per_angle if dimensional.coefficient.is_by_angle else 1.0
+            without_unit = per_angle if dimensional.coefficient.is_by_angle else 1.0
             unit = dimensional.unit(system, _divided(name, entry, texts["dimensional"]))
-            found.dimensional[dimensional] = number(name, entry, unit, plain)
+            found.dimensional[dimensional] = number(name, entry, unit, without_unit)
         else:
             raise _unknown(name, entry, surfaces)
     return found
