@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import casadi as ca
 
 
-def of_rows(function: ca.Function, rows: int, by_operation: bool) -> tuple[ca.Function, str]:
+def of_rows(
+    function: ca.Function, rows: int, by_operation: bool
+) -> tuple[ca.Function, Literal["C", "F"]]:
     """Return a Function that evaluates `function` for several rows, and the memory order, "F" or
     "C", of its arguments and results.
 

@@ -454,7 +454,7 @@ WITHOUT = {
     **dict.fromkeys(("hfa.aircraft", "trim.regenerate", "trim.compare"), "of the paper's aircraft"),
     **dict.fromkeys(("trim.entry_bands", "verification.regenerate_all"), "of the paper's aircraft"),
     **dict.fromkeys(("trim.trim_report", "trim.linear_model_report"), "shows"),
-    **dict.fromkeys(("trim.trim_figure", "trim.draw_point"), "shows"),
+    **dict.fromkeys(("trim.trim_figure", "trim.draw_point", "trim.draw_bode"), "shows"),
     **dict.fromkeys(("controller.expansion_figure", "controller.expansion_report"), "shows"),
     **dict.fromkeys(("controller.solution_report", "verification.verdict_figure"), "shows"),
     "verification.verdict_report": "shows",

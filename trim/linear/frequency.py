@@ -1,22 +1,24 @@
-"""Bode plot of a linear model by python-control, and its transfer functions in words."""
+"""Transfer functions of a linear model, and its Bode plot by python-control."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.modes import spectrum
-from trim.linear.transfer import Transfer, transfers
+from trim.linear.transfer import StateSpace, Transfer, gain_and_roots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from trim.linear.linear_model import LinearModel
 
-def draw_bode(linear: Any, figure: Figure) -> Figure:
+
+def draw_bode(linear: LinearModel, figure: Figure) -> Figure:
     """Draw the Bode plots of a linear model, and return the figure.
 
     python-control draws a panel for the magnitude (dB) and one for the phase (deg) of each output
@@ -85,6 +87,20 @@ def bode_frequencies(A: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([even, np.outer(moving, around).ravel()]))
 
 
+def transfers(linear: LinearModel) -> list[Transfer]:
+    """Return the transfer functions of a linear model from each input to each output.
+
+    All inputs of the first output come first, then those of the second output, and so on.
+    """
+    system = StateSpace(*linear)
+    functions = []
+    for i, output in enumerate(linear.outputs):
+        for j, name in enumerate(linear.inputs):
+            unit = f"({linear.output_units[i]})/({linear.input_units[j]})"
+            functions.append(Transfer(output, name, unit, *gain_and_roots(system.channel(i, j))))
+    return functions
+
+
 def transfers_table(functions: Iterable[Transfer], time: str) -> Table:
     """Return a table of transfer functions without those that are 0.
 
@@ -105,7 +121,7 @@ def transfers_table(functions: Iterable[Transfer], time: str) -> Table:
     return Table(header, rows)
 
 
-def zeros_in_words(linear: Any, zeros: np.ndarray) -> str:
+def zeros_in_words(linear: LinearModel, zeros: np.ndarray) -> str:
     """Return a sentence on the transmission zeros of a linear model."""
     return (
         f"Transmission zeros from {', '.join(linear.inputs)} to {', '.join(linear.outputs)}, "

@@ -324,9 +324,9 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         of the modes that no input affects. With inputs=(), the zeros are the eigenvalues of the
         modes that no output shows.
         """
-        from trim.linear.transfer import transmission_zeros
+        from trim.linear.transfer import StateSpace, transmission_zeros
 
-        return transmission_zeros(self.between(inputs, outputs))
+        return transmission_zeros(StateSpace(*self.between(inputs, outputs)))
 
     def transfer_function(self, inputs: str, outputs: str) -> control.TransferFunction:
         """Return the python-control transfer function from one input to one output.
@@ -335,7 +335,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         import control
 
-        from trim.linear.transfer import transfers
+        import trim
 
         if inputs in self.outputs and outputs in self.inputs:
             raise BadInputError(f"write transfer_function({outputs!r}, {inputs!r}): input first")
@@ -345,7 +345,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
                 f"a transfer function has one input and one output, not {len(loop.inputs)} and "
                 f"{len(loop.outputs)}; name one of each"
             )
-        (found,) = transfers(loop)
+        (found,) = trim.transfers(loop)
         return control.zpk(
             found.zeros, found.poles, found.gain, inputs=[*loop.inputs], outputs=[*loop.outputs]
         )
@@ -357,10 +357,10 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         from matplotlib import pyplot
 
-        from trim.linear.frequency import draw_bode
+        import trim
 
         figure = pyplot.figure(layout="constrained")
-        return np.array(draw_bode(self.between(inputs, outputs), figure).axes)
+        return np.array(trim.draw_bode(self.between(inputs, outputs), figure).axes)
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

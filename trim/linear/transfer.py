@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,15 @@ class Transfer(Result):
     poles: Roots
 
 
+class GainAndRoots(NamedTuple):
+    """Gain, static gain, zeros and poles of a `Transfer`."""
+
+    gain: float
+    static: float
+    zeros: np.ndarray
+    poles: np.ndarray
+
+
 class StateSpace(NamedTuple):
     """System x' = A x + B u, y = C x + D u, with A (n, n), B (n, m), C (k, n), D (k, m)."""
 
@@ -79,24 +88,10 @@ class _Roots(NamedTuple):
     errors: np.ndarray
 
 
-def transfers(linear: Any) -> list[Transfer]:
-    """Return the transfer functions of a linear model from each input to each output.
-
-    All inputs of the first output come first, then those of the second output, and so on.
-    """
-    system = StateSpace(*linear)
-    functions = []
-    for i, output in enumerate(linear.outputs):
-        for j, name in enumerate(linear.inputs):
-            unit = f"({linear.output_units[i]})/({linear.input_units[j]})"
-            functions.append(Transfer(output, name, unit, *_gain_and_roots(system.channel(i, j))))
-    return functions
-
-
-def transmission_zeros(linear: Any) -> np.ndarray:
+def transmission_zeros(system: StateSpace) -> np.ndarray:
     """Return the transmission zeros from all inputs to all outputs, 1/s, fastest first."""
-    system, _ = _levelled(StateSpace(*linear))
-    zeros, _ = _zeros(system)
+    levelled, _ = _levelled(system)
+    zeros, _ = _zeros(levelled)
     return fastest_first(zeros.values)
 
 
@@ -140,8 +135,8 @@ def _levelled(system: StateSpace) -> tuple[StateSpace, float]:
     return StateSpace(A, B, C, D), gain
 
 
-def _gain_and_roots(channel: StateSpace) -> tuple[float, float, np.ndarray, np.ndarray]:
-    """Return gain, static gain, zeros and poles of a system with one input and one output.
+def gain_and_roots(channel: StateSpace) -> GainAndRoots:
+    """Return the transfer function of a system with one input and one output.
 
     Common zeros and poles are canceled. The static gain is 0 for a zero at 0 and inf for a pole at
     0. If the input does not affect the output, both gains are 0, and there are no zeros and poles.
@@ -150,7 +145,7 @@ def _gain_and_roots(channel: StateSpace) -> tuple[float, float, np.ndarray, np.n
     of_zeros, rank = _zeros(system)
     if rank == 0:
         nothing = np.zeros(0, dtype=complex)
-        return 0.0, 0.0, nothing, nothing
+        return GainAndRoots(0.0, 0.0, nothing, nothing)
     zeros, poles = _without_common(of_zeros, _Roots(*spectrum(channel.A)[:2]))
     # The gain is the first nonzero number in D, C B, C A B, C A² B, ...
     order = len(poles) - len(zeros)
@@ -164,7 +159,7 @@ def _gain_and_roots(channel: StateSpace) -> tuple[float, float, np.ndarray, np.n
         static = math.inf
     else:
         static = float(np.real(gain * np.prod(-zeros) / np.prod(-poles)))
-    return gain, static, zeros, poles
+    return GainAndRoots(gain, static, zeros, poles)
 
 
 def _zeros(system: StateSpace) -> tuple[_Roots, int]:
