@@ -67,6 +67,30 @@ def test_a_proved_motion_does_not_depend_on_units(monkeypatch):
     assert found[1] == pytest.approx(found[0], rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("stiffness_gains", "is_any_rate"),
+    [((0.5,), True), ((0.5, 0.5), True), ((0.5, 0.5, 8.0), False)],
+)
+def test_a_scheduling_variable_may_be_without_effect(stiffness_gains, is_any_rate, monkeypatch):
+    """x'' = u - 0.2 x' - x does not depend on s: V is constant where the gains are constant."""
+    monkeypatch.setattr("hfa_prove.search.schedule._SAMPLES", 21)
+    model = Model(
+        "idle", {"x": Signal("m"), "v": Signal("m/s")}, {"u": Signal("N", 1.0, -9.0, 9.0)},
+        lambda x, u, p, w: ({"x": x.v, "v": u.u - 0.2 * x.v - x.x}, {}),
+        parameters={"s": Signal(start=0.0)}, schedule="s", trim={"x": 0.0, "v": 0.0},
+    )  # fmt: skip
+    K = np.array([[[stiffness, 1.0]] for stiffness in stiffness_gains])
+    gains = Gains(np.linspace(0.0, 2.0, len(K)), K)
+    rates = [
+        prove_schedule(
+            Family(model), gains, 0.0, 2.0, decay_rate=0.1, scheduled_rate=rate
+        ).statement.scheduled_rate
+        for rate in ("largest", 0.1)
+    ]
+    assert (rates[0] == math.inf) == is_any_rate
+    assert rates[0] > rates[1] == 0.1
+
+
 def test_gains_are_interpolated_linearly():
     """With K linear from (1, 2) to (3, 4), the loop at the middle has K = (2, 3)."""
     gains = Gains(np.array([1.0, 2.0]), np.array([[[1.0, 2.0]], [[3.0, 4.0]]]))
@@ -174,10 +198,18 @@ def fold(low, high, model=FOLD):
 
 
 def test_a_trim_is_claimed_only_where_krawczyks_test_holds():
-    """√p is proved from 0.5 to 0.6 in one piece, but not from 0.01 to 1."""
-    assert fold(0.5, 0.6).flight.trims(0.5, 0.6, np.array([0.7, 0.5])).low == 0.5
+    """One piece of trims from p = 0.5 to 0.6 contains u = √p and v = p; from 0.01 to 1, the slope
+    2 u of the equation varies too much for the test.
+    """
+    guess = np.array([0.7, 0.5])
+    trims = fold(0.5, 0.6).flight.trims(0.5, 0.6, guess)
+    for p in (0.5, 0.55, 0.6):
+        u, v = trims.at(p, trims.offset)
+        assert u.overlaps(arb(p).sqrt())
+        assert v.overlaps(arb(p))
+        assert float(u.rad()) < 0.1
     with pytest.raises(NoSolutionError, match="not proved to exist"):
-        fold(0.01, 1.0).flight.trims(0.01, 1.0, np.array([0.7, 0.5]))
+        fold(0.01, 1.0).flight.trims(0.01, 1.0, guess)
 
 
 def test_trims_and_loop_of_two_unknowns_are_enclosed():

@@ -23,9 +23,10 @@ from trim.point.solve import trim
 
 #: Limits beyond this value are treated as infinite.
 _FAR = 1e300
-#: Largest distance between two breakpoints of exact gains, deg; of a variable that is no angle, as
-#: a part of its nominal value, rad.
-_STEP = 2.0
+#: Largest distance between two breakpoints of exact gains: of an angle, deg, and of any other
+#: variable, in nominal values.
+_STEP_DEG = 2.0
+_STEP_NOMINAL = math.radians(_STEP_DEG)
 
 
 @dataclass(frozen=True)
@@ -124,11 +125,16 @@ class Family:
 
 
 def breakpoints_of(family: Family, low: float, high: float) -> np.ndarray:
-    """Return the breakpoints of exact gains from `low` to `high`, equally spaced."""
+    """Return the breakpoints of exact gains from `low` to `high`, equally spaced.
+
+    Their distance is at most `_STEP_DEG` for an angle in deg, and `_STEP_NOMINAL` nominal values
+    for any other scheduling variable.
+    """
     model = family.model
-    longest = _STEP
-    if model.schedule_unit != "deg":
-        longest = math.radians(_STEP) * model.signals[model.schedule].nominal
+    if model.schedule_unit == "deg":
+        longest = _STEP_DEG
+    else:
+        longest = _STEP_NOMINAL * model.signals[model.schedule].nominal
     count = max(2, math.ceil((high - low) / longest) + 1)
     return np.linspace(low, high, count)
 

@@ -6,7 +6,7 @@ No proof depends on the samples; `check_schedule` proves the statement.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -112,16 +112,10 @@ def prove_schedule(
         )
     rate = _SHARE * sampled if decay_rate is None else decay_rate
     still_statement = ScheduleStatement(flight, gains, rate)
-    candidates = [(still_statement, still)]
-    if scheduled_rate is not None:
-        wanted = None if scheduled_rate == "largest" else scheduled_rate
-        candidates = list(_motions(still_statement, samples, wanted))
-    if not candidates:
-        how = "" if scheduled_rate == "largest" else f" at {scheduled_rate:g} per s"
-        raise NoSolutionError(
-            f"no Lyapunov function was found for a motion of the scheduling variable{how}"
-        )
-    return _first_proved(candidates, progress)
+    if scheduled_rate is None:
+        return _first_proved([(still_statement, still)], progress)
+    wanted = None if scheduled_rate == "largest" else scheduled_rate
+    return _first_proved(_motions(still_statement, samples, wanted), progress)
 
 
 def _refuse_uncovered(gains: Gains, low: float, high: float) -> None:
@@ -135,11 +129,12 @@ def _refuse_uncovered(gains: Gains, low: float, high: float) -> None:
 
 
 def _first_proved(
-    candidates: Sequence[tuple[ScheduleStatement, ScheduleWitness]], progress: Progress | None
+    candidates: Iterable[tuple[ScheduleStatement, ScheduleWitness]], progress: Progress | None
 ) -> ScheduleFound:
-    """Return the first of some statements, at least one, that is proved with its witness.
+    """Return the first of some statements that is proved with its witness.
 
-    Raises NoSolutionError with the open claim of the last one if none is proved.
+    Raises NoSolutionError with the open claim of the last one if none is proved, or if the search
+    for Lyapunov functions of a moving scheduling variable found no statement.
     """
     rejected: Rejected | None = None
     for statement, witness in candidates:
@@ -152,6 +147,10 @@ def _first_proved(
         # processor whose roundoff requires further pieces.
         kept = ScheduleWitness(2 * size + 100, witness.breakpoints, witness.P)
         return ScheduleFound(statement, kept, size)
+    if rejected is None:
+        raise NoSolutionError(
+            "no Lyapunov function was found for the stated motion of the scheduling variable"
+        )
     raise NoSolutionError(str(rejected)) from rejected
 
 
@@ -219,8 +218,9 @@ def _motions(
         cuts = [np.linspace(*part, fineness + 1)[:-1] for part in gains.pieces(*flight.range)]
         nodes = np.append(np.concatenate(cuts), flight.high)
         P = np.array([_lyapunov(_loop_near(samples, node), W) for node in nodes.tolist()])
-        found = _sampled_rate(samples, nodes, P)
-        if found > _FASTER * best:
+        found = _permitted_scheduled_rate(samples, nodes, P)
+        # An infinite rate is that of a constant P, which was tried above.
+        if _FASTER * best < found < math.inf:
             kept.append((found, nodes, P))
             best = found
         if wanted is not None and wanted <= found:
@@ -237,19 +237,30 @@ def _loop_near(samples: Sequence[Sample], s: float) -> np.ndarray:
     return near.C + near.slope * (s - near.s)
 
 
-def _sampled_rate(samples: Sequence[Sample], nodes: np.ndarray, P: np.ndarray) -> float:
-    """Return the largest rate at which V, with P at `nodes`, decreases at all samples, or 0."""
-    least = math.inf
+def _permitted_scheduled_rate(samples: Sequence[Sample], nodes: np.ndarray, P: np.ndarray) -> float:
+    """Return the largest |ds/dt| for which V = x'P(s) x decreases at all samples, or 0.
+
+    The rate r of a sample is the largest one with -(C'P + P C) ± r dP/ds >= 0.
+
+    nodes, P: breakpoints, and P there. P is linear between them
+    """
+    permitted = math.inf
     for sample in samples:
-        k = max(0, min(int(np.searchsorted(nodes, sample.s, "right")) - 1, len(nodes) - 2))
+        k = _piece_of(nodes, sample.s)
         slope = (P[k + 1] - P[k]) / (nodes[k + 1] - nodes[k])
         product = sample.C.T @ (P[k] + slope * (sample.s - nodes[k]))
         S = -(product + product.T)
         if not _is_positive(S):
             return 0.0
-        growth = scipy.linalg.eigh(slope, S, eigvals_only=True)
-        least = min(least, 1.0 / float(np.abs(growth).max()))
-    return least
+        relative_slope = float(np.abs(scipy.linalg.eigh(slope, S, eigvals_only=True)).max())
+        if relative_slope > 0.0:
+            permitted = min(permitted, 1.0 / relative_slope)
+    return permitted
+
+
+def _piece_of(nodes: np.ndarray, s: float) -> int:
+    """Return the number of the interval between two breakpoints that begins at or before s."""
+    return int(np.clip(np.searchsorted(nodes, s, "right") - 1, 0, len(nodes) - 2))
 
 
 def _is_positive(S: np.ndarray) -> bool:
@@ -285,7 +296,9 @@ def _weight(samples: Sequence[Sample]) -> np.ndarray:
             sizes, axes = np.linalg.eigh(growth)
             largest = max(largest, float(np.abs(sizes).max()))
             total += (axes * np.abs(sizes) ** _POWER) @ axes.T
-        if largest > 0.0 and 1.0 / largest > permitted:
+        if largest == 0.0:  # P does not depend on s, and permits any rate
+            return W
+        if 1.0 / largest > permitted:
             best, permitted = W, 1.0 / largest
         sizes, axes = np.linalg.eigh(total)
         sizes = (sizes / sizes.max()).clip(0.0) ** (1.0 / _POWER)
