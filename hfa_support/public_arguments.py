@@ -71,7 +71,7 @@ class _Alternative(NamedTuple):
         if self.name in ("int", "float"):
             return getattr(value, "ndim", 0) == 0
         is_listed = self.of == "str" and isinstance(value, Collection)
-        return not is_listed or all(isinstance(each, str) for each in value)
+        return not is_listed or all(isinstance(element, str) for element in value)
 
 
 def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Callable[..., Any]:
@@ -101,14 +101,22 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
 
 def check_fields(made: Any) -> None:
     """Raise BadInputError if a field of a dataclass is of another kind than its annotation."""
-    for each in fields(made):
-        value = getattr(made, each.name)
-        if value is not each.default:
-            _check(each.name, value, str(each.type), type(made), lambda kind: "")
+    for field in fields(made):
+        value = getattr(made, field.name)
+        if value is not field.default:  # a default need not be of the kind that users give
+            _check(field.name, value, str(field.type), type(made))
+
+
+def _no_advice(name: str) -> str:
+    return ""
 
 
 def _check(
-    name: str, value: Any, annotation: str, owner: Callable[..., Any], makers: Callable[[str], str]
+    name: str,
+    value: Any,
+    annotation: str,
+    owner: Callable[..., Any],
+    makers: Callable[[str], str] = _no_advice,
 ) -> None:
     """Raise BadInputError if an argument of a function or class is not of a kind of its annotation.
 
@@ -127,7 +135,7 @@ def _type_of(value: Any) -> str:
     kind = type(value).__name__
     if kind not in ("list", "tuple"):
         return kind
-    others = {type(each).__name__ for each in value if not isinstance(each, str)}
+    others = {type(element).__name__ for element in value if not isinstance(element, str)}
     return f"{kind} of {min(others)}" if others else kind
 
 
@@ -158,44 +166,46 @@ def _is_of(kind: type, name: str, module: str) -> bool:
     """Return whether a type is of the kind that a name in an annotation of a module states."""
     if name in _KINDS:
         return _KINDS[name](kind)
-    if any(each.__name__ == name.rpartition(".")[2] for each in kind.__mro__):
+    if any(base.__name__ == name.rpartition(".")[2] for base in kind.__mro__):
         return True
-    return _fits(kind, _stated(name, module))
+    return _fits(kind, _annotated_object(name, module))
 
 
-def _fits(kind: type, stated: Any) -> bool:
+def _fits(kind: type, annotated: Any) -> bool:
     """Return whether a type is of the kind of the object that an annotation names."""
-    if isinstance(stated, UnionType):
-        return any(_fits(kind, each) for each in get_args(stated))
-    stated = get_origin(stated) or stated
-    if getattr(stated, "__name__", "") in _KINDS:
-        return _KINDS[stated.__name__](kind)
-    if not getattr(stated, "_is_protocol", False):
-        return not isinstance(stated, type) or issubclass(kind, stated)
-    methods = [
-        each for each, value in vars(stated).items() if isinstance(value, FunctionType | property)
+    if isinstance(annotated, UnionType):
+        return any(_fits(kind, alternative) for alternative in get_args(annotated))
+    annotated = get_origin(annotated) or annotated
+    if getattr(annotated, "__name__", "") in _KINDS:
+        return _KINDS[annotated.__name__](kind)
+    if not getattr(annotated, "_is_protocol", False):
+        return not isinstance(annotated, type) or issubclass(kind, annotated)
+    members = [
+        name
+        for name, member in vars(annotated).items()
+        if isinstance(member, FunctionType | property)
     ]
-    return all(_defines(kind, each) for each in methods if each == "__call__" or each[0] != "_")
+    return all(_defines(kind, name) for name in members if name == "__call__" or name[0] != "_")
 
 
 def _has(kind: type, attributes: Sequence[str]) -> bool:
-    return not issubclass(kind, str | bytes) and any(_defines(kind, each) for each in attributes)
+    return not issubclass(kind, str | bytes) and any(_defines(kind, name) for name in attributes)
 
 
 def _defines(kind: type, attribute: str) -> bool:
     """Return whether objects of a type have an attribute; the type itself can be called, too."""
-    return any(attribute in vars(each) for each in kind.__mro__)
+    return any(attribute in vars(base) for base in kind.__mro__)
 
 
 @cache
-def _stated(name: str, module: str) -> Any:
+def _annotated_object(name: str, module: str) -> Any:
     """Return the object that an annotation names, also one that is imported for types only."""
-    first, *others = name.split(".")
+    first, *attributes = name.split(".")
     names = vars(builtins) | vars(sys.modules[module])
-    found = names[first] if first in names else _imported_for_types(module, first)
-    for each in others:
-        found = getattr(found, each)
-    return found
+    annotated = names[first] if first in names else _imported_for_types(module, first)
+    for attribute in attributes:
+        annotated = getattr(annotated, attribute)
+    return annotated
 
 
 def _imported_for_types(module: str, name: str) -> Any:

@@ -386,7 +386,7 @@ def _of_value(game: Game, origin: str, shared: Mapping[str, Any]) -> Critic:
         F=game.F if game.N.any() else None,
         **shared,
     )
-    return _with_implied_policy(game, critic)
+    return _with_one_step_policy(game, critic)
 
 
 def _refuse_not_finite(at_trim: Mapping[str, np.ndarray]) -> None:
@@ -405,8 +405,8 @@ def _slope_gain(game: Game) -> np.ndarray | None:
     return None if game.is_discrete else game.R_inverse_B_transposed
 
 
-def _with_implied_policy(game: Game, critic: Critic) -> Critic:
-    """Return the critic of a value with the policy that it implies in discrete time.
+def _with_one_step_policy(game: Game, critic: Critic) -> Critic:
+    """Return the critic of a value in discrete time with the policy that is optimal for one step.
 
     V, ∂V/∂x and the policy become CasADi functions in `network`. The critic is unchanged in
     continuous time, if its value is quadratic (its policy is the K that it has), and if K or P is
@@ -416,14 +416,12 @@ def _with_implied_policy(game: Game, critic: Critic) -> Critic:
         return critic
     from controller.critic.implied_policy import policy_of_next
 
-    assert critic.P is not None  # V or its gradient is known
-    assert critic.gradient is not None
-    network = dict(critic.network)
-    if not network:
-        assert critic.value is not None  # weights
-        network = {"V": critic.value, "gradient": critic.gradient}
-    quadratic_part = (critic.P + critic.P.T) / 2.0
-    network["policy"] = policy_of_next(game, critic.gradient, quadratic_part)
+    V, gradient, P = critic.value, critic.gradient, critic.P
+    assert gradient is not None  # V or its gradient is known
+    assert P is not None  # as above
+    policy = policy_of_next(game, gradient, (P + P.T) / 2.0)
+    functions = {"V": V, "gradient": gradient, "policy": policy}
+    network = {name: function for name, function in functions.items() if function is not None}
     return replace(critic, network=network, implies_policy=True)
 
 
@@ -482,7 +480,8 @@ def from_weights(
 ) -> Critic:
     """Return the critic V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
 
-    With cross weights N, u = -½ R⁻¹B' (∂ψ/∂z)'W - R⁻¹N'z.
+    With cross weights N, u = -½ R⁻¹B' (∂ψ/∂z)'W - R⁻¹N'z. In discrete time, the policy is optimal
+    for one step, followed by the cost V.
 
     game: the game whose solution the critic approximates
     weights: W, (M,)
@@ -506,24 +505,8 @@ def from_weights(
         raise BadInputError(f"constant is {shown(constant)}; give a finite number, V(0)")
     psi = basis_of(basis, n, game.names.states)
     if isinstance(psi, ca.Function):
-        count = psi.numel_out(0)
-        if psi.numel_in(0) != n or weights.shape != (count,):
-            raise BadInputError(
-                f"W has {weights.size} weights and the plant has {n} states; give a basis of "
-                f"{weights.size} functions of {n} states"
-            )
-
-        z = ca.SX.sym("z", n)
-        V = ca.DM(weights).T @ ca.vec(psi(z)) + constant
-        listed = from_functions(game, z, {"V": V}, "weights of a list of functions", precision)
-        return replace(listed, has_weights=True)
-    if weights.shape != (psi.size,):
-        named = " or ".join(bases_of_size(weights.size, n))
-        instead = f"{psi.size} weights, P or a list of functions as the basis"
-        raise BadInputError(
-            f"W has {weights.size} weights, but basis {psi.name!r} of {psi.states} states has "
-            f"{psi.size} functions; give {f'the basis {named}' if named else instead}"
-        )
+        return _from_listed_functions(game, weights, psi, constant, precision)
+    _refuse_size(weights, psi)
     P = psi.matrix(weights)
     critic = Critic(
         game.gain(P),
@@ -537,7 +520,34 @@ def from_weights(
         has_weights=True,
         is_discrete=game.is_discrete,
     )
-    return _with_implied_policy(game, critic)
+    return _with_one_step_policy(game, critic)
+
+
+def _from_listed_functions(
+    game: Game, weights: np.ndarray, psi: ca.Function, constant: float, precision: str
+) -> Critic:
+    """Return the critic V = W'ψ(z) + constant of a CasADi Function ψ; W (M,)."""
+    n = len(game.A)
+    if psi.numel_in(0) != n or weights.shape != (psi.numel_out(0),):
+        raise BadInputError(
+            f"W has {weights.size} weights and the plant has {n} states; give a basis of "
+            f"{weights.size} functions of {n} states"
+        )
+    z = ca.SX.sym("z", n)
+    V = ca.DM(weights).T @ ca.vec(psi(z)) + constant
+    critic = from_functions(game, z, {"V": V}, "weights of a list of functions", precision)
+    return replace(critic, has_weights=True)
+
+
+def _refuse_size(weights: np.ndarray, psi: Basis) -> None:
+    """Raise BadInputError unless there is one weight for each function of a basis."""
+    if weights.shape != (psi.size,):
+        names = " or ".join(bases_of_size(weights.size, psi.states))
+        instead = f"{psi.size} weights, P or a list of functions as the basis"
+        raise BadInputError(
+            f"W has {weights.size} weights, but basis {psi.name!r} of {psi.states} states has "
+            f"{psi.size} functions; give {f'the basis {names}' if names else instead}"
+        )
 
 
 def from_q_function(

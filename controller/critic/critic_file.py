@@ -142,8 +142,9 @@ def _in_order_of(game: Game, H: np.ndarray, signals: tuple[str, ...]) -> np.ndar
     """
     if not signals:
         return H
-    own = {"x": game.names.states, "u": game.names.inputs, "w": numbered("w", game.E.shape[1])}
-    places = blocks_in_order("H_signals", signals, own)
+    disturbances = numbered("w", game.E.shape[1])
+    blocks = {"x": game.names.states, "u": game.names.inputs, "w": disturbances}
+    places = blocks_in_order("H_signals", signals, blocks)
     if H.shape != (len(places),) * 2:
         raise BadInputError(
             f"H is {shape_text(H.shape)}, but H_signals lists {len(places)} signals; list each of "
@@ -155,11 +156,13 @@ def _in_order_of(game: Game, H: np.ndarray, signals: tuple[str, ...]) -> np.ndar
 def _other_names(entries: Mapping[str, Any], plant: PlantNames) -> tuple[str, ...]:
     """Return notes on states and inputs that have other names in a file than in the plant."""
     notes = []
-    for key, own in (("states", plant.states), ("inputs", plant.inputs)):
-        named = words(entries, key)
-        if named and own and [each.lower() for each in named] != [each.lower() for each in own]:
-            listed = shortened(", ".join(named), 200)
-            notes.append(f"{key} {listed} of the file, taken as {shortened(', '.join(own), 200)}")
+    for key, of_plant in (("states", plant.states), ("inputs", plant.inputs)):
+        of_file = words(entries, key)
+        if of_file and of_plant and ", ".join(of_file).lower() != ", ".join(of_plant).lower():
+            file_text, plant_text = (
+                shortened(", ".join(names), 200) for names in (of_file, of_plant)
+            )
+            notes.append(f"{key} {file_text} of the file, taken as {plant_text}")
     return tuple(notes)
 
 
@@ -308,12 +311,13 @@ def entries_in(path: str | Path) -> dict[str, Any]:
     """
     stored = read_arrays(path)
     with prefix_errors(path):
-        sample_time(stored)
-    if {"K", "S"} <= stored.keys() and np.size(stored.get("P", ())) <= len(
-        np.atleast_2d(stored["S"])
-    ):
-        stored["P"] = stored["S"]
-    return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
+        sample_time(stored)  # refuses a wrong entry
+    if {"K", "S"} <= stored.keys():
+        n = len(np.atleast_2d(stored["S"]))
+        # P is absent or the n poles; that of one state, 1 x 1, is taken as the pole.
+        if np.size(stored.get("P", ())) <= n:
+            stored["P"] = stored["S"]
+    return {name: stored[alias] for alias, name in _ALIASES.items() if alias in stored} | stored
 
 
 def part_by_shape(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -48,22 +49,27 @@ def _labels(matrix: Any) -> list[list[Any]] | None:
 
 
 def blocks_in_order(
-    name: str, stated: tuple[str, ...], own: dict[str, tuple[str, ...]]
+    name: str, names_or_blocks: tuple[str, ...], blocks: dict[str, tuple[str, ...]]
 ) -> list[int]:
     """Return the places in a square matrix of the signals of a plant, block by block.
 
-    stated: names of the signals of the matrix, or of its blocks, in the order of the matrix
-    own: block, such as "x" -> names of its signals, in the wanted order. Blocks that the matrix
-        lacks are left out
+    name: name of the matrix's list of signals, for messages
+    names_or_blocks: names of the signals of the matrix, or of its blocks, in its order
+    blocks: block, such as "x" -> names of its signals, in the order of the plant. Blocks that the
+        matrix lacks are left out
 
     Raises BadInputError for other names.
+
+    >>> blocks_in_order("H_signals", ("u", "beta", "alpha"), {"x": ("alpha", "beta"), "u": ("e",)})
+    [2, 1, 0]
     """
-    names = [each for word in stated for each in own.get(word, (word,))]
-    wanted = [each for block in own.values() if set(block) & set(names) for each in block]
-    if sorted(names) != sorted(wanted):
-        signals = ", ".join(each for block in own.values() for each in block)
+    in_matrix = [signal for word in names_or_blocks for signal in blocks.get(word, (word,))]
+    present = [signals for signals in blocks.values() if set(signals) & set(in_matrix)]
+    in_plant = list(chain.from_iterable(present))
+    if sorted(in_matrix) != sorted(in_plant):
+        signals = ", ".join(chain.from_iterable(blocks.values()))
         raise BadInputError(
-            f"{name} lists {shortened(', '.join(stated), 200)}; give the blocks "
-            f"{', '.join(own)}, or their signals ({shortened(signals, 200)}), each of them once"
+            f"{name} lists {shortened(', '.join(names_or_blocks), 200)}; give the blocks "
+            f"{', '.join(blocks)}, or their signals ({shortened(signals, 200)}), each of them once"
         )
-    return [names.index(each) for each in wanted]
+    return [in_matrix.index(signal) for signal in in_plant]

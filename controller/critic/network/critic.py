@@ -68,10 +68,10 @@ def from_network(
     stored = network_in(
         source, Asked(n, network, activation, count, m, (1, n, m, 1 + m), of_states=True)
     )
-    named, where = type(source).__name__, type(source).__name__
+    name = where = type(source).__name__
     if isinstance(source, (str, Path)):
-        named, where = Path(source).name, str(source)
-    origin = f"network {named}: {stored.chain}"
+        name, where = Path(source).name, str(source)
+    origin = f"network {name}: {stored.chain}"
     with prefix_errors(where):
         if stored.on_basis is not None:
             return _on_basis(game, stored, psi, scales, network, origin)
@@ -97,28 +97,23 @@ def critic_of_network(path: str | Path, game: Game, reading: Reading) -> Critic:
 def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str) -> Critic:
     """Return the critic of a network whose inputs are the states, or states and inputs (a Q)."""
     n, m = game.B.shape
-    functions = {}
-    for name, function in stored.functions.items():
-        if function.numel_in(0) == n + m:
-            origin = f"{origin} = Q(x, u), u from dQ/du = 0"
-            function = policy_of(function, n)
-        functions[name] = function
+    minimized = {
+        name: policy_of(function, n)
+        for name, function in stored.functions.items()
+        if function.numel_in(0) == n + m
+    }
+    if minimized:
+        origin = f"{origin} = Q(x, u), u from dQ/du = 0"
+    functions = stored.functions | minimized
     sizes = {name: function.numel_out(0) for name, function in functions.items()}
     kinds = _kinds(sizes, n, m)
     if any(is_taken_as_policy(name, size, m) for name, size in sizes.items()):
         origin = f"{origin}, its one output read as the policy u, not V"
     z = symbols_for(functions.values(), n)
-    outputs = {}
-    for name, function in functions.items():
-        numbers = ca.vec(function(ca.DM(scales) * z))
-        if kinds[name] == "V+policy":
-            outputs["V"] = numbers[0]
-            outputs["policy"] = numbers[1:]
-        else:
-            outputs[kinds[name]] = numbers
+    outputs = _outputs_by_kind(functions, kinds, ca.DM(scales) * z)
     stated = stored.stated
-    acts = [name for name, each in stored.functions.items() if each.numel_in(0) == n]
-    if str(stated.action) and "policy" in [kinds[name] for name in acts]:
+    # The policy of a Q minimizes over u: it is the action already.
+    if str(stated.action) and "policy" in outputs and not minimized:
         outputs["policy"] = stated.action.of(outputs["policy"])
         origin = f"{origin}, {stated.action}"
     notes = stated.notes
@@ -126,6 +121,24 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
         notes += (f"observations {', '.join(stated.observations)}, taken as the states",)
     critic = from_functions(game, z, outputs, origin, stored.precision)
     return replace(critic, stated=stated._replace(notes=notes))
+
+
+def _outputs_by_kind(
+    functions: Mapping[str, ca.Function], kinds: Mapping[str, str], x: Any
+) -> dict[str, Any]:
+    """Return the expressions "V", "gradient", "policy" of a network, as far as it has them.
+
+    functions: name -> function of the inputs x of the network
+    kinds: name -> kind of its output
+    """
+    outputs = {}
+    for name, function in functions.items():
+        output = ca.vec(function(x))
+        if kinds[name] == "V+policy":
+            outputs["V"], outputs["policy"] = output[0], output[1:]
+        else:
+            outputs[kinds[name]] = output
+    return outputs
 
 
 def _on_basis(

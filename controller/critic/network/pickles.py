@@ -205,10 +205,11 @@ def torch_stream(content: bytes) -> Any:
     stream = io.BytesIO(content)
     storages: dict[str, np.ndarray] = {}
 
-    def numbers(key: str, kind: str, count: Any) -> np.ndarray:
+    def storage_or_zeros(key: str, kind: str, count: Any) -> np.ndarray:
+        """Return the numbers of a storage, or zeros in the first pass, before they are read."""
         if key not in storages:
-            others = sum(each.nbytes for each in storages.values())
-            if not isinstance(count, int) or not 0 <= count <= len(content) - others:
+            left = len(content) - sum(storage.nbytes for storage in storages.values())
+            if not isinstance(count, int) or not 0 <= count * np.dtype(kind).itemsize <= left:
                 raise BadInputError(
                     "the file is damaged (a storage is larger than the file); save it again"
                 )
@@ -219,15 +220,15 @@ def torch_stream(content: bytes) -> Any:
         # Number of the format, version, system; content; keys of the storages.
         places = [stream.tell()]
         for _ in range(4):
-            _Restricted(stream, numbers).load()
+            _Restricted(stream, storage_or_zeros).load()
             places.append(stream.tell())
-        keys = _Restricted(stream, numbers).load()
+        keys = _Restricted(stream, storage_or_zeros).load()
         for key in keys:
             count = int.from_bytes(stream.read(8), "little")
             kind = storages[key].dtype
             storages[key] = np.frombuffer(stream.read(count * kind.itemsize), kind)
         stream.seek(places[3])  # again, with the numbers
-        return _Restricted(stream, numbers).load()
+        return _Restricted(stream, storage_or_zeros).load()
 
     return _loaded(load)
 
