@@ -115,12 +115,15 @@ def _size(entry: arb) -> arb:
     return abs(entry.mid())
 
 
-def doubt_about(gain_change: float) -> str:
-    """Return that the entries of a game do not determine K, as one sentence, or ""."""
-    if gain_change <= GAIN_CHANGE:
+def doubt_about(change: float) -> str:
+    """Return that the entries of a game do not determine K, as one sentence, or "".
+
+    change: `gain_change` of the game's solution
+    """
+    if change <= GAIN_CHANGE:
         return ""
     return (
-        f"K changes by {100.0 * gain_change:.2g} % if the entries of the game change in their"
+        f"K changes by {100.0 * change:.2g} % if the entries of the game change in their"
         " last digit: they do not determine K"
     )
 
@@ -187,8 +190,9 @@ def _gain_change(enclosure: Enclosure) -> float:
     else:
         right = right + G.T @ Z + dG.T @ X
     B, inputs = plain(equation.B), slice(m)
-    change, K = (_rows(each, inputs) for each in (plain(_solved(W, right)), gains))
-    return relative_change(_doubles(B @ change), _doubles(B @ K), _doubles(A))
+    change_of_K = _rows(plain(_linear_solution(W, right)), inputs)
+    K = _rows(gains, inputs)
+    return relative_change(_doubles(B @ change_of_K), _doubles(B @ K), _doubles(A))
 
 
 def _rows(matrix: Balls | np.ndarray, rows: slice) -> Balls | np.ndarray:
@@ -210,8 +214,8 @@ def _moved_value(
     return solver.solve(-moved)[0]
 
 
-def _solved(matrix: Any, right: Any) -> np.ndarray | arb_mat:
-    """Return matrix⁻¹ right."""
+def _linear_solution(matrix: Any, right: Any) -> np.ndarray | arb_mat:
+    """Return matrix⁻¹ right: of balls, the midpoints alone."""
     if isinstance(matrix, Balls):
         return matrix.matrix.mid().solve(right.matrix.mid()).mid()
     return np.linalg.solve(matrix, right)

@@ -10,7 +10,6 @@ import numpy as np
 from controller.riccati.balls import (
     ROUNDOFF,
     ball_matrix,
-    bits,
     identity,
     midpoints,
     norm,
@@ -19,7 +18,7 @@ from controller.riccati.balls import (
 from controller.riccati.enclosure import ATTEMPTS
 from controller.riccati.equation import scaled_balls
 from controller.riccati.proof import NotProvedError
-from controller.riccati.proposal import FailedError, loop_units
+from controller.riccati.proposal import FailedError, half_the_bits, loop_units
 
 if TYPE_CHECKING:
     from flint import acb, acb_mat, arb, arb_mat
@@ -81,11 +80,11 @@ def enclosed_poles(loop: arb_mat) -> Poles:
     The discs of Gershgorin of V⁻¹ F V contain them for any V. They are small for eigenvectors, by
     LAPACK if their corrections converge, otherwise by FLINT.
     """
-    from flint import acb_mat, arb
+    from flint import acb_mat
 
     units = loop_units(midpoints(loop))
     F = scaled_balls(loop, -units, units)
-    few = norm(F) * arb(2) ** (-bits() // 2)
+    few = norm(F) * half_the_bits()
     found = _corrected(F)
     if not found.size <= float(few) ** 0.5:
         # Multiple eigenvalues differ where the loop is changed by half its digits.

@@ -120,7 +120,7 @@ def _uncorrected(game: Game, delta: float) -> tuple[Equation[DoubleBalls], np.nd
     equation = equation_of(game, first_units(game, delta), DoubleBalls, delta)
     X = stabilizing_in_doubles(equation)
     for _ in range(2):
-        units = units_of(game, equation.units, X, delta)
+        units = units_of_solution(game, equation.units, X, delta)
         steps = units.states - equation.units.states
         farthest = np.abs(steps).max()
         if farthest <= SAME and not any(each.any() for each in (units.inputs, units.disturbances)):
@@ -259,14 +259,14 @@ def first_units(game: Game, delta: float) -> Units:
     return Units(states, -_half_exponents(price), disturbance_units(game, delta))
 
 
-def units_of(game: Game, units: Units, X: np.ndarray, delta: float) -> Units:
+def units_of_solution(game: Game, units: Units, X: np.ndarray, delta: float) -> Units:
     """Return units in which the diagonal of X, and the prices of the players, are nearly 1.
 
     units: of X
     X: (n, n)
     """
-    states = units.states - _half_exponents(np.diag(X))
-    steps = states - units.states
+    steps = -_half_exponents(np.diag(X))
+    states = units.states + steps
     B = np.ldexp(game.B, -states[:, None])
     price = _prices(game, B, np.ldexp(X, np.add.outer(steps, steps)))
     return Units(states, -_half_exponents(price), disturbance_units(game, delta))
@@ -305,25 +305,40 @@ def lyapunov_in_bits(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat
 
     Raises FailedError.
     """
-    from flint import arb
-
-    F = Balls(loop.mid())
     try:
-        solver = lyapunov_of(midpoints(loop), is_discrete=is_discrete)
-        D = ball_matrix(solver.solve(-midpoints(C))[0])
-        before = arb("inf")
-        while True:
-            residual = change_along(F, Balls(D), is_discrete=is_discrete).matrix + C.mid()
-            size = norm(residual.mid())
-            if not size < before * 0.1:
-                break
-            before = size
-            D = (D + ball_matrix(solver.solve(-midpoints(residual))[0])).mid()
-        if size <= norm(C) * arb(2) ** (-bits() // 2) or size == 0:
+        D, residual_size = _refined_lyapunov(loop, C, is_discrete=is_discrete)
+        if residual_size <= norm(C) * half_the_bits() or residual_size == 0:
             return D
     except (np.linalg.LinAlgError, ValueError):
         pass
     return squared_steps(loop, C) if is_discrete else by_sign_function(loop, C)
+
+
+class _Refined(NamedTuple):
+    """Proposed solution D of a Lyapunov equation, (n, n), and the norm of its residual."""
+
+    D: arb_mat
+    residual_size: arb
+
+
+def _refined_lyapunov(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> _Refined:
+    """Return D by LAPACK, corrected by residuals in balls as long as each is a tenth of the last.
+
+    Raises LinAlgError or ValueError where LAPACK fails.
+    """
+    from flint import arb
+
+    solver = lyapunov_of(midpoints(loop), is_discrete=is_discrete)
+    F = Balls(loop.mid())
+    D = ball_matrix(solver.solve(-midpoints(C))[0])
+    size_before = arb("inf")
+    while True:
+        residual = change_along(F, Balls(D), is_discrete=is_discrete).matrix + C.mid()
+        size = norm(residual.mid())
+        if not size < size_before * 0.1:
+            return _Refined(D, size)
+        size_before = size
+        D = (D + ball_matrix(solver.solve(-midpoints(residual))[0])).mid()
 
 
 def squared_steps(loop: arb_mat, C: arb_mat) -> arb_mat:
@@ -351,10 +366,10 @@ def by_sign_function(loop: arb_mat, C: arb_mat) -> arb_mat:
     F, D = loop.mid(), C.mid()
     for step in range(NEWTON_STEPS):
         inverse = _inverse(F)
-        scale = _scale(F, inverse, step)
+        scale = _newton_scale(F, inverse, step)
         D = ((D * scale + inverse.transpose() * D * inverse * (1 / scale)) * 0.5).mid()
         further = ((F * scale + inverse * (1 / scale)) * 0.5).mid()
-        if scale == 1 and norm(further - F) <= norm(further) * _half_the_bits():
+        if scale == 1 and norm(further - F) <= norm(further) * half_the_bits():
             return (D * 0.5).mid()
         F = further
     raise FailedError("the loop may be on the axis")
@@ -367,9 +382,9 @@ def sign_function(matrix: arb_mat) -> arb_mat:
     """
     for step in range(NEWTON_STEPS):
         inverse = _inverse(matrix)
-        scale = _scale(matrix, inverse, step)
+        scale = _newton_scale(matrix, inverse, step)
         further = ((matrix * scale + inverse * (1 / scale)) * 0.5).mid()
-        if scale == 1 and norm(further - matrix) <= norm(further) * _half_the_bits():
+        if scale == 1 and norm(further - matrix) <= norm(further) * half_the_bits():
             return ((further + _inverse(further)) * 0.5).mid()
         matrix = further
     raise FailedError("an eigenvalue may be on the axis")
@@ -382,7 +397,7 @@ def _inverse(matrix: arb_mat) -> arb_mat:
         raise FailedError("a matrix is singular with these bits") from None
 
 
-def _scale(matrix: arb_mat, inverse: arb_mat, step: int) -> arb:
+def _newton_scale(matrix: arb_mat, inverse: arb_mat, step: int) -> arb:
     """Return the factor of a Newton step that brings the eigenvalues near to 1 soon, or 1."""
     from flint import arb
 
@@ -391,8 +406,8 @@ def _scale(matrix: arb_mat, inverse: arb_mat, step: int) -> arb:
     return arb(1) if is_near or step > NEWTON_STEPS // 2 else factor
 
 
-def _half_the_bits() -> arb:
-    """Return a small number: Newton's next step is then exact up to the last bits."""
+def half_the_bits() -> arb:
+    """Return 2^(-bits/2): after a Newton step as small, the next is exact up to the last bits."""
     from flint import arb
 
     return arb(2) ** (-bits() // 2)
@@ -412,7 +427,7 @@ def proposal_in_bits(game: Game, delta: float) -> Proposal:
     units = first_units(game, delta)
     with np.errstate(all="ignore"):
         first = in_bits(equation_of(game, units, Balls, delta))
-        further = units_of(game, units, first.X.midpoint, delta)
+        further = units_of_solution(game, units, first.X.midpoint, delta)
         if all(map(np.array_equal, units, further)):
             return first
         return in_bits(equation_of(game, further, Balls, delta))
