@@ -60,7 +60,7 @@ def published_game(
             return replace(game(plant, **changes), names=names)
         plant, B = plant.A, plant.B
     elif numbers_in("B", B).shape == (len(LINEAR_STATES), len(INPUTS)):
-        names = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS, tuple(INPUT_UNITS))
+        names = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS, INPUT_UNITS)
     paper = published_data()["game"]
     weights = {"Q": paper["Q_diag"], "R": paper["R_diag"], "delta": paper["delta"]}
     return Game(A=plant, B=B, names=names, **(weights | changes))
@@ -111,7 +111,7 @@ def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
     elif "Q" in parts and "R" in parts:
         return Defaults()
     units = {"state_units": names.state_units, "input_units": names.input_units}
-    of_paper = PlantNames(state_units=LINEAR_UNITS, input_units=tuple(INPUT_UNITS))
+    of_paper = PlantNames(state_units=LINEAR_UNITS, input_units=INPUT_UNITS)
     states, inputs = file_scales(units, of_paper)
     settings = published_data()["game"]
     values = {

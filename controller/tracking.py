@@ -290,7 +290,7 @@ def _steady(states: Sequence[str], reference: Waveform, duration: float) -> dict
     Commands that are then 0, and those with sines, are left out.
     """
     values = (reference.constant + reference.slope * duration).tolist()
-    rows = zip(states, values, reference.waving, strict=True)
+    rows = zip(states, values, reference.oscillates, strict=True)
     return {name: value for name, value, waves in rows if value != 0.0 and not waves}
 
 
@@ -302,7 +302,7 @@ def _commanded_trims(
     if point is None or point.found_by is None:
         return ()
     values = (reference.constant + reference.slope * duration).tolist()
-    rows = zip(linear.states, values, reference.moving, strict=True)
+    rows = zip(linear.states, values, reference.varies, strict=True)
     commands = {name: value for name, value, moves in rows if value or moves}
     steady = _steady(linear.states, reference, duration)
     groups = [{name: value} for name, value in commands.items()]

@@ -94,12 +94,12 @@ class Waveform(Result, Reported):
         return np.asarray(value)
 
     @property
-    def moving(self) -> np.ndarray:
+    def varies(self) -> np.ndarray:
         """Whether each channel changes with time, (n,)."""
-        return np.asarray((self.slope != 0.0) | self.waving)
+        return np.asarray((self.slope != 0.0) | self.oscillates)
 
     @property
-    def waving(self) -> np.ndarray:
+    def oscillates(self) -> np.ndarray:
         """Whether each channel has a sine or cosine, (n,)."""
         waves = np.zeros(self.size, dtype=bool)
         for h in self.harmonics:

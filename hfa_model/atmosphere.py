@@ -1,4 +1,4 @@
-"""Density, temperature and speed of sound of the US Standard Atmosphere 1976, for CasADi.
+"""Density and speed of sound of the US Standard Atmosphere 1976, for CasADi.
 
 The constants are the standard's: the identified parameters depend on them. Those of
 `hfa_aircraft.rigid.atmosphere` are JSBSim's, which differ by up to 2e-5.
@@ -61,18 +61,6 @@ def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
             )
 
 
-def temperature(altitude: Quantity) -> Quantity:
-    """Return the temperature T(h) = T_0 - λ min(H, 11 km), K.
-
-    T_0 is the temperature at sea level, λ the lapse rate, and H the geopotential altitude.
-
-    altitude: as for `density`
-
-    Source: U.S. Standard Atmosphere, 1976, Eq. 23.
-    """
-    return _temperature(_geopotential(altitude))
-
-
 def speed_of_sound(altitude: Quantity) -> Quantity:
     """Return the speed of sound a(h) = sqrt(1.4 R T(h)), ft/s, with the gas constant R of air.
 
@@ -80,7 +68,7 @@ def speed_of_sound(altitude: Quantity) -> Quantity:
 
     Source: U.S. Standard Atmosphere, 1976, Eq. 50.
     """
-    return ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * temperature(altitude)) / FOOT
+    return ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * _temperature(_geopotential(altitude))) / FOOT
 
 
 def _geopotential(altitude: Quantity) -> Quantity:
@@ -92,5 +80,5 @@ def _geopotential(altitude: Quantity) -> Quantity:
 
 
 def _temperature(geopotential: Quantity) -> Quantity:
-    """Return T_0 - λ min(H, 11 km), K, for a geopotential altitude H in m."""
+    """Return the temperature T_0 - λ min(H, 11 km), K, for a geopotential altitude H in m."""
     return _SEA_LEVEL_TEMPERATURE - _LAPSE_RATE * ca.fmin(geopotential, _TROPOPAUSE)

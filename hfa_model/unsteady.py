@@ -95,8 +95,8 @@ class _PanelMotion(NamedTuple):
     wind: Wind  # wind at the panel
     # velocity relative to the air, ft/s, with the headwind but without updraft and outward gust
     calm: Velocity
-    moving: Velocity  # velocity relative to the air, ft/s, with all gusts
-    turn: Quantity  # pitch rate about the spanwise axis of the panel, rad/s
+    gusty: Velocity  # velocity relative to the air, ft/s, with all gusts
+    spanwise_rate: Quantity  # pitch rate about the spanwise axis of the panel, rad/s
 
 
 class _Strip(NamedTuple):
@@ -184,15 +184,15 @@ def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
             panel=panel,
             wind=winds.center,
             calm=center_velocity(x, p, calm),
-            moving=center_velocity(x, p, winds),
-            turn=x.pitch_rate,
+            gusty=center_velocity(x, p, winds),
+            spanwise_rate=x.pitch_rate,
         )
     return _PanelMotion(
         panel=panel,
         wind=winds.outer,
         calm=outer_velocity(x, p, calm),
-        moving=outer_velocity(x, p, winds),
-        turn=x.pitch_rate * ca.cos(x.dihedral),
+        gusty=outer_velocity(x, p, winds),
+        spanwise_rate=x.pitch_rate * ca.cos(x.dihedral),
     )
 
 
@@ -266,7 +266,7 @@ def _lagged_panel(motion: _PanelMotion, x: Any, u: Any, p: Any, air: Quantity) -
     )
     wing_alpha, wing_rates = _lagged_alpha(wing_strip, motion, x, p)
     tail_alpha, tail_rates = _lagged_alpha(tail_strip, motion, x, p)
-    flow = flow_of(*motion.moving)
+    flow = flow_of(*motion.gusty)
     speed = airspeed(x, motion.wind)
     wing_factor = _slope_factor(p, _aspect_ratio(p))
     tail_factor = _slope_factor(p, p.tail_aspect_ratio)
@@ -293,11 +293,11 @@ def _lagged_alpha(
     # The effective angle is the geometric angle, minus the parts of the angles due to motion,
     # control and gust that have no effect on the lift yet. The geometric angle does not include the
     # control.
-    moved = p.local_motion * motion.turn * strip.behind
-    alpha = ca.atan2(motion.calm[2] + moved, motion.calm[0]) - strip.downwash
-    gust = ca.atan2(motion.moving[2] + moved, motion.moving[0]) - strip.downwash - alpha
+    normal_by_rate = p.local_motion * motion.spanwise_rate * strip.behind
+    alpha = ca.atan2(motion.calm[2] + normal_by_rate, motion.calm[0]) - strip.downwash
+    gust = ca.atan2(motion.gusty[2] + normal_by_rate, motion.gusty[0]) - strip.downwash - alpha
     angle = alpha + strip.control
-    half_chords = 2 * flow_of(*motion.moving).speed / strip.chord
+    half_chords = 2 * flow_of(*motion.gusty).speed / strip.chord
     rates = {
         **lag_rates("lag", strip.name, WAGNER, angle, x, half_chords),
         **lag_rates("gust", strip.name, KUESSNER, gust, x, half_chords),
@@ -383,7 +383,7 @@ def _carried_air(plate: _Plate, motion: _PanelMotion, x: Any, p: Any) -> _Carrie
     bend = 0.0 if is_center else sin_eta
     height = center_height(x.dihedral, p) if is_center else outer_height(x.dihedral, p)
     forward_speed = motion.calm[0]
-    normal_speed = motion.calm[2] + motion.turn * plate.aft
+    normal_speed = motion.calm[2] + motion.spanwise_rate * plate.aft
 
     # w' = direction . (w_b', q', η'') + terms that depend only on velocities.
     by_hinge = third * cos_eta * lean - (0.0 if is_center else p.panel_span / 2)
@@ -398,13 +398,13 @@ def _carried_air(plate: _Plate, motion: _PanelMotion, x: Any, p: Any) -> _Carrie
         hinge_descent + plate.aft * x.pitch_rate
     )
 
-    along = -plate.mass * normal_speed * motion.turn
+    along = -plate.mass * normal_speed * motion.spanwise_rate
     across = -plate.mass * normal_acceleration
     inward = plate.mass * normal_speed * x.dihedral_rate
     down = across * lean + inward * bend
     roll_inertia = plate.mass * plate.span**2 / 12
     pitch_inertia = plate.mass * plate.half_chord**2 / 8
-    lift_moment = lean * plate.mass * forward_speed * plate.half_chord / 2 * motion.turn
+    lift_moment = lean * plate.mass * forward_speed * plate.half_chord / 2 * motion.spanwise_rate
     moment = plate.aft * down + height * along - lift_moment
     turning = 2 * pitch_inertia * lean * bend * x.pitch_rate * x.dihedral_rate
     count = 1 if is_center else 2

@@ -113,6 +113,5 @@ _AILERON = _within(20)
 _ELEVATOR = _within(30)
 INPUT_SIGNALS = Input(_THROTTLE, _AILERON, _AILERON, _ELEVATOR, _ELEVATOR)
 
-STATE_UNITS = State(*(signal.unit for signal in STATE_SIGNALS))
-INPUT_UNITS = Input(*(signal.unit for signal in INPUT_SIGNALS))
-LINEAR_UNITS: tuple[str, ...] = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)
+INPUT_UNITS: tuple[str, ...] = tuple(signal.unit for signal in INPUT_SIGNALS)
+LINEAR_UNITS: tuple[str, ...] = tuple(getattr(STATE_SIGNALS, name).unit for name in LINEAR_STATES)

@@ -98,7 +98,7 @@ def flown_until_decayed(
         return mask
 
     starts = np.column_stack([z0, np.zeros(len(z0))])
-    loop = Rows(lambda w, _: rates(w[:, :-1])[0], starts, step, steps=TESTED)
+    loop = Rows(lambda w: rates(w[:, :-1])[0], starts, step, TESTED)
     with np.errstate(all="ignore"):
         flown, _ = march(loop, ticks, over=over, keep=False)
         final = flown.states[:, 0]

@@ -6,16 +6,12 @@ All constants that decide at one state how a flight ends are in this module.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
 from functools import reduce
 from typing import Any
 
 import casadi as ca
 import numpy as np
-
-from hfa_aircraft.march.march import History
 
 #: Nominal values by which a state deviates from the trim when a flight diverges.
 FAR = 1e4
@@ -39,10 +35,6 @@ class Outcome(StrEnum):
     CONVERGED = "converges"
     LEFT = "leaves the envelope"
     UNDECIDED = "does not converge"
-
-
-#: Function from states (N, n) to a mask (N,).
-Mask = Callable[[np.ndarray], np.ndarray]
 
 
 def is_within(states: Any, least: Any, most: Any) -> Any:
@@ -75,31 +67,3 @@ def has_decayed(value: Any, reference: Any, fraction: float) -> Any:
     reference: cost-to-go at its start, or its cost
     """
     return np.isfinite(reference) & (value <= fraction * reference)
-
-
-@dataclass(frozen=True, eq=False)
-class EndRule:
-    """When a flight is over, from its present state alone.
-
-    A flight is over if it diverges (a state is not a number, or deviates by more than `far`), or if
-    it has left the limits.
-
-    far: deviation of each state beyond which a flight diverges, (n,) or a number
-    inside: mask of the states within the limits, or None without limits
-    """
-
-    far: np.ndarray | float
-    inside: Mask | None = None
-
-    def over(self, flown: History) -> np.ndarray:
-        """Return a mask (N, T + 1), True where a flight is over, for `march`."""
-        states = flown.states
-        over = self.is_over(states.reshape(-1, states.shape[-1]))
-        return over.reshape(states.shape[:-1])
-
-    def is_over(self, states: np.ndarray) -> np.ndarray:
-        """Return a mask (N,) of the flights that are over at their states (N, n)."""
-        over = ~(np.abs(states) <= self.far).all(axis=-1)
-        if self.inside is not None:
-            over |= ~self.inside(states)
-        return np.asarray(over)

@@ -29,64 +29,36 @@ class Stepper(Protocol):
 
     step: integration step, s
     steps: number of steps in a tick
-    sizes: numbers (n, k) of states and of observed values
     """
 
     step: float
     steps: int
-    sizes: tuple[int, int]
 
-    def __call__(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after each step, (N, steps, n), and the values observed before it,
-        (N, steps, k).
+    def __call__(self, state: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return the states after each step, (N, steps, n), which the next call may overwrite.
 
-        The next call may overwrite both.
-
-        time: start of the tick, s
-        state: states at this time, (N, n)
+        state: states at the start of the tick, (N, n)
         held: inputs held during the tick, (N, h)
         """
 
-    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return the values observed at a time, (N, k)."""
 
+class RowSteps:
+    """Stepper of many flights x' = f(x) without inputs by Runge-Kutta steps, in NumPy.
 
-class Unobserved:
-    """Base class of steppers that observe nothing."""
-
-    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return an array (N, 0)."""
-        return np.empty((len(state), 0))
-
-
-class RowSteps(Unobserved):
-    """Stepper of many flights x' = f(x, held) by Runge-Kutta steps, in NumPy.
-
-    rate: (states (N, n), held inputs (N, h)) -> x', (N, n)
-    states: number of states
+    rate: states (N, n) -> x', (N, n)
+    step: s
     steps: number of steps in a tick
     """
 
-    def __init__(
-        self,
-        rate: Callable[[np.ndarray, np.ndarray], np.ndarray],
-        states: int,
-        step: float,
-        steps: int,
-    ) -> None:
+    def __init__(self, rate: Callable[[np.ndarray], np.ndarray], step: float, steps: int) -> None:
         self.step = step
         self.steps = steps
-        self.sizes = states, 0
         self._rate = rate
 
-    def __call__(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after each step, (N, steps, n). Nothing else is observed."""
+    def __call__(self, state: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return the states after each step, (N, steps, n)."""
         after = np.empty((len(state), self.steps, state.shape[1]))
         for number in range(self.steps):
-            state = rk4(lambda x, _: self._rate(x, held), state, self.step)
+            state = rk4(lambda x, _: self._rate(x), state, self.step)
             after[:, number] = state
-        return after, np.empty((len(state), self.steps, 0))
+        return after

@@ -13,7 +13,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.symbols import symbols_for
 from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.ending import FAR, EndRule
+from hfa_aircraft.march.ending import FAR
 from hfa_flight.air.delay import steps_of
 from hfa_flight.air.history import Deviations
 from hfa_flight.air.scenario import Scenario
@@ -243,10 +243,13 @@ class Flights:
         scenario = loop.loop.scenario
         duration = scenario.tick * steps_of(seconds, scenario.tick)
         scenario = replace(scenario, duration=duration, initial=initial)
-        rule = EndRule(FAR * np.array([state.nominal for state in problem.model.states.values()]))
+        far = FAR * np.array([state.nominal for state in problem.model.states.values()])
+
+        def diverges(rows: Deviations) -> np.ndarray:
+            return np.asarray(~(np.abs(rows.states) <= far).all(axis=1))  # so does nan
 
         with np.errstate(all="ignore"):
-            rows = loop.fly(scenario, stop=lambda rows: rule.is_over(rows.states), policy=policy)
+            rows = loop.fly(scenario, stop=diverges, policy=policy)
         return self.priced(loop.loop.policy, rows)
 
     def priced(self, policy: Policy, rows: Deviations) -> SimulatedFlight:

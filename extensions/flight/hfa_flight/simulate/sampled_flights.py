@@ -24,7 +24,7 @@ import numpy as np
 from controller.critic.network.row_network import RowNetwork
 from hfa_aircraft.march.ending import is_within
 from hfa_aircraft.march.march import History, Over, march
-from hfa_aircraft.march.steppers import Stepper, Unobserved
+from hfa_aircraft.march.steppers import Stepper
 from hfa_flight.air.delay import Delay, in_samples, steps_of
 from hfa_flight.air.held_step import held_step
 from hfa_flight.policies.deployment.deployed import Deployed
@@ -39,7 +39,7 @@ WINDOW = 1.0
 _STORED = 10_000_000
 
 
-class Ticks(Unobserved):
+class Ticks:
     """Stepper of many flights by one compiled function, of which a tick is one step.
 
     after: (state, held) -> state at the end of the tick
@@ -50,15 +50,12 @@ class Ticks(Unobserved):
 
     def __init__(self, after: ca.Function, step: float, *, is_long: bool) -> None:
         self.step = step
-        self.sizes = after.numel_out(0), 0
         self._after = row_code(after) if is_long else RowFunction(after)
 
-    def __call__(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states at the end of the tick, (N, 1, n). Nothing else is observed."""
+    def __call__(self, state: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return the states at the end of the tick, (N, 1, n)."""
         (after,) = self._after(state, held)
-        return after[:, None], self.observed(time, state, held)[:, None]
+        return after[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +286,7 @@ class SampledRows:
         """Return the initial states, (N, s)."""
         return self._states
 
-    def hold(self, tick: int, time: float, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
+    def hold(self, tick: int, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
         """Return the outputs of the network at a sample, with the trim and the pulse, (F, h).
 
         Trim and pulse are written when flights have ended, and the pulse is removed at its end.
