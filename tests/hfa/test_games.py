@@ -71,9 +71,6 @@ def test_commands_accept_plants_with_missing_entries(changes):
     assert answer("verify", "--model", plant, "--weights", "learned.json")["P_rel_error"] <= 1e-12
 
 
-# Plants from users' files.
-
-
 # Learn.
 
 

@@ -156,16 +156,6 @@ def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book):
         assert float(cells[row.name]["L/D"]) == pytest.approx(found, rel=1e-9)
 
 
-@pytest.mark.parametrize("verb", ["trim", "linearize"])
-def test_a_row_is_chosen_by_its_name(verb, book):
-    """Its trim is that of the options that state it."""
-    words = (verb, "--aircraft", str(book / "uav.toml"))
-    listed = ("--conditions", str(book / "conditions.csv"), "--row", "glide")
-    typed = ("--hold", "speed=25", "--hold", "altitude=100", "--hold", "thrust=0", "--free")
-    of_row = answer(*words, *listed)["operating_point"]["states"]
-    assert of_row == answer(*words, *typed, "gamma")["operating_point"]["states"]
-
-
 def test_a_stall_is_said_by_linearize_too(book):
     """The first lines of a turn have its load factor."""
     words = ("linearize", "--aircraft", str(book / "uav.toml"), "--conditions")

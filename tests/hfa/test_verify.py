@@ -11,11 +11,6 @@ from game_files import AT_15, stored
 from hfa import solve
 from hfa.main import FAILED
 
-# Verify.
-
-
-# The cost of a critic.
-
 
 def test_the_cost_limit_decides_the_exit_code(game):
     """The cost of a critic is reported. With --limit-cost, the cost decides the exit code."""

@@ -98,6 +98,15 @@ def test_a_state_that_no_equation_determines_keeps_its_start_value():
     assert swept["h"].tolist() == [500.0, 500.0]
 
 
+def test_an_altitude_that_the_equations_determine_is_not_kept():
+    """With the thrust of level flight at 2000 m, the altitude is 2000 m."""
+    model = aircraft("uav.toml")
+    trimmed = {name: each for name, each in model.trim.items() if name != "altitude"}
+    free = replace(model, trim=trimmed)
+    thrust = hfa.trim(free, hold={"altitude": 2000.0})["thrust"]
+    assert hfa.trim(free, hold={"thrust": thrust})["altitude"] == pytest.approx(2000.0, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("free", "kept"), [(("T", "stick", "V"), "a"), (("T", "stick", "V", "a", "nose"), "")]
 )

@@ -18,7 +18,6 @@ from scipy.stats import binom
 import hfa
 from hfa import BadInputError, Turbulence
 from hfa_flight import (
-    GainPolicy,
     MonteCarlo,
     Scenario,
     Uncertainty,
@@ -140,15 +139,6 @@ def flights(point, policy, members, duration, level="moderate"):
     return MonteCarlo(members, 3, point.model, point, policy, scenario, envelope)
 
 
-def test_the_exact_gain_flies_behind_the_filter_alone(point, known, gain):
-    """With noise the exact gain leaves at once; behind the filter it stays inside."""
-    bare = run_monte_carlo(flights(point, GainPolicy("exact", gain), 2, 0.3))
-    assert (bare["left"] >= 0).all()
-    assert bare["flown"].max() < 0.1
-    behind = run_monte_carlo(flights(point, known.policy(gain), 2, 0.3))
-    assert (behind["left"] == -1).all()
-
-
 @pytest.mark.slow
 def test_flights_are_those_of_the_linear_covariance(point, gain, linear):
     """In light turbulence the rms of 40 flights is that of the loop, within 20 %."""
@@ -268,27 +258,6 @@ def test_a_filter_uses_the_values_that_a_sample_has(point, known, gain):
     assert policy.unused == own.left_out > 50
 
 
-def test_after_half_a_second_without_values_the_filter_is_the_stationary_one(point, known, gain):
-    """A fast gain that learns a large error at once leaves its limits: it is learned in time."""
-    policy, trim = known.policy(gain), np.array([point[name] for name in known.sensors])
-    for number in range(150):
-        policy(0.01 * number, trim if number < 100 else np.full(6, np.nan))
-    error = 5.0 * innovations_of(known)
-    u = policy(1.5, trim + error) - point.u
-    expected = known.Phi @ known.L @ error + known.Gamma @ u
-    estimate = [policy.estimate[name] - point[name] for name in known.states]
-    np.testing.assert_allclose(estimate, expected[:6], rtol=1e-9, atol=1e-12)
-
-
-def test_an_impossible_first_value_is_not_believed_for_good(point, known, gain):
-    """A spike in the first sample, after which the second sample is right: it begins anew there."""
-    policy, trim = known.policy(gain), np.array([point[name] for name in known.sensors])
-    policy(0.0, trim + np.eye(6)[0] * 20.0 * innovations_of(known))
-    policy(0.01, trim)
-    assert policy.estimate["speed"] == pytest.approx(point["speed"], abs=0.1)
-    assert policy.unused == 0
-
-
 def test_an_estimate_returns_after_minutes_without_a_sample():
     """The prediction of an unstable pendulum stands still before it overflows; then the values are
     believed.
@@ -349,15 +318,6 @@ def test_a_delay_is_known_to_the_filter(point, linear, gain, delay, samples):
     np.testing.assert_allclose(
         U, point.u - gain @ expm(A * delay) @ known.L @ innovations_of(known), rtol=1e-9
     )
-
-
-def test_a_delayed_gain_acts_on_the_state_ahead(point, known, gain):
-    """Three samples late the exact gain stays inside; on the state of the sample it would leave."""
-    plan = flights(point, known.policy(gain), 2, 0.6)
-    air = plan.scenario.uncertainty
-    policy, scenario = known.policy(gain).in_scenario(Scenario(0.6, delay=0.03, uncertainty=air))
-    late = run_monte_carlo(replace(plan, policy=policy, scenario=scenario))
-    assert (late["left"] == -1).all()
 
 
 @pytest.mark.parametrize("law", [hfa.predictive, hfa.state_dependent])

@@ -1,7 +1,6 @@
 """The conditions of examples/737_conditions.csv, each flown by JSBSim itself."""
 
 import csv
-import json
 import math
 
 import numpy as np
@@ -20,20 +19,14 @@ RESULTS = {"stall": "stalled", "too slow": "no trim"}
 
 
 @pytest.fixture(scope="module")
-def book(tmp_path_factory):
-    """Return the folder of matrix.csv, and of again.csv, computed of it."""
-    path = tmp_path_factory.mktemp("matrix")
+def rows(tmp_path_factory):
+    """Return name -> cells of the matrix of the conditions."""
+    path = tmp_path_factory.mktemp("matrix") / "matrix.csv"
     given = ROOT / "examples/737_conditions.csv"
-    for name in ("matrix.csv", "again.csv"):
-        words = ("--aircraft", "jsbsim:737", "--conditions", str(given))
-        run = command("trim", *words, "-q", "-o", str(path / name))
-        assert run.code == 1, run.err
-        assert run.out.startswith("12 of 14 conditions are trimmed, 1 stalled, 1 without a trim\n")
-        given = path / name
-    return path
-
-
-def rows_of(path):
+    words = ("--aircraft", "jsbsim:737", "--conditions", str(given))
+    run = command("trim", *words, "-q", "-o", str(path))
+    assert run.code == 1, run.err
+    assert run.out.startswith("12 of 14 conditions are trimmed, 1 stalled, 1 without a trim\n")
     with path.open(encoding="utf-8", newline="") as stream:
         return {row["name"]: row for row in csv.DictReader(stream)}
 
@@ -50,12 +43,11 @@ def numbers_of(cells):
     return found
 
 
-def test_each_row_balances_in_jsbsim(book):
+def test_each_row_balances_in_jsbsim(rows):
     """JSBSim's accelerations are 0 within 1e-5 g, also in a turn and a pull-up with steady rates,
     and its calibrated airspeed, weight and load factor are those of the row.
     """
     model = load_model("jsbsim:737")
-    rows = rows_of(book / "matrix.csv")
     flown = {name: cells for name, cells in rows.items() if cells["results"] != "no trim"}
     points = []
     for cells in flown.values():
@@ -76,9 +68,9 @@ def test_each_row_balances_in_jsbsim(book):
         assert cells["results"] == RESULTS.get(name, "trimmed")
 
 
-def test_each_row_is_the_flight_that_its_name_says(book):
+def test_each_row_is_the_flight_that_its_name_says(rows):
     """Speeds, flight paths, load factors, engines, flap, gear and masses are those imposed."""
-    rows = {name: numbers_of(cells) for name, cells in rows_of(book / "matrix.csv").items()}
+    rows = {name: numbers_of(cells) for name, cells in rows.items()}
     assert rows["cruise"]["mach"] == pytest.approx(0.7)
     pressure, radius = 35000.0, 6356766.0 / 0.3048  # ft, of U.S. Standard 1976
     geometric = radius * pressure / (radius - pressure)
@@ -94,22 +86,3 @@ def test_each_row_is_the_flight_that_its_name_says(book):
     assert rows["landing"]["flap"] == rows["landing"]["gear"] == 1.0
     assert rows["heavy"]["weight"] == rows["cruise"]["weight"] + 11000.0
     assert rows["stall"]["alpha"] == pytest.approx(math.radians(15.0))
-
-
-def test_what_comes_out_runs_again_and_marks_the_stall(book):
-    """All figures are the same, and the stall is in CSV, JSON, HTML and LaTeX."""
-    first, again = rows_of(book / "matrix.csv"), rows_of(book / "again.csv")
-    assert [*first] == [*again]
-    for name, cells in first.items():
-        others = numbers_of(again[name])
-        for heading, number in numbers_of(cells).items():
-            assert others[heading] == pytest.approx(number, rel=1e-6, abs=1e-7), heading
-    assert "STALLED" in first["stall"]["stalled"]
-    assert "greatest lift is 63 % of the weight" in first["too slow"]["failure"]
-    words = ("trim", "--aircraft", "jsbsim:737", "--conditions", str(book / "matrix.csv"), "-q")
-    row = (*words, "--row", "stall")
-    sheet = json.loads(command(*row, "--json").out)
-    assert "STALLED" in sheet["sheet"]["stalled"]["value"]
-    for suffix in ("html", "tex"):
-        command(*row, "-o", str(book / f"stall.{suffix}"))
-        assert "STALLED" in (book / f"stall.{suffix}").read_text("utf-8")

@@ -255,13 +255,9 @@ def test_a_lever_is_a_share_of_its_travel_or_an_angle():
     ("aircraft", "held", "said"),
     [
         ("737", "flap=15", "flap is 15; give at most 1"),
-        ("737", "flap=-5", "flap is -5; give at least 0"),
         ("737", "flap=15deg", "give a number without a unit from 0 to 1"),
-        ("737", "gear=50", "gear is 50; give at most 1"),
-        ("737", "speedbrake=40", "speedbrake is 40; give at most 1"),
         ("737", "pitch_trim=-2", "pitch_trim is -2; give at least -1"),
         ("c172p", "flap=20", "give at most 1, or an angle: flap=30deg"),
-        ("c172p", "flap=40deg", "give at most 1, or an angle: flap=30deg"),
     ],
 )
 def test_a_lever_beyond_its_travel_is_refused(aircraft, held, said):

@@ -11,7 +11,6 @@ from stored_games import in_units, stored
 
 from controller.riccati.balls import ball_matrix, precision
 from controller.riccati.excess import (
-    SAME_DOUBLE,
     ExcessEquation,
     excess_ball,
     excess_of,
@@ -188,23 +187,6 @@ def test_states_without_cost_need_not_be_rational():
     z = off.worst
     assert abs(z @ exact.P @ z) < 1e-12
     assert off.from_free == pytest.approx(z @ off.matrix @ z)
-
-
-@pytest.mark.parametrize(("factor", "above"), [(1.0, 0.0), (1.01, 7.5168e-5), (0.9, 0.0091428)])
-def test_a_mode_reached_by_1e_8(factor, above):
-    """Of 256 bits; A - B K in doubles has lost the mode."""
-    A = [[-0.04, -0.72], [-0.72, -0.46]]
-    B = [[0.599999992], [0.8000000060000001]]
-    game = Game(A, B, Q=np.eye(2), R=[[1.0]])
-    found = judged(game, factor * solve(game).K)
-    assert found.is_stable
-    assert found.high == pytest.approx(above, rel=1e-4, abs=SAME_DOUBLE)
-
-
-def test_without_state_cost_zero_gain_is_optimal():
-    game = Game(-np.eye(2), np.eye(2), E=np.eye(2), Q=np.zeros((2, 2)), R=np.eye(2), delta=5.0)
-    assert judged(game, np.zeros((2, 2))).is_optimal
-    assert math.isinf(judged(game, 1e-3 * np.eye(2)).low)
 
 
 def test_a_gain_beyond_delta_has_infinite_cost():

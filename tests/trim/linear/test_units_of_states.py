@@ -184,14 +184,7 @@ def at_times(linear):
 
 #: A fact of a linear model from all inputs to all outputs -> its value.
 FACTS = {
-    "eigenvalues": lambda linear: linear.eigenvalues,
-    "modes": lambda linear: [each.eigenvalue for each in linear.modes],
-    "names": lambda linear: [len(each.name) for each in linear.modes],
-    "participation": lambda linear: [[*each.participation.values()] for each in linear.modes],
-    "damping": lambda linear: [each.damping for each in linear.modes],
     "transmission zeros": lambda linear: linear.zeros(),
-    "zeros of a channel": lambda linear: linear.zeros("u2", "y1"),
-    "poles": lambda linear: [each.poles.sum() for each in transfers(linear)],
     "step responses": at_times,
     "residualized": lambda linear: linear.select(residualize=("x2",)).eigenvalues,
     "static gain": lambda linear: linear.select(residualize=("x2",)).to_control(balance=True)(0.0),

@@ -1,6 +1,5 @@
 """The sheet of a trim: first lines, configuration, airspeeds, climb, levels and several sheets."""
 
-import csv
 import functools
 import json
 import math
@@ -500,33 +499,6 @@ def test_published_and_newton_dynamics_differ_by_mode_in_percent():
 
 
 # Doubts, advice, several sheets.
-
-
-def test_conditions_of_a_file_are_rows_of_a_matrix(folder):
-    """Each row equals the sheet of its own trim in degrees; a row that fails has its sentence."""
-    text = (
-        f"speed [m/s],gamma [rad],CD_0 [1]\n30,0,.0437\n35,{math.radians(2.0)!r},.0437\n5,0,.0437\n"
-    )
-    Path("conditions.csv").write_text(text, "utf-8")
-    words = ("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--conditions", "conditions.csv")
-    result = command(*words, "--json", "-o", "matrix.csv")
-    assert (result.code, result.err.count("have no trim")) == (1, 1)
-    assert json.loads(result.out)["sheets"][2]["reason"].startswith("speed is 5 m/s")
-    rows = list(csv.DictReader(Path("matrix.csv").read_text("utf-8").splitlines()))
-    model = hfa.load_model(f"{EXAMPLES}/uav.toml")
-    for row, speed, gamma in zip(rows, (30.0, 35.0), (0.0, 2.0), strict=False):
-        found = hfa.trim(model, speed=speed, gamma=math.radians(gamma)).sheet
-        for name in ("L/D", "short period damping"):
-            assert float(row[name]) == pytest.approx(found[name].value, rel=1e-9)
-        for name, unit in (("static margin", "chord"), ("short period frequency", "rad/s")):
-            assert float(row[f"{name} [{unit}]"]) == pytest.approx(found[name].value, rel=1e-9)
-        pressure = 0.5 * 1.225 * (KNOT * float(row["equivalent airspeed [kt]"])) ** 2
-        assert float(row["dynamic pressure [N/m^2]"]) == pytest.approx(pressure, rel=1e-4)
-        assert float(row["gamma [deg]"]) == pytest.approx(gamma)
-        assert float(row["alpha [deg]"]) == pytest.approx(math.degrees(found["alpha"].value))
-        assert (row["phugoid damping level"], row["failure"]) == ("1", "")
-    assert rows[2]["failure"].startswith("speed is 5 m/s; give")
-    assert (rows[2]["L/D"], rows[2]["speed [m/s]"], rows[2]["gamma [deg]"]) == ("", "5.0", "0.0")
 
 
 @pytest.mark.parametrize("sign", [1.0, 0.0, -1.0])

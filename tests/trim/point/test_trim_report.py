@@ -11,7 +11,7 @@ from random_points import RATE_SCALES
 from sheet_values import values
 
 import hfa_model
-from hfa import Model, Signal, TrimCondition, aircraft as published, trim
+from hfa import Model, Signal, aircraft as published, trim
 from hfa.paper import level_flight
 from trim import release, trim_report
 
@@ -76,29 +76,6 @@ def test_performance_follows_from_the_loads(aircraft, condition):
     assert figures.hinge_moment_total == pytest.approx(0.0, abs=1e-6)
     elastic = p.hinge_stiffness * point.states.dihedral
     assert figures.hinge_moment_total == pytest.approx(loads.hinge_moment - elastic, abs=1e-9)
-
-
-def test_undetermined_trims_name_their_variable():
-    """The report names the variable that a trim leaves undetermined, which keeps its start value.
-
-    If this variable is set free, the trim is one of many. The equations a' = a b and b' = u - b are
-    satisfied for any a at b = 0.
-    """
-
-    def equations(x, u, p, w):
-        return {"a": x.a * x.b, "b": u.u - x.b}, {}
-
-    states = {"a": Signal(start=0.8), "b": Signal()}
-    model = Model("cart", states, {"u": Signal()}, equations, trim={"u": 0.0})
-    kept = TrimCondition(model, {"u": 0.0})
-    point, report = reported(model, kept)
-    assert point["a"] == 0.8
-    assert "does not determine it: a 0.8" in report.text()
-    _, report = reported(model, release(kept, free=("a",)))
-    assert "One of many: a is free; hold one (--hold a=VALUE)" in report.text()
-    _, report = reported(model, TrimCondition(model, {"a": 0.8}))
-    assert "One of many" not in report.text()
-    assert "does not determine" not in report.text()
 
 
 def test_a_later_limit_replaces_an_earlier_one():

@@ -402,17 +402,6 @@ def test_a_normalizer_that_saw_more_than_the_training_is_noted(folder):
         assert any(noted in each for each in told.data["stated"]["notes"]) == is_told
 
 
-def test_a_missing_and_another_normalizer_are_noted():
-    """A zip proves a VecNormalize before its policy, and a normalizer counts its observations."""
-    for normalizer, said in (
-        ({"normalizer": FOLDER / "ppo_gtm.pkl"}, ""),
-        ({}, "trained behind a VecNormalize"),
-        ({"normalizer": FOLDER / "ppo_squash.pkl"}, "saw 516 observations"),
-    ):
-        notes = gtm_deployment({"file": FOLDER / "ppo_gtm.zip", **normalizer}).actor.notes
-        assert [said in note for note in notes] == [True] * bool(said)
-
-
 def test_an_assessment_finds_another_normalizer_and_a_missing_one():
     """The finding is a warning, beside the verdict of the loop with what is given."""
     for policy, said in (
@@ -428,32 +417,3 @@ def test_an_assessment_finds_another_normalizer_and_a_missing_one():
         assert all(said in text for text in warned)
         radius = assess(model_of(GTM), stored, [45.0], samples=0).points[0].radius
         assert (found.points[0].radius == radius) == (said == "")
-
-
-@pytest.mark.parametrize("change", ["box", "squash"])
-def test_an_assessment_finds_another_box_and_a_removed_squash(tmp_path, change):
-    """A zip with half the box, or without squash, has other commands; a stated box refuses it."""
-    stored = stored_deployment("ppo_squash")
-    files = {"file": tmp_path / "changed.zip", "normalizer": FOLDER / "ppo_squash.pkl"}
-    spaces = pytest.importorskip("gymnasium").spaces
-    with zipfile.ZipFile(FOLDER / "ppo_squash.zip") as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    data = json.loads(members["data"])
-    if change == "box":
-        box = spaces.Box(*(0.5 * ends.astype("f4") for ends in stored.box))
-        data["action_space"] = pickled(box)
-    else:
-        data["policy_kwargs"] = {}
-    with zipfile.ZipFile(tmp_path / "changed.zip", "w") as archive:
-        for name, content in (members | {"data": json.dumps(data).encode()}).items():
-            archive.writestr(name, content)
-    boxless = {name: {"map": entry["map"]} for name, entry in stored.action.items()}
-    deployed = [stored, stored.changed(policy=files, action=boxless)]
-    own, other = (Deployed(each, model_of(GTM)).command for each in deployed)
-    X = np.array([50.0, 0.1, 0.2, 0.1])
-    trim = np.array([45.0, 0.05, 0.0, 0.05, 0.02, 15.0])
-    commanded = [np.array(each(X, trim[4:], trim)).ravel() for each in (own, other)]
-    assert np.all(np.abs(commanded[0] - commanded[1]) > 1e-4)
-    if change == "box":
-        with pytest.raises(BadInputError, match="but the policy contains the box"):
-            assess(model_of(GTM), stored.changed(policy=files), [45.0], samples=0)
