@@ -1,6 +1,5 @@
 """Tables with usual mistakes are doubted under the first line; right aircraft are not."""
 
-import re
 import tomllib
 
 import pytest
@@ -23,7 +22,6 @@ DEGREE = 3.141592653589793 / 180.0
 MISTAKES = {
     "mass in pounds as slugs": ({"mass": 13.5 / 32.174}, "weight"),
     "mass in slugs as kilograms": ({"mass": 13.5 * 14.594}, "weight"),
-    "mass 32 times too large": ({"mass": 13.5 * 32.174}, "weight"),
     "static instability": ({"Cm_alpha": 0.38}, "Cm_alpha"),
     "no pitch damping": ({"Cm_q": 0.0}, "Cm_q"),
     "sign of the roll damping": ({"Cl_p": 0.26}, "Cl_p"),
@@ -56,7 +54,6 @@ MISTAKES = {
     ),
     "Iyy 23.7 times too large": ({"Iyy": 1.135 * 23.73}, "principal"),
     "Izz in slug ft^2 taken as kg m^2": ({"Izz": 1.759 * 0.7376 / 1.2}, "Izz"),
-    "Ixx 32 times too small": ({"Ixx": 0.8244 / 32.174}, "principal"),
     "Ixz above the inertias": ({"Ixz": 1.19}, "principal"),
 }  # fmt: skip
 #: The mistakes of which `--hold` can make the same.
@@ -85,6 +82,7 @@ def test_right_tables_are_not_doubted(name):
 MISTAKES_OF_AVL = {
     "Cref = 0.75000       Bref =  12.000": ("Cref = 12.000       Bref =  0.75000", "span"),
     "Xnp =   0.616583": ("Xnp =   0.416583", "Xnp"),
+    "Cmq = -39.078823": ("Cmq =  39.078823", "Cm_q"),
 }
 
 
@@ -99,18 +97,6 @@ def test_a_changed_file_of_avl_is_doubted(line, tmp_path):
     (tmp_path / "glider.toml").write_text(table, "utf-8")
     doubts = hfa.load_model(str(tmp_path / "glider.toml")).doubts
     assert any(word in doubt for doubt in doubts)
-
-
-@pytest.mark.parametrize("sign", ["Cmq", "CYb", "Cnr"])
-def test_signs_in_a_file_of_avl_are_doubted(sign, tmp_path):
-    """A damping or a side force of the other sign."""
-    text = (ROOT / "examples/glider.st").read_text("utf-8")
-    wrong = re.sub(rf"({sign} =\s*)-", r"\1 ", text)
-    assert wrong != text
-    (tmp_path / "glider.st").write_text(wrong, "utf-8")
-    (tmp_path / "glider.toml").write_text((ROOT / "examples/glider.toml").read_text(), "utf-8")
-    (doubt,) = hfa.load_model(str(tmp_path / "glider.toml")).doubts
-    assert sign[:2] in doubt
 
 
 def test_derivatives_by_speed_are_doubted_far_from_their_condition():

@@ -87,17 +87,10 @@ def test_wrong_arguments_of_many_flights_are_refused(options, said):
         hfa.fly(model, point, scenario=hfa.Scenario(0.1, uncertainty=NOISE), **options)
 
 
-@pytest.mark.parametrize("option", ["--noise", "--turbulence", "--gust", "--filter", "--vary"])
-def test_an_option_that_moved_names_its_new_command(option, capsys):
-    """The command is one of `fly`, whose options include the one that moved or replace it."""
-    assert main(["assess", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, option, "x"]) == 2
-    said = capsys.readouterr().err
-    assert "hfa fly --policy DEPLOYMENT.toml" in said
-    assert said.count("\n") == 1
-
-
-def test_the_advice_of_an_option_that_moved_leads_on(capsys):
-    """--noise of assess is --noise of `fly --policy FILE --samples N`."""
+def test_the_advice_on_noise_leads_on(capsys):
+    """`assess` flies without it, and names `fly --policy FILE --samples N`."""
+    assert main(["assess", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, "--noise", "x"]) == 2
+    assert "hfa fly --policy DEPLOYMENT.toml" in capsys.readouterr().err
     words = ["fly", "--policy", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, "--at", "45"]
     assert main([*words, "--samples", "2", "--noise", "pitch_rate=1", "--duration", "1"]) == 0
     assert capsys.readouterr().out.startswith("PASS: 2 of 2 flights of 1 s")
