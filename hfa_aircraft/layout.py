@@ -259,15 +259,16 @@ def linearized_rows(
 
 
 @lru_cache(maxsize=16)
-def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
+def _symbolic(layout: Layout, undisturbed: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
     """Return the symbols of the vectors, the rates f, and name -> output, as CasADi expressions."""
-    if still and not layout.names.disturbances:
+    # undisturbed: whether the disturbances are 0, and have no symbols
+    if undisturbed and not layout.names.disturbances:
         symbols, f_of_all, seen_of_all = _symbolic(layout, False)
         return symbols[:3], f_of_all, seen_of_all
     names = list(VECTORS)
-    symbols = layout.symbols(*(names[:3] if still else names))
+    symbols = layout.symbols(*(names[:3] if undisturbed else names))
     values = [components(vector) for vector in symbols]
-    if still:
+    if undisturbed:
         values.append([0.0 for _ in layout.names.disturbances])
     arguments = [layout.record(name, vector) for name, vector in zip(names, values, strict=True)]
     rates, outputs = _called(layout, arguments)

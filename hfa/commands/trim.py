@@ -143,41 +143,45 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
     Raises the first BadInputError if each point is refused.
     """
     model = points.trims.model
-    reports: list[Report] = []
-    trims: list[OperatingPoint | None] = []
+    conditions: list[Condition] = []
     asked: list[Sheet] = []
     refused: list[BadInputError] = []
     for row in points.conditions(_MOST_SHEETS):
         asked.append(_asked(points.trims, row))
+        point: OperatingPoint | None
         try:
             point = trimmed(points.trims.of(row))
-            reports.append(_named(_sheet(request, point), row.name))
-            trims.append(point)
+            report = _named(_sheet(request, point), row.name)
         except TrimError as error:
-            reports.append(_failed(model, row, error, error.found.data))
-            trims.append(None)
+            point, report = None, _failed(model, row, error, error.found.data)
         except BadInputError as error:
-            reports.append(_failed(model, row, error, {"reason": str(error)}))
-            trims.append(None)
+            point, report = None, _failed(model, row, error, {"reason": str(error)})
             refused.append(error)
-    if len(refused) == len(reports):
+        conditions.append(Condition(str(report.data.get("name", "")), report, point))
+    if len(refused) == len(conditions):
         raise refused[0]
+    reports = [condition.report for condition in conditions]
     sheets = [report.sheet for report in reports]
     results = [result_of(sheet) for sheet in sheets]
-    count, failed = len(reports), results.count(UNTRIMMED)
-    others = [f"{results.count(each)} {each}" for each in (STALLED, DOUBTED) if each in results]
-    plainly = f"{results.count(TRIMMED)} of {count} conditions are trimmed"
+    failed = results.count(UNTRIMMED)
     overview = Report(
-        title=", ".join([plainly, *others, *([f"{failed} without a trim"] if failed else [])]),
+        title=_counts_in_words(results),
         parts=[_overview(asked, results, reports), *reports],
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
         records=matrix(asked, sheets),
-        failure=f"{failed} of {count} conditions have no trim" if failed else "",
+        failure=f"{failed} of {len(results)} conditions have no trim" if failed else "",
         notes=(*_repeated(points), *_kept_cells(points)),
     )
-    names = [str(report.data.get("name", "")) for report in reports]
-    made = zip(names, reports, trims, strict=True)
-    return overview, [Condition(*each) for each in made]
+    return overview, conditions
+
+
+def _counts_in_words(results: Sequence[str]) -> str:
+    """Return how many conditions have each result, the first line of their report."""
+    counts = [f"{results.count(TRIMMED)} of {len(results)} conditions are trimmed"]
+    counts += [f"{results.count(each)} {each}" for each in (STALLED, DOUBTED) if each in results]
+    if UNTRIMMED in results:
+        counts.append(f"{results.count(UNTRIMMED)} without a trim")
+    return ", ".join(counts)
 
 
 def _repeated(points: GivenPoints) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
@@ -97,7 +97,7 @@ def c_function(
                 f"{name}: the function {each.name()} of the model, compiled or interpolated, as of "
                 "an FMU, cannot be written as C; use CasADi SX expressions instead"
             )
-    called = "".join(
+    of_called = "".join(
         c_function(each, f"{name}_{each.name()}", ("x",), ("y",), real, operations)
         for each in inner
     )
@@ -117,15 +117,7 @@ def c_function(
         if code == ca.OP_OUTPUT:
             lines.append(f"{results[out[0]]}[{out[1]}] = w{source[0]};")
         elif code == ca.OP_CALL and len(inner) == 1:
-            taken = " ".join(
-                f"w{each} = y[{place}];" for place, each in enumerate(out) if each >= 0
-            )
-            callee = f"{name}_{inner[0].name()}"
-            inputs = ", ".join(operands)
-            lines.append(
-                f"{{ const {real} x[] = {{{inputs}}}; {real} y[{len(out)}];"
-                f" {callee}(x, y); {taken} }}"
-            )
+            lines.append(_call(f"{name}_{inner[0].name()}", operands, out, real))
         elif code in operations:
             lines.append(f"w{out[0]} = {operations[code].format(*operands)};")
         else:
@@ -134,10 +126,20 @@ def c_function(
                 f"{name}: the operation {words[0]} cannot be written as C; write the equations "
                 "without this operation"
             )
-    used = dict.fromkeys(re.findall(r"\bw\d+", " ".join(lines)))
-    work = textwrap.fill(", ".join(used), 100)
-    body = "\n".join(f"    {line}" for line in [*f"{real} {work};".splitlines(), *lines])
-    idle = "".join(
+    variables = dict.fromkeys(re.findall(r"\bw\d+", " ".join(lines)))
+    declaration = f"{real} {textwrap.fill(', '.join(variables), 100)};"
+    body = "\n".join(f"    {line}" for line in [*declaration.splitlines(), *lines])
+    unused = "".join(
         f"    (void){each};\n" for each in (*arguments, *results) if f"{each}[" not in body
     )
-    return f"{called}static void {name}({names})\n{{\n{body}\n{idle}}}\n"
+    return f"{of_called}static void {name}({names})\n{{\n{body}\n{unused}}}\n"
+
+
+def _call(callee: str, operands: Sequence[str], out: Sequence[int], real: str) -> str:
+    """Return the C block that calls a function and stores its results.
+
+    out: number of the variable w of each result, negative for a result that is not used
+    """
+    inputs = ", ".join(operands)
+    stores = " ".join(f"w{each} = y[{place}];" for place, each in enumerate(out) if each >= 0)
+    return f"{{ const {real} x[] = {{{inputs}}}; {real} y[{len(out)}]; {callee}(x, y); {stores} }}"

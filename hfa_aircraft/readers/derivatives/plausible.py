@@ -204,15 +204,16 @@ def _of_weight(table: Table, of: _Values) -> Iterator[str]:
     """
     air = air_at(table.values.get("altitude", 0.0), table.system)
     pressure = 0.5 * float(air.density) * of("speed") ** 2
-    carried = pressure * of("wing_area") / (of("mass") * of("gravity"))
-    coefficient = of("CL_0")
-    largest = table.values.get(LARGEST_LIFT) or max(coefficient, _LARGEST_LIFT)
-    share, which = carried * coefficient, "lift"
-    if share <= _RATIO:
-        share, which = carried * largest, f"largest lift (CL {largest:.3g})"
-        if share >= 1.0:
-            yield from _of_alpha(of, 1.0 / carried - coefficient)
-            return
+    weight_coefficient = of("mass") * of("gravity") / (pressure * of("wing_area"))
+    stated = of("CL_0")
+    largest = table.values.get(LARGEST_LIFT) or max(stated, _LARGEST_LIFT)
+    if stated > _RATIO * weight_coefficient:
+        share, which = stated / weight_coefficient, "lift"
+    elif largest < weight_coefficient:
+        share, which = largest / weight_coefficient, f"largest lift (CL {largest:.3g})"
+    else:
+        yield from _of_alpha(of, weight_coefficient - stated)
+        return
     yield (
         f"the {which} at {of('speed'):.4g} {table.unit('speed')} carries {share:.2g} times "
         "the weight; check the unit of the mass (1 slug = 32.17 lb)"
