@@ -94,17 +94,32 @@ class Motion:
         return acceleration(self.velocity, self.rates, specific_force, weight)
 
     def forces(
-        self, lift: Any, drag: Any, pitching_moment: Any, thrust: Any, mass: Any, *sizes: Any
+        self,
+        lift: Any,
+        drag: Any,
+        pitching_moment: Any,
+        thrust: Any,
+        mass: Any,
+        area: Any,
+        chord: Any,
     ) -> dict[str, Any]:
         """Return the outputs from which the reports of trims compute performance, name -> value.
 
         lift, drag: aerodynamic forces normal to the flight path and along it
         pitching_moment: aerodynamic moment about the center of gravity
         thrust, mass: thrust and mass of the aircraft
-        sizes: reference area and reference chord of the coefficients
+        area, chord: reference area and reference chord of the coefficients
         """
-        values = (lift, drag, thrust, mass * self._gravity, pitching_moment, self.pressure, *sizes)
-        return dict(zip(force_signals("si"), values, strict=True))
+        return {
+            "lift": lift,
+            "drag": drag,
+            "thrust_force": thrust,
+            "weight": mass * self._gravity,
+            "pitching_moment": pitching_moment,
+            "dynamic_pressure": self.pressure,
+            "reference_area": area,
+            "reference_chord": chord,
+        }
 
     def rates_and_outputs(
         self, specific_force: Any, moment: Any, inertia: Any

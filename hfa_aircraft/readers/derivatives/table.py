@@ -222,25 +222,16 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
     limits = {name: _limits(name, each, system) for name, each in pairs.items()}
     thrust = limits.pop(THRUST_INPUT, (0.0, math.inf))
     numbers = {name: each for name, each in entries.items() if name not in {*pairs, *_TEXTS}}
-    values, derivatives, meanings, dimensional = _numbers_of(numbers, limits, texts, system)
-    determined = {derivative.coefficient.name: derivative.name for derivative in dimensional}
+    found = _numbers_of(numbers, limits, texts, system)
+    values, derivatives = found.values, found.derivatives
+    determined = {each.coefficient.name: each.name for each in found.dimensional}
     _refuse_missing(values, {*derivatives, *determined}, source.text or _DICTIONARY)
     _refuse_sizes(values, entries)
     _refuse_altitude(values.get("altitude", 0.0), entries, system)
     if "mass" not in values:
         values["mass"] = values["weight"] / GRAVITY[system]
     _refuse_two_forms(entries, determined)
-    steady = {name: derivatives.get(name, 0.0) for name in ("CL_0", "CD_0", "Cm_0")}
-    for derivative, value in dimensional.items():
-        name, coefficient = derivative.name, derivative.coefficient
-        if axes == "body" and derivative.is_about_stability_axes and values.get("alpha", 0.0):
-            raise entries[name].error(
-                f'{name} is about stability axes; give axes = "stability", or alpha = 0'
-            )
-        meanings[coefficient.name] = coefficient
-        derivatives[coefficient.name] = derivative.value(
-            value, texts["dimensional"], values, steady, axes, system
-        )
+    _add_dimensional(found, entries, texts["dimensional"], axes, system)
     for name in (THRUST_BY_SPEED, "thrust_slope"):
         if name in values or name in derivatives:
             _refuse_no_drag(name, entries, derivatives)
@@ -250,7 +241,7 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
         source=source,
         values=values,
         derivatives=derivatives,
-        meanings=meanings,
+        meanings=found.meanings,
         surfaces=limits,
         thrust=thrust,
         axes=axes,
@@ -301,6 +292,26 @@ def _numbers_of(
         else:
             raise _unknown(name, entry, surfaces)
     return found
+
+
+def _add_dimensional(
+    found: _Numbers, entries: Mapping[str, Entry], divided: str, axes: str, system: str
+) -> None:
+    """Add the derivatives of coefficients that the dimensional derivatives determine.
+
+    divided: definition of the dimensional derivatives, one of `DIVIDED`
+    """
+    steady = {name: found.derivatives.get(name, 0.0) for name in ("CL_0", "CD_0", "Cm_0")}
+    for derivative, value in found.dimensional.items():
+        name, coefficient = derivative.name, derivative.coefficient
+        if axes == "body" and derivative.is_about_stability_axes and found.values.get("alpha"):
+            raise entries[name].error(
+                f'{name} is about stability axes; give axes = "stability", or alpha = 0'
+            )
+        found.meanings[coefficient.name] = coefficient
+        found.derivatives[coefficient.name] = derivative.value(
+            value, divided, found.values, steady, axes, system
+        )
 
 
 def _refuse_no_drag(
