@@ -74,17 +74,19 @@ def air_at(altitude: Any, system: str = "english", warmer: Any = 0.0) -> Air:
     base_pressure = SEA_LEVEL_PRESSURE
     temperature: Any = 0.0
     pressure: Any = 0.0
-    for (bottom, warmth), (top, next_warmth) in pairwise(_LAYERS):
-        lapse = (next_warmth - warmth) / (top - bottom)
-        layer_temperature = warmth + lapse * (height - bottom)
-        layer_pressure = base_pressure * _pressure_ratio(warmth, lapse, height - bottom)
+    for (bottom, base_temperature), (top, top_temperature) in pairwise(_LAYERS):
+        lapse = (top_temperature - base_temperature) / (top - bottom)
+        layer_temperature = base_temperature + lapse * (height - bottom)
+        layer_pressure = base_pressure * _pressure_ratio(base_temperature, lapse, height - bottom)
         if bottom:
             temperature = ca.if_else(height < bottom, temperature, layer_temperature)
             pressure = ca.if_else(height < bottom, pressure, layer_pressure)
         else:
             temperature = layer_temperature
             pressure = layer_pressure
-        base_pressure = float(base_pressure * _pressure_ratio(warmth, lapse, top - bottom))
+        base_pressure = float(
+            base_pressure * _pressure_ratio(base_temperature, lapse, top - bottom)
+        )
     temperature = temperature + 1.8 * warmer
     sound = ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * temperature)
     return Air(temperature, pressure, pressure / (_GAS_CONSTANT * temperature), sound)
@@ -97,16 +99,18 @@ def density_altitude(density: Any) -> Any:
     """
     height: Any = 0.0
     base_pressure = SEA_LEVEL_PRESSURE
-    for (bottom, warmth), (top, next_warmth) in pairwise(_LAYERS):
-        lapse = (next_warmth - warmth) / (top - bottom)
-        base = base_pressure / (_GAS_CONSTANT * warmth)
+    for (bottom, base_temperature), (top, top_temperature) in pairwise(_LAYERS):
+        lapse = (top_temperature - base_temperature) / (top - bottom)
+        base_density = base_pressure / (_GAS_CONSTANT * base_temperature)
         if lapse:
             exponent = 1.0 / (1.0 + _GRAVITY / (_GAS_CONSTANT * lapse))
-            climb = warmth / lapse * ((base / density) ** exponent - 1.0)
+            climb = base_temperature / lapse * ((base_density / density) ** exponent - 1.0)
         else:
-            climb = _GAS_CONSTANT * warmth / _GRAVITY * ca.log(base / density)
-        height = ca.if_else(density < base, bottom + climb, height) if bottom else climb
-        base_pressure = float(base_pressure * _pressure_ratio(warmth, lapse, top - bottom))
+            climb = _GAS_CONSTANT * base_temperature / _GRAVITY * ca.log(base_density / density)
+        height = ca.if_else(density < base_density, bottom + climb, height) if bottom else climb
+        base_pressure = float(
+            base_pressure * _pressure_ratio(base_temperature, lapse, top - bottom)
+        )
     return height * _EARTH_RADIUS / (_EARTH_RADIUS - height)
 
 
@@ -170,11 +174,13 @@ def calibrated_airspeed(dynamic_pressure: float, mach: float) -> float:
     return float(calibrated_speed(ca.DM(mach), pressure)) * FOOT / KNOT
 
 
-def _pressure_ratio(warmth: float, lapse: float, climb: Any) -> Any:
+def _pressure_ratio(base_temperature: float, lapse: float, climb: Any) -> Any:
     """Return the pressure in a layer of the atmosphere, relative to the pressure at its bottom."""
     if lapse == 0.0:
-        return ca.exp(-_GRAVITY * climb / (_GAS_CONSTANT * warmth))
-    return (warmth / (warmth + lapse * climb)) ** (_GRAVITY / (_GAS_CONSTANT * lapse))
+        return ca.exp(-_GRAVITY * climb / (_GAS_CONSTANT * base_temperature))
+    return (base_temperature / (base_temperature + lapse * climb)) ** (
+        _GRAVITY / (_GAS_CONSTANT * lapse)
+    )
 
 
 SEA_LEVEL = Air(*(float(value) for value in vars(air_at(ca.DM(0.0))).values()))
