@@ -2,7 +2,7 @@
 
 from .hfa.level_flight import load_condition as load_condition
 from .hfa.linear_report import linear_model_report as linear_model_report
-from .hfa.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
+from .hfa.printed import compare as compare, entry_bands as entry_bands
 from .hfa.trim_report import trim_figure as trim_figure, trim_report as trim_report
 from .linear.frequency import draw_bode as draw_bode, transfers as transfers
 from .linear.linear_model import LinearModel as LinearModel

@@ -80,7 +80,7 @@ class NonlinearComparison(Result):
     @property
     def has_right_terms(self) -> bool:
         """True if every coefficient is within the limit."""
-        return all(each.error <= self.limit for each in self.errors)
+        return all(error.error <= self.limit for error in self.errors)
 
     @property
     def ok(self) -> bool:
@@ -116,13 +116,13 @@ class NonlinearComparison(Result):
     @property
     def sentence(self) -> str:
         """The verdict on the coefficients as text: what is right, and what is not."""
-        compared = " and ".join(dict.fromkeys(each.of for each in self.errors))
-        last = max(each.degree for each in self.errors)
-        wrong = [each for each in self.errors if not each.error <= self.limit]
+        compared = " and ".join(dict.fromkeys(error.of for error in self.errors))
+        last = max(error.degree for error in self.errors)
+        wrong = [error for error in self.errors if not error.error <= self.limit]
         if not wrong:
             return f"every coefficient of {compared} to degree {last} within {self.limit:g}"
-        worst = max(wrong, key=lambda each: each.error)
-        degrees = ", ".join(str(each.degree) for each in wrong if each.of == worst.of)
+        worst = max(wrong, key=lambda error: error.error)
+        degrees = ", ".join(str(error.degree) for error in wrong if error.of == worst.of)
         return f"{worst.of} wrong in degree {degrees} (worst: {worst.worst}, {_share(worst)})"
 
     def part(self) -> Part:
@@ -163,13 +163,13 @@ class NonlinearComparison(Result):
     def _table(self) -> Table:
         rows = [
             (
-                f"{each.of}, {each.degree}",
-                f"{each.error:.3g}",
-                each.worst,
-                f"{each.learned:z.7g}",
-                f"{each.exact:z.7g}",
+                f"{error.of}, {error.degree}",
+                f"{error.error:.3g}",
+                error.worst,
+                f"{error.learned:z.7g}",
+                f"{error.exact:z.7g}",
             )
-            for each in self.errors
+            for error in self.errors
         ]
         return Table(("degree", "error", "worst term", "learned", "exact"), rows)
 
@@ -343,7 +343,9 @@ def _terms_of_function(
 ) -> dict[int, np.ndarray]:
     """Return the Taylor coefficients of a function at 0, degree -> (k, M) of all monomials.
 
-    widths: scales of the states, in which the coefficients are found, (n,)
+    The terms of degree d at a state z are d^d/dt^d function(t z) / d! at t = 0.
+
+    widths: scales of the states, in which the coefficients are computed, (n,)
 
     Raises BadInputError for a function that is too wide for symbols.
     """
@@ -358,10 +360,19 @@ def _terms_of_function(
         derivative = ca.jacobian(derivative, t)
         if degree not in degrees:
             continue
-        along = ca.substitute(derivative, t, 0) / math.factorial(degree)
-        basis = homogeneous(n, degree)
-        rays = directions(n, math.ceil(_RAYS * basis.size) + n, _SEED)
-        values = np.array(ca.Function("along", [z], [ca.densify(along)])(rays.T)).T
-        scaled = least_squares(basis.psi(rays), values).T
-        terms[degree] = scaled / np.prod(widths**basis.exponents, axis=1)
+        along_ray = ca.substitute(derivative, t, 0) / math.factorial(degree)
+        of_degree = ca.Function("terms", [z], [ca.densify(along_ray)])
+        exponents = homogeneous(n, degree).exponents
+        terms[degree] = _fitted(of_degree, degree) / np.prod(widths**exponents, axis=1)
     return terms
+
+
+def _fitted(function: ca.Function, degree: int) -> np.ndarray:
+    """Return the coefficients of a homogeneous polynomial, (k, M), by least squares over its values
+    along random rays.
+    """
+    n = function.numel_in(0)
+    basis = homogeneous(n, degree)
+    rays = directions(n, math.ceil(_RAYS * basis.size) + n, _SEED)
+    values = np.array(function(rays.T)).T
+    return np.asarray(least_squares(basis.psi(rays), values).T)

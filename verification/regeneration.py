@@ -22,9 +22,9 @@ from trim.hfa.printed import (
     eigenvalue_errors,
     entries_records,
     entries_table,
-    regenerate,
 )
 from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import level_model
 from trim.reports.linear_report import matrices
 
 if TYPE_CHECKING:
@@ -198,7 +198,10 @@ def regenerate_all(aircraft: Model) -> Regeneration:
     trims.
     """
     return Regeneration(
-        tuple(check_pair(regenerate(aircraft, printed), printed) for printed in published_models())
+        tuple(
+            check_pair(level_model(aircraft, printed.dihedral), printed)
+            for printed in published_models()
+        )
     )
 
 

@@ -104,23 +104,26 @@ def solution_words(game: Game) -> str:
 
 
 def _first_lines(verdict: Verdict, limit_cost: float | None) -> list[str]:
-    """Return the headline of the report, and a line for each further finding.
+    """Return the first lines of the report.
 
-    The headline contains the grade, the game, the box, the number of simulations of a critic that
-    is not quadratic, and the first finding; also the second if the line then has at most
-    `_FIRST_LINE` columns.
+    - the headline of both games and the findings on the nonlinear game, if it was judged
+    - the headline: grade, game, box, number of simulations, and the first finding; also the second
+      if the line then has at most `_FIRST_LINE` columns
+    - a limit of the cost, if one decides
+    - a line for each further finding
     """
-    first, second, *others = _facts(verdict)
+    first, second, *further = _facts(verdict)
     headline = f"{_grade_text(verdict, limit_cost)} {_scope(verdict)}: {first}"
     if len(headline) + len(second) + 2 <= _FIRST_LINE:
         headline += f", {second}"
     else:
-        others = [second, *others]
+        further = [second, *further]
+    lines = [headline, *further]
     if limit_cost is not None:
-        others = [f"decided by the cost limit {limit_cost:g} %", *others]
-    if verdict.nonlinear is None:
-        return [headline, *others]
-    return [*_nonlinear_lines(verdict, verdict.nonlinear, limit_cost), headline, *others]
+        lines.insert(1, f"decided by the cost limit {limit_cost:g} %")
+    if verdict.nonlinear is not None:
+        lines = [*_nonlinear_lines(verdict, verdict.nonlinear, limit_cost), *lines]
+    return lines
 
 
 def _scope(verdict: Verdict) -> str:
@@ -171,7 +174,7 @@ def _nonlinear_lines(
     flown = nonlinear.flown
     about = "near the trim" if flown is None else f"in {flown.where}"
     headline = (
-        f"{_word(nonlinear.grade(limit_cost))} on the nonlinear game {about}, "
+        f"{_grade_word(nonlinear.grade(limit_cost))} on the nonlinear game {about}, "
         f"linear part {_grade_text(verdict, limit_cost)}"
     )
     findings = [nonlinear.sentence]
@@ -240,13 +243,13 @@ def grade_text(verdict: Verdict, limit_cost: float | None = None) -> str:
     """
     linear = _linear_grade(verdict, limit_cost)
     if verdict.nonlinear is None:
-        return _word(linear)
-    return _word(max(linear, verdict.nonlinear.grade(limit_cost), key=GRADES.index))
+        return _grade_word(linear)
+    return _grade_word(max(linear, verdict.nonlinear.grade(limit_cost), key=GRADES.index))
 
 
 def _grade_text(verdict: Verdict, limit_cost: float | None) -> str:
     """Return the grade on the game of the first line as text."""
-    return _word(_linear_grade(verdict, limit_cost))
+    return _grade_word(_linear_grade(verdict, limit_cost))
 
 
 def _linear_grade(verdict: Verdict, limit_cost: float | None) -> str:
@@ -256,14 +259,17 @@ def _linear_grade(verdict: Verdict, limit_cost: float | None) -> str:
     return "exact" if verdict.linear_holds(limit_cost) else "fail"
 
 
-def _word(grade: str) -> str:
+def _grade_word(grade: str) -> str:
     """Return PASS, NEAR or FAIL."""
     return Cell("NEAR", "bad") if grade == "near" else verdict_text(grade == "exact")
 
 
 def _exactness(verdict: Verdict, failed: Sequence[Check]) -> str:
-    said = () if verdict.flights is None else _OF_K
-    errors = (check for check in failed if check.kind == "error" and check.name not in said)
+    """Return whether the critic is exact, as text; the errors of K of a simulated critic are among
+    its other findings.
+    """
+    others = () if verdict.flights is None else _OF_K
+    errors = (check for check in failed if check.kind == "error" and check.name not in others)
     wrong = next(errors, None)
     if wrong is not None:
         if verdict.critic.network and verdict.reason:
@@ -373,9 +379,9 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
             (
                 name,
                 grade_text(verdict, limit_cost),
-                _shown(verdict.P_rel_error),
-                _shown(verdict.K_rel_error),
-                _shown(verdict.largest_error),
+                _number_text(verdict.P_rel_error),
+                _number_text(verdict.K_rel_error),
+                _number_text(verdict.largest_error),
                 "yes" if verdict.stabilizing else "no",
                 percent(lost, 3).removesuffix(" %"),
                 "" if math.isnan(gain) else f"{gain:.4g}",
@@ -400,6 +406,6 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
     )
 
 
-def _shown(value: float) -> str:
+def _number_text(value: float) -> str:
     """Return a number as text with three digits, or "" for nan."""
     return "" if math.isnan(value) else f"{value:.3g}"

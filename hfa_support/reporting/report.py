@@ -180,9 +180,7 @@ class Reported:
 
 
 def _text(part: Any, color: bool, width: int | None) -> str:
-    if isinstance(part, Report):
-        return part.text(color, width)
-    if isinstance(part, Group):
+    if isinstance(part, Report | Group):
         return part.text(color, width)
     if isinstance(part, Table):
         return columns(*part, color=color, width=width)

@@ -126,31 +126,38 @@ class Group(NamedTuple):
         return "\n".join([*self._row_lines(color, width), *below])
 
     def _row_lines(self, color: bool, width: int | None) -> Iterator[str]:
+        """Yield the heading, and each row with its note."""
         if not self.rows:
             return
         table = self.table()
-        cells = [table.header[:3], *(row[:3] for row in table.rows)]
-        shown = [[printable(cell, lines=False) for cell in row] for row in cells]
-        name_width, value_width, unit_width = (
-            max(map(len, column)) for column in zip(*shown, strict=True)
+        cells = [
+            [printable(cell, lines=False) for cell in row[:3]]
+            for row in (table.header, *table.rows)
+        ]
+        of_name, of_value, of_unit = (max(map(len, column)) for column in zip(*cells, strict=True))
+        heading, *lines = (
+            _GAP.join((name.ljust(of_name), value.rjust(of_value), unit.ljust(of_unit)))
+            for name, value, unit in cells
         )
-        begin = name_width + value_width + unit_width + 3 * len(_GAP)
-        for row, (name, value, unit) in zip((None, *self.rows), shown, strict=True):
-            line = _GAP.join(
-                (name.ljust(name_width), value.rjust(value_width), unit.ljust(unit_width))
-            )
-            if row is None:  # the heading
-                yield line.rstrip()
-                continue
-            note = printable(row.cells()[3], lines=False)
-            is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE)
-            indent = begin if is_beside else len(_GAP)
-            notes = [note] if width is None else textwrap.wrap(note, width - indent)
-            tone = TONES.get(row.tone) if color else None
-            toned = [f"\033[{tone}m{part}\033[0m" if tone else part for part in notes]
-            beside = "".join(toned[:1]) if is_beside else ""
-            yield (line.ljust(begin) + beside).rstrip()
-            yield from (" " * indent + part for part in toned[is_beside:])
+        yield heading.rstrip()
+        for row, line in zip(self.rows, lines, strict=True):
+            yield from _with_note(line, row, color, width)
+
+
+def _with_note(line: str, row: Row, color: bool, width: int | None) -> Iterator[str]:
+    """Yield the line of a row with its note wrapped beside it, or below it if there is no room."""
+    note = printable(row.cells()[3], lines=False)
+    begin = len(line) + len(_GAP)
+    is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE)
+    indent = begin if is_beside else len(_GAP)
+    parts = [note] if width is None else textwrap.wrap(note, width - indent)
+    tone = TONES.get(row.tone) if color else None
+    below = [f"\033[{tone}m{part}\033[0m" if tone else part for part in parts]
+    if is_beside and below:
+        first, *below = below
+        line += _GAP + first
+    yield line.rstrip()
+    yield from (" " * indent + part for part in below)
 
 
 class Sheet(ByName[Row]):
@@ -173,11 +180,11 @@ class Sheet(ByName[Row]):
 
         first: title of the group that keeps its names
         """
-        made = [*groups]
-        taken = {row.name for title, rows, _ in made if title == first for row in rows}
+        given = [*groups]
+        taken = {row.name for title, rows, _ in given if title == first for row in rows}
         lacking: dict[str, str] = {}
-        found = []
-        for title, figures, lines in made:
+        completed = []
+        for title, figures, lines in given:
             rows = []
             missing: dict[str, list[str]] = {}
             for figure in figures:
@@ -191,14 +198,14 @@ class Sheet(ByName[Row]):
                 figure = replace(figure, name=name)
                 taken.add(name)
                 rows.append(figure)
-            said = [
+            not_in_model = [
                 f"{', '.join(names)}: not in this model" + f": {reason}" * bool(reason)
                 for reason, names in missing.items()
             ]
-            if rows or said or lines:
-                found.append(Group(title, tuple(rows), (*lines, *said)))
-        sheet = cls(row for group in found for row in group.rows)
-        sheet.groups = tuple(found)
+            if rows or not_in_model or lines:
+                completed.append(Group(title, tuple(rows), (*lines, *not_in_model)))
+        sheet = cls(row for group in completed for row in group.rows)
+        sheet.groups = tuple(completed)
         sheet.lacking = lacking
         return sheet
 

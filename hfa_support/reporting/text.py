@@ -188,7 +188,7 @@ def with_unit(value: float, unit: str, nominal: float = 1.0) -> str:
     An angle in radians above a full turn may have been meant in degrees. Such an angle is therefore
     also printed in radians: "859.437 deg (15 rad)".
 
-    nominal: nominal size of the value (`is_zero`)
+    nominal: nominal size of the value; of a value far below it, 0 is printed (`is_zero`)
     """
     value = 0.0 if is_zero(value, nominal) else value
     text = beside_unit(shown_value(value, unit), unit)

@@ -37,8 +37,8 @@ class RowJob(NamedTuple):
 
     what: kind of the job for messages, as in "another sweep"
     row: name of the axis of rows, the first axis of each array
-    template: `xarray.Dataset` of the arrays (`array_of_rows`), with names and units on the other
-        axes. Its attributes contain everything that determines the results.
+    template: `xarray.Dataset` of the arrays (`template_variable`), with names and units on the
+        other axes. Its attributes contain everything that determines the results.
     function: (*arguments) -> arrays by name, including those of the template. Workers must be able
         to import the function.
     arguments: (start, stop) -> arguments of the function for rows start .. stop - 1.
@@ -77,7 +77,7 @@ class RowJob(NamedTuple):
         return slice(first, min(first + self.chunk, self.rows))
 
 
-def array_of_rows(
+def template_variable(
     axes: tuple[str, ...],
     shape: tuple[int, ...],
     fill: Any,

@@ -31,8 +31,8 @@ from trim.hfa.printed import (
     entries_at,
     entries_records,
     entries_table,
-    regenerate,
 )
+from trim.linear.linearize import level_model
 from trim.point.halving import newton
 from trim.point.system import TrimSystem
 
@@ -255,7 +255,7 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
     aircraft = hfa.aircraft(Published(), best.parameters.values)
     rng = np.random.default_rng(seed)
     tables = {
-        model.dihedral_deg: compare(regenerate(aircraft, model), model)
+        model.dihedral_deg: compare(level_model(aircraft, model.dihedral), model)
         for model in published_models()
     }
     structures = [Structure("published", best.sum_of_squares, best.largest)]

@@ -32,7 +32,6 @@ from hfa_support.reporting.text import Table, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
 from trim.linear.linear_model import LinearModel
-from trim.linear.linearize import level_model
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 
@@ -112,7 +111,8 @@ def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ..
     >>> import hfa_model
     >>> import trim
     >>> printed = hfa_model.published_models()[0]
-    >>> rows = trim.compare(trim.regenerate(hfa.aircraft(), printed), printed)
+    >>> model = hfa.paper.level_model(hfa.aircraft(), printed.dihedral)
+    >>> rows = trim.compare(model, printed)
     >>> round(max(abs(row.half_units) for row in rows), 2)
     1.21
     """
@@ -128,21 +128,6 @@ def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ..
         for i, row in enumerate(LINEAR_STATES)
         for j, column in enumerate(columns)
     )
-
-
-def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
-    """Return the linear model of an aircraft in the paper's trim at the dihedral angle of a printed
-    pair.
-
-    published: the printed pair (A, B)
-
-    >>> import hfa
-    >>> import hfa_model
-    >>> import trim
-    >>> trim.regenerate(hfa.aircraft(), hfa_model.published_models()[0]).A.shape
-    (6, 6)
-    """
-    return level_model(aircraft, published.dihedral)
 
 
 def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray:

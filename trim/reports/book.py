@@ -107,17 +107,17 @@ def _numbered(number: int, count: int, condition: Condition) -> Condition:
 
 def _loaded(conditions: Sequence[Condition]) -> dict[str, str]:
     """Return mass and center of gravity as the aircraft was loaded, and over the conditions."""
-    points = [each.point for each in conditions if each.point is not None]
-    found = [(point, configuration_of(Trimmed(point))) for point in points]
+    points = [condition.point for condition in conditions if condition.point is not None]
+    configurations = [(point, configuration_of(Trimmed(point))) for point in points]
     entries = {}
     for name, label in _LOADED.items():
-        known = [(point, *entry[name]) for point, entry in found if name in entry]
+        known = [(point, at_point[name]) for point, at_point in configurations if name in at_point]
         if not known:
             continue
-        unit = known[0][2]
-        loaded = (_as_loaded(point, name, value) for point, value, _ in known)
+        unit = known[0][1].unit
+        loaded = (_as_loaded(point, name, entry.value) for point, entry in known)
         first = next((value for value in loaded if value is not None), None)
-        values = [value for _, value, _ in known]
+        values = [entry.value for _, entry in known]
         low, high = (short_number(end, unit, 6) for end in (min(values), max(values)))
         ends = low if low == high else f"{low} to {high}"
         texts = [f"{beside_unit(ends, unit)} in the conditions"]

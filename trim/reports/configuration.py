@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.motion import inertia_doubt
@@ -36,9 +36,20 @@ PARAMETER_OF_ENTRY = {entry: name for name, entry in _ENTRY_OF_PARAMETER.items()
 _OPTIONAL = ("center_of_gravity_y", "Ixz")
 
 
-def configuration_of(trimmed: Trimmed) -> dict[str, tuple[Any, str]]:
-    """Return mass, center of gravity, inertias and sizes at a trim as far as known, name -> (value,
-    unit), in the units of the condition.
+class Quantity(NamedTuple):
+    """Number with its unit, or a word, such as that on a gear, with the unit "".
+
+    value: a number, or a word
+    unit: unit of the number
+    """
+
+    value: Any
+    unit: str
+
+
+def configuration_of(trimmed: Trimmed) -> dict[str, Quantity]:
+    """Return mass, center of gravity, inertias and sizes at a trim as far as known, by name, in the
+    units of the condition.
 
     The values are those of `About.configuration`, or of parameters, outputs and inputs with these
     names. Without a mass, it is the weight divided by the gravity.
@@ -46,7 +57,7 @@ def configuration_of(trimmed: Trimmed) -> dict[str, tuple[Any, str]]:
     point = trimmed.given
     model = point.model
     native = model.native
-    found: dict[str, tuple[Any, str]] = {}
+    configuration: dict[str, Quantity] = {}
     if native.about.configuration is not None:
         vectors = ((model.states, point.x), (model.inputs, point.u), (model.parameters, model.p))
         values = [model.native_values(tuple(names), vector) for names, vector in vectors]
@@ -54,54 +65,59 @@ def configuration_of(trimmed: Trimmed) -> dict[str, tuple[Any, str]]:
             in_si = native is not model
             factor = si_factor(unit) if in_si else 1.0
             number = value if isinstance(value, str) else float(value) * factor
-            found[name] = (number, si_unit(unit) if in_si else unit)
+            configuration[name] = Quantity(number, si_unit(unit) if in_si else unit)
     parameters = dict(zip(model.parameters, model.p.tolist(), strict=True))
     for name in _ENTRIES:
-        if name not in found and name in (*parameters, *model.outputs, *model.inputs):
+        if name not in configuration and name in (*parameters, *model.outputs, *model.inputs):
             value = parameters[name] if name in parameters else point[name]
-            found[name] = (value, model.unit(name))
-    if "mass" not in found and "weight" in model.outputs and parameters.get("gravity"):
+            configuration[name] = Quantity(value, model.unit(name))
+    if "mass" not in configuration and "weight" in model.outputs and parameters.get("gravity"):
         unit = {"lbf": "slug", "N": "kg"}.get(model.unit("weight"), "")
         if unit:
-            found["mass"] = (point["weight"] / parameters["gravity"], unit)
-    return found
+            configuration["mass"] = Quantity(point["weight"] / parameters["gravity"], unit)
+    return configuration
 
 
-def configuration_rows(trimmed: Trimmed) -> tuple[list[Row | Lacking], list[str]]:
-    """Return the rows of the configuration at a trim with what is unknown of an aircraft, and a
-    sentence on inertias of no rigid body that the first lines do not contain.
+def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
+    """Return the rows of the configuration at a trim, with what is unknown of an aircraft.
 
     Parameters that are not as the model was loaded follow.
     """
     model = trimmed.given.model
-    found = configuration_of(trimmed)
-    labels = {name: label for name, label in _ENTRIES.items() if name in found}
-    notes = {name: _angle_of(model, name, value) for name, (value, _) in found.items()}
-    entries = dict(found)
+    configuration = configuration_of(trimmed)
+    labels = {name: label for name, label in _ENTRIES.items() if name in configuration}
+    notes = {name: _angle_of(model, name, entry.value) for name, entry in configuration.items()}
+    entries = dict(configuration)
     for name, value in model.changed.items():
         entry = _ENTRY_OF_PARAMETER.get(name, name)
         unit = model.unit(name)
         angle = _angle_of(model, name, model.parameters[name].start)
         loaded = f"as loaded: {shown_value(value, unit)}"
         notes[entry] = ", ".join(filter(None, (angle, loaded)))
-        if entry not in found:
-            entries[entry], labels[entry] = (model.parameters[name].start, unit), name
+        if entry not in configuration:
+            entries[entry] = Quantity(model.parameters[name].start, unit)
+            labels[entry] = name
     rows: list[Row | Lacking] = [
         Row(label, *entries[name], notes.get(name, ""), digits=6) for name, label in labels.items()
     ]
     for name, label in labels.items():
         full = model.signals[name].full if name in model.signals else 0.0
         if full:  # as it acts, beside the share that is typed
-            rows.append(Row(f"{label} angle", entries[name][0] * full, "rad", rare=True))
+            rows.append(Row(f"{label} angle", entries[name].value * full, "rad", rare=True))
     if entries.keys() & _ENTRIES.keys() or "alpha" in trimmed.roles:
         missing = [label for name, label in _ENTRIES.items() if name not in (*entries, *_OPTIONAL)]
         has_center = any(name.startswith("center_of_gravity") for name in entries)
         others = [label for label in missing if not label.startswith("c.g.")]
         missing = others if has_center else ["c.g.", *others]
         rows += [Lacking(label, "") for label in missing]
+    return rows
+
+
+def configuration_lines(trimmed: Trimmed) -> list[str]:
+    """Return a sentence on inertias of no rigid body, unless the first lines contain it."""
     doubt = inertias_doubt(trimmed)
     is_said = doubt in trimmed.model.doubts or holds_inertias(trimmed)
-    return rows, [doubt] if doubt and not is_said else []
+    return [doubt] if doubt and not is_said else []
 
 
 def _angle_of(model: Model, name: str, value: Any) -> str:
@@ -120,9 +136,9 @@ def holds_inertias(trimmed: Trimmed) -> bool:
 
 def inertias_doubt(trimmed: Trimmed) -> str:
     """Return a sentence if no rigid body has the inertias, or ""."""
-    found = configuration_of(trimmed)
-    if not {"Ixx", "Iyy", "Izz"} <= {*found}:
+    configuration = configuration_of(trimmed)
+    if not {"Ixx", "Iyy", "Izz"} <= {*configuration}:
         return ""
-    xx, yy, zz = (found[name][0] for name in ("Ixx", "Iyy", "Izz"))
-    xz = found["Ixz"][0] if "Ixz" in found else 0.0
+    xx, yy, zz = (configuration[name].value for name in ("Ixx", "Iyy", "Izz"))
+    xz = configuration["Ixz"].value if "Ixz" in configuration else 0.0
     return inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])

@@ -127,9 +127,9 @@ def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
     roles, states = trimmed.roles, trimmed.slopes.states
     by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
     turning, coupled = float(by_sideslip[states.index(roles["r"])]), 0.0
-    known = configuration_of(trimmed)
-    if "p" in roles and {"Izz", "Ixz"} <= {*known}:
-        coupling = known["Ixz"][0] / known["Izz"][0]
+    configuration = configuration_of(trimmed)
+    if "p" in roles and {"Izz", "Ixz"} <= {*configuration}:
+        coupling = configuration["Ixz"].value / configuration["Izz"].value
         coupled = coupling * float(by_sideslip[states.index(roles["p"])])
     return turning - coupled < -ROUNDING * (abs(turning) + abs(coupled))
 
@@ -156,8 +156,10 @@ def _si(trimmed: Trimmed, name: str, unit: str) -> float:
 
 def _of_configuration(trimmed: Trimmed, name: str, unit: str) -> float:
     """Return an entry of the configuration in a unit, or nan."""
-    value, stated = configuration_of(trimmed).get(name, (math.nan, ""))
-    return math.nan if isinstance(value, str) else value * (conversion(stated, unit) or math.nan)
+    entry = configuration_of(trimmed).get(name)
+    if entry is None or isinstance(entry.value, str):
+        return math.nan
+    return float(entry.value) * (conversion(entry.unit, unit) or math.nan)
 
 
 def _speed(trimmed: Trimmed) -> float:
@@ -185,7 +187,7 @@ def _weight_of_mass(trimmed: Trimmed) -> float:
     return _si(trimmed, "weight", "N") / (_of_configuration(trimmed, "mass", "kg") * gravity)
 
 
-def _density(trimmed: Trimmed) -> float:
+def _density_ratio(trimmed: Trimmed) -> float:
     """Return the density of dynamic pressure and speed, relative to standard air there, or at sea
     level for a model without an altitude.
     """
@@ -239,7 +241,7 @@ _IDENTITIES = (
         "the weight is {:.3g} times mass and gravity; check them and their units",
     ),
     _Identity(
-        _density, 0.5, 2.0,
+        _density_ratio, 0.5, 2.0,
         "dynamic pressure and speed are those of {:.3g} times the standard density; check them and "
         "their units",
     ),

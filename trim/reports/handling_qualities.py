@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,12 +17,17 @@ from trim.reports.trimmed import Trimmed
 _OSCILLATING = ("short period", "phugoid", "dutch roll")
 
 
-def mode_rows(trimmed: Trimmed, airplane: Airplane) -> tuple[list[Row], list[str]]:
-    """Return the eigenvalues of the modes, each with its handling qualities and their levels, and
-    sentences on the levels.
-    """
+class ModeFigures(NamedTuple):
+    """Rows on the modes at a trim, and sentences below them on the levels."""
+
+    rows: list[Row]
+    lines: list[str]
+
+
+def mode_figures(trimmed: Trimmed, airplane: Airplane) -> ModeFigures:
+    """Return the eigenvalues of the modes, each with its handling qualities and their levels."""
     if trimmed.fault:
-        return [], [f"no modes: {trimmed.fault}"]
+        return ModeFigures([], [f"no modes: {trimmed.fault}"])
     chosen, why = chosen_airplane(trimmed, airplane)
     qualities = [*handling_qualities(trimmed)]
     lines = []
@@ -42,7 +48,7 @@ def mode_rows(trimmed: Trimmed, airplane: Airplane) -> tuple[list[Row], list[str
                 Row(f"{mode.name} damping", mode.damping),
             ]
         rows += of_mode
-    return [*rows, *qualities], lines
+    return ModeFigures([*rows, *qualities], lines)
 
 
 def _belongs(quality: str, family: str) -> bool:
@@ -85,16 +91,14 @@ def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
         oscillation = _oscillation(trimmed, name)
         if oscillation is None:
             continue
-        frequency, damping = oscillation
-        yield Row(f"{name} frequency", frequency, "rad/s", in_degrees=False)
-        yield Row(f"{name} damping", damping)
+        yield Row(f"{name} frequency", oscillation.frequency, "rad/s", in_degrees=False)
+        yield Row(f"{name} damping", oscillation.damping)
         if name == "dutch roll":
-            yield Row(
-                "dutch roll damping times frequency", damping * frequency, "rad/s", in_degrees=False
-            )
+            product = oscillation.damping * oscillation.frequency
+            yield Row("dutch roll damping times frequency", product, "rad/s", in_degrees=False)
             yield from _bank_per_sideslip(trimmed)
         if name == "short period":
-            yield from _anticipation(trimmed, frequency)
+            yield from _anticipation(trimmed, oscillation.frequency)
     roll = _real_eigenvalue(trimmed, "roll")
     if roll:
         yield Row("roll time constant", -1 / roll, "s")
@@ -122,7 +126,14 @@ def _real_eigenvalue(trimmed: Trimmed, family: str) -> float | None:
     return values[0].real if len(values) == 1 and not values[0].imag else None
 
 
-def _oscillation(trimmed: Trimmed, family: str) -> tuple[float, float] | None:
+class _Oscillation(NamedTuple):
+    """Natural frequency, rad/s, and damping ratio of a mode."""
+
+    frequency: float
+    damping: float
+
+
+def _oscillation(trimmed: Trimmed, family: str) -> _Oscillation | None:
     """Return the natural frequency, rad/s, and damping ratio of the mode with a declared name."""
     # The mode must consist of one conjugate pair, or of two real eigenvalues of the same sign.
     # Otherwise the result is None.
@@ -136,7 +147,7 @@ def _oscillation(trimmed: Trimmed, family: str) -> tuple[float, float] | None:
     if product <= 0 or total.imag:
         return None
     frequency = math.sqrt(product)
-    return frequency, -total.real / (2 * frequency)
+    return _Oscillation(frequency, -total.real / (2 * frequency))
 
 
 def _bank_per_sideslip(trimmed: Trimmed) -> Iterator[Row]:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from hfa_support.reporting.rows import Row
 from hfa_support.units import STANDARD_GRAVITY, conversion
-from trim.reports.configuration import configuration_of
+from trim.reports.configuration import Quantity, configuration_of
 from trim.reports.trimmed import Trimmed
 
 #: Classes: I small and light; II medium, at a carrier or on land; III large; IV maneuverable.
@@ -66,15 +66,32 @@ class Span(NamedTuple):
 Limits = Sequence[Span]
 
 
-def chosen_airplane(trimmed: Trimmed, airplane: Airplane) -> tuple[Airplane, str]:
-    """Return class and category, and the reason for a class that the user did not state, or ""."""
+class Chosen(NamedTuple):
+    """Class and category of an airplane, and the reason for a class that the user did not state.
+
+    why: the reason, or ""
+    """
+
+    airplane: Airplane
+    why: str
+
+
+class UsualClass(NamedTuple):
+    """Class of an airplane, and the reason for it."""
+
+    class_: str
+    why: str
+
+
+def chosen_airplane(trimmed: Trimmed, airplane: Airplane) -> Chosen:
+    """Return class and category as the user states them, with the usual class if he does not."""
     if airplane.class_:
-        return airplane, ""
-    class_, why = usual_class(trimmed)
-    return airplane._replace(class_=class_), why
+        return Chosen(airplane, "")
+    usual = usual_class(trimmed)
+    return Chosen(airplane._replace(class_=usual.class_), usual.why)
 
 
-def usual_class(trimmed: Trimmed) -> tuple[str, str]:
+def usual_class(trimmed: Trimmed) -> UsualClass:
     """Return the class of an airplane by its declared load factor and its weight, and the reason.
 
     - IV: the model declares a largest load factor of at least 6
@@ -90,30 +107,34 @@ def usual_class(trimmed: Trimmed) -> tuple[str, str]:
         else math.inf
     )
     if _MANEUVERABLE <= most < math.inf:
-        return "IV", f"load factor up to {most:.3g}"
-    weight, unit = _weight(trimmed)
-    unit_per_lbf = conversion("lbf", unit)
-    if unit_per_lbf is None:
-        return "I", "weight unknown"
+        return UsualClass("IV", f"load factor up to {most:.3g}")
+    weight = _weight(trimmed)
+    unit_per_lbf = None if weight is None else conversion("lbf", weight.unit)
+    if weight is None or unit_per_lbf is None:
+        return UsualClass("I", "weight unknown")
     for class_, most_weight in (("I", _LIGHT), ("II-L", _MEDIUM)):
-        if weight <= most_weight * unit_per_lbf:
-            return class_, f"weight up to {most_weight * unit_per_lbf:,.0f} {unit}"
-    return "III", f"weight above {_MEDIUM * unit_per_lbf:,.0f} {unit}"
+        most_in_unit = most_weight * unit_per_lbf
+        if weight.value <= most_in_unit:
+            return UsualClass(class_, f"weight up to {most_in_unit:,.0f} {weight.unit}")
+    return UsualClass("III", f"weight above {_MEDIUM * unit_per_lbf:,.0f} {weight.unit}")
 
 
-def _weight(trimmed: Trimmed) -> tuple[float, str]:
-    """Return the weight and its unit, from the mass and standard gravity without an output weight;
-    the unit is "" if it is unknown.
+def _weight(trimmed: Trimmed) -> Quantity | None:
+    """Return the weight, or None if it is unknown.
+
+    Without an output weight, it is the mass times standard gravity: in N for a mass in kg, g or t,
+    else in lbf.
     """
     if "weight" in trimmed.model.outputs:
-        return trimmed["weight"], trimmed.unit("weight")
-    mass, unit = configuration_of(trimmed).get("mass", (math.nan, ""))
-    in_kg = conversion(unit, "kg")
-    if in_kg is None:
-        return math.nan, ""
-    newtons = mass * in_kg * STANDARD_GRAVITY
-    per_newton = conversion("N", "lbf") or math.nan
-    return (newtons, "N") if unit in ("kg", "g", "t") else (newtons * per_newton, "lbf")
+        return Quantity(trimmed["weight"], trimmed.unit("weight"))
+    mass = configuration_of(trimmed).get("mass")
+    per_kg = None if mass is None else conversion(mass.unit, "kg")
+    if mass is None or per_kg is None:
+        return None
+    newtons = mass.value * per_kg * STANDARD_GRAVITY
+    if mass.unit in ("kg", "g", "t"):
+        return Quantity(newtons, "N")
+    return Quantity(newtons * (conversion("N", "lbf") or math.nan), "lbf")
 
 
 def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:

@@ -15,7 +15,7 @@ from hfa_support.reporting.text import Table, degrees, shown_unit, shown_values
 from trim.linear.modes import modes_table
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
-from trim.reports.configuration import configuration_rows
+from trim.reports.configuration import configuration_lines, configuration_rows
 from trim.reports.doubts import doubts_of
 from trim.reports.first_lines import (
     condition_words,
@@ -27,7 +27,7 @@ from trim.reports.first_lines import (
     without_lines,
 )
 from trim.reports.flight import flight_rows, same_as_the_table
-from trim.reports.handling_qualities import mode_rows
+from trim.reports.handling_qualities import mode_figures
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane, chosen_airplane
 from trim.reports.limits import ASSUMED, limit_rows, named_nearest, nearest_first, variable_rows
 from trim.reports.matrix import asked_of, matrix
@@ -68,18 +68,18 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     flight.append(balance_row(point))
     groups: list[tuple[str, Any, Any]] = [
         ("condition", flight, same_as_the_table(trimmed)),
-        ("configuration", *configuration_rows(trimmed)),
+        ("configuration", configuration_rows(trimmed), configuration_lines(trimmed)),
         (VARIABLES, variables, assumed),
         ("limits", limit_rows(nearest_first(trimmed)), ()),
     ]
     if point.ok:
         describe = point.model.trimming.describe
-        own = [] if describe is None else describe(point)
-        repeated = {row.name for _, rows, _ in own for row in rows}
+        of_model = [] if describe is None else describe(point)
+        repeated = {row.name for _, rows, _ in of_model for row in rows}
         loads = [row for row in performance_rows(trimmed) if row.name not in repeated]
-        groups += [("performance", loads, ()), *own]
+        groups += [("performance", loads, ()), *of_model]
         groups.append(("stability", [*stability_rows(trimmed)], ()))
-        groups.append(("modes and levels", *mode_rows(trimmed, airplane)))
+        groups.append(("modes and levels", *mode_figures(trimmed, airplane)))
     sheet = Sheet.of(groups, first=VARIABLES)
     return Sheet.of([*groups, ("findings", findings(trimmed, sheet, airplane), ())], VARIABLES)
 

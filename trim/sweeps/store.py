@@ -15,9 +15,10 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, storable
 from hfa_support.reporting.text import Table
-from hfa_support.rows.store import RowJob, array_of_rows, fill_store
+from hfa_support.rows.store import RowJob, fill_store, template_variable
 from trim.linear.modes import fastest_first
 from trim.point.condition import TrimCondition
+from trim.point.operating_point import OperatingPoint
 from trim.point.system import TrimSystem
 from trim.sweeps.points import CHUNK, STATUS, TRIMMED, parameters_at
 from trim.sweeps.stalls import stalled
@@ -119,17 +120,21 @@ def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
     return fill_store(job, path, **options)
 
 
-def _stored_points(*task: Any) -> dict[str, Any]:
+def _stored_points(
+    model: Model,
+    variables: tuple[str, ...],
+    values: np.ndarray,
+    condition: TrimCondition,
+    start: OperatingPoint | None,
+) -> dict[str, Any]:
     """Return the results of `run_points`, the eigenvalues of A, fastest first, the limits reached,
-    and stalls.
+    and stalls. The arguments are those of `run_points`.
     """
-    rows = run_points(*task)
-    condition: TrimCondition = task[3]
+    rows = run_points(model, variables, values, condition, start)
     trimmed = rows["status"] == TRIMMED
     eigenvalues = np.full(rows["states"].shape, complex(np.nan, np.nan))
     eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(rows["A"][trimmed]))
     reached = at_limit(condition, rows["states"], rows["inputs"])
-    model, variables, values, *_ = task
     parameters = parameters_at(model, variables, values)
     stalls = stalled(model, rows["states"], rows["inputs"], parameters) & trimmed
     return rows | {
@@ -175,7 +180,7 @@ def _template(plan: SweepPlan) -> Any:
         shape = (plan.count, *(sizes[axis] for axis in array.axes))
         axes = (_POINT, *array.axes)
         if 0 not in shape:  # a model without inputs has no B
-            arrays[name] = array_of_rows(axes, shape, array.fill, chunk, array.attributes)
+            arrays[name] = template_variable(axes, shape, array.fill, chunk, array.attributes)
     status = {
         "long_name": "outcome of the trim",
         "flag_values": list(range(len(STATUS))),
@@ -186,14 +191,14 @@ def _template(plan: SweepPlan) -> Any:
         "long_name": "1 where the point was trimmed separately, which is a thousand times slower"
     }
     fill_status = np.int8(MISSING)
-    arrays["status"] = array_of_rows((_POINT,), (plan.count,), fill_status, chunk, status)
-    arrays["kinks"] = array_of_rows((_POINT,), (plan.count,), np.int16(-1), chunk, kinks)
-    arrays["one_by_one"] = array_of_rows((_POINT,), (plan.count,), np.int8(0), chunk, slow)
+    arrays["status"] = template_variable((_POINT,), (plan.count,), fill_status, chunk, status)
+    arrays["kinks"] = template_variable((_POINT,), (plan.count,), np.int16(-1), chunk, kinks)
+    arrays["one_by_one"] = template_variable((_POINT,), (plan.count,), np.int8(0), chunk, slow)
 
     coordinates: dict[str, Any] = dict(labels_of(plan.condition, rates=states))
     for name, unit in zip(plan.variables, plan.units, strict=True):
         varied = {"long_name": "what is varied", "units": unit}
-        coordinates[name] = array_of_rows((_POINT,), (plan.count,), np.nan, chunk, varied)
+        coordinates[name] = template_variable((_POINT,), (plan.count,), np.nan, chunk, varied)
     import xarray
 
     return xarray.Dataset(arrays, coordinates, storable(SweepAttributes(plan)))

@@ -99,7 +99,7 @@ def run_points(
     progress: called with (finished points, all points), or None
     """
     points = trim_points(model, variables, values, condition, start=start, progress=progress)
-    found = mean_at_kinks(
+    slopes = mean_at_kinks(
         model,
         points.states,
         points.inputs,
@@ -107,16 +107,16 @@ def run_points(
         points.A,
         points.B,
     )
-    points = points._replace(A=found.A, B=found.B)
+    points = points._replace(A=slopes.A, B=slopes.B)
     kink_counts = np.zeros(len(values), dtype=int)
-    for point, notes in found.notes.items():
+    for point, notes in slopes.notes.items():
         kink_counts[point] = len(notes)
     return {
         **points._asdict(),
         **dict(zip(variables, values.T, strict=True)),
         "values": values,
         "kinks": kink_counts,
-        "kinked": found.notes,
+        "kinked": slopes.notes,
     }
 
 
@@ -235,12 +235,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def eigenvalues(self) -> RootTable:
         """Eigenvalues of A, (N, k), 1/s; each column contains one mode; nan if not trimmed."""
         trimmed = self.trimmed
-        found = np.full(self.A.shape[:2], complex(np.nan, np.nan))
+        eigenvalues = np.full(self.A.shape[:2], complex(np.nan, np.nan))
         if trimmed.any():
             neighbours = _neighbours(self.plan.sizes, trimmed)
             linear = self.model.linear
-            found[trimmed] = track_modes(self.A[trimmed], linear, self.model, neighbours)
-        return found
+            eigenvalues[trimmed] = track_modes(self.A[trimmed], linear, self.model, neighbours)
+        return eigenvalues
 
     @cached_property
     def mode_names(self) -> tuple[str, ...]:
@@ -340,7 +340,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         places = np.arange(len(self))
         trimmed = [places[line][self.trimmed[line]] for line in self._lines()]
         for end, marker in ((0, "o"), (-1, "s")):
-            ends = [each[end] for each in trimmed if each.size]
+            ends = [points[end] for points in trimmed if points.size]
             roots = self.eigenvalues[ends][:, columns].ravel()
             values = dict.fromkeys(shown_value(self.values[i, -1], unit, ".4g") for i in ends)
             axes.plot(
@@ -619,7 +619,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """
         pandas = imported("pandas", "data frames require")
         names = dict.fromkeys((*self.variables, *self.model.states, *self.model.inputs))
-        columns = {**self._columns(names), **self._mode_columns(), "reason": list(self.reasons)}
+        columns = {name: self[name] for name in names}
+        columns |= {**self._mode_columns(), "reason": list(self.reasons)}
         return pandas.DataFrame(columns)
 
     def _columns(self, names: Iterable[str]) -> dict[str, np.ndarray]:
@@ -659,8 +660,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 f"{', '.join(self.variables)}"
             )
         axes = {name: [value] for name, value in values.items()}
-        found: LinearModel = run_plan(replace(self.plan, axes=axes))[0]
-        return found
+        linear: LinearModel = run_plan(replace(self.plan, axes=axes))[0]
+        return linear
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:
@@ -849,9 +850,9 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     condition = condition_at(swept.plan.condition, swept.variables, values)
     states = record(tuple(model.states))(*swept.states[index].tolist())
     inputs = record(tuple(model.inputs))(*swept.inputs[index].tolist())
-    found = OperatingPoint(states, inputs, {}, Status.TRIMMED, model)
-    problem = TrimProblem(model, condition, found.values)
-    point = OperatingPoint._of(problem, problem.unknowns(found.values), Status.TRIMMED)
+    values_at = OperatingPoint(states, inputs, {}, Status.TRIMMED, model).values
+    problem = TrimProblem(model, condition, values_at)
+    point = OperatingPoint._of(problem, problem.unknowns(values_at), Status.TRIMMED)
     return point.linearize()
 
 

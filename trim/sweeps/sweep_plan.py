@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,6 +43,16 @@ class Steps:
 
     def __getitem__(self, index: Any) -> Any:
         return self.start + self.step * index
+
+
+class Task(NamedTuple):
+    """Some points of a sweep, as the arguments of `run_points`."""
+
+    model: Model
+    variables: tuple[str, ...]
+    values: np.ndarray
+    condition: TrimCondition
+    start: OperatingPoint | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,9 +242,7 @@ class SweepPlan:
             columns.append(axis[place])
         return np.stack(columns, axis=-1)
 
-    def task(
-        self, start: int, stop: int
-    ) -> tuple[Model, tuple[str, ...], np.ndarray, TrimCondition, OperatingPoint | None]:
+    def task(self, start: int, stop: int) -> Task:
         """Return the arguments with which `run_points` computes the points start .. stop - 1."""
         values = self.values(start, stop)
-        return self.model, self.variables, values, self.condition, self.start
+        return Task(self.model, self.variables, values, self.condition, self.start)

@@ -16,7 +16,7 @@ from ended_runs import until
 
 from hfa import BadInputError
 from hfa_support.rows import store as zarr_store
-from hfa_support.rows.store import RowJob, array_of_rows, fill_store, open_store
+from hfa_support.rows.store import RowJob, fill_store, open_store, template_variable
 
 ROWS = 10
 CHUNK = 3
@@ -53,9 +53,9 @@ def row_job(seed=0, unit="ft", function=numbers):
     import xarray
 
     arrays = {
-        "square": array_of_rows(("row", "side"), (ROWS, 2), NAN, CHUNK, {"units": unit}),
-        "empty": array_of_rows(("row",), (ROWS,), NAN, CHUNK, {}),
-        "pole": array_of_rows(("row",), (ROWS,), complex(NAN, NAN), CHUNK, {}),
+        "square": template_variable(("row", "side"), (ROWS, 2), NAN, CHUNK, {"units": unit}),
+        "empty": template_variable(("row",), (ROWS,), NAN, CHUNK, {}),
+        "pole": template_variable(("row",), (ROWS,), complex(NAN, NAN), CHUNK, {}),
     }
     sides = {"side": np.array(["left", "right"], dtype=object)}
     attributes = {"schema": "test/1", "plan": {"seed": seed}}

@@ -11,7 +11,7 @@ import numpy as np
 from hfa_flight.air.names import limited_names
 from hfa_flight.samples.monte_carlo import KEPT, MonteCarlo, fly_members
 from hfa_support.progress import Progress
-from hfa_support.rows.store import RowJob, array_of_rows, fill_store
+from hfa_support.rows.store import RowJob, fill_store, template_variable
 from hfa_support.rows.workers import open_workers
 
 #: Steps in a chunk. At 0.8 µs or more a step, a chunk takes at least half a second.
@@ -95,7 +95,7 @@ def _template(plan: MonteCarlo) -> Any:
             attributes["units"] = axis_or_unit
         shape = (plan.members, *(sizes[axis] for axis in axes[1:]))
         if 0 not in shape:  # empty if nothing is drawn
-            arrays[name] = array_of_rows(axes, shape, fill, chunk_of(plan), attributes)
+            arrays[name] = template_variable(axes, shape, fill, chunk_of(plan), attributes)
 
     import xarray
 
