@@ -86,7 +86,10 @@ LEARNED = {
 }
 
 
-@pytest.mark.parametrize("case", LEARNED)
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=[pytest.mark.slow] * (case == "published")) for case in LEARNED],
+)
 def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case):
     """The file has the last weights, and `verify` computes the checks that `learn` has printed."""
     options, entries = LEARNED[case]

@@ -195,7 +195,7 @@ ONE = replace(
 )
 
 
-@pytest.mark.parametrize("poles", [{"e": [-1.0, -2.0]}, {"P": [[-1.0 + 1j], [-1.0 - 1j]]}, {}])
+@pytest.mark.parametrize("poles", [{"e": [-1.0, -2.0]}, {"P": [[-1.0 + 1j], [-1.0 - 1j]]}])
 def test_the_results_of_lqr_of_matlab_are_k_and_p(poles):
     """[K, S, e] and [K, S, P] = lqr(...): S is the value, also where P are the poles."""
     exact = hfa.solve(ONE)

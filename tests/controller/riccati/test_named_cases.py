@@ -18,6 +18,7 @@ def ac4(delta=math.inf):
     return Game(**{name: np.array(AC4[name]) for name in "ABEQRN"}, delta=delta)
 
 
+@pytest.mark.slow
 def test_the_smallest_delta_of_compleib_ac4():
     """It is 0.019678875, whose plant has rates of 0.009 to 30 1/s and weights up to rounding."""
     smallest = minimum_delta(ac4())
