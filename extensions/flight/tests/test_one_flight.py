@@ -71,21 +71,6 @@ def answer(capsys, *words):
     return json.loads(capsys.readouterr().out)
 
 
-def test_the_sum_of_rewards_is_the_cost_of_the_flight(model, gain, tmp_path):
-    """An episode is the flight of `fly`; its rewards sum up to the cost, to second order in dt."""
-    policy = deployment_of(gain, tmp_path)
-    point = hfa.trim(model, speed=45.0)
-    start = np.array([1.2, -0.03, -0.09, -0.1])
-    initial = dict(zip(Q, start, strict=True))
-    flown = hfa.fly(model, point, policy, 1.0, initial=initial, weights=WEIGHTS, predict=False)
-    total, end, lost = in_environment(model, policy, point, start, gain, 1.0)
-    assert lost is None
-    np.testing.assert_allclose(end, flown.states[-1], rtol=1e-7, atol=1e-8)
-    cost = cost_of_rewards(total, start, end - point.x)
-    assert cost == pytest.approx(flown.cost, rel=2e-3)
-    assert abs(-total - flown.cost) > 5e-3 * flown.cost
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("sign", "is_back"), [(1.0, True), (-1.0, False)])
 def test_four_commands_fly_the_same_flight(model, gain, tmp_path, capsys, sign, is_back):

@@ -88,25 +88,18 @@ def misses(name, count):
     return worst
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["sgs126", *(pytest.param(name, marks=pytest.mark.slow) for name in ("c182", "737", "DHC6"))],
-)
-def test_jet_propellers_and_glider_accelerate_as_in_jsbsim(name):
-    """Accelerations and thrust of a jet, propeller aircraft and a glider agree with JSBSim.
-
-    At JSBSim's propeller speeds, the propellers of the model are in equilibrium.
-    """
-    acceleration, thrust, turning = misses(name, 2)
+def test_a_glider_accelerates_as_in_jsbsim():
+    acceleration, *_ = misses("sgs126", 2)
     assert acceleration < 1e-12
-    assert thrust < 1e-11
-    assert turning < 1e-10
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(set(ALL) - OTHERS))
 def test_all_aircraft_accelerate_as_in_jsbsim(name):
-    """Accelerations of all aircraft agree with JSBSim within the tolerance of each aircraft."""
+    """Accelerations of all aircraft agree with JSBSim within the tolerance of each aircraft.
+
+    At JSBSim's propeller speeds, the propellers of the model are in equilibrium.
+    """
     acceleration, thrust, turning = misses(name, 5)
     tolerance = SLOW.get(name, 1e-9)
     assert acceleration < tolerance

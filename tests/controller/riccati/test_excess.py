@@ -230,23 +230,23 @@ def scalar(time):
 
 
 @pytest.mark.parametrize("time", SCALAR)
-@pytest.mark.parametrize("error", [0.0, 1e-12, 1e-6, 1e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 2.0])
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("factor", [-1.0, 0.5, 0.8, 1.0, 1.2])
-def test_an_accepted_excess_contains_the_root(time, error, sign, factor):
+def test_an_accepted_excess_contains_the_root(time, factor):
     """However wrong D and Y are; the other root, and an indefinite Y, are refused."""
+    sizes = (0.0, 1e-12, 1e-6, 1e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 2.0)
     with precision(256):
         equation, root = scalar(time)
-        D = ball_matrix(np.array([[root + sign * error]]))
-        try:
-            F = (equation.F + equation.E * equation.gain(D))[0, 0]
-            exact = 1 / (1 - F**2) if time == "discrete" else -1 / (2 * F)
-            found = excess_ball(equation, D, ball_matrix([[exact * factor]]))
-        except (NotProvedError, ZeroDivisionError):
-            assert error > 1e-3 or abs(factor - 1.0) > 0.1
-            return
-        assert factor > 0.0
-        assert found[0, 0].contains(arb(root))
+        for error in (sign * size for size in sizes for sign in (-1.0, 1.0)):
+            D = ball_matrix(np.array([[root + error]]))
+            try:
+                F = (equation.F + equation.E * equation.gain(D))[0, 0]
+                exact = 1 / (1 - F**2) if time == "discrete" else -1 / (2 * F)
+                found = excess_ball(equation, D, ball_matrix([[exact * factor]]))
+            except (NotProvedError, ZeroDivisionError):
+                assert abs(error) > 1e-3 or abs(factor - 1.0) > 0.1
+                continue
+            assert factor > 0.0
+            assert found[0, 0].contains(arb(root))
 
 
 @pytest.mark.parametrize("time", SCALAR)

@@ -33,21 +33,21 @@ def equation(A, B, Q, R):
 
 def known_solutions():
     """Yield (number and parameter of the example, its game, its solution P)."""
-    for small in (1.0, 1e-2, 1e-4, 1e-6, 1e-8):  # (A, B) loses stabilizability
+    for small in (1.0, 1e-8):  # (A, B) loses stabilizability
         root = math.sqrt(1.0 + small**2)
         corner = 1.0 / (2.0 + root)
         X = np.array(
             [[(1.0 + root) / small**2, corner], [corner, 0.25 * (1.0 - (small * corner) ** 2)]]
         )
         yield f"7, {small:g}", equation(np.diag([1, -2]), [[small], [0]], np.ones((2, 2)), [[1]]), X
-    for size in (1e-6, 1e-3, 1.0, 1e3, 1e6):
+    for size in (1e-6, 1e6):
         root = math.sqrt(1.0 + 2.0 * size)
         yield (
             f"9, {size:g}",
             equation([[0, size], [0, 0]], [[0], [1]], np.eye(2), [[1]]),
             np.array([[root / size, 1], [1, root]]),
         )
-    for small in (1.0, 1e-3, 1e-5):  # the closed loop approaches the imaginary axis
+    for small in (1.0, 1e-5):  # the closed loop approaches the imaginary axis
         a = small + 1.0
         x = 0.5 * (2.0 * a + math.sqrt(2.0 * a**2 + 2.0) + math.sqrt(2.0) * small)
         X = np.array([[x, x / (x - a)], [x / (x - a), x]])
@@ -57,7 +57,7 @@ def known_solutions():
             X,
         )
     V = np.eye(3) - 2.0 / 3.0
-    for size in (1.0, 1e3, 1e6):
+    for size in (1.0, 1e6):
         cost = np.array([1.0 / size, 1.0, size])
         rates = size * np.array([1.0, 2.0, 3.0])
         X = V @ np.diag(size * (rates + np.sqrt(rates**2 + cost / size))) @ V

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, aircraft, stored_deployment, trims
+from policy_cases import stored_deployment, trims
 
 import hfa
 from hfa import BadInputError, Deployment, fly, load_model
@@ -62,21 +62,3 @@ def test_a_command_that_arrives_at_a_sample_is_not_yet_observed():
     flight = fly(model, hfa.trim(model), deployment, 0.1, predict=False)
     np.testing.assert_allclose(flight.time[:5], 0.02 * np.arange(5))
     np.testing.assert_allclose(flight.inputs[:5, 0], [0.0, 0.1, 0.1, 0.13, 0.13], rtol=1e-9)
-
-
-def test_fly_accepts_the_path_of_a_policy(tmp_path):
-    """`hfa.fly` with the path of a deployment file or a gain gives the flight of its content.
-
-    A missing file is refused.
-    """
-    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[0]
-    path = FOLDER / "ppo_gtm.toml"
-    by_name = fly(model, point, path, 0.2, initial={"alpha": 0.01})
-    deployed = fly(model, point, Deployment.load(path), 0.2, initial={"alpha": 0.01})
-    assert np.array_equal(by_name.states, deployed.states)
-    K = np.full((len(model.inputs), len(model.linear)), 0.01)
-    np.savez(tmp_path / "K.npz", K=K)
-    by_name = fly(model, point, str(tmp_path / "K.npz"), 0.2, initial={"alpha": 0.01})
-    assert np.array_equal(by_name.states, fly(model, point, K, 0.2, initial={"alpha": 0.01}).states)
-    with pytest.raises(BadInputError, match=r"none\.toml cannot be read"):
-        fly(model, point, "none.toml", 0.2)
