@@ -40,17 +40,17 @@ def effort(point):
 
 
 @pytest.mark.parametrize(("degrees", "climb"), [(0.0, 0.0), (15.0, 1.0)])
-def test_the_papers_trims_are_found(aircraft, degrees, climb):
+def test_the_papers_trims_are_found(published_aircraft, degrees, climb):
     """The paper's trims are found in level flight and in a climb, from two initial points."""
     condition = level_flight(float(np.radians(degrees)), gamma=float(np.radians(climb)))
-    point = trim(aircraft, condition)
-    assert_meets(aircraft, condition, point)
+    point = trim(published_aircraft, condition)
+    assert_meets(published_aircraft, condition, point)
     assert [point[n] for n in ("speed", "altitude", "aileron_center")] == [68.0, 40_000.0, 0.0]
     assert np.degrees(point.states.alpha) == pytest.approx(2.8, rel=1e-15)
     assert np.degrees(point.states.dihedral) == pytest.approx(degrees, rel=1e-15)
-    rates = aircraft.at(point.states, point.inputs).f
+    rates = published_aircraft.at(point.states, point.inputs).f
     assert rates[2] == pytest.approx(68.0 * np.sin(np.radians(climb)), rel=1e-12, abs=1e-12)
-    warm = trim(aircraft, condition, trim(aircraft, level_flight(0.25)))
+    warm = trim(published_aircraft, condition, trim(published_aircraft, level_flight(0.25)))
     np.testing.assert_allclose(warm.states, point.states, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(warm.inputs, point.inputs, rtol=1e-10, atol=1e-12)
 
@@ -58,19 +58,19 @@ def test_the_papers_trims_are_found(aircraft, degrees, climb):
 # More unknowns than equations.
 
 
-def test_least_effort_is_a_minimum(aircraft):
+def test_least_effort_is_a_minimum(published_aircraft):
     """Of the trims with more unknowns than equations, the one that is found has the least effort.
 
     If an unknown is held slightly aside, the effort increases by second order.
     """
     condition = release(BASE, free=("aileron_center", "alpha"))
-    point = trim(aircraft, condition)
-    assert_meets(aircraft, condition, point)
+    point = trim(published_aircraft, condition)
+    assert_meets(published_aircraft, condition, point)
     for name in ("aileron_center", "alpha"):
         aside = [
             release(condition, hold={name: point.values[name] + step}) for step in (-1e-3, 1e-3)
         ]
-        dearer = [effort(trim(aircraft, nearby)) for nearby in aside]
+        dearer = [effort(trim(published_aircraft, nearby)) for nearby in aside]
         assert min(dearer) > effort(point), name
         # At a minimum, both sides have the same effort to second order.
         assert abs(dearer[1] - dearer[0]) < 0.05 * (dearer[0] + dearer[1] - 2 * effort(point)), name
@@ -79,15 +79,15 @@ def test_least_effort_is_a_minimum(aircraft):
 @pytest.mark.parametrize(
     ("limited", "limits"), [("elevator_outer", (-0.02, 0.5)), ("aileron_outer", (0.01, 0.02))]
 )
-def test_least_effort_stays_within_limits(aircraft, limited, limits):
+def test_least_effort_stays_within_limits(published_aircraft, limited, limits):
     """If the minimum of effort without limits is outside a limit, the trim is at this limit."""
-    unlimited = trim(aircraft, release(BASE, free=("aileron_center",))).values[limited]
+    unlimited = trim(published_aircraft, release(BASE, free=("aileron_center",))).values[limited]
     assert not limits[0] <= unlimited <= limits[1]
     condition = release(
         level_flight(float(np.radians(15.0)), limits={limited: limits}), free=("aileron_center",)
     )
-    point = trim(aircraft, condition)
-    assert_meets(aircraft, condition, point)
+    point = trim(published_aircraft, condition)
+    assert_meets(published_aircraft, condition, point)
     assert point.values[limited] == pytest.approx(np.clip(unlimited, *limits), abs=1e-9)
 
 
@@ -95,13 +95,13 @@ def test_least_effort_stays_within_limits(aircraft, limited, limits):
 
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
-def test_a_binding_limit_is_named(aircraft, extra):
+def test_a_binding_limit_is_named(published_aircraft, extra):
     """If a limit on the throttle prevents the trim, the message names the limit and the failing
     equation.
     """
     limited = level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 30.0)})
     with pytest.raises(TrimError) as caught:
-        trim(aircraft, release(limited, free=extra))
+        trim(published_aircraft, release(limited, free=extra))
     message = str(caught.value)
     attempt = caught.value.attempt
     assert "\n" not in message
@@ -111,16 +111,16 @@ def test_a_binding_limit_is_named(aircraft, extra):
     assert message.startswith("no trim: these rates do not balance: speed by -0.3")
     assert attempt.status == "failed"
     assert attempt.inputs.throttle == pytest.approx(30.0, rel=1e-15)
-    assert aircraft.at(attempt.states, attempt.inputs).f[0] == pytest.approx(
+    assert published_aircraft.at(attempt.states, attempt.inputs).f[0] == pytest.approx(
         attempt.residuals["speed"], rel=1e-12
     )
 
 
-def test_too_few_unknowns_name_the_equations(aircraft):
+def test_too_few_unknowns_name_the_equations(published_aircraft):
     """If there are fewer unknowns than equations, the message names the failing equations."""
     held = {"aileron_outer": 0.0, "elevator_outer": 0.0}
     with pytest.raises(NoSolutionError) as caught:
-        trim(aircraft, release(BASE, hold=held))
+        trim(published_aircraft, release(BASE, hold=held))
     error = caught.value
     assert isinstance(error, TrimError)
     assert "4 equations for 2 unknowns; free more variables" in str(error)
@@ -147,26 +147,28 @@ def test_the_cheaper_of_two_minima_is_found(published_aircraft, point):
         assert np.degrees(cheaper.states.dihedral) == pytest.approx(60.0, abs=0.01)
 
 
-def test_a_control_without_effect_is_named(aircraft):
+def test_a_control_without_effect_is_named(published_aircraft):
     """A failed trim names an aileron without effect, and no aileron with an effect."""
-    without = hfa_model.parameters_of(aircraft)._replace(aileron_lift=0.0, aileron_moment=0.0)
+    without = hfa_model.parameters_of(published_aircraft)._replace(
+        aileron_lift=0.0, aileron_moment=0.0
+    )
     with pytest.raises(
         TrimError, match=r"no trim: .*; no effect of aileron_outer; free another variable\)"
     ):
-        trim(hfa.aircraft(hfa_model.variant_of(aircraft), without), BASE)
+        trim(hfa.aircraft(hfa_model.variant_of(published_aircraft), without), BASE)
     with pytest.raises(TrimError) as refusal:
-        trim(aircraft, release(BASE, hold={"aileron_outer": 0.3}))
+        trim(published_aircraft, release(BASE, hold={"aileron_outer": 0.3}))
     assert "no effect" not in str(refusal.value)
 
 
-def test_controls_with_proportional_effects_are_named(aircraft):
+def test_controls_with_proportional_effects_are_named(published_aircraft):
     """The message on a failed trim names two elevators with proportional effects.
 
     Very small and distant outer tails only pitch the aircraft, as the center tail does.
     """
-    p = hfa_model.parameters_of(aircraft)
+    p = hfa_model.parameters_of(published_aircraft)
     far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)
-    alike = hfa.aircraft(hfa_model.variant_of(aircraft), far)
+    alike = hfa.aircraft(hfa_model.variant_of(published_aircraft), far)
     same = "elevator_outer has no effect independent of elevator_center; free another variable"
     with pytest.raises(
         TrimError, match=rf"^no trim: .*; {same}\); 8 other initial points failed too$"

@@ -48,18 +48,18 @@ GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 
 @pytest.mark.parametrize("condition", [LEVEL, GLIDE], ids=["level", "glide"])
-def test_performance_follows_from_the_loads(aircraft, condition):
+def test_performance_follows_from_the_loads(published_aircraft, condition):
     """Pressure, Mach number and hinge moment of the report, and the balance along and across the
     path in a glide: T cos α - D = W sin γ, L + T sin α = W cos γ.
     """
-    point = trim(aircraft, condition)
+    point = trim(published_aircraft, condition)
     gamma = point.values["gamma"]
     figures = SimpleNamespace(
         **{name.replace(" ", "_"): value for name, value in values(point.report().data).items()}
     )
-    p = hfa_model.parameters_of(aircraft)
+    p = hfa_model.parameters_of(published_aircraft)
     alpha = point.states.alpha
-    loads = hfa_model.loads(aircraft, point.states, point.inputs)
+    loads = hfa_model.loads(published_aircraft, point.states, point.inputs)
     air = Atmosphere(point.states.altitude * 0.3048)
     metres_per_second = point.states.speed * 0.3048
     pressure = 0.5 * float(air.density[0]) * metres_per_second**2  # Pa

@@ -51,23 +51,23 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_each_point_equals_its_single_trim(aircraft, name):
+def test_each_point_equals_its_single_trim(published_aircraft, name):
     """Each point of a sweep equals its single trim and linear model.
 
     If a point has no trim, the sweep and the single trim give the same reason.
     """
     grid, condition = CASES[name]
-    result = sweep(aircraft, grid, condition=condition)
+    result = sweep(published_aircraft, grid, condition=condition)
     for i, row in enumerate(result.values):
         held = dict(zip(result.variables, row.tolist(), strict=True))
         held.pop("panel_mass", None)
         single = condition.at(held.pop("dihedral")) if "dihedral" in held else condition
         single = release(single, hold=held)
-        model = aircraft
+        model = published_aircraft
         if name == "mass":
             model = aircraft_of(
-                hfa_model.variant_of(aircraft),
-                hfa_model.parameters_of(aircraft)._replace(panel_mass=float(row[0])),
+                hfa_model.variant_of(published_aircraft),
+                hfa_model.parameters_of(published_aircraft)._replace(panel_mass=float(row[0])),
             )
         if result.reasons[i]:
             with pytest.raises(TrimError) as caught:
@@ -161,13 +161,13 @@ def test_a_point_without_a_trim_has_no_numbers_in_a_file(tmp_path):
     assert "NaN" not in {trimmed[name] for name in numbers}
 
 
-def test_a_sweep_in_chunks_is_that_of_all_points(aircraft, monkeypatch):
+def test_a_sweep_in_chunks_is_that_of_all_points(published_aircraft, monkeypatch):
     """Reasons and finished points are counted from the first point of the sweep."""
     grid = {"speed": [10.0, 11.0, 68.0, 60.0, 12.0]}
     finished = []
-    whole = sweep(aircraft, grid)
+    whole = sweep(published_aircraft, grid)
     monkeypatch.setattr("trim.sweeps.sweep.CHUNK", 2)
-    assert sweep(aircraft, grid, progress=lambda *at: finished.append(at)) == whole
+    assert sweep(published_aircraft, grid, progress=lambda *at: finished.append(at)) == whole
     assert [len(reason) > 0 for reason in whole.reasons] == [True, True, False, False, True]
     assert {all_points for _, all_points, *_ in finished} <= {5}
 
@@ -177,7 +177,7 @@ def test_a_sweep_in_chunks_is_that_of_all_points(aircraft, monkeypatch):
 WORDS = "the equations overflow or divide by zero"
 
 
-def test_no_row_depends_on_its_neighbors(aircraft):
+def test_no_row_depends_on_its_neighbors(published_aircraft):
     """Points of a sweep are equal bit for bit in sweeps with few and with many other points.
 
     This is also true if a parameter varies from point to point.
@@ -185,14 +185,14 @@ def test_no_row_depends_on_its_neighbors(aircraft):
     random = np.random.default_rng(1)
     variables = ("dihedral", "speed", "panel_mass")
     values = random.uniform([0.0, 55.0, 9.5], [0.35, 75.0, 11.5], (600, 3))
-    whole = trim_points(aircraft, variables, values)
+    whole = trim_points(published_aircraft, variables, values)
     for rows in (slice(7, 8), slice(30, 60), slice(200, 480)):
-        part = trim_points(aircraft, variables, values[rows])
+        part = trim_points(published_aircraft, variables, values[rows])
         np.testing.assert_array_equal(part.A, whole.A[rows])
         np.testing.assert_array_equal(part.inputs, whole.inputs[rows])
     heavy = aircraft_of(
-        hfa_model.variant_of(aircraft),
-        hfa_model.parameters_of(aircraft)._replace(panel_mass=values[7, 2]),
+        hfa_model.variant_of(published_aircraft),
+        hfa_model.parameters_of(published_aircraft)._replace(panel_mass=values[7, 2]),
     )
     np.testing.assert_array_equal(
         trim_points(heavy, variables[:2], values[7:8, :2]).A, whole.A[7:8]
@@ -209,7 +209,7 @@ def test_no_row_of_the_f16_depends_on_its_neighbors():
             np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[rows])
 
 
-def test_each_point_has_the_expected_status(aircraft):
+def test_each_point_has_the_expected_status(published_aircraft):
     """Each point has the expected status, and A is finite if and only if the point is trimmed.
 
     Speeds are in ft/s, gamma and alpha in rad.
@@ -223,7 +223,7 @@ def test_each_point_has_the_expected_status(aircraft):
         (-5.0, 0.0, 0.0489): NO_TRIM,
     }
     values = np.array(list(statuses))
-    points = trim_points(aircraft, ("speed", "gamma", "alpha"), values)
+    points = trim_points(published_aircraft, ("speed", "gamma", "alpha"), values)
     assert points.status.tolist() == list(statuses.values())
     assert np.isfinite(points.A).all(axis=(1, 2)).tolist() == [
         status == TRIMMED for status in statuses.values()
