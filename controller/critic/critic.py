@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from operator import mul
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -365,12 +365,12 @@ def from_functions(
         "network": network,
         "is_discrete": game.is_discrete,
     }
-    return _of_value(game, origin, shared) if u is None else _of_policy(u, z, origin, shared)
+    return _of_value(game, origin, shared) if u is None else _of_policy(game, u, z, origin, shared)
 
 
-def _of_policy(u: ca.SX, z: ca.SX, origin: str, shared: Mapping[str, Any]) -> Critic:
+def _of_policy(game: Game, u: ca.SX, z: ca.SX, origin: str, shared: Mapping[str, Any]) -> Critic:
     """Return the critic with a given policy u(z), and the fields that do not depend on it."""
-    K, has_kink = _gain_at_0(u, z)
+    K, has_kink = _gain_at_0(game, u, z)
     _refuse_not_finite({"slope of the policy": K})
     if has_kink:
         origin += "; kink at the trim: K has the mean slopes of both sides"
@@ -438,33 +438,60 @@ def _derivative_at(expression: ca.SX, z: ca.SX, point: np.ndarray) -> np.ndarray
     return np.array(each_row).T
 
 
-#: Distances from z = 0 at which K is compared on both sides, relative change of K that is a kink,
-#: and least part of this change that is left at the smaller distance; of a smooth u, a thousandth
-#: is left.
+#: Distances from z = 0 at which K is compared on both sides, in sizes of the states (`_sizes`),
+#: relative change of K that is a kink, and least part of this change that is left at the smaller
+#: distance; of a smooth u, a thousandth is left.
 _BESIDE, _NEARER = 1e-9, 1e-12
 _KINK = 1e-3
 _LEFT = 0.5
 
 
-def _gain_at_0(u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
+class _Sizes(NamedTuple):
+    """Sizes of the states (n,) and inputs (m,) of a game, in their units."""
+
+    states: np.ndarray
+    inputs: np.ndarray
+
+
+def _sizes(game: Game) -> _Sizes:
+    """Return the box of the states, and the inputs that cost 1.
+
+    Without a box, a state has the size that costs 1, and 1 without a cost.
+    """
+    costs = np.diag(game.Q)
+    states = np.where(costs > 0.0, costs, 1.0) ** -0.5
+    if game.half_widths is not None:
+        states = game.half_widths
+    return _Sizes(states, np.diag(game.R) ** -0.5)
+
+
+def _gain_at_0(game: Game, u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
     """Return K = -∂u/∂z at z = 0, (m, n), and whether u has a kink there.
 
     At a kink, K is the mean of both sides.
     """
-    sides, nearer = _gains_beside_0(u, z, _BESIDE), _gains_beside_0(u, z, _NEARER)
-    change, change_nearer = (
-        float(np.abs(after - before).max(initial=0.0)) for after, before in (sides, nearer)
+    sizes = _sizes(game)
+    sides, nearer = (
+        _gains_beside_0(u, z, distance * sizes.states) for distance in (_BESIDE, _NEARER)
     )
-    largest = float(np.abs(sides).max(initial=0.0))
+    in_sizes = sizes.states / sizes.inputs[:, None]
+    change, change_nearer = (
+        float(np.abs((after - before) * in_sizes).max(initial=0.0))
+        for after, before in (sides, nearer)
+    )
+    largest = float(np.abs(sides * in_sizes).max(initial=0.0))
     if np.isfinite(largest) and change > _KINK * largest and change_nearer > _LEFT * change:
         return sides.mean(axis=0), True
     return -_derivative_at_0(u, z), False
 
 
-def _gains_beside_0(u: ca.SX, z: ca.SX, distance: float) -> np.ndarray:
-    """Return K = -∂u/∂z at two opposite states beside z = 0, (2, m, n)."""
+def _gains_beside_0(u: ca.SX, z: ca.SX, distances: np.ndarray) -> np.ndarray:
+    """Return K = -∂u/∂z at two opposite states beside z = 0, (2, m, n).
+
+    distances: of each state, (n,)
+    """
     direction = 1.0 + np.arange(z.numel()) * 0.618 % 1.0  # on no common switching plane
-    return np.array([-_derivative_at(u, z, side * distance * direction) for side in (1.0, -1.0)])
+    return np.array([-_derivative_at(u, z, side * distances * direction) for side in (1.0, -1.0)])
 
 
 #: Largest relative difference between W and P of one critic: the rounding of six printed digits.

@@ -68,9 +68,9 @@ def started(twin):
 
 
 def moved(twin):
-    """Return all states off the trim in alpha."""
+    """Return all states off the trim in alpha and pitch rate."""
     x = np.array(point_of(twin).x)
-    x[1] += 0.05 / twin.sizes["alpha"]
+    x[[1, 3]] += [0.05, 0.1] / twin.of("alpha", "pitch_rate")
     return x
 
 
@@ -101,6 +101,9 @@ def of_trim(twin):
         ("climb", twin.typed(gamma=0.05, speed=50.0), ("altitude_dot",)),
         ("at a thrust", twin.typed(thrust=1000.0), ("altitude_dot",)),
         ("altitude kept", {}, ("altitude",)),
+        ("an equation too many", twin.typed(gamma=0.0, speed=45.0), ()),
+        ("one of many", {}, ("speed",)),
+        ("one of many in climb", twin.typed(gamma=0.05), ("speed", "altitude_dot")),
     ):
         point = hfa.trim(twin.model, hold=hold, free=free)
         names = (*twin.model.states, *twin.model.inputs)
@@ -219,11 +222,18 @@ def of_gain(twin):
 
 
 def of_network(twin):
-    """Return the verdict on two layers of relu, which together are the exact gain."""
+    """Return the verdict on two layers of relu: the exact gain, and one half of it on one side."""
     K = hfa.solve(game_of(twin)).K
-    layers = {"0.weight": np.vstack([np.eye(4), -np.eye(4)]), "2.weight": np.hstack([-K, K])}
-    critic = hfa.from_network(game_of(twin), layers, activation="relu")
-    return {"K": gain_of(twin, critic.K), "grade": hfa.verify(game_of(twin), critic).grade}
+    answers = {}
+    for name, side in (("smooth", 1.0), ("kink", 0.5)):
+        layers = {
+            "0.weight": np.vstack([np.eye(4), -np.eye(4)]),
+            "2.weight": np.hstack([-K, side * K]),
+        }
+        critic = hfa.from_network(game_of(twin), layers, activation="relu")
+        answers[f"K, {name}"] = gain_of(twin, critic.K)
+        answers[f"has kink, {name}"] = str(critic.has_kink)
+    return answers | {"grade": hfa.verify(game_of(twin), critic).grade}
 
 
 def of_expansion(twin):
@@ -291,15 +301,7 @@ def commanded(twin, policy):
 
 
 def state_dependent(twin):
-    """Return the policy whose weight of a rate near its limit does not follow that of the cost."""
-    in_SI = twin._replace(cost=1.0)
-    return hfa.state_dependent(
-        twin.model,
-        point_of(twin),
-        *weights_of(in_SI),
-        dt=0.02 / twin.second,
-        limit_weight=10.0 * twin.second,
-    )
+    return hfa.state_dependent(twin.model, point_of(twin), *weights_of(twin), dt=0.02 / twin.second)
 
 
 def of_state_dependent(twin):
@@ -461,8 +463,8 @@ WITHOUT = {
     **dict.fromkeys(("controller.basis", "controller.run"), "knows no plant"),
     "verification.relative_error": "of two arrays",
 }
-#: Compared in named units alone: rows with units, and a cost that loses digits in units of 2^20.
-NAMED = ("trim.sheet_of", "trim.graded", "hfa.assess")
+#: Compared in named units alone: rows with units.
+NAMED = ("trim.sheet_of", "trim.graded")
 #: Those whose times are in seconds by their definition: of samples, of the drift of a state.
 SECONDS = ("hfa.filter", "hfa.keep_inside", "hfa.assess", "hfa.environment", "hfa.predictive")
 #: Those that take more than a second.

@@ -94,7 +94,7 @@ def _sizes(problem: TrimProblem) -> np.ndarray:
     """Return the size of each unknown, in its unit, (k,).
 
     The size of an angle is 1 rad. That of another unknown is the largest start value of all states
-    and inputs of its quantity, or its nominal value if they are all 0.
+    and inputs of its quantity, or its nominal value if they are all 0 or have no unit.
     """
     model, declared = problem.model, problem.system.declared
     largest: dict[str, float] = {}
@@ -107,5 +107,6 @@ def _sizes(problem: TrimProblem) -> np.ndarray:
         unit = model.unit(name)
         quantity = si_unit(unit)
         size = 1.0 if quantity == "rad" else largest[quantity]
-        sizes.append(size / si_factor(unit) if size else model.signals[name].nominal)
+        has_size = size and quantity != "1"
+        sizes.append(size / si_factor(unit) if has_size else model.signals[name].nominal)
     return np.array(sizes)

@@ -128,17 +128,15 @@ class Assessor:
         return replace(
             found,
             margins=_margins(case.loop, remarks),
-            cost=self._cost(case.equilibrium, case.loop, remarks),
+            cost=self._cost(case.equilibrium, remarks),
             remarks=tuple(remarks),
         )
 
-    def _cost(
-        self, equilibrium: Equilibrium, loop: Chain, remarks: list[str]
-    ) -> CostAboveOptimum | None:
+    def _cost(self, equilibrium: Equilibrium, remarks: list[str]) -> CostAboveOptimum | None:
         """Return the cost above the optimum, or None without weights or an optimum."""
         if not has_weights(self.deployed):
             return None
-        lost = cost_above_optimum(self.deployed, equilibrium, loop)
+        lost = cost_above_optimum(self.deployed, equilibrium)
         if isinstance(lost, str):
             remarks.append(lost)
             return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,8 +12,9 @@ from hfa_flight.judge.weights import weights_at
 from hfa_flight.plan.hold import hold_of
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
-from hfa_flight.policies.deployment.sampled_loop import Chain
+from hfa_flight.policies.deployment.sampled_loop import Chain, chain_of
 from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import power_of_two
 from hfa_support.reporting.results import Result
 
 #: A state whose eigenvalue of the optimal cost is smaller, relative to the largest, has no cost.
@@ -35,16 +36,14 @@ class CostAboveOptimum(Result):
     mean: float
 
 
-def cost_above_optimum(
-    deployed: Deployed, equilibrium: Equilibrium, chain: Chain
-) -> CostAboveOptimum | str:
+def cost_above_optimum(deployed: Deployed, equilibrium: Equilibrium) -> CostAboveOptimum | str:
     """Return the cost above the optimum, or a sentence with the reason why no optimum exists.
-
-    chain: sampled loop with its delay
 
     Raises BadInputError for the weight of an output that depends on the inputs.
     """
-    game = lqr_at(deployed, equilibrium)
+    game, nominal = _in_nominal_units(deployed, equilibrium)
+    timing = deployed.deployment
+    chain = chain_of(nominal, timing.dt, timing.delay)
     try:
         _, optimum = hold_of(game.A, game.B, game.Q, game.R, chain.dt).forever()
     except NoSolutionError as error:
@@ -60,6 +59,29 @@ def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
     Q, R = weights_at(deployed, equilibrium)
     E = np.eye(len(equilibrium.A))
     return Game(equilibrium.A, equilibrium.B, E=E, Q=Q, R=R, delta=math.inf)
+
+
+def _in_nominal_units(deployed: Deployed, equilibrium: Equilibrium) -> tuple[Game, Equilibrium]:
+    """Return the LQR problem and the linearization, each signal in nominal values, and costs in
+    units in which the largest weight is about 1.
+    """
+    model = deployed.model
+    z = np.array([model.states[name].nominal for name in model.linear])
+    u = np.array([model.inputs[name].nominal for name in deployed.commanded])
+    nominal = replace(
+        equilibrium,
+        A=equilibrium.A * z / z[:, None],
+        B=equilibrium.B * u / z[:, None],
+        K=equilibrium.K * z / u[:, None],
+        K_inputs=equilibrium.K_inputs * u / u[:, None],
+    )
+    Q, R = (
+        weight * np.outer(sizes, sizes)
+        for weight, sizes in zip(weights_at(deployed, equilibrium), (z, u), strict=True)
+    )
+    cost = power_of_two(np.array(max(np.abs(Q).max(), np.abs(R).max())))
+    E = np.eye(len(z))
+    return Game(nominal.A, nominal.B, E=E, Q=Q / cost, R=R / cost, delta=math.inf), nominal
 
 
 def _above(game: Game, optimum: np.ndarray, chain: Chain) -> CostAboveOptimum:
