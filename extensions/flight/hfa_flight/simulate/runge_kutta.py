@@ -23,7 +23,12 @@ _ROUNDING = 1e-12
 _SAFETY, _SHORTER, _LONGER, _ORDER = 0.9, 0.2, 10.0, 5.0
 #: The error of a fifth of a step over a jump is about a fifth, and over a kink a 25th.
 _AT_A_JUMP = 0.1
-#: Largest number of steps between two calls of `RungeKutta.rows`, about 2 s of computation.
+#: Number of steps since the last `RungeKutta.clear` after which `advance` pauses first, then after
+#: twice, four times, ... as many, so that a flight that has left its envelope soon ends.
+_PAUSE = 100
+#: Largest number of steps after `RungeKutta.clear` before a pause: a flight makes fewer in 1 s.
+_PAUSE_LATER = 1600
+#: Largest number of these steps, about 2 s of computation.
 _MOST_STEPS = 100_000
 
 
@@ -87,9 +92,14 @@ class RungeKutta:
         self._longest, self._shortest = longest, shortest
         self._next = longest
         self._steps: list[_Step] = []
+        self._pause = _PAUSE
 
-    def advance(self, begin: float, end: float, y: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return the state at `end`, (n,), from y at `begin`, with constant held inputs.
+    def advance(
+        self, begin: float, end: float, y: np.ndarray, held: np.ndarray
+    ) -> tuple[float, np.ndarray]:
+        """Return `end` and the state at it, (n,), from y at `begin`, with constant held inputs.
+
+        After many steps, an earlier time and its state are returned, from which to advance again.
 
         Raises NoSolutionError if too many steps are necessary.
         """
@@ -99,6 +109,9 @@ class RungeKutta:
         time = begin
         rejected = math.inf
         while time < end:
+            if len(self._steps) >= self._pause:
+                self._pause *= 2
+                break
             left = max(1, math.ceil((end - time) / self._next))
             seconds = (end - time) / left
             t[0], h[0], before[0] = time, seconds, self._largest
@@ -128,12 +141,16 @@ class RungeKutta:
             longer = min(_LONGER, factor) * seconds if is_within else self._shortest
             self._next = min(self._longest, longer)
             time = end if left == 1 else time + seconds
-        return now.copy()
+        return time, now.copy()
+
+    def clear(self) -> None:
+        """Forget the steps made so far."""
+        self._steps.clear()
+        self._pause = min(self._pause, _PAUSE_LATER)
 
     def rows(self, times: np.ndarray) -> np.ndarray:
-        """Return the states at increasing times of the steps since the last call, (N, n)."""
+        """Return the states at increasing times of the steps since `clear`, (N, n)."""
         begins, seconds, states, slopes = map(np.array, zip(*self._steps, strict=True))
-        self._steps.clear()
         step = np.searchsorted(begins, times, side="right") - 1
         late = times - begins[step]
         part = (late / seconds[step])[:, None]

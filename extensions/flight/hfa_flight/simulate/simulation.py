@@ -110,21 +110,26 @@ class CompiledLoop:
         loop = self.loop if scenario is None else replace(self.loop, scenario=scenario)
         if policy is not None:
             loop = replace(loop, policy=policy)
-        is_over = _is_lost if stop is None else stop
+
+        def over_at(rows: _Rows) -> np.ndarray:
+            """Return a mask of the rows but the last, True where the flight is over."""
+            flown = self._flight(*(part[:-1] for part in rows))
+            return _is_lost(flown) if stop is None else stop(flown)
+
         ticks = loop.scenario.ticks if ticks is None else ticks
         per_tick = loop.scenario.steps_per_tick
         window = max(1, _ROWS // per_tick)
         flying = _Flying(self, loop, ticks, window, parameters)
-        parts: list[tuple[np.ndarray, ...]] = []
+        parts: list[_Rows] = []
         for first in range(0, ticks, window):
             last = min(first + window, ticks)
-            rows = flying.rows(first, last)
-            over = is_over(self._flight(*(part[:-1] for part in rows)))
+            rows = flying.rows(first, last, over_at)
+            over = over_at(rows)
             if over.any():
                 last = first + math.ceil(over.argmax() / per_tick)
             ends = over.any() or last == ticks
             kept = slice((last - first) * per_tick + bool(ends))
-            parts.append(tuple(part[kept] for part in rows))
+            parts.append(_Rows(*(part[kept] for part in rows)))
             if progress is not None:
                 progress(ticks if ends else last, ticks)
             if ends:
@@ -188,6 +193,14 @@ def _without_repetitions(function: ca.Function) -> ca.Function:
     return ca.Function(function.name(), arguments, function.call(arguments), {"cse": True})
 
 
+class _Rows(NamedTuple):
+    """Times (N,), states y (N, n) and observed values (N, k) of a flight."""
+
+    times: np.ndarray
+    states: np.ndarray
+    observed: np.ndarray
+
+
 class _Commands(NamedTuple):
     """Commands of a policy between two times, between which they are interpolated linearly.
 
@@ -248,24 +261,40 @@ class _Flying:
         breaks = np.where(np.abs(row - breaks) <= SAME_TIME, row, breaks)
         return np.unique(np.concatenate([times[:: ticks * self._per_tick], times[-1:], breaks]))
 
-    def rows(self, first: int, last: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Fly some ticks and return their times (N,), states y (N, n) and observed values (N, k).
+    def rows(self, first: int, last: int, over_at: Callable[[_Rows], np.ndarray]) -> _Rows:
+        """Fly some ticks and return their rows. The last row is that at their end.
 
-        The last row is that at their end.
+        A flight that requires many steps, as one that left its envelope may, ends where it is over.
+
+        over_at: function from rows to a mask of these, True where the flight is over
         """
         times = self._times[first * self._per_tick : last * self._per_tick + 1]
         begin, end = np.searchsorted(self._changes, times[[0, -1]])
         changes = self._changes[begin : end + 1]
-        held = []
-        for now, later in pairwise(changes.tolist()):
-            self._hold(now)
+        held: list[np.ndarray] = []
+        for change, later in pairwise(changes.tolist()):
+            self._hold(change)
             held.append(self._held.copy())
-            self._y = self.integration.advance(now, later, self._y, self._held)
+            now = change
+            while now < later:
+                now, self._y = self.integration.advance(now, later, self._y, self._held)
+                if now < later:
+                    flown = int(np.searchsorted(times, now, side="right")) - 1
+                    whole_ticks = flown - flown % self._per_tick
+                    rows = self._rows(times[: whole_ticks + 1], changes, held)
+                    if over_at(rows).any():
+                        return rows
             self._finish(later)
+        rows = self._rows(times, changes, held)
+        self.integration.clear()
+        return rows
+
+    def _rows(self, times: np.ndarray, changes: np.ndarray, held: list[np.ndarray]) -> _Rows:
+        """Return the rows at times flown, with the inputs held from each change on."""
         states = self.integration.rows(times)
         held_at = np.array(held)[np.searchsorted(changes[:-1], times, side="right") - 1]
-        (columns,) = self._compiled.observed(times[:, None], states, held_at)
-        return times, states, columns
+        (observed,) = self._compiled.observed(times[:, None], states, held_at)
+        return _Rows(times, states, observed)
 
     def _hold(self, time: float) -> None:
         """Compute the inputs held from a time: gains, noise, samples of the policy, delay."""
