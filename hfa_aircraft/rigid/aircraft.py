@@ -95,6 +95,7 @@ class Motion:
 
     def forces(
         self,
+        *,
         lift: Any,
         drag: Any,
         pitching_moment: Any,

@@ -32,7 +32,8 @@ class Expressions:
         """
         self._document = document
         self._values = {
-            key: _limited(document.variables[key], value) for key, value in given.items()
+            key: _between(value, document.variables[key].least, document.variables[key].most)
+            for key, value in given.items()
         }
         self._table = table
         self._asked: list[str] = []
@@ -60,7 +61,7 @@ class Expressions:
             )
         self._asked.append(key)
         try:
-            self._values[key] = _limited(variable, self._value(variable))
+            self._values[key] = _between(self._value(variable), variable.least, variable.most)
         except RecursionError as error:
             raise self._document.error(
                 f"variable {key}", "the formula is nested too deeply; use further variables"
@@ -90,12 +91,8 @@ class Expressions:
         return variable.initial
 
 
-def _limited(variable: Variable, value: Any) -> Any:
-    """Return the value, clipped to the limits of the variable."""
-    return _between(value, variable.least, variable.most)
-
-
 def _between(value: Any, least: float, most: float) -> Any:
+    """Return a value, clipped to limits that may be infinite."""
     if np.isfinite(least):
         value = ca.fmax(value, least)
     if np.isfinite(most):

@@ -89,7 +89,7 @@ class _Files:
             for variable in document.variables.values():
                 if variable.is_output:
                     self._add_output(document, variable)
-        self._refuse_missing()
+        self._refuse_missing_outputs()
         free = [
             (document, variable)
             for document in documents
@@ -119,7 +119,7 @@ class _Files:
             return True
         return any(word in variable.name.lower() for word in _COMMANDS)
 
-    def _refuse_missing(self) -> None:
+    def _refuse_missing_outputs(self) -> None:
         needed = [names.MASS, *names.INERTIA, names.AREA, names.SPAN, names.CHORD, *names.MOMENTS]
         needed.append(names.FORCES[1])
         if not {names.LIFT, names.DRAG} <= set(self._outputs):
@@ -235,10 +235,10 @@ class _Files:
         """Return the rates of the states, and the outputs, each by name."""
         motion = Motion(x, _GRAVITY, "english", p.isa)
         value = self._values(_motion_values(x, motion), u, p)
-        force = motion.pressure * value(names.AREA)
-        air_force = force * self._coefficients(value, x.alpha)
-        arms = ca.vertcat(value(names.SPAN), value(names.CHORD), value(names.SPAN))
-        about_reference = force * arms * self._vector(value, names.MOMENTS)
+        pressure_area = motion.pressure * value(names.AREA)
+        air_force = pressure_area * self._coefficients(value, x.alpha)
+        lengths = ca.vertcat(value(names.SPAN), value(names.CHORD), value(names.SPAN))
+        about_reference = pressure_area * lengths * self._vector(value, names.MOMENTS)
         center = self._vector(value, names.CENTER)
         moment = about_reference - ca.cross(center, air_force)
         thrust = self._vector(value, names.THRUST)
@@ -250,15 +250,15 @@ class _Files:
         rates, outputs = motion.rates_and_outputs(
             specific, moment + self._vector(value, names.THRUST_MOMENT), inertia
         )
-        along = ca.mtimes(wind_axes(x.alpha, x.beta).T, air_force)
+        in_wind_axes = ca.mtimes(wind_axes(x.alpha, x.beta).T, air_force)
         forces = motion.forces(
-            -along[2],
-            -along[0],
-            moment[1],
-            thrust[0],
-            value(names.MASS),
-            value(names.AREA),
-            value(names.CHORD),
+            lift=-in_wind_axes[2],
+            drag=-in_wind_axes[0],
+            pitching_moment=moment[1],  # without that of the thrust
+            thrust=thrust[0],
+            mass=value(names.MASS),
+            area=value(names.AREA),
+            chord=value(names.CHORD),
         )
         return rates, outputs | forces
 

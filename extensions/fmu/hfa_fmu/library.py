@@ -158,9 +158,9 @@ class Instance:
             seed = (c_double * len(references))(*direction)
             unknown = (c_uint * len(self._f))(*interface.rates, *interface.outputs)
             found = (c_double * len(self._f))()
-            few, many = c_size_t(len(references)), c_size_t(len(self._f))
-            ends = (seed, found) if interface.version == 2 else (seed, few, found, many)
-            self._call("GetDirectionalDerivative", unknown, many, known, few, *ends)
+            knowns, unknowns = c_size_t(len(references)), c_size_t(len(self._f))
+            vectors = [seed, found] if interface.version == 2 else [seed, knowns, found, unknowns]
+            self._call("GetDirectionalDerivative", unknown, unknowns, known, knowns, *vectors)
             return list(found)
 
     def _reals(self, references: list[int], memory: Any, first: int) -> tuple[Any, ...]:

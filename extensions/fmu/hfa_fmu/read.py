@@ -108,6 +108,7 @@ def _interface(folder: Path, description: Description) -> Interface:
         version=description.version,
         title=description.title,
         token=description.token,
+        # FMI 3.0 passes a path that ends with a separator, FMI 2.0 a URI
         resources=f"{resources}/" if description.version == 3 else resources.as_uri(),
         indicators=len(description.indicators),
         states=[each.reference for each in description.states],
@@ -215,6 +216,7 @@ def _note_on_events(indicators: tuple[str, ...], is_moved: bool) -> tuple[str, .
 
 def _note_on_similar_names(names: Mapping[str, str]) -> tuple[str, ...]:
     """Return a note on variables whose names differ only in characters that become "_"."""
+    # `identifiers` appends "_" to a name that is already used.
     shared = Counter(plain.rstrip("_") for plain in names.values())
     alike = [
         f"{plain} is {shortened(name)}"

@@ -371,10 +371,15 @@ class OutputError:
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
     """Return the pseudoinverse of a symmetric matrix, computed after scaling to a unit diagonal."""
+    scaled, size = _with_unit_diagonal(matrix)
+    return np.asarray(np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) / size[:, None] / size)
+
+
+def _with_unit_diagonal(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return S⁻¹ M S⁻¹ of a matrix M, with diag(S)² its diagonal where positive, and diag(S)."""
     diagonal = np.diag(matrix)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    scaled = matrix / size[:, None] / size
-    return np.asarray(np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) / size[:, None] / size)
+    return matrix / size[:, None] / size, size
 
 
 def _start_weights(model: Model, record: Record) -> np.ndarray:
@@ -393,7 +398,5 @@ def _start_weights(model: Model, record: Record) -> np.ndarray:
 
 def _solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Return the least-squares solution x of matrix x = right, after scaling to a unit diagonal."""
-    diagonal = np.diag(matrix)
-    size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    scaled = matrix / size[:, None] / size
+    scaled, size = _with_unit_diagonal(matrix)
     return np.linalg.lstsq(scaled, right / size, rcond=1e-13)[0] / size

@@ -90,7 +90,7 @@ def _candidate(fit: Fit, number: int, place: int) -> _Candidate:
         chance, largest, difference = 0.0, int(alone[0]), residuals
     else:
         driven = _driven(fit, number, place)
-        chance = _chance(residuals[present], driven[present])
+        chance = _granger_p_value(residuals[present], driven[present])
         difference = driven @ np.linalg.lstsq(driven[present], residuals[present])[0]
         largest = int(np.abs(difference * present).argmax())
     misfit = Misfit(
@@ -173,22 +173,27 @@ def _delayed_inputs(fit: Fit, number: int) -> np.ndarray:
     return np.column_stack([np.ones(len(time)), *late])
 
 
-def _chance(v: np.ndarray, F: np.ndarray) -> float:
-    """Return the probability that noise v (N,) seems to depend on F (N, d) as much as this one.
+def _granger_p_value(residuals: np.ndarray, driven: np.ndarray) -> float:
+    """Return the probability that noise seems to depend on the inputs as much as the residuals.
 
-    F does not help to predict noise from its own past: the sum of squared prediction errors without
-    F, less that with F, has an F distribution relative to the latter.
+    Changes that follow the inputs do not help to predict noise from its own past. The sum of
+    squared prediction errors without them, less that with them, is then F-distributed relative to
+    the latter.
+
+    residuals: (N,)
+    driven: changes that follow the inputs, (N, d)
     """
     from scipy.special import fdtrc
 
-    past = np.column_stack([v[_PAST - lag : len(v) - lag] for lag in range(1, _PAST + 1)])
-    now = v[_PAST:]
-    without, with_F = (
-        float(np.sum((now - known @ np.linalg.lstsq(known, now)[0]) ** 2))
-        for known in (past, np.hstack([past, F[_PAST:]]))
-    )
-    d = F.shape[1]
-    rest = len(now) - _PAST - d
-    if d == 0 or rest < 1:
+    N, d = driven.shape
+    past = np.column_stack([residuals[_PAST - lag : N - lag] for lag in range(1, _PAST + 1)])
+    now = residuals[_PAST:]
+    degrees_of_freedom = len(now) - _PAST - d
+    if d == 0 or degrees_of_freedom < 1:
         return 1.0
-    return float(fdtrc(d, rest, (without - with_F) / d * rest / max(with_F, 1e-300)))
+    without, with_driven = (
+        float(np.sum((now - known @ np.linalg.lstsq(known, now)[0]) ** 2))
+        for known in (past, np.hstack([past, driven[_PAST:]]))
+    )
+    statistic = (without - with_driven) / d * degrees_of_freedom / max(with_driven, 1e-300)
+    return float(fdtrc(d, degrees_of_freedom, statistic))

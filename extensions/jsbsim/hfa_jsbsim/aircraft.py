@@ -40,6 +40,7 @@ from hfa_jsbsim.notes import Note
 from hfa_jsbsim.parts import LOADED, Parts
 from hfa_jsbsim.powerplant import add_engine
 from hfa_jsbsim.properties import (
+    BEFORE_ALL,
     Properties,
     Writer,
     canonical,
@@ -280,7 +281,7 @@ class Equations:
             for lever, value in levers.items():
                 command = f"fcs/{lever}-cmd-norm[{file.number}]"
                 properties.define(command, value)
-                follow = Writer(partial(properties.read, command, ""), "", -1)
+                follow = Writer(partial(properties.read, command, ""), "", BEFORE_ALL)
                 properties.add_writer(f"fcs/{lever}-pos-norm[{file.number}]", follow)
         self._define_chosen_inputs()
         properties.define_initial("gear/gear-pos-norm", 1.0)
@@ -347,7 +348,7 @@ class Equations:
 
     def _define_lazily(self, name: str, compute: Callable[[], Any]) -> None:
         """Define a property by a function that is called when the property is first read."""
-        self.properties.add_writer(name, Writer(compute, "", -1))
+        self.properties.add_writer(name, Writer(compute, "", BEFORE_ALL))
 
     def _reference_height(self) -> Any:
         """Return the height of the aerodynamic reference point, divided by the span."""
@@ -453,18 +454,18 @@ class Equations:
         writer = add_engine(file, aircraft)
         if file.number == 0:
             for axis, (along, moment_axis) in enumerate(zip("xyz", "lmn", strict=True)):
-                self._define_sum(f"forces/fb{along}-prop-lbs", "force", axis)
-                self._define_sum(f"moments/{moment_axis}-prop-lbsft", "moment", axis)
+                self._define_total_of_engines(f"forces/fb{along}-prop-lbs", "force", axis)
+                self._define_total_of_engines(f"moments/{moment_axis}-prop-lbsft", "moment", axis)
         return writer
 
-    def _define_sum(self, name: str, kind: str, axis: int) -> None:
+    def _define_total_of_engines(self, name: str, kind: str, axis: int) -> None:
         """Define a property as a component of the force or moment of all engines."""
 
         def compute() -> Any:
             parts = (getattr(effect, kind)[axis] for effect in self._effects())
             return sum(parts, start=ca.SX(0.0))
 
-        self.properties.add_writer(name, Writer(compute, "", -1))
+        self.properties.add_writer(name, Writer(compute, "", BEFORE_ALL))
 
     def _effects(self) -> list[Effect]:
         """Return the effect of each engine."""

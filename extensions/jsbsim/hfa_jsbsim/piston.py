@@ -22,6 +22,7 @@ from hfa_support.units import FOOT
 
 _PSF_TO_PA = 47.88
 _INHG_TO_PA = 3386.38
+_PSI_TO_PA = 6895.0
 _IN3_TO_M3 = (FOOT / 12.0) ** 3
 _STANDARD_PRESSURE = 101320.73
 _GAS_CONSTANT = 287.3
@@ -208,53 +209,64 @@ def _boosted(
     first_boost = engine.value_of("ratedboost1", 0.0, "PSI")
     throttle = throttle_of(file, aircraft)
     manifolds = []
-    for multiplier, rated_speed, rated_pressure, _ in gears:
-        manifold = throttled * ((multiplier - 1.0) / rated_speed * speed + 1.0)
+    for gear in gears:
+        manifold = throttled * ((gear.multiplier - 1.0) / gear.rated_speed * speed + 1.0)
         if not override:
-            cap: Any = rated_pressure
+            cap: Any = gear.rated_pressure
             if takeoff > first_boost:
-                cap = ca.if_else(
-                    throttle > 0.98, rated_pressure + (takeoff - first_boost) * 6895, cap
-                )
+                at_takeoff = gear.rated_pressure + (takeoff - first_boost) * _PSI_TO_PA
+                cap = ca.if_else(throttle > 0.98, at_takeoff, cap)
             manifold = ca.fmin(manifold, cap)
         manifolds.append(manifold)
     if int(engine.value_of("boostmanual", 0.0)) == 1:
-        gear = ca.SX(own_property(file, aircraft, "boost-speed", 0.0))
+        chosen = ca.SX(own_property(file, aircraft, "boost-speed", 0.0))
         result = manifolds[-1]
         for number in range(len(manifolds) - 2, -1, -1):
-            result = ca.if_else(gear < number + 1, manifolds[number], result)
+            result = ca.if_else(chosen < number + 1, manifolds[number], result)
         return result
     result = manifolds[0]
     for number in range(1, len(manifolds)):
-        switch = gears[number - 1][3]
+        switch = gears[number - 1].switch_pressure
         result = ca.if_else(ambient < switch - 1000.0, manifolds[number], result)
     return result
 
 
-def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
-    """Return (multiplier, rated speed, rated pressure, switch pressure) of each gear."""
-    # The speed is in rpm and the pressures are in Pa. The next gear is used if the ambient pressure
-    # is more than 1000 Pa below the switch pressure. If a gear is invalid, the number of gears is
-    # reduced by one, and those from the invalid one on have the multiplier 1. The list is empty
-    # without a supercharger.
+class _Gear(NamedTuple):
+    """Gear of a supercharger: factor on the pressure at the rated speed, rpm, the largest manifold
+    pressure, Pa, and the ambient pressure, Pa, 1000 Pa below which the next gear is used.
+    """
+
+    multiplier: float
+    rated_speed: float
+    rated_pressure: float
+    switch_pressure: float
+
+
+#: Gear without boost, which JSBSim has in place of an invalid one.
+_INVALID_GEAR = _Gear(1.0, 2500.0, 100000.0, 0.0)
+
+
+def _gears(engine: Element) -> list[_Gear]:
+    """Return the gears of a supercharger, or an empty list without one.
+
+    From an invalid gear on, all are `_INVALID_GEAR`, and their number is reduced by one.
+    """
     count = int(engine.value_of("numboostspeeds", 0.0))
-    gears: list[tuple[float, float, float, float]] = []
+    gears: list[_Gear] = []
     last_altitude = 0.0
     for number in range(1, count + 1):
         boost = engine.value_of(f"ratedboost{number}", 0.0, "PSI")
         power = engine.value_of(f"ratedpower{number}", 0.0, "HP")
         altitude = engine.value_of(f"ratedaltitude{number}", 0.0, "FT")
         if boost <= 0.0 or power <= 0.0 or altitude < last_altitude:
-            for _ in range(number, count):
-                gears.append((1.0, 2500.0, 100000.0, 0.0))
-            break
-        rated_pressure = _STANDARD_PRESSURE + boost * 6895
+            return gears + [_INVALID_GEAR] * (count - number)
+        rated_pressure = _STANDARD_PRESSURE + boost * _PSI_TO_PA
         multiplier = rated_pressure / (_standard_pressure(altitude) * _PSF_TO_PA)
         rated_speed = engine.value_of(f"ratedrpm{number}", 2500.0)
         switch = 0.0
         if number < count:
             switch = _standard_pressure(altitude + 1000.0 if altitude > 0.0 else 0.0) * _PSF_TO_PA
-        gears.append((multiplier, rated_speed, rated_pressure, switch))
+        gears.append(_Gear(multiplier, rated_speed, rated_pressure, switch))
         last_altitude = altitude
     return gears
 

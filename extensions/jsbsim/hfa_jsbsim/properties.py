@@ -24,7 +24,9 @@ _TAKEN = {
     *("mach", "gamma", "turn_rate", "load_factor", "lift_to_weight", "thrust", "weight"),
     *("updraft", "angle_of_attack", "feather"),
 }
-#: Order of evaluation of elements outside the control system: after all components.
+#: Order of evaluation of values that JSBSim sets before the control system, and of elements outside
+#: it: before and after all components.
+BEFORE_ALL = -1
 AFTER_ALL = 1 << 30
 #: Properties that depend on the total force. The control system must not depend on them.
 _OF_ALL_FORCES = ("accelerations/", "forces/", "moments/")
@@ -117,7 +119,9 @@ class Properties:
 
     def define(self, name: str, value: Any) -> None:
         """Add a value of a property that components of the control system may override."""
-        self._writers.setdefault(canonical(name), []).append(Writer(lambda: value, "", order=-1))
+        self._writers.setdefault(canonical(name), []).append(
+            Writer(lambda: value, "", order=BEFORE_ALL)
+        )
 
     def define_initial(self, name: str, value: float) -> None:
         """Set the value that a property has if nothing else sets it."""
@@ -175,7 +179,7 @@ class Properties:
 
     def replace(self, name: str, value: Any) -> None:
         """Set a property to a value and remove all its writers."""
-        self._writers[canonical(name)] = [Writer(lambda: value, "", order=-1)]
+        self._writers[canonical(name)] = [Writer(lambda: value, "", order=BEFORE_ALL)]
 
     def writer(self, name: str) -> Writer | None:
         """Return the last writer that was added for a property, or None if it has none."""

@@ -305,9 +305,10 @@ class _Declaration:
             "reference_span": (self.parts.wings.span, "ft"),
             "reference_chord": (self.parts.wings.chord, "ft"),
         }
-        arguments, kept = self._arguments(equations)
+        arguments, left_out, constants = self._arguments(equations)
         expressions = ca.vertcat(*(ca.SX(value) for value, _ in values.values()))
-        function = ca.Function("configuration", arguments, [ca.substitute(expressions, *kept)])
+        values_at = ca.substitute(expressions, left_out, constants)
+        function = ca.Function("configuration", arguments, [values_at])
 
         def configuration(x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
             found = np.asarray(function(x, u, p)).ravel().tolist()
@@ -553,8 +554,8 @@ class _Declaration:
         """Return a CasADi function (x, u, p) or (x, u, p, gusts) -> (time derivatives, outputs)."""
         rates = ca.vertcat(*equations.rates.values())
         others = ca.vertcat(*(equations.outputs[name] for name in outputs))
-        arguments, constants = self._arguments(equations)
-        rates, others = ca.substitute([rates, others], *([each] for each in constants))
+        arguments, left_out, constants = self._arguments(equations)
+        rates, others = ca.substitute([rates, others], [left_out], [constants])
         if gusts is not None:
             arguments.append(ca.vertcat(*gusts))
         values = [rates, others]
@@ -563,8 +564,8 @@ class _Declaration:
         values = [ca.densify(part) for part in values]
         return ca.Function("jsbsim", arguments, values)
 
-    def _arguments(self, equations: Equations) -> tuple[list[ca.SX], tuple[ca.SX, ca.SX]]:
-        """Return the symbols x, u and p, and the symbols that are constant with their values."""
+    def _arguments(self, equations: Equations) -> tuple[list[ca.SX], ca.SX, ca.SX]:
+        """Return the symbols x, u and p, the symbols that are left out, and their constants."""
         # Inputs and parameters without an effect are replaced by constants. Commands that surface
         # positions replace as inputs are 0 in the filters that they still reach.
         inputs = {name: each.symbol for name, each in equations.inputs.items()}
@@ -581,7 +582,7 @@ class _Declaration:
             ca.vertcat(ca.SX(0, 1), *kept_inputs),
             ca.vertcat(*kept_parameters),
         ]
-        return arguments, (ca.vertcat(ca.SX(0, 1), *left_out), ca.SX(constants))
+        return arguments, ca.vertcat(ca.SX(0, 1), *left_out), ca.SX(constants)
 
     def _trim(self) -> dict[str, float]:
         """Return the default trim condition, straight level flight, as name -> imposed value."""

@@ -297,13 +297,13 @@ class _Equations:
         pressure_area = motion.pressure * values["wing_area"]
         pitching_moment = pressure_area * values["chord"] * self._coefficient("Cm", p, of_moments)
         outputs |= motion.forces(
-            pressure_area * coefficients.lift,
-            pressure_area * coefficients.drag,
-            pitching_moment - shift * steady_force[2],
-            thrust,
-            p.mass,
-            values["wing_area"],
-            values["chord"],
+            lift=pressure_area * coefficients.lift,
+            drag=pressure_area * coefficients.drag,
+            pitching_moment=pitching_moment - shift * steady_force[2],
+            thrust=thrust,
+            mass=p.mass,
+            area=values["wing_area"],
+            chord=values["chord"],
         )
         outputs["lift_coefficient"] = coefficients.lift + of_alphadot.lift
         outputs["drag_coefficient"] = coefficients.drag + of_alphadot.drag

@@ -29,7 +29,7 @@ _DRAWN = 16
 def parts_of_a_sample(
     points: Sequence[OperatingPoint],
     dt: float,
-    boxes: Sequence[np.ndarray] = (),
+    boxes: Sequence[np.ndarray] | None = None,
     longest: float = _LONGEST,
 ) -> int:
     """Return the number of integration steps in a sample, from 1 to `_MOST_PARTS`.
@@ -38,12 +38,13 @@ def parts_of_a_sample(
     is at most `_SECONDS`.
 
     dt: sample time, s
-    boxes: half-widths (k,) of the initial conditions about each trim, or empty
+    boxes: half-widths (k,) of the initial conditions about each trim, or None
     longest: longest step, in time constants of the fastest mode
     """
     fastest = max(fastest_mode(point, np.zeros(len(point.model.linear))) for point in points)
-    for point, half_widths in zip(points, boxes, strict=len(boxes) > 0):
-        fastest = max(fastest, fastest_mode(point, half_widths))
+    if boxes is not None:
+        in_boxes = (fastest_mode(*each) for each in zip(points, boxes, strict=True))
+        fastest = max(fastest, *in_boxes)
     parts = max(steps_of(dt * fastest, longest), steps_of(dt, _SECONDS))
     return min(parts, _MOST_PARTS)
 

@@ -71,16 +71,24 @@ def gust_speed(point: OperatingPoint) -> float:
     if value is None:
         value = model.outputs_at(point.states, point.inputs, [name])[name]
     in_feet = conversion(model.unit(name), "ft/s")
-    return value if in_feet is None else value * in_feet * feet_of(model)
+    return value if in_feet is None else value * in_feet * foot_in_length_unit(model)
 
 
-def feet_of(model: Model) -> float:
+def foot_in_length_unit(model: Model) -> float:
     """Return the length of a foot in the unit of length that belongs to the speed of a model.
 
     The unit is ft for ft/s, that of the altitude for knots (ft without an altitude), and else m.
     """
     unit = model.unit(state_of(model, "speed"))
+    if unit == "ft/s":
+        return 1.0
     if unit in ("kt", "kts", "knot"):
         altitude = state_of(model, "altitude")
-        return conversion("ft", model.unit(altitude)) or 1.0 if altitude else 1.0
-    return 1.0 if unit == "ft/s" else si_factor("ft")
+        in_unit_of_altitude = conversion("ft", model.unit(altitude)) if altitude else None
+        return in_unit_of_altitude or 1.0
+    return si_factor("ft")
+
+
+def length_unit_of(model: Model) -> str:
+    """Return "ft" or "m", the unit of length that belongs to the speed of a model."""
+    return "ft" if foot_in_length_unit(model) == 1.0 else "m"

@@ -25,7 +25,7 @@ from hfa_flight.air.gust_equations import (
     undeclared,
 )
 from hfa_flight.air.gusts import Gust
-from hfa_flight.air.names import UPDRAFT, feet_of, gust_speed, state_of
+from hfa_flight.air.names import UPDRAFT, foot_in_length_unit, gust_speed, state_of
 from hfa_support.errors import BadInputError, is_finite, shown
 from hfa_support.units import FOOT, KNOT, conversion
 from trim.point.operating_point import OperatingPoint
@@ -252,7 +252,7 @@ def _feet(model: Model) -> float:
             f"{model.name} has no state in a unit of speed that is recognized as its speed, which "
             "turbulence requires; an aircraft in Python may declare a state or output speed in m/s"
         )
-    return feet_of(model)
+    return foot_in_length_unit(model)
 
 
 def _foot_of_altitude(model: Model) -> float:

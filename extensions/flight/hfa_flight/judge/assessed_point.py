@@ -123,7 +123,7 @@ class AssessedPoint(Result):
             states = dict(zip(model.states, equilibrium.states.tolist(), strict=True))
             inputs = dict(zip(model.inputs, equilibrium.inputs.tolist(), strict=True))
         return (
-            scheduled_value(self.point)
+            schedule_entry(self.point)
             | {
                 "K": None if equilibrium is None else equilibrium.K,
                 "delay_limit": None if delays is None else delays.limit,
@@ -157,7 +157,7 @@ def _margins_of(loop: LoopMargin) -> dict[str, float]:
     }
 
 
-def scheduled_value(point: OperatingPoint) -> dict[str, float]:
+def schedule_entry(point: OperatingPoint) -> dict[str, float]:
     """Return {key: value} of the scheduling variable at a trim, or {} if the model has none.
 
     Angles are in degrees.

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
+from hfa_flight.judge.assessed_point import AssessedPoint, schedule_entry
 from hfa_flight.judge.endings import BALL
 from hfa_flight.judge.findings import where_text
 from hfa_flight.judge.weights import weights_at
@@ -88,7 +88,7 @@ def flight_rows(point: AssessedPoint) -> list[Row]:
 def _at(point: AssessedPoint) -> Row:
     """Return the value of the scheduling variable at a trim as a row."""
     model = point.point.model
-    for value in scheduled_value(point.point).values():
+    for value in schedule_entry(point.point).values():
         return Row(model.schedule, value, shown_unit(model.schedule_unit))
     return Row("trim", "-")
 

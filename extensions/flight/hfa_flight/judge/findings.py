@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
+from hfa_flight.judge.assessed_point import AssessedPoint, schedule_entry
 from hfa_flight.judge.outcomes import Outcomes
 from hfa_support.reporting.text import beside_unit, percent, short_number, shown_unit
 
@@ -87,13 +87,13 @@ def where_text(points: Sequence[AssessedPoint], among: Sequence[AssessedPoint]) 
     among: all trims of the assessment
     """
     model = among[0].point.model
-    values = [value for point in points for value in scheduled_value(point.point).values()]
+    values = [value for point in points for value in schedule_entry(point.point).values()]
     if not values:
         return "at the trim"
     unit = shown_unit(model.schedule_unit)
     if min(values) == max(values):
         return f"at {values[0]:.4g} {unit}"
-    every = [value for point in among for value in scheduled_value(point.point).values()]
+    every = [value for point in among for value in schedule_entry(point.point).values()]
     inside = [value for value in every if min(values) <= value <= max(values)]
     if len(inside) == len(values):
         return f"from {min(values):.4g} to {max(values):.4g} {unit}"

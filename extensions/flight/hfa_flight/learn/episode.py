@@ -74,7 +74,7 @@ class Episode:
         - A varied parameter is unknown, or its range is outside its limits.
         """
         self._arguments = deployed.deployment, deployed.model, points, seconds, turbulence, vary
-        self.varied = _ranges(deployed.model, vary or {})
+        self.varied = _checked_ranges(deployed.model, vary or {})
         deployed = replace(deployed, varies=bool(self.varied))
         if not points:
             raise BadInputError("no trim is given; give at least one operating point")
@@ -330,7 +330,7 @@ class Episode:
         return ca.Function("observation", [state, trim], [seen])
 
 
-def _ranges(
+def _checked_ranges(
     model: Model, vary: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
     """Return parameter -> (lowest, highest) of its draws."""
@@ -343,7 +343,7 @@ def _ranges(
                 f"vary[{name!r}] is {shown(ends)}; give (lowest, highest), two finite numbers in "
                 "ascending order"
             )
-        for value in (lowest, highest):
+        for value in (lowest, highest):  # refuses a value beyond the limits of the parameter
             model.with_parameters(**{name: value})
         ranges[name] = (lowest, highest)
     return ranges

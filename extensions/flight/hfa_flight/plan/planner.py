@@ -190,21 +190,25 @@ class Planner:
     def _flight_of_gain(self) -> BoundFunction:
         """Return the machine code of ([z, cost, excess], K by rows) -> [z, cost,
         largest excess over the limits] after four horizons.
+
+        K acts on the first k of the n states z.
         """
         k, n, m = self.scaled.sizes
-        begin, K = given = [ca.MX.sym("begin", n + 2), ca.MX.sym("K", m * k)]
+        begin, K = ca.MX.sym("begin", n + 2), ca.MX.sym("K", m * k)
+        arguments = [begin, K]
+        z, cost, excess = begin[:n], begin[n], begin[n + 1]
         least, most = (ca.DM(limit) for limit in self.scaled.input_limits)
-        v = ca.fmin(ca.fmax(-ca.reshape(K, k, m).T @ begin[:k], least), most)
-        both = ca.vertcat(begin[:n], v)
-        after = self.model.sample(begin[:n], v, self.grid.dt)
-        cost = begin[n] + ca.bilin(ca.DM(self.grid.at(0).weights[0]), both, both)
+        v = ca.fmin(ca.fmax(-ca.reshape(K, k, m).T @ z[:k], least), most)
+        both = ca.vertcat(z, v)
+        after = self.model.sample(z, v, self.grid.dt)
+        cost += ca.bilin(ca.DM(self.grid.at(0).weights[0]), both, both)
         soft = ca.vec(after[self.soft.tolist()])
         lows, highs = (ca.DM(limit) for limit in self.room)
-        excess = ca.mmax(ca.vertcat(begin[n + 1], soft - highs, lows - soft))
-        step = ca.Function("step", given, [ca.vertcat(after, cost, excess)]).expand()
+        excess = ca.mmax(ca.vertcat(excess, soft - highs, lows - soft))
+        step = ca.Function("step", arguments, [ca.vertcat(after, cost, excess)]).expand()
         samples = _HORIZONS * int(self.grid.samples(0).sum())
         flown = step.fold(samples)(begin, ca.repmat(K, 1, samples))
-        return BoundFunction(machine_code(ca.Function("gain_flight", given, [flown])))
+        return BoundFunction(machine_code(ca.Function("gain_flight", arguments, [flown])))
 
     def cost_of_sample(self, plan: Plan) -> float:
         """Return the cost of the first hold of a plan."""

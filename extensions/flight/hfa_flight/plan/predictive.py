@@ -159,15 +159,16 @@ class Predictive(SampledPolicy):
         if len(done.seconds):
             median, most = np.quantile(done.seconds, (0.5, 0.99))
             budget = self.controller.budget
-            ended = (
-                f"No further program begins after {1e3 * budget:.3g} ms, which ended {done.late} "
-                "samples."
-            )
             if math.isinf(budget):
                 late = int((np.array(done.seconds) > self.dt).sum())
                 ended = (
                     f"{late} of {len(done.seconds)} took longer than {1e3 * self.dt:g} ms and were "
                     "flown as if they had not."
+                )
+            else:
+                ended = (
+                    f"No further program begins after {1e3 * budget:.3g} ms, which ended "
+                    f"{done.late} samples."
                 )
             lines.append(
                 f"Processor time of a sample: median {1e3 * median:.2g} ms, 99 % below "
@@ -243,31 +244,32 @@ def predictive(
     if budget is not None and not budget > 0.0:
         raise BadInputError(f"budget is {shown(budget)}; give a time above 0 s")
     problem = flight_problem(model, point, Q, R, inputs, limits)
-    at_end = game(problem.linear, Q=problem.Q, R=problem.R, delta=delta)
+    end_game = game(problem.linear, Q=problem.Q, R=problem.R, delta=delta)
     scaled = ScaledProblem(problem)
     grid = grid_of(scaled, dt, horizon)
-    P, K = _end_of(scaled, grid.dt, at_end)
+    P, K = _end_of(scaled, grid.dt, end_game)
     planner = Planner(scaled, grid, P, margin)
-    end = EndLaw(scaled, hold_of(*scaled.linear_states, grid.dt), K)
-    most = 0.5 * grid.dt if budget is None else budget
-    controller = RecedingHorizon(planner, end, most)
+    end_law = EndLaw(scaled, hold_of(*scaled.linear_states, grid.dt), K)
+    if budget is None:
+        budget = 0.5 * grid.dt
+    controller = RecedingHorizon(planner, end_law, budget)
     controller.rehearse()
     identity = {
-        "predictive": [problem.Q.tolist(), problem.R.tolist(), at_end.delta, margin],
+        "predictive": [problem.Q.tolist(), problem.R.tolist(), end_game.delta, margin],
         "holds": grid.at(0).seconds.tolist(),
     }
     return Predictive("predictive", problem.point, grid.dt, problem, controller, identity=identity)
 
 
-def _end_of(scaled: ScaledProblem, dt: float, at_end: Game) -> tuple[np.ndarray, np.ndarray]:
+def _end_of(scaled: ScaledProblem, dt: float, end_game: Game) -> tuple[np.ndarray, np.ndarray]:
     """Return P (n, n) of a game and the gain K (m, k) of the game held dt for ever."""
     k, n, _ = scaled.sizes
-    if math.isinf(at_end.delta):
+    if math.isinf(end_game.delta):
         K, _ = hold_of(*scaled.linear_states, dt).forever()
         return scaled.P, K
     of_states, of_inputs = scaled.problem.sizes
-    P = np.pad(np.array(solve(at_end).P), [(0, n - k)] * 2) * np.outer(of_states, of_states)
-    K = np.array(solve(_held_game(at_end, dt)).K)
+    P = np.pad(np.array(solve(end_game).P), [(0, n - k)] * 2) * np.outer(of_states, of_states)
+    K = np.array(solve(_held_game(end_game, dt)).K)
     return P, K * of_states[:k] / of_inputs[:, None]
 
 

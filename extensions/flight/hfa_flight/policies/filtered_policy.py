@@ -384,19 +384,28 @@ class FilteredPolicy(SampledPolicy):
 
         The delay of a deployment is added to that of the scenario.
         """
-        law, ahead = self.law, scenario.delay
-        if isinstance(law, DeployedPolicy):
-            if not law.is_late:
-                return self, scenario
-            scenario = scenario.in_ticks(law.tick, scenario.step, self.dt)
-            scenario = replace(scenario, delay=ahead + law.deployed.deployment.delay)
-            law = replace(law, is_late=False)
-        policy, scenario = super().in_scenario(scenario)
-        policy = replace(policy, law=law, ahead=ahead)
-        if not isinstance(self.law, SampledPolicy):
-            return policy, scenario
-        law, _ = self.law.in_scenario(replace(scenario, delay=0.0))
-        return replace(policy, law=replace(law, tick=self.dt)), scenario
+        if isinstance(self.law, DeployedPolicy):
+            return self._deployed_in_scenario(self.law, scenario)
+        policy, in_ticks = super().in_scenario(scenario)
+        policy = replace(policy, ahead=scenario.delay)
+        if isinstance(self.law, SampledPolicy):
+            # The filter predicts over the delay and calls the law once a sample, so the law has no
+            # delay and one tick a sample, and the ticks of the flight are those of the filter.
+            law, _ = self.law.in_scenario(replace(in_ticks, delay=0.0))
+            policy = replace(policy, law=replace(law, tick=self.dt))
+        return policy, in_ticks
+
+    def _deployed_in_scenario(
+        self, law: DeployedPolicy, scenario: Scenario
+    ) -> tuple[Self, Scenario]:
+        """Return the policy and the scenario, which has the delay of the deployment."""
+        if not law.delays_itself:  # the policy is already in a scenario
+            return self, scenario
+        in_ticks = scenario.in_ticks(law.tick, scenario.step, self.dt)
+        delay = scenario.delay + law.deployed.deployment.delay
+        policy, late = super().in_scenario(replace(in_ticks, delay=delay))
+        prompt = replace(law, delays_itself=False)
+        return replace(policy, law=prompt, ahead=scenario.delay), late
 
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop near the trim, 1/s, or None without a linear law.

@@ -77,7 +77,7 @@ class Policy(Reported):
     def held_inputs(self, tick: int, time: float) -> np.ndarray:
         """Return the inputs held from a time in a tick, (h,).
 
-        time: s
+        time: s, for policies that tabulate their inputs over time
         """
         row: np.ndarray = self.held[min(tick, len(self.held) - 1)]
         return row

@@ -209,26 +209,18 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     that left the envelope or cycle in lists of names, -1 for none.
     """
     scenario = result.loop.scenario
-    flight = result.flight
-    departure = result.departure
+    rows = result.flight
     states = list(plan.model.states)
     trim = plan.point.u
-    time_flown = scenario.duration if departure is None else departure.time
+    time_flown = scenario.duration if result.departure is None else result.departure.time
     end = round(time_flown / scenario.step)  # 0 if turbulence exceeds the envelope at the start
     begin = end // 2 if scenario.gust is not None and scenario.gust.rises else 0
-    errors = flight.errors[:end]
-    inputs = flight.inputs[:end]
-    angles = flight.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
-    departed_state = -1
-    if departure is not None:
-        limited = limited_names(plan.model, scenario.moving_air)
-        departed_state = limited.index(departure.state)
-    cycling_signal = -1
-    if result.cycle is not None:
-        cycling_signal = [*plan.model.inputs, *states].index(result.cycle.name)
+    errors = rows.errors[:end]
+    inputs = rows.inputs[:end]
+    angles = rows.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
     return {
-        "left": departed_state,
-        "cycle": cycling_signal,
+        "left": _place_of_departure(result),
+        "cycle": _place_of_cycle(result),
         "factors": [scenario.errors[name] for name in plan.scenario.uncertainty.errors],
         "flown": time_flown,
         "rms_error": _rms(errors[begin:]),
@@ -240,6 +232,21 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
         "highest_input": inputs.max(axis=0, initial=-np.inf) + trim,
         "final": result.states[end],
     }
+
+
+def _place_of_departure(result: Flight) -> int:
+    """Return the place of the state that left the envelope in the limited states, or -1."""
+    if result.departure is None:
+        return -1
+    limited = limited_names(result.model, result.loop.scenario.moving_air)
+    return limited.index(result.departure.state)
+
+
+def _place_of_cycle(result: Flight) -> int:
+    """Return the place of the signal in a limit cycle in the inputs and states, or -1."""
+    if result.cycle is None:
+        return -1
+    return [*result.model.inputs, *result.model.states].index(result.cycle.name)
 
 
 def _rms(rows: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.gusts import Gust, OneMinusCosine
-from hfa_flight.air.names import UPDRAFT, feet_of, gust_speed
+from hfa_flight.air.names import UPDRAFT, foot_in_length_unit, gust_speed, length_unit_of
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
@@ -110,8 +110,8 @@ class SmallestGusts(Result, Reported):
 
     def report(self) -> Report:
         """Return the report: a row for each length, with both directions."""
-        speed = self._speed_unit
-        length = "m" if feet_of(self.point.model) != 1.0 else "ft"
+        length = length_unit_of(self.point.model)
+        speed = f"{length}/s"
         rows = []
         for up, down in zip(self.thresholds[::2], self.thresholds[1::2], strict=True):
             cells = [cell for each in (up, down) for cell in _cells(each, speed)]
@@ -129,18 +129,14 @@ class SmallestGusts(Result, Reported):
         title = f"{self._headline()}\n{flown}"
         return Report(title, (Table(header, rows), how), data=self.to_dict())
 
-    @property
-    def _speed_unit(self) -> str:
-        return "ft/s" if feet_of(self.point.model) == 1.0 else "m/s"
-
     def _headline(self) -> str:
         least = self.smallest
         if least is None or least.peak is None:
             return "Smallest gust: none up to the airspeed leaves the limits"
         kind = "updraft" if least.peak > 0.0 else "downdraft"
-        unit = "m" if self._speed_unit == "m/s" else "ft"
+        unit = length_unit_of(self.point.model)
         return (
-            f"Smallest gust: {kind} of {short_number(abs(least.peak), '')} {self._speed_unit}, "
+            f"Smallest gust: {kind} of {short_number(abs(least.peak), '')} {unit}/s, "
             f"{least.length:g} {unit} long, leaves by {least.by}"
         )
 
@@ -177,7 +173,7 @@ def smallest_gusts(
 
     Source: FAR 25.341(a); the search is by flights, and finds no gust that it did not fly.
     """
-    given = [feet * feet_of(model) for feet in LENGTHS] if lengths is None else lengths
+    given = [feet * foot_in_length_unit(model) for feet in LENGTHS] if lengths is None else lengths
     every = np.atleast_1d(numbers_in("lengths", given)).astype(float)
     if not (every.size and np.isfinite(every).all() and (every > 0.0).all()):
         raise BadInputError(f"lengths is {shown(lengths)}; give lengths above 0")

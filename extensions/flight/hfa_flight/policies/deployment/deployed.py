@@ -271,8 +271,8 @@ class Deployed:
         entries = [trim[n + index] for index in range(len(inputs))]
         for number, (name, formula) in enumerate(zip(self.commanded, self.maps, strict=True)):
             index = inputs.index(name)
-            own = {ACTION: a[number], TRIM: trim[n + index]}
-            entries[index] = formula.value({**values, **own})
+            a_and_trim = {ACTION: a[number], TRIM: trim[n + index]}
+            entries[index] = formula.value({**values, **a_and_trim})
         return ca.Function("unlimited_inputs", [a, X, U, trim], [ca.densify(ca.vertcat(*entries))])
 
     @cached_property

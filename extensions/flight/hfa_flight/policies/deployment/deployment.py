@@ -362,7 +362,7 @@ def _sampled_gain(path: Path, model: Model, dt: float) -> ca.Function:
         K = gain_in(entries, names)
         if K.shape != (m, n):
             raise BadInputError(f"K is {shape_text(K.shape)}; {wanted}")
-        designed = sample_time(entries)
+        designed = sample_time(entries)  # None: continuous time; True: an unknown sample time
         if designed not in (None, True) and not math.isclose(designed, dt, rel_tol=1e-6):
             raise BadInputError(
                 f"K is a gain for dt = {designed:g} s; give --sample-time {designed:g}, or remove "

@@ -39,12 +39,12 @@ class DeployedPolicy(Policy):
 
     deployed: the policy on its aircraft.
     point: trim from which the deviations are measured.
-    is_late: whether the policy delays its commands, or the scenario of the flight does.
+    delays_itself: whether the policy delays its commands, or the scenario of the flight does.
     """
 
     deployed: Deployed
     point: OperatingPoint
-    is_late: bool = field(default=True, kw_only=True)
+    delays_itself: bool = field(default=True, kw_only=True)
 
     @property
     def tick(self) -> float:
