@@ -14,8 +14,6 @@ from hfa import solve
 from hfa.main import FAILED
 from hfa_model import INPUTS, LINEAR_STATES
 
-# Solve.
-
 
 @pytest.mark.parametrize(("degrees", "dynamics"), [("5", "published"), ("15", "newton")])
 def test_solve_gives_the_certified_solution(degrees, dynamics):
@@ -69,9 +67,6 @@ def test_commands_accept_plants_with_missing_entries(changes):
     assert answer("solve", "--model", plant)["certificate"]["ok"] is True
     assert answer("learn", "--model", plant, "-o", "learned.json")["converged"] is True
     assert answer("verify", "--model", plant, "--weights", "learned.json")["P_rel_error"] <= 1e-12
-
-
-# Learn.
 
 
 STEPS = {"A": [[1.0, 0.1], [0.0, 0.9]], "B": [[0.0], [0.1]], "Q": np.eye(2), "R": [[1.0]]}

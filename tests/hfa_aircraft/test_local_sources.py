@@ -3,8 +3,6 @@
 import pickle
 import sys
 
-import pytest
-
 from hfa import load_model
 
 MODEL = """
@@ -19,28 +17,35 @@ PLANT = Model(
 """
 
 
-@pytest.mark.parametrize("outer", [False, True])
-def test_a_changed_module_changes_the_hash(outer, tmp_path, monkeypatch):
-    """A change of a module that is imported indirectly changes the hash, also without effect.
-
-    outer: whether the module is imported from the enclosing package
-    """
-    monkeypatch.syspath_prepend(str(tmp_path))
-    folder = tmp_path / "outer_of_plant" / "models" if outer else tmp_path
-    folder.mkdir(parents=True, exist_ok=True)
-    dots, name = ("..", "outer_of_plant.models.plant") if outer else ("", f"{tmp_path}/plant.py")
-    inner = folder.parent / "inner_of_plant.py" if outer else folder / "inner_of_plant.py"
-    (folder / "helper_of_plant.py").write_text(
-        f"from {dots}inner_of_plant import two\ngain = two\n"
-    )
-    (folder / "plant.py").write_text(MODEL.format(helper=f"{dots[1:]}helper_of_plant"))
+def hashes_of(name, inner):
+    """Return the hashes of a model with a module twice as it is, and with a comment more."""
     hashes = []
     for content in ("two = 2.0\n", "two = 2.0\n", "two = 2.0  # measured\n"):
         inner.write_text(content)
         hashes.append(load_model(f"{name}:PLANT").source.digest)
     for loaded in [loaded for loaded in sys.modules if "of_plant" in loaded]:
         sys.modules.pop(loaded)
-    assert hashes[0] == hashes[1] != hashes[2]
+    return hashes
+
+
+def test_a_changed_module_beside_the_model_changes_the_hash(tmp_path):
+    """The model imports the changed module indirectly, and the change has no effect."""
+    (tmp_path / "helper_of_plant.py").write_text("from inner_of_plant import two as gain\n")
+    (tmp_path / "plant.py").write_text(MODEL.format(helper="helper_of_plant"))
+    first, same, changed = hashes_of(f"{tmp_path}/plant.py", tmp_path / "inner_of_plant.py")
+    assert first == same != changed
+
+
+def test_a_changed_module_of_the_enclosing_package_changes_the_hash(tmp_path, monkeypatch):
+    """The model is a module of a package, and imports the changed module of the outer package."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    outer = tmp_path / "outer_of_plant"
+    folder = outer / "models"
+    folder.mkdir(parents=True)
+    (folder / "helper_of_plant.py").write_text("from ..inner_of_plant import two as gain\n")
+    (folder / "plant.py").write_text(MODEL.format(helper=".helper_of_plant"))
+    first, same, changed = hashes_of("outer_of_plant.models.plant", outer / "inner_of_plant.py")
+    assert first == same != changed
 
 
 def test_a_file_imports_the_modules_beside_it(tmp_path, monkeypatch):

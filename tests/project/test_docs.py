@@ -16,6 +16,7 @@ A table may have columns with the heading `hfa COMMAND`: each cell has options t
 the command is run.
 """
 
+import ast
 import contextlib
 import doctest
 import importlib
@@ -28,6 +29,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import textwrap
 from functools import cache
 from pathlib import Path
 
@@ -250,15 +252,20 @@ SILENT = (
 SCRIPTS = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.stem not in SILENT]
 
 
+def shown_output(path):
+    """Return the output that the docstring of an example script shows after "prints"."""
+    docstring = ast.get_docstring(ast.parse(text_of(path))) or ""
+    return textwrap.dedent(docstring.partition("prints\n")[2].strip("\n"))
+
+
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
 def test_example_scripts_print_the_shown_output(path, tmp_path, monkeypatch, capsys):
     """Each example script prints the output shown in its docstring and writes no file."""
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(path), run_name="__main__")
     output = capsys.readouterr().out
-    shown = text_of(path).partition('"""')[2].partition('"""')[0].partition("prints\n")[2]
-    assert shown.strip(), "the docstring of an example ends with what it prints"
-    expected = "\n".join(line.removeprefix("    ") for line in shown.strip("\n").splitlines())
+    expected = shown_output(path)
+    assert expected, "the docstring of an example ends with what it prints"
     assert difference(expected, output) == ""
     assert list(tmp_path.iterdir()) == []
 

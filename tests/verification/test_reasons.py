@@ -167,7 +167,7 @@ def test_the_game_of_which_a_gain_is_exact_is_named(number):
 
 
 def test_the_nearest_of_several_games_is_named():
-    """Of two entries, delta 102 explains a gain without discount within .1 %, the discount exactly."""
+    """A gain is explained by delta 102 within 0.1 %, and exactly by no discount, which is named."""
     A, B = [[1.0, 0.1], [0.2, 0.97]], [[0.0], [0.1]]
     game = Game(A, B, Q=np.eye(2), R=[1.0], dt=0.1, discount=0.99)
     reason = verify(game, from_gain(game, gain(replace(game, discount=1.0)))).reason

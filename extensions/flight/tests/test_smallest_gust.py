@@ -51,7 +51,7 @@ def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
 
 
 def test_the_command_prints_and_stores_the_thresholds():
-    """Of the flexible aircraft without a policy, by pitch rate, in one length."""
+    """The flexible aircraft without a policy leaves its limit of the pitch rate at 2.52 ft/s."""
     words = ("fly", "--dihedral", "5", "--policy", "none", "--gust", "smallest:25", "--json")
     flown = run(*words)
     data = json.loads(flown.out)

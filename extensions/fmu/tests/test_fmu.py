@@ -163,7 +163,7 @@ def test_the_trim_of_least_effort_needs_no_second_derivatives():
 
 
 def test_names_that_become_alike_are_told_apart():
-    """Of body.angle and body_angle, each has a name of its own, and a note says which is which."""
+    """body.angle and body_angle have different names, and a note says which is which."""
     text = description().replace('name="rate"', 'name="body_angle"')
     model = hfa.load_model(packed(text, "linux64"))
     assert list(model.states) == ["body_angle", "body_angle_"]
@@ -173,7 +173,7 @@ def test_names_that_become_alike_are_told_apart():
 
 
 def test_the_part_of_all_states_is_left_out_of_their_names():
-    """Of plane[1].body.angle and plane[1].body.rate remain angle and rate, but for an output angle."""
+    """plane[1].body.angle and plane[1].body.rate become angle and rate, unless an output is angle."""
     text = description().replace('"body.', '"angle.').replace('name="rate"', 'name="angle.rate"')
     text = text.replace('name="angle.', 'name="plane[1].body.')
     model = hfa.load_model(packed(text, "linux64"))

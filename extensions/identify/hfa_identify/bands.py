@@ -162,9 +162,9 @@ def explained(fit: Fit) -> np.ndarray:
     parts = []
     for place in range(len(fit.noise)):
         measured, residuals = _samples(fit, place)
-        left = sum(float(each @ each) for each in residuals)
-        varied = sum(len(each) * float(each.var()) for each in measured if len(each))
-        parts.append(1.0 - left / varied if varied else 0.0)
+        of_residuals = sum(float(each @ each) for each in residuals)
+        about_means = sum(len(each) * float(each.var()) for each in measured if len(each))
+        parts.append(1.0 - of_residuals / about_means if about_means else 0.0)
     return np.array(parts)
 
 

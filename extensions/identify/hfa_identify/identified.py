@@ -234,11 +234,11 @@ class Identified(Result, Reported):
         """Return a table of the estimates and their bands."""
         rows = []
         for name, each in self.parameters.items():
-            half = 0.5 * (each.high - each.low)
-            share = f"{100.0 * half / abs(each.value):.2g} %" if each.value else "-"
+            half_width = 0.5 * (each.high - each.low)
+            band = f"{100.0 * half_width / abs(each.value):.2g} %" if each.value else "-"
             ends = [shown_value(value, each.unit) for value in (each.value, each.low, each.high)]
             before = shown_value(each.start, each.unit)
-            rows.append((name, *ends, share, before, shown_unit(each.unit)))
+            rows.append((name, *ends, band, before, shown_unit(each.unit)))
         return Table(
             ("parameter", "estimate", "low", "high", "band", "before", "unit"), tuple(rows)
         )

@@ -108,8 +108,8 @@ def constant_commands(parts: Parts, equations: Equations) -> list[str]:
     with_inputs = copy(parts)
     with_inputs.choices = replace(parts.choices, inputs=(*parts.choices.inputs, *names))
     as_inputs = Equations(with_inputs)
-    moving = as_inputs.used_inputs()
-    return [name for name in names if as_inputs.chosen[name] in moving]
+    used = as_inputs.used_inputs()
+    return [name for name in names if as_inputs.chosen[name] in used]
 
 
 @lru_cache

@@ -76,8 +76,8 @@ class Aerodynamics:
         alpha = self._motion.alpha
         warning: Any = 0.0
         if ends["max"]:
-            share = alpha / ends["max"] - 0.85
-            warning = ca.if_else(alpha > 0.85 * ends["max"], 10.0 * share, 0.0)
+            level = 10.0 * (alpha / ends["max"] - 0.85)
+            warning = ca.if_else(alpha > 0.85 * ends["max"], level, 0.0)
         self._properties.define("systems/stall-warn-norm", warning)
         stall: Any = 0.0
         band = self._limits("hysteresis_limits")

@@ -108,8 +108,10 @@ class Tank:
 
         contents: lb
         """
-        share = contents / self.capacity
-        return [low + share * (high - low) for low, high in zip(self.drain, self.full, strict=True)]
+        filled = contents / self.capacity
+        return [
+            low + filled * (high - low) for low, high in zip(self.drain, self.full, strict=True)
+        ]
 
 
 @dataclass(frozen=True)
@@ -236,9 +238,9 @@ def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], l
 
     def inertia(contents: Any) -> list[Any]:
         mass = contents / SLUG_TO_LB
-        left = contents / capacity * volume
-        hollow = radius**2 - left / (math.pi * length)
-        squares = radius**2 + hollow
+        remaining_volume = contents / capacity * volume
+        inner_radius_squared = radius**2 - remaining_volume / (math.pi * length)
+        squares = radius**2 + inner_radius_squared
         across = mass * (3.0 * squares + length**2) / 12.0
         return [0.5 * mass * squares, across, across]
 

@@ -391,9 +391,9 @@ def _spool_rate(file: EngineFile, aircraft: HostAircraft, speed: ca.SX) -> Any:
     # The acceleration is at a limit until the target can be reached within one frame.
     low, high = file.shaft("n2")
     is_on = running(file, aircraft)
-    share = ca.fmin((speed - low) / (high - low) + 0.1, 1.0)
+    power = ca.fmin((speed - low) / (high - low) + 0.1, 1.0)
     sigma = aircraft.properties.read("atmosphere/sigma", file.mount.where)
-    slowness = 1.0 + 3.0 * (1.0 - share) ** 3 + (1.0 - sigma)
+    slowness = 1.0 + 3.0 * (1.0 - power) ** 3 + (1.0 - sigma)
     delay = 90.0 / (file.engine.value_of("bypassratio", 0.0) + 3.0) / slowness
     up = _share(file, aircraft, "N2SpoolUp", delay)
     down = _share(file, aircraft, "N2SpoolDown", 3.0 * delay)
@@ -415,12 +415,12 @@ def turbine_thrust(file: EngineFile, aircraft: HostAircraft) -> Any:
         name: _share(file, aircraft, name) for name in ("IdleThrust", "MilThrust", "AugThrust")
     }
     idle = military * shares["IdleThrust"]
-    share = ca.fmin(position, 1.0)
+    power = ca.fmin(position, 1.0)
     speed = lag_state(file, aircraft)
     if speed is not None:
         low, high = file.shaft("n2")
-        share = (speed - low) / (high - low)
-    dry = idle + (military - idle) * shares["MilThrust"] * share**2
+        power = (speed - low) / (high - low)
+    dry = idle + (military - idle) * shares["MilThrust"] * power**2
     bleed = own_property(file, aircraft, "bleed-factor", engine.value_of("bleed", 0.0))
     bled = dry * (1.0 - bleed)
     return ca.if_else(running(file, aircraft), _augmented(file, aircraft, (dry, bled), shares), 0.0)
@@ -433,7 +433,6 @@ def _augmented(
     engine = file.engine
     dry, bled = dry_and_bled
     position = throttle_of(file, aircraft)
-    share = ca.fmin(position, 1.0)
     method = int(engine.value_of("augmethod", 0.0))
     strongest = engine.value_of("maxthrust", 10000.0, "LBS") * shares["AugThrust"]
     lit: Any = 0.0
@@ -441,7 +440,7 @@ def _augmented(
         speed = lag_state(file, aircraft)
         if speed is None:
             speed = commanded_speed(file, aircraft, "n2")
-        lit = ca.logic_and(share > 0.99, speed > 97.0)
+        lit = ca.logic_and(position > 0.99, speed > 97.0)
     if method == 2:
         lit = position > 1.0
     if method == 1 and engine.value_of("augmented", 0.0) == 1.0:

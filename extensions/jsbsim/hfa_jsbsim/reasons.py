@@ -87,12 +87,13 @@ def _of_lift(throttles: Sequence[str], imposed: Mapping[str, float], solve: Solv
     if balanced is None or balanced[0] >= 1.0:
         return
     any_moment = _greatest_lift(throttles, solve, ("alpha_dot", "speed_dot", "pitch_rate_dot"))
-    share, alpha = greatest = max(balanced, any_moment or balanced)
+    lift_to_weight, alpha = max(balanced, any_moment or balanced)
     what = "the greatest lift is"
-    if greatest[0] >= 1.0:
-        share, alpha = balanced
+    if lift_to_weight >= 1.0:
+        lift_to_weight, alpha = balanced
         what = "the elevator balances the pitching moment only up to a lift of"
-    yield f"{what} {100.0 * share:.0f} % of the weight, at alpha {math.degrees(alpha):.1f} deg"
+    percent = f"{100.0 * lift_to_weight:.0f} %"
+    yield f"{what} {percent} of the weight, at alpha {math.degrees(alpha):.1f} deg"
 
 
 def _greatest_lift(
@@ -112,9 +113,9 @@ def _of_moments(solve: Solve) -> Iterator[str]:
     for free in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
         values = solve({}, free)
         if values is not None:
-            left = values["pitch_rate_dot"]
-            if abs(left) > _SOME:
-                yield f"the elevator cannot balance the pitching moment: {left:.3g} rad/s^2 remain"
+            pitch = values["pitch_rate_dot"]
+            if abs(pitch) > _SOME:
+                yield f"the elevator cannot balance the pitching moment: {pitch:.3g} rad/s^2 remain"
             return
 
 

@@ -39,7 +39,7 @@ def samples(seed):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("radius", [None, 0.0, 1e-3])
 def test_an_operation_contains_the_exact_result(operation, seed, radius):
-    """Of exact doubles, of thirds in balls, and of the corners of wider balls."""
+    """The result contains those of exact doubles, of thirds in balls, and of corners of wide balls."""
     compute = OPERATIONS[operation]
     with precision(256):
         exact = samples(seed)
@@ -61,7 +61,7 @@ def test_an_operation_contains_the_exact_result(operation, seed, radius):
 
 @pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
 def test_norms_are_upper_bounds(arithmetic):
-    """Also of a tiny or an undefined row, which hides nothing."""
+    """A tiny row does not lower the bound, and with an undefined row there is none."""
     with precision(256):
         for seed in range(5):
             matrix = np.random.default_rng(seed).standard_normal((4, 4))
@@ -98,7 +98,7 @@ def test_only_positive_matrices_are_proved_positive(arithmetic):
 @pytest.mark.parametrize("text", ["0.1 +/- 1e-9", "1/3 +/- 1e-70", "-2", "0", "0 +/- 3e-300"])
 @pytest.mark.parametrize("again", [lambda ball: pickle.loads(pickle.dumps(ball)), copy.deepcopy])
 def test_a_pickled_ball_contains_the_ball_and_hardly_more(text, again):
-    """Also of more bits than those of the process that reads it."""
+    """The process that reads the ball may have fewer bits than the ball."""
     middle, _, radius = text.partition(" +/- ")
     with precision(300):
         ball = arb(fmpq(*map(int, middle.split("/")))) if "/" in middle else arb(middle)
@@ -121,7 +121,7 @@ def test_balls_that_are_not_finite_can_be_pickled():
 @pytest.mark.parametrize("terms", [1, 5, 40])
 @pytest.mark.parametrize("seed", range(3))
 def test_pairs_contain_the_exact_result_in_twice_the_digits(terms, seed):
-    """Of rows and columns of wide ranges, whose sums cancel to their last digits."""
+    """The entries of the matrices have wide ranges, and their sums cancel to the last digits."""
     rng = np.random.default_rng([terms, seed])
 
     def entries(*shape):

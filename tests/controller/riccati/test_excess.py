@@ -56,7 +56,8 @@ def random_game(seed):
 
 @pytest.mark.parametrize("seed", range(24))
 def test_an_excess_contains_that_of_sixty_digits(seed):
-    """Of gains in either time, with and without disturbance and discount, however near.
+    """The excess of gains 1e-3 to 1e-12 off is enclosed, in either time, with and without disturbance
+    and discount.
 
     The 24 seeds are the eight kinds of `random_game`, each with three errors of the gain.
     """

@@ -175,7 +175,7 @@ def test_a_game_just_below_the_smallest_delta_has_no_value(dt):
 
 @pytest.mark.parametrize("q", [1.0, 1e-6, 1e-10, 1e-14])
 def test_the_smallest_delta_is_right_where_q_is_small(q):
-    """Of x' = a x + b u + e d it is e / sqrt(b²/r + a²/q)."""
+    """The smallest delta of x' = a x + b u + e d is e / sqrt(b²/r + a²/q)."""
     game = Game([[-1.5]], [[1.0]], E=[[1.0]], Q=[[q]], R=[[1.0]])
     assert minimum_delta(game).value == pytest.approx((1.0 + 2.25 / q) ** -0.5, rel=3e-6)
 

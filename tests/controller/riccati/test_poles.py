@@ -23,7 +23,7 @@ LOOPS = {
 @pytest.mark.parametrize("name", LOOPS)
 @pytest.mark.parametrize("is_discrete", [False, True])
 def test_poles_are_right_to_the_last_digit(name, is_discrete):
-    """Also slow ones beside fast ones, and those of chains, which doubles move by 1e-5."""
+    """The loops have slow poles beside fast ones, and chains, whose poles doubles move by 1e-5."""
     middle = np.array(LOOPS[name])
     exact = np.sort(np.diag(middle))
 
@@ -52,7 +52,7 @@ def test_discs_contain_the_poles_for_any_eigenvectors():
 
 
 def test_poles_of_a_solution_do_not_lose_their_digits_in_its_units():
-    """Of the double integrator with the closed-form poles (-1 ± i) / √2, in units of 1e-12."""
+    """A double integrator in units of 1e-12 has the closed-form poles (-1 ± i) / √2."""
     scale = 2.0**-40
     game = Game([[0.0, scale], [0.0, 0.0]], [[0.0], [1.0]], Q=[scale**-2, 0.0], R=[1.0])
     found = solve(game).poles() * scale**0.0
@@ -61,7 +61,7 @@ def test_poles_of_a_solution_do_not_lose_their_digits_in_its_units():
 
 
 def test_a_slow_pole_is_not_printed_as_zero():
-    """Of x' = -3e-9 x, which no input reaches."""
+    """No input reaches x' = -3e-9 x, whose pole is printed."""
     game = Game(np.diag([-3e-9, -1.0]), [[0.0], [1.0]], Q=[1.0, 1.0], R=[1.0])
     (line,) = [part for part in solve(game).report().parts if "closed loop" in str(part)]
     printed = [float(text) for text in str(line).partition(":")[2].split(",")]

@@ -32,11 +32,13 @@ def test_no_proof_says_that_a_game_with_a_value_has_none(kind):
 @pytest.mark.parametrize("k", [1, 2])
 @pytest.mark.parametrize("dt", [None, True])
 def test_a_frequency_proves_that_the_disturbance_gains_too_much(n, k, dt):
-    """Of x' = -x + d, or x⁺ = x / 2 + d, and of n copies of it without input."""
+    """x' = -x + d has the gain 1, and x⁺ = x / 2 + d the gain 2: there is no value for a smaller
+    delta. d acts on the first of n such states, and is divided between k disturbances.
+    """
     rate = -1.0 if dt is None else 0.5
     E = np.eye(n)[:, :1] @ np.ones((1, k)) / math.sqrt(k)
     gain = 1.0 if dt is None else 2.0
-    for factor, has_none in ((0.99, True), (1.01, False)):
+    for factor, is_refused in ((0.99, True), (1.01, False)):
         game = Game(
             rate * np.eye(n),
             np.zeros((n, 1)),
@@ -48,11 +50,11 @@ def test_a_frequency_proves_that_the_disturbance_gains_too_much(n, k, dt):
         )
         with precision(BITS):
             equation = equation_of(game, first_units(game, game.delta), Balls)
-            assert bool(why_no_value(equation, None, in_bits=False)) == has_none
+            assert bool(why_no_value(equation, None, in_bits=False)) == is_refused
 
 
 def test_an_eigenvalue_exactly_on_the_axis_is_decided_in_rationals():
-    """Of x' = -x + d with the gain 1: H has a double eigenvalue 0 at δ = 1, and none above."""
+    """x' = -x + d has the gain 1: H has a double eigenvalue 0 at δ = 1, and none above."""
     game = Game([[-1.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]])
     assert "at least 1" in why_never_at(game, 1.0)
     assert why_never_at(game, 1.0 + 2.0**-52) == ""

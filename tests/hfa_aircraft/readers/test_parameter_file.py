@@ -102,20 +102,29 @@ def test_a_wrong_entry_is_refused(folders, entries, message):
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("named", ["car.py:CAR", "car_module:CAR"])
-def test_a_data_file_executes_no_python(named, folders, monkeypatch):
-    """Python code that a TOML names is not executed; --parameters applies the same file."""
-    trace = folders / "trace"
+@pytest.fixture(params=[("car.py:CAR", "car.py"), ("car_module:CAR", "car_module.py")])
+def names_python(request, folders, monkeypatch):
+    """A TOML that names an aircraft in Python, and the file that this aircraft writes if executed."""
+    named, file = request.param
     monkeypatch.syspath_prepend(str(folders))
-    (folders / f"{named.removesuffix(':CAR').removesuffix('.py')}.py").write_text(
-        PYTHON.format(trace=str(trace))
-    )
+    trace = folders / "trace"
+    (folders / file).write_text(PYTHON.format(trace=str(trace)))
     parameters = folders / "found.toml"
     parameters.write_text(f'aircraft = "{named}"\n[parameters]\ndrag = 3.0\n')
-    result = hfa("trim", "--aircraft", str(parameters))
-    assert_refused(result, 2, "--parameters", str(parameters))
+    return parameters, trace
+
+
+def test_a_data_file_executes_no_python(names_python):
+    parameters, trace = names_python
+    refused = hfa("trim", "--aircraft", str(parameters))
+    assert_refused(refused, 2, "--parameters", str(parameters))
     assert not trace.exists()
-    words = result.err.rpartition("; give ")[2].split()
+
+
+def test_the_suggested_command_applies_the_parameters(names_python):
+    """The refusal ends with options that execute the Python code, with the parameters of the TOML."""
+    parameters, trace = names_python
+    words = hfa("trim", "--aircraft", str(parameters)).err.rpartition("; give ")[2].split()
     assert words[0] == "--aircraft"
     trim = hfa("trim", *words, "--json")
     assert trim.code == 0, trim.err

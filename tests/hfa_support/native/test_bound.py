@@ -23,7 +23,7 @@ class _Recorded(ca.Callback):
 
 
 def test_a_function_is_evaluated_at_the_given_rows_only():
-    """Of a block of 16 rows, the rows that are left over are no other points, such as zeros."""
+    """The rows that fill up a block of 16 repeat given rows: the function sees no other points."""
     recorded = _Recorded()
     (found,) = RowFunction(recorded)(np.arange(1.0, 11.0)[:, None])
     np.testing.assert_allclose(found[:, 0], 1.0 / np.arange(1.0, 11.0))

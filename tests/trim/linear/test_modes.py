@@ -119,7 +119,7 @@ def test_handling_qualities_follow_from_the_modes():
 
 
 def test_repeated_zero_eigenvalues_have_no_mode_of_the_aircraft():
-    """Of a longitudinal model with lateral states without dynamics, only two modes are named."""
+    """Four lateral states without dynamics add neutral modes to those of a longitudinal model."""
     A = block_diag([[-1.0, 1.0], [-4.0, -1.0]], np.zeros((4, 4)))
     states = ("alpha", "q", "beta", "p", "r", "phi")
     families = {"short period": ("alpha", "q"), "dutch roll": ("beta", "p", "r", "phi")}

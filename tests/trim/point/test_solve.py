@@ -59,7 +59,7 @@ def test_the_papers_trims_are_found(published_aircraft, degrees, climb):
 
 
 def test_least_effort_is_a_minimum(published_aircraft):
-    """Of the trims with more unknowns than equations, the one that is found has the least effort.
+    """With more unknowns than equations, the trim with the least effort is found.
 
     If an unknown is held slightly aside, the effort increases by second order.
     """

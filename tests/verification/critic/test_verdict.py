@@ -95,8 +95,18 @@ def test_each_kind_of_check_has_its_grade(kind, off, cost_lost, grade, holds):
     assert ("not stabilizing" in str(verdict)) is (kind == "stability")
 
 
+def discrete_game_value(A, E, Q, delta):
+    """Return P of max over d of Σ x'Q x - delta² d'd on x⁺ = A x + E d, by value iteration."""
+    P = solve_discrete_lyapunov(A.T, Q)
+    for _ in range(50):
+        gained = E.T @ P @ A
+        slack = delta**2 * np.eye(E.shape[1]) - E.T @ P @ E
+        P = Q + A.T @ P @ A + gained.T @ np.linalg.solve(slack, gained)
+    return P
+
+
 def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy():
-    """Radii and costs of a gain, with cross weights and a discount."""
+    """Radii and the cost above the optimum of a gain, with cross weights and a discount."""
     rng = np.random.default_rng(6)
     A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
     N = 0.1 * rng.standard_normal((3, 2))
@@ -105,26 +115,26 @@ def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy():
     K = 0.9 * exact.K
     verdict = verify(game, from_gain(game, K))
     checks = {check.name: check.value for check in verdict.checks}
-    crossed = N @ K
-    spent = game.Q - crossed - crossed.T + K.T @ game.R @ K
+    cost_of_gain = game.Q - N @ K - (N @ K).T + K.T @ game.R @ K
     root = math.sqrt(0.8)
-    loop, pushed = root * (game.A - B @ K), root * E
-    whole = solve_discrete_lyapunov(loop.T, spent)
-    for _ in range(50):  # value of the disturbance alone
-        gained = pushed.T @ whole @ loop
-        slack = game.delta**2 - pushed.T @ whole @ pushed
-        whole = spent + loop.T @ whole @ loop + gained.T @ np.linalg.solve(slack, gained)
-    excess = np.linalg.eigvals(np.linalg.solve(exact.P, whole - exact.P)).real
+    loop = root * (game.A - B @ K)
+    value = discrete_game_value(loop, root * E, cost_of_gain, game.delta)
+    excess = np.linalg.eigvals(np.linalg.solve(exact.P, value - exact.P)).real
     assert verdict.cost_lost == pytest.approx(100.0 * excess.max(), rel=1e-8)
     radius = np.abs(np.linalg.eigvals(game.A - B @ K)).max()
     assert checks["control_loop_radius"] == pytest.approx(radius)
     assert checks["discounted_loop_radius"] == pytest.approx(root * radius)
-    z = rng.standard_normal((4, 3))
-    assert verdict.critic.u(z[0]) == pytest.approx(-K @ z[0])
-    assert verdict.critic.u(z) == pytest.approx(-z @ K.T)
+
+
+def test_a_critic_has_the_inputs_of_one_state_or_of_rows_of_states():
+    rng = np.random.default_rng(6)
+    K, z = rng.standard_normal((2, 3)), rng.standard_normal((4, 3))
+    critic = from_gain(Game(-np.eye(3), np.ones((3, 2)), Q=np.ones(3), R=np.ones(2)), K)
+    assert critic.u(z[0]) == pytest.approx(-K @ z[0])
+    assert critic.u(z) == pytest.approx(-z @ K.T)
     for wrong in (z[0, :2], np.ones((1, 2, 3)), 1.0):
         with pytest.raises(BadInputError, match=r"z has shape .*; give \(3,\) or \(N, 3\)"):
-            verdict.critic.u(wrong)
+            critic.u(wrong)
 
 
 @pytest.mark.parametrize(

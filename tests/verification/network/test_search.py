@@ -38,9 +38,8 @@ def test_a_value_with_nan_in_the_box_fails(game):
     assert verdict.value_of("searched_value_error") == math.inf
 
 
-def test_actor_with_constant_is_stable_off_trim(game):
-    """The exact gain plus a constant of a third of the largest input fails, and the constant is
-    named.
+def test_a_biased_exact_gain_is_stable_about_another_equilibrium(game):
+    """The exact gain plus 0.3 of the largest input in the box fails, and the bias is named.
 
     The equilibrium is reported, and the cost relative to the equilibrium is optimal.
     """
@@ -49,10 +48,10 @@ def test_actor_with_constant_is_stable_off_trim(game):
     verdict = verify(game, critic, flights=10)
     assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
     data = verdict.to_dict()["network"]
-    rest = np.linalg.solve(game.B @ gain(game) - game.A, game.B @ offset)
-    assert data["rest_point"] == pytest.approx(rest, rel=1e-9)
+    equilibrium = np.linalg.solve(game.B @ gain(game) - game.A, game.B @ offset)
+    assert data["rest_point"] == pytest.approx(equilibrium, rel=1e-9)
     assert data["cost_lost_flown_percent"] == pytest.approx(0.0, abs=1e-9)
-    assert data["reach"] == 16.0
+    assert data["reach"] == 16.0  # largest tested multiple of the box
     assert verdict.grade == "fail"
     first = str(verdict).partition("\n\n")[0]
     assert first.index(": equilibrium ") < first.index("optimal cost about its equilibrium")
@@ -62,7 +61,7 @@ def test_actor_with_constant_is_stable_off_trim(game):
 
 @pytest.mark.parametrize("factor", [1.0, 1.5])
 def test_only_the_clipping_of_an_exact_gain_is_named(factor):
-    """Of clip(-K z, ±0.3), exact K, the share of the clipped box is named; of 1.5 K, nothing is.
+    """For clip(-K z, ±0.3) with the exact K, the clipped part of the box is named, for 1.5 K not.
 
     In z' = z + u with Q = 1, R = 1, K = 1 + √2: |K z| >= 0.3 on 1 - 0.3/K of the box |z| <= 1.
     """

@@ -297,10 +297,10 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
     if altitude >= _HIGH:
         return Scales((high_length,) * 3, (high_intensity,) * 3)
     height = min(altitude, _LOW)
-    share = 0.177 + 0.000823 * height
+    ratio = 0.177 + 0.000823 * height  # (vertical / horizontal intensity)^2.5
     vertical = 0.1 * _WIND_AT_20_FT[level]
-    along = height / share**1.2
-    low = np.array([[along, along, height], [*[vertical / share**0.4] * 2, vertical]])
+    along = height / ratio**1.2
+    low = np.array([[along, along, height], [*[vertical / ratio**0.4] * 2, vertical]])
     high = np.array([[high_length], [high_intensity]])
     part = max(0.0, (altitude - _LOW) / (_HIGH - _LOW))
     lengths, intensities = (low + part * (high - low)).tolist()

@@ -161,13 +161,13 @@ def _not_returned(point: AssessedPoint) -> _Found | None:
     costs = point.costs
     if costs is None or not costs.lost:
         return None
-    share = costs.lost / costs.starts
+    lost_fraction = costs.lost / costs.starts
     text = (
         f"{costs.lost} of {costs.starts} other flights leave or have not returned to the trim "
         f"after {costs.seconds:.3g} s"
     )
     severity = Severity.FAILURE if point.costs_refute(point.share) else Severity.WARNING
-    return _Found(severity, text, share)
+    return _Found(severity, text, lost_fraction)
 
 
 def _delay(point: AssessedPoint) -> _Found | None:

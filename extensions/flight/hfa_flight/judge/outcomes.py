@@ -127,13 +127,15 @@ def seeded_starts(case: TrimCase, count: int, seed: int, with_pulse: bool) -> tu
     """
     model = case.point.model
     random = np.random.default_rng([seed, 1])
-    share = random.uniform(-1.0, 1.0, (count, len(model.linear)))
-    directions = random.uniform(-1.0, 1.0, share.shape)
+    in_half_widths = random.uniform(-1.0, 1.0, (count, len(model.linear)))
+    directions = random.uniform(-1.0, 1.0, in_half_widths.shape)
     rows = model.state_places(model.linear)
     starts = np.tile(case.point.x, (count, 1))
-    starts[:, rows] += share * case.box
-    pushes = directions * case.box * PUSH / PUSHED if with_pulse else np.zeros_like(share)
-    return starts, pushes
+    starts[:, rows] += in_half_widths * case.box
+    pulses = np.zeros_like(directions)
+    if with_pulse:
+        pulses = directions * case.box * PUSH / PUSHED
+    return starts, pulses
 
 
 class CaseFlights:
@@ -236,11 +238,11 @@ class CaseFlights:
         ends = self.endings.outcomes[mine]
         lost = mine[ends == Outcome.LEFT]
         converged = int((ends == Outcome.CONVERGED).sum())
-        left = None
+        first_departure = None
         worst = int(mine[np.argmax(self.endings.nearest[mine])])
         if lost.size:
             worst = int(lost[np.argmin(self.endings.left_at[lost])])
-            left = self._departure(worst, case)
+            first_departure = self._departure(worst, case)
         at_start = self.first[worst][self.linear]
         return Outcomes(
             starts=len(mine),
@@ -248,7 +250,7 @@ class CaseFlights:
             left_envelope=len(lost),
             worst_initial=dict(zip(case.point.model.linear, at_start.tolist(), strict=True)),
             seconds=self.seconds,
-            departure=left,
+            departure=first_departure,
         )
 
     def _departure(self, number: int, case: TrimCase) -> Departure | None:

@@ -219,9 +219,9 @@ class Episode:
     def begin(self, random: np.random.Generator) -> None:
         """Begin an episode at a random initial condition about a random trim."""
         owner = int(random.integers(len(self.points)))
-        share = random.uniform(-1.0, 1.0, len(self._linear))
+        in_half_widths = random.uniform(-1.0, 1.0, len(self._linear))
         start = self.points[owner].x
-        start[self._linear] += share * self._boxes[owner]
+        start[self._linear] += in_half_widths * self._boxes[owner]
         self.begin_at(owner, start, random)
 
     def begin_at(self, owner: int, start: np.ndarray, random: np.random.Generator) -> None:
@@ -343,7 +343,8 @@ def _checked_ranges(
                 f"vary[{name!r}] is {shown(ends)}; give (lowest, highest), two finite numbers in "
                 "ascending order"
             )
-        for value in (lowest, highest):  # refuses a value beyond the limits of the parameter
+        # refuses a value beyond the limits of the parameter
+        for value in (lowest, highest):
             model.with_parameters(**{name: value})
         ranges[name] = (lowest, highest)
     return ranges

@@ -138,11 +138,11 @@ def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndar
 def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
     """Return the lengths of intervals, rounded to multiples of the simulation step, s, (N,)."""
     # Each length is at least one step. The simulation can then apply the proposed inputs exactly.
-    whole = np.round(ends / step).astype(int)
-    number = np.arange(len(whole))
-    whole = np.maximum.accumulate(whole - number) + number
+    end_steps = np.round(ends / step).astype(int)
+    number = np.arange(len(end_steps))
+    end_steps = np.maximum.accumulate(end_steps - number) + number
     most = round(ends[-1] / step) - number[::-1]
-    return step * np.diff(np.minimum(whole, most)).astype(float)
+    return step * np.diff(np.minimum(end_steps, most)).astype(float)
 
 
 def adapted_mesh(

@@ -88,14 +88,14 @@ class Grid:
         age: number of samples since the first plan
         """
         lengths: list[int] = []
-        begin = age
+        first_sample = age
         for _ in range(self._count):
-            wanted = max(1, 2 * (begin - age) // self._fine)
+            wanted = max(1, 2 * (first_sample - age) // self._fine)
             length = min(1 << (wanted.bit_length() - 1), self._longest)
-            while begin % length:
+            while first_sample % length:
                 length //= 2
             lengths.append(length)
-            begin += length
+            first_sample += length
         return np.array(lengths)
 
     def at(self, age: int) -> Holds:

@@ -146,9 +146,9 @@ class BestFlights:
 
     def _unfinished(self, proposal: Proposal) -> str:
         """Return why the horizon of a proposal is too short, or ""."""
-        share = proposal.tail / proposal.cost
-        if share > (DRIFTING_TAIL if self.problem.carried else TAIL):
-            return f"{100 * share:.2g} % of the cost remains at the end"
+        cost_fraction = proposal.tail / proposal.cost
+        if cost_fraction > (DRIFTING_TAIL if self.problem.carried else TAIL):
+            return f"{100 * cost_fraction:.2g} % of the cost remains at the end"
         end = proposal.z[-1, -1, : len(proposal.start)]
         after = self.flights.linear(end, AFTER * float(proposal.lengths.sum()))
         if after.departure is not None:

@@ -118,8 +118,8 @@ def updated(
     largest = [np.inf] * len(rows) if is_extended else _own_gains(known, rows)
     for place, (row, used) in enumerate(zip(rows, is_used, strict=True)):
         variance = float(noise[place])
-        own = G[row, row] / (G[row, row] + variance)
-        gain = ca.fmin(1.0, largest[place] / own) / (G[row, row] + variance) * G[:, row]
+        own_gain = G[row, row] / (G[row, row] + variance)
+        gain = ca.fmin(1.0, largest[place] / own_gain) / (G[row, row] + variance) * G[:, row]
         x = x + gain * ca.if_else(used, seen[place] - x[row], 0.0)
         P = _corrected(P, used * gain, row, variance)
         G = _corrected(G, ca.logic_or(used, is_blind) * gain, row, variance)
@@ -151,8 +151,9 @@ def _corrected(P: ca.SX, gain: ca.SX, row: int, variance: float) -> ca.SX:
     variance: that of the value's noise
     """
     of_row = P[:, row]
-    rest = of_row - (P[row, row] + variance) * gain
-    return _mirrored(P - ca.mtimes(gain, of_row.T) - ca.mtimes(rest, gain.T))
+    # covariance of the corrected states with the innovation, 0 for the optimal gain
+    with_innovation = of_row - (P[row, row] + variance) * gain
+    return _mirrored(P - ca.mtimes(gain, of_row.T) - ca.mtimes(with_innovation, gain.T))
 
 
 def _mirrored(covariance: ca.SX) -> ca.SX:

@@ -297,15 +297,15 @@ class _Loop(NamedTuple):
         k, n = len(self.outputs) - len(self.feed), len(self.H)
         covariance = np.zeros_like(self.F)
         total = np.zeros(len(self.outputs))
-        begin = samples // 2
+        first_counted = samples // 2
         for sample in range(samples):
-            if sample >= begin:
+            if sample >= first_counted:
                 total += np.diag(self.outputs @ covariance @ self.outputs.T)
                 total[k:] += np.diag(self.feed)
                 HS = self.H @ covariance[:n, :n]
                 total[self.speed] += 0.25 * np.trace(HS) ** 2 + 0.5 * np.trace(HS @ HS)
             covariance = self.F @ covariance @ self.F.T + self.N
-        return np.asarray(np.sqrt(total / max(samples - begin, 1)))
+        return np.asarray(np.sqrt(total / max(samples - first_counted, 1)))
 
 
 def _stationary(Phi: np.ndarray, C: np.ndarray, Q: np.ndarray) -> _Stationary:

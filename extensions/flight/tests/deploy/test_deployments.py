@@ -388,7 +388,7 @@ def test_a_normalizer_of_a_dictionary_is_in_the_order_of_its_space():
 
 
 def test_a_normalizer_that_saw_more_than_the_training_is_noted(folder):
-    """Of PPO: those of its steps and of one reset of each environment; `verify` says it too."""
+    """A normalizer of PPO has seen its steps and one reset of each environment, or more."""
     steps = json.loads(zipfile.ZipFile(FOLDER / "ppo_gtm.zip").read("data"))["num_timesteps"]
     (folder / "deployment.toml").write_text(DEPLOYMENT)
     point = hfa.trim(model_of(GTM), at=45.0)

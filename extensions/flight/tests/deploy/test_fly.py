@@ -15,7 +15,7 @@ from hfa_flight import ActuatorBank, Scenario
     [(0.02, 0.03, 2), (1.0 / 60.0, 0.02, 5)],
 )
 def test_commands_change_at_whole_samples_after_the_delay(dt, delay, parts):
-    """Also at 60 Hz; the flight is a whole number of samples, and actuators are flown finer.
+    """The flight is a whole number of samples, and has shorter steps with actuators.
 
     parts: sample time / greatest common divisor of sample time and delay
     """

@@ -25,7 +25,27 @@ u1 = {}
 dt = 0.05
 """
 SAMPLED = ("--sample-time", "0.05")
+_PLANT = {"A": np.array([[0.0, 1.0], [2.0, -0.3]]), "B": np.array([[0.0], [1.0]])}
+#: Files of gains, plants and matrices, name -> entries.
+FILES = {
+    "K": {"K": [[4.24, 2.8]]},
+    "steps_of_K": {"K": [[4.24, 2.8]], "dt": 0.1},
+    "plant": _PLANT,
+    "A": {"A": _PLANT["A"]},
+    "steps": {**_PLANT, "time": "discrete"},
+    "nan": {**_PLANT, "A": _PLANT["A"] * np.nan},
+    "Q": {**_PLANT, "Q": np.eye(3)},
+    "N": {**_PLANT, "Q": np.eye(2), "N": np.ones((2, 1))},
+}
 ZIPS = ROOT / "tests" / "controller" / "critic" / "network" / "zips"
+
+
+@pytest.fixture
+def files(folder):
+    """Write the files of `FILES` and a deployment of K.npz into the working folder."""
+    for name, entries in FILES.items():
+        np.savez(f"{name}.npz", **entries)
+    Path("deployment.toml").write_text(DEPLOYMENT)
 
 
 @pytest.fixture
@@ -107,6 +127,18 @@ def test_a_network_of_the_states_is_assessed_alone(folder):
         ("policy.onnx", "a policy u(x) requires a sample time; add --sample-time"),
         ("policy.onnx --sample-time 0.05", "policy.onnx: the graph uses ONNX operator set 0"),
         ("deployment.toml --sample-time 0.05", "remove --sample-time"),
+    ],
+)
+def test_a_file_that_is_no_sampled_policy_is_refused(files, words, said):
+    """A file without a linear policy, a gain for another sample time, and a policy without one."""
+    np.save("P.npy", np.eye(2))
+    Path("policy.onnx").touch()
+    assert_refused(hfa("assess", *words.split(), "--aircraft", "plant.npz"), 2, said)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
         ("deployment.toml --aircraft steps.npz", "the plant is in discrete time"),
         ("deployment.toml --aircraft nan.npz", "A[0][0] is nan"),
         ("deployment.toml --aircraft A.npz", "unknown input 'u1'"),
@@ -114,25 +146,9 @@ def test_a_network_of_the_states_is_assessed_alone(folder):
         ("K.npz --sample-time 0.05 --aircraft N.npz", "N.npz has cross weights N"),
     ],
 )
-def test_what_is_no_policy_on_a_linear_plant_is_refused(folder, words, said):
-    A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
-    np.savez("K.npz", K=[[4.24, 2.8]])
-    np.savez("steps_of_K.npz", K=[[4.24, 2.8]], dt=0.1)
-    np.save("P.npy", np.eye(2))
-    np.savez("A.npz", A=A)
-    for name, more in (
-        ("plant", {}),
-        ("steps", {"time": "discrete"}),
-        ("nan", {"A": A * np.nan}),
-        ("Q", {"Q": np.eye(3)}),
-        ("N", {"Q": np.eye(2), "N": np.ones((2, 1))}),
-    ):
-        np.savez(f"{name}.npz", **{"A": A, "B": B, **more})
-    Path("policy.onnx").touch()
-    Path("deployment.toml").write_text(DEPLOYMENT)
-    given = words.split()
-    model = [] if "--aircraft" in given else ["--aircraft", "plant.npz"]
-    assert_refused(hfa("assess", *given, *model), 2, said)
+def test_faulty_plants_are_refused(files, words, said):
+    """Plants in discrete time, not finite, without B, or with weights that have no cost here."""
+    assert_refused(hfa("assess", *words.split()), 2, said)
 
 
 def test_weights_of_the_plant_file_are_those_of_the_cost(assessed):

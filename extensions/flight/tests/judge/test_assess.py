@@ -51,7 +51,8 @@ def test_the_cost_ratio_is_that_of_the_closed_form():
 
 
 def test_the_cost_above_the_optimum_is_that_of_summed_samples():
-    """Of a command 1.4 samples late and the weight of a sum of states, by Gauss' quadrature.
+    """The cost of a command 1.4 samples late, with a weight of a sum of states, is that of Gauss'
+    quadrature.
 
     The optimum with held inputs and no delay is SciPy's. The worst deviation costs more than the
     mean one.
@@ -148,7 +149,7 @@ def stiff_cost(v, K, sample):
 
 
 def test_costs_equal_scipys_integrals_of_the_same_flights():
-    """Of a policy at 5 Hz, although the aircraft is 121 times faster off the trim.
+    """The costs of a policy at 5 Hz are right for an aircraft that is 121 times faster off the trim.
 
     The LQR's cost by SciPy is that of one initial condition only, from which SciPy flies the policy.
     """

@@ -287,12 +287,17 @@ def test_a_copy_of_an_environment_continues_at_the_same_sample(copied):
 
 
 def test_environments_run_at_once_in_gymnasiums_vectors():
-    """The observations of five copies, with their own seeds, are those of single environments."""
+    """Observations and rewards of five copies, with their own seeds, are those of single ones."""
     one = environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), trims("ppo_gtm"))
     vector = gymnasium.vector.SyncVectorEnv([lambda: copy.deepcopy(one)] * 5)
-    observations, _ = vector.reset(seed=3)
-    for number, observation in enumerate(observations):
-        np.testing.assert_array_equal(one.reset(seed=3 + number)[0], observation)
+    first, _ = vector.reset(seed=3)
+    action = 0.5 * (one.action_space.low + one.action_space.high)
+    after, rewards, *_ = vector.step([action] * 5)
+    for number in range(5):
+        np.testing.assert_array_equal(one.reset(seed=3 + number)[0], first[number])
+        observation, reward, *_ = one.step(action)
+        np.testing.assert_array_equal(observation, after[number])
+        assert reward == rewards[number]
 
 
 @pytest.mark.filterwarnings("ignore:turbulence without")

@@ -104,7 +104,7 @@ def test_optimize_counts_and_summarizes_initial_conditions(folder, capsys):
 
 @pytest.mark.slow
 def test_flights_order_two_policies_opposite_to_their_linear_costs():
-    """Of one initial condition, beside the best flight; the LQR of the cost is within 5 % of it."""
+    """The late policy has the higher linear cost, and the lower cost of flights."""
     model = hfa.load_model(GTM)
     point = hfa.trim(model, at=48.0)
     files = {name: str(EXAMPLES / "gtm_policy" / f"{name}.toml") for name in ("on_time", "late")}

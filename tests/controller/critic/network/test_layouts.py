@@ -272,7 +272,7 @@ def test_each_example_of_a_refusal_is_accepted(name):
 
 
 def test_the_table_of_several_files_says_what_is_not_used():
-    """Also with -q."""
+    """The part that is not used is named with -q too."""
     matrices = {"A": GAME.A, "B": GAME.B, "Q": GAME.Q, "R": GAME.R}
     Path("plant.json").write_text(
         json.dumps({key: each.tolist() for key, each in matrices.items()})
@@ -283,7 +283,7 @@ def test_the_table_of_several_files_says_what_is_not_used():
 
 
 def test_a_policy_of_other_observations_is_no_q_function():
-    """Of 3 observations, for a plant of 2 states and 1 input."""
+    """3 observations equal 2 states + 1 input, but an actor is not taken for Q(x, u)."""
     game = hfa.Game(-np.eye(2), np.ones((2, 1)), Q=np.ones(2), R=np.ones(1))
     with pytest.raises(BadInputError, match="has 3 inputs, but 2 observations are given"):
         hfa.read_critic(ZIPS / "sac.zip", game)
