@@ -114,9 +114,9 @@ class Tracking(Result, Reported):
         if not self.trims:
             return None
         steady = _steady(self.game.names.states, self.exact.reference, self.duration)
-        for found in self.trims:
-            if set(found.command) == set(steady):
-                return found
+        for trim in self.trims:
+            if set(trim.command) == set(steady):
+                return trim
         return self.trims[-1]
 
     def _entries(self) -> dict[str, Any]:
@@ -156,28 +156,28 @@ class Tracking(Result, Reported):
         )
 
     def _reachable_text(self) -> str:
-        found = self._decisive
-        if found is None:
+        decisive = self._decisive
+        if decisive is None:
             return "unknown, no aircraft was given"
-        if found.unheld:
-            return f"unknown, {found.unheld} is no variable of a trim"
-        if found.is_reachable:
+        if decisive.unheld:
+            return f"unknown, {decisive.unheld} is no variable of a trim"
+        if decisive.is_reachable:
             reference = self.exact.reference
             at = f" at {self.duration:g} s" if reference.slope.any() else ""
             mean = ", for the means of the sines" if reference.harmonics else ""
             return f"yes, as a trim of the aircraft{at}{mean}"
-        return f"no ({self._need(found)})"
+        return f"no ({self._need(decisive)})"
 
-    def _need(self, found: CommandedTrim) -> str:
+    def _need(self, decisive: CommandedTrim) -> str:
         """Return "elevator_center needs -71 deg, limit -30 deg", or why there is no trim."""
-        if found.reason:
-            return found.reason.removeprefix("no trim: ")
-        name = max(found.beyond, key=found.excess)
-        describe = found.model.describe
-        more = f" and {len(found.beyond) - 1} more" if len(found.beyond) > 1 else ""
+        if decisive.reason:
+            return decisive.reason.removeprefix("no trim: ")
+        name = max(decisive.beyond, key=decisive.excess)
+        describe = decisive.model.describe
+        more = f" and {len(decisive.beyond) - 1} more" if len(decisive.beyond) > 1 else ""
         return (
-            f"{name} needs {describe(name, found.needed[name])}, limit"
-            f" {describe(name, found.beyond[name])}{more}"
+            f"{name} needs {describe(name, decisive.needed[name])}, limit"
+            f" {describe(name, decisive.beyond[name])}{more}"
         )
 
     def trim_parts(self) -> tuple[Table | str, ...]:

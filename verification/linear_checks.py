@@ -75,17 +75,17 @@ def linear_loop(exact: Solution, critic: Critic, box: np.ndarray, is_exact: bool
     """
     game, K = exact.game, critic.K
     excess = excess_of(game, K, box) if critic.is_finite else without_bound(game)
-    graded = _graded(exact, critic, excess)
+    graded = _graded_loop(exact, critic, excess)
     checks = _stability_checks(exact, critic, excess, is_exact)
     if math.isfinite(game.delta) and critic.is_finite:
         reason = f"the closed loop has an L2 gain of {graded.gain:.4g}, not below delta"
         # The cost has a bound if and only if the gain is below delta.
         has_bound = excess.matrix is not None
-        checks.append(_proved("l2_gain", graded.gain, game.delta, has_bound, reason, "gain"))
+        checks.append(_proved_check("l2_gain", graded.gain, game.delta, has_bound, reason, "gain"))
     return LinearLoop(checks, excess, _loop_section(exact, K, excess, graded))
 
 
-def _proved(name: str, value: float, limit: float, ok: bool, reason: str, kind: str) -> Check:
+def _proved_check(name: str, value: float, limit: float, ok: bool, reason: str, kind: str) -> Check:
     """Return a check that a proof decides, and not its value, which is rounded."""
     return Check(name, value, limit, ok, "" if ok else reason, "<", kind)
 
@@ -103,7 +103,7 @@ def _stability_checks(
         value = poles.abscissa
         unstable = f"A - B K is not Hurwitz (abscissa {value:+.3g} 1/s)"
         name = "control_loop_abscissa"
-        return [_proved(name, value, 0.0, excess.is_stable, unstable, "stability")]
+        return [_proved_check(name, value, 0.0, excess.is_stable, unstable, "stability")]
     value = poles.spectral_radius
     unstable = f"A - B K has the spectral radius {value:.7g}"
     if is_exact:
@@ -113,12 +113,12 @@ def _stability_checks(
     infinite = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
     name = "discounted_loop_radius"
     return [
-        _proved("control_loop_radius", value, 1.0, excess.is_stable, unstable, "stability"),
-        _proved(name, discounted, 1.0, excess.is_summable, infinite, "cost"),
+        _proved_check("control_loop_radius", value, 1.0, excess.is_stable, unstable, "stability"),
+        _proved_check(name, discounted, 1.0, excess.is_summable, infinite, "cost"),
     ]
 
 
-def _graded(exact: Solution, critic: Critic, excess: Excess) -> GradedLoop:
+def _graded_loop(exact: Solution, critic: Critic, excess: Excess) -> GradedLoop:
     """Return cost, L2 gain and distance to instability of a loop, and those of the optimum."""
     is_stable = excess.is_stable
     return GradedLoop(

@@ -160,21 +160,21 @@ def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str
         return _decided(game, delta, digits=digits)
     with suppress(FailedError, NotProvedError), precision(BITS), np.errstate(all="ignore"):
         proposal = in_doubles(game, delta)
-        found = stabilizing(proposal.equation, proposal.X, proposal.Y, DoubleBalls)
-        prove_value(found)
-        if found.P.is_positive_definite() and not (digits and uncertain(found, zeros=False)):
-            return Enclosure(found, BITS, lyapunov=proposal.lyapunov)
+        ball = stabilizing(proposal.equation, proposal.X, proposal.Y, DoubleBalls)
+        prove_value(ball)
+        if ball.P.is_positive_definite() and not (digits and uncertain(ball, zeros=False)):
+            return Enclosure(ball, BITS, lyapunov=proposal.lyapunov)
     outcome = _decided(raised(game), delta, digits=digits)
     if isinstance(outcome, str):
         if outcome == why_never(game):
             return outcome
         return f"{outcome}, with weights raised by {RAISED:g}, since they are not semidefinite"
     with suppress(UndecidedError):
-        given = _decided(game, delta, digits=digits)
-        if isinstance(given, Enclosure):
-            return replace(given, is_raised=True)
-    again = _decided(raised(game, 2.0 * RAISED), delta, digits=digits)
-    if isinstance(again, str) or not _have_same_gains(outcome, again):
+        unraised = _decided(game, delta, digits=digits)
+        if isinstance(unraised, Enclosure):
+            return replace(unraised, is_raised=True)
+    raised_twice = _decided(raised(game, 2.0 * RAISED), delta, digits=digits)
+    if isinstance(raised_twice, str) or not _have_same_gains(outcome, raised_twice):
         return (
             "[[Q, N], [N', R]] is positive semidefinite only up to rounding, and its rounding"
             " decides on K: an undamped mode has no cost; give each undamped mode weight in Q"
@@ -194,8 +194,8 @@ def decided_in_doubles(equation: Equation[DoubleBalls], frequency: float | None)
                 return reason
         try:
             proposal = proposal_of(equation)
-            found = _outcome(proposal, DoubleBalls, digits=False, in_bits=False)
-            return found or _outcome(corrected(proposal), Balls, digits=False, in_bits=False)
+            outcome = _outcome(proposal, DoubleBalls, digits=False, in_bits=False)
+            return outcome or _outcome(corrected(proposal), Balls, digits=False, in_bits=False)
         except FailedError:
             return ""
 
@@ -208,8 +208,8 @@ def _have_same_gains(first: Enclosure, second: Enclosure) -> bool:
     A, B = first.game.A, first.game.B
     units = np.exp2(first.proved.equation.units.states.astype(float))
     BK_first, BK_second, A_scaled = (
-        each / units[:, None] * units
-        for each in (B @ midpoints(first.K), B @ midpoints(second.K), A)
+        matrix / units[:, None] * units
+        for matrix in (B @ midpoints(first.K), B @ midpoints(second.K), A)
     )
     return relative_change(BK_second - BK_first, BK_first, A_scaled) <= GAIN_CHANGE
 
@@ -289,33 +289,33 @@ def _value(proposal: Proposal, arithmetic: type[Bound]) -> Stabilizing[Bound]:
 
     Raises FailedError or NotProvedError.
     """
-    found = stabilizing(proposal.equation, proposal.X, proposal.Y, arithmetic)
+    ball = stabilizing(proposal.equation, proposal.X, proposal.Y, arithmetic)
     try:
-        prove_value(found)
+        prove_value(ball)
     except NotProvedError:
-        prove_value(found, of_control_loop(found))
-    return found
+        prove_value(ball, of_control_loop(ball))
+    return ball
 
 
 def _outcome(
     proposal: Proposal, arithmetic: type[Bound], *, digits: bool, in_bits: bool
 ) -> Enclosure | str:
     """Return what a proposal proves: an enclosure, a reason why there is no value, or ""."""
-    found = None
+    ball = None
     try:
-        found = stabilizing(proposal.equation, proposal.X, proposal.Y, arithmetic)
+        ball = stabilizing(proposal.equation, proposal.X, proposal.Y, arithmetic)
         try:
-            prove_value(found)
+            prove_value(ball)
         except NotProvedError:
-            if reason := why_no_value(found.equation, found, in_bits=in_bits):
+            if reason := why_no_value(ball.equation, ball, in_bits=in_bits):
                 return reason
-            prove_value(found, of_control_loop(found))
+            prove_value(ball, of_control_loop(ball))
     except (FailedError, NotProvedError):
         equation = proposal.equation.with_arithmetic(Balls)
-        return why_no_value(equation, found, in_bits=in_bits)
-    if digits and uncertain(found, zeros=bits() > BITS):
+        return why_no_value(equation, ball, in_bits=in_bits)
+    if digits and uncertain(ball, zeros=bits() > BITS):
         return ""
-    return Enclosure(found, bits(), lyapunov=proposal.lyapunov)
+    return Enclosure(ball, bits(), lyapunov=proposal.lyapunov)
 
 
 def has_exact_weights(game: Game) -> bool:
@@ -352,25 +352,25 @@ def raised(game: Game, share: float = RAISED) -> Game:
     return replace(game, Q=Q, R=R)
 
 
-def uncertain(found: Stabilizing[Bound], *, zeros: bool) -> bool:
+def uncertain(ball: Stabilizing[Bound], *, zeros: bool) -> bool:
     """Return whether a digit of P or K is not proved (`uncertainty`)."""
-    return not uncertainty(found, zeros=zeros) < DIGITS
+    return not uncertainty(ball, zeros=zeros) < DIGITS
 
 
 @lru_cache(maxsize=2)
-def uncertainty(found: Stabilizing[Bound], *, zeros: bool) -> float:
+def uncertainty(ball: Stabilizing[Bound], *, zeros: bool) -> float:
     """Return the largest relative radius of P and K, rounded up; inf if a number is not known.
 
     P_ij is compared with √(P_ii P_jj), and K_ij with the largest K_ij / √P_jj of its row.
 
     zeros: whether entries that may be 0 count as known
     """
-    inputs = slice(len(found.exactly.units.inputs))
-    gains = found.all_gains.block(inputs, slice(None))
+    inputs = slice(len(ball.exactly.units.inputs))
+    gains = ball.all_gains.block(inputs, slice(None))
     K, radius = np.abs(gains.midpoint), gains.radius
-    spread = np.nextafter(np.array([float(each) for each in found.spread]), np.inf)
+    spread = np.nextafter(np.array([float(radius) for radius in ball.spread]), np.inf)
     with np.errstate(all="ignore"):
-        sizes = np.sqrt(np.diag(found.middle.midpoint))
+        sizes = np.sqrt(np.diag(ball.middle.midpoint))
         known = sizes > UP * spread
         if not (zeros or known.all()):
             return math.inf

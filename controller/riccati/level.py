@@ -70,14 +70,14 @@ class Level:
     def worst_loop(self) -> np.ndarray:
         """A - B K + E L, (n, n), without discount."""
         with precision(self.enclosure.bits):
-            return midpoints(self._moved(_worst_loop(self.enclosure)))
+            return midpoints(self._in_new_states(_worst_loop(self.enclosure)))
 
     def with_gain(self, K: arb_mat) -> np.ndarray:
         """Return A - B K of any gain, (n, n), without discount."""
         with precision(self.enclosure.bits):
-            return midpoints(self._moved(loop_with(self.enclosure.game, K)))
+            return midpoints(self._in_new_states(loop_with(self.enclosure.game, K)))
 
-    def _moved(self, loop: arb_mat) -> arb_mat:
+    def _in_new_states(self, loop: arb_mat) -> arb_mat:
         """Return a loop of the user's states, (n, n), in the new states."""
         states = self.enclosure.proved.equation.units.states
         return self.to_level * scaled_balls(loop, -states, states) * self.from_level
@@ -131,8 +131,9 @@ class Level:
 
         Raises FailedError or NotProvedError.
         """
-        own = self.enclosure
-        return own if bits <= own.bits else enclosed_in_bits(own.game, bits)
+        if bits <= self.enclosure.bits:
+            return self.enclosure
+        return enclosed_in_bits(self.enclosure.game, bits)
 
     def l2_gain(self, K: np.ndarray | None = None) -> GainBounds:
         """Return the L2 gain from d to the cost with u = -K z, by default of the optimal gain.
@@ -152,8 +153,8 @@ class Level:
         for bits in ATTEMPTS[:2]:
             with precision(bits), suppress(FailedError, NotProvedError):
                 gain = self._enclosure(bits).K if K is None else ball_matrix(K)
-                found = self._disturbed(gain).gain()
-                best = min(best, found, key=lambda each: each.high)
+                bounds = self._disturbed(gain).gain()
+                best = min(best, bounds, key=lambda known: known.high)
             if best.is_narrow:
                 break
         return best

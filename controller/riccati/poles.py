@@ -62,11 +62,11 @@ def poles_of(loop: Callable[[int], arb_mat], *, is_discrete: bool) -> Poles:
     for n_bits in ATTEMPTS:
         with precision(n_bits):
             try:
-                found = enclosed_poles(loop(n_bits))
+                poles = enclosed_poles(loop(n_bits))
             except (FailedError, NotProvedError):
                 continue
-        if best is None or found.radii.max() < best.radii.max():
-            best = found
+        if best is None or poles.radii.max() < best.radii.max():
+            best = poles
         sizes = np.abs(best.values) if is_discrete else np.abs(best.values.real)
         if (best.radii <= ROUNDOFF * (sizes.max() if is_discrete else sizes)).all():
             break
@@ -84,30 +84,30 @@ def enclosed_poles(loop: arb_mat) -> Poles:
 
     units = loop_units(midpoints(loop))
     F = scaled_balls(loop, -units, units)
-    few = norm(F) * half_the_bits()
-    found = _corrected(F)
-    if not found.size <= float(few) ** 0.5:
+    small = norm(F) * half_the_bits()
+    similar = _in_eigenvectors(F)
+    if not similar.size <= float(small) ** 0.5:
         # Multiple eigenvalues differ where the loop is changed by half its digits.
         change = ball_matrix(np.random.default_rng(1).normal(size=(len(units), len(units))))
-        beside = (F + change * few).mid()
-        vectors = _normalized(acb_mat(beside).eig(right=True, algorithm="approx")[1])
-        found = min(found, Similar.of(F, vectors), key=lambda each: each.size)
-    return found.discs
+        changed = (F + change * small).mid()
+        vectors = _normalized(acb_mat(changed).eig(right=True, algorithm="approx")[1])
+        similar = min(similar, Similar.of(F, vectors), key=lambda loop: loop.size)
+    return similar.discs
 
 
-def _corrected(F: arb_mat) -> Similar:
+def _in_eigenvectors(F: arb_mat) -> Similar:
     """Return the loop in its eigenvectors by LAPACK, corrected as long as that helps."""
     from flint import acb_mat
 
     n = F.nrows()
     vectors = np.linalg.eig(midpoints(F))[1]
-    found = Similar.of(F, acb_mat(n, n, [complex(entry) for entry in vectors.ravel()]))
+    similar = Similar.of(F, acb_mat(n, n, [complex(entry) for entry in vectors.ravel()]))
     for _ in range(CORRECTIONS):
-        further = Similar.of(F, found.corrected())
-        if not further.size < 0.5 * found.size:
+        further = Similar.of(F, similar.corrected())
+        if not further.size < 0.5 * similar.size:
             break
-        found = further
-    return found
+        similar = further
+    return similar
 
 
 def _normalized(V: acb_mat) -> acb_mat:

@@ -62,25 +62,26 @@ def conditions(path: str | Path, model: Model) -> list[ListedCondition]:
     ('cruise', 100.0)
     """
     path = Path(path)
-    header, titles, rows = _table_of(path)
+    table = _table_of(path)
+    header, titles = table.header, table.titles
     columns = [_Column.of(title, model) for title in titles]
     names = [column.name for column in columns]
     if repeated := [name for name in names if names.count(name) > 1]:
         raise BadInputError(f"{path}: row {header} has {repeated[0]} twice; remove one column")
-    found: list[ListedCondition] = []
-    for number, cells in rows:
+    listed: list[ListedCondition] = []
+    for number, cells in table.rows:
         if len(cells) != len(titles):
             raise BadInputError(
                 f"{path}: row {number} has {len(cells)} cells, but row {header} has "
                 f"{len(titles)}; correct the row"
             )
         row = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
-        if not found:
+        if not listed:
             for column in columns:
                 column.refuse_unknown(f"{path}: row {header}", model, row[column.name])
         called = f" ({row[NAME]})" if row.get(NAME) else ""
-        found.append(_condition(f"{path}: row {number}{called}", model, columns, row))
-    return found
+        listed.append(_condition(f"{path}: row {number}{called}", model, columns, row))
+    return listed
 
 
 def chosen_row(rows: Sequence[ListedCondition], name: str, path: Path) -> ListedCondition:
@@ -98,10 +99,21 @@ def chosen_row(rows: Sequence[ListedCondition], name: str, path: Path) -> Listed
     return named[0]
 
 
-def _table_of(path: Path) -> tuple[int, list[str], list[tuple[int, list[str]]]]:
-    """Return the number of the heading row, the headings before `results`, and the numbered rows
-    below, cut there.
+class _Table(NamedTuple):
+    """Table in a file of conditions, without the columns from `results` on.
+
+    header: number of the row of headings in the file
+    titles: the headings
+    rows: number of a row in the file, and its cells
     """
+
+    header: int
+    titles: list[str]
+    rows: list[tuple[int, list[str]]]
+
+
+def _table_of(path: Path) -> _Table:
+    """Return the table in a file of conditions."""
     try:
         lines = regular_file(path).read_text("utf-8-sig").splitlines()
         numbered = [
@@ -129,7 +141,7 @@ def _table_of(path: Path) -> tuple[int, list[str], list[tuple[int, list[str]]]]:
     end = plain.index(RESULTS) if RESULTS in plain else len(plain)
     if RESULTS in plain:
         rows = [(number, row[:end]) for number, row in rows]
-    return header, plain[:end], rows
+    return _Table(header, plain[:end], rows)
 
 
 class _Column(NamedTuple):
@@ -160,7 +172,7 @@ class _Column(NamedTuple):
         """
         if self.name in (NAME, FREE, LIMIT):
             return
-        known = _known(model)
+        known = _imposable(model)
         found = re.fullmatch(r"(\w+)[\s(]+([^()]+)\)?", self.title)
         if found and not self.unit and model.about.name_of(found[1]) in known:
             title = shown(self.title)
@@ -182,7 +194,8 @@ class _Column(NamedTuple):
         return f"FL{cell}" if self.unit.upper() == "FL" else f"{cell} {self.unit}".strip()
 
 
-def _known(model: Model) -> set[str]:
+def _imposable(model: Model) -> set[str]:
+    """Return the names of what a condition may impose."""
     return {*model.holdable, *model.rates, *model.parameters}
 
 
@@ -190,7 +203,7 @@ def _name_of(model: Model, typed: str) -> str:
     """Return the name of a variable or column typed in capitals, with points or blanks: "c.g."."""
     name = model.about.name_of(typed)
     plain = model.about.name_of(re.sub(r"\W+", "_", name.replace(".", "")).lower())
-    is_plain = name not in _known(model) and plain in {*_known(model), NAME, FREE, LIMIT}
+    is_plain = name not in _imposable(model) and plain in {*_imposable(model), NAME, FREE, LIMIT}
     return plain if is_plain else name
 
 

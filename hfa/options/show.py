@@ -26,7 +26,7 @@ def provenance(request: Request, source: Mapping[str, Any]) -> Provenance:
     return Provenance(request.line, date=request.date, **source)
 
 
-def stated(request: Request, report: Report, source: Mapping[str, Any]) -> Report:
+def with_provenance(request: Request, report: Report, source: Mapping[str, Any]) -> Report:
     """Return a report with the provenance of the run and the unit system of --units.
 
     source: entries of the provenance on the plant
@@ -47,7 +47,7 @@ def show(request: Request, outcome: Outcome) -> None:
     if output is not None and outcome.write is not None:
         outcome.write(output)
     elif output is not None:
-        whole = stated(request, outcome.report, outcome.source)
+        whole = with_provenance(request, outcome.report, outcome.source)
         whole.with_data(outcome.only_in_files or {}).save(output)
     if picture is not None and outcome.figure is not None:
         from hfa_support.reporting.figure import save
@@ -69,7 +69,7 @@ def show_text(
 
     source: entries of the provenance on the plant
     """
-    report = stated(request, report, source)
+    report = with_provenance(request, report, source)
     if request.json:
         print_flushed(report.json())
     elif sys.stdout is None or not sys.stdout.isatty():

@@ -27,12 +27,11 @@ def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
 
     Raises ValueError for a faulty file.
     """
-    sides: dict[str, list[list[str]]] = {}
-    matrices = {}
+    tables = {}
     for name, file in files.items():
         with file_faults(file):
-            matrices[name], *sides[name] = _table(name, file)
-    return _named(sides) | matrices
+            tables[name] = _table(name, file)
+    return _names_and_units(tables) | {name: table.matrix for name, table in tables.items()}
 
 
 #: First columns of the table of P and K that `hfa solve` and `hfa learn` write.
@@ -52,24 +51,32 @@ def matrices_of_entries(path: Path) -> dict[str, Any] | None:
         header, *rows = [*csv.reader(stream)] or [[]]
     if header[: len(_OF_ENTRIES)] != _OF_ENTRIES:
         return None
-    found: dict[str, Any] = {}
+    stored: dict[str, Any] = {}
     for matrix in dict.fromkeys(row[0] for row in rows):
         entries = {(row[1], row[2]): (float(row[3]), row[4]) for row in rows if row[0] == matrix}
-        inputs, states = (list(dict.fromkeys(each[axis] for each in entries)) for axis in (0, 1))
+        inputs, states = (list(dict.fromkeys(place[axis] for place in entries)) for axis in (0, 1))
         if len(entries) != len(inputs) * len(states):
             raise ValueError(f"{matrix} lacks an entry; give a row for each")
-        found[matrix] = np.array([[entries[row, each][0] for each in states] for row in inputs])
-        units = {each: _UNIT_OF_GAIN.fullmatch(unit) for each, (_, unit) in entries.items()}
+        stored[matrix] = np.array([[entries[row, state][0] for state in states] for row in inputs])
+        units = {place: _UNIT_OF_GAIN.fullmatch(unit) for place, (_, unit) in entries.items()}
         if matrix == "K":
-            found |= {"inputs": inputs, "states": states}
+            stored |= {"inputs": inputs, "states": states}
         if matrix == "K" and all(units.values()):
-            found["input_units"] = [units[each, states[0]][1] for each in inputs]  # type: ignore[index]
-            found["state_units"] = [units[inputs[0], each][2] for each in states]  # type: ignore[index]
-    return found
+            stored["input_units"] = [units[name, states[0]][1] for name in inputs]  # type: ignore[index]
+            stored["state_units"] = [units[inputs[0], name][2] for name in states]  # type: ignore[index]
+    return stored
 
 
-def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
-    """Return the matrix in a .csv file, the names of its rows and the names of its columns."""
+class _Table(NamedTuple):
+    """Matrix in a .csv file, and the texts of its rows and of its columns, [] if it has none."""
+
+    matrix: np.ndarray
+    rows: list[str]
+    columns: list[str]
+
+
+def _table(name: str, path: Path) -> _Table:
+    """Return the matrix in a .csv file, with the names of its rows and columns."""
     # A first row without a number contains the names of the columns. A first column without a
     # number contains the names of the rows. A list of names is empty if the file has none.
     # Raises ValueError for rows of different lengths, a file without rows of numbers, and a cell
@@ -95,7 +102,7 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
     if len(widths) > 1:
         cells = " and of ".join(map(str, sorted(widths)))
         raise ValueError(f"{name} has rows of {cells} cells; give rows of equal length")
-    return np.array(rows, dtype=float), row_names, column_names
+    return _Table(np.array(rows, dtype=float), row_names, column_names)
 
 
 def _refuse_separators(name: str, rows: list[list[str]]) -> None:
@@ -123,20 +130,18 @@ class _Label(NamedTuple):
         return cls(name, unit)
 
 
-def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
+def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
     """Return the names and units of the states and inputs that .csv files contain.
 
     The result has the keys "states", "inputs", "state_units" and "input_units", as far as known.
     Names of states come from the matrix A, and names of inputs from the columns of B; of a critic,
     from P and K. Units are returned only if each state, or each input, has a unit.
 
-    sides: matrix -> texts of its rows, and texts of its columns
-
     Raises ValueError if another matrix names the states in another order.
     """
     labels = {
-        matrix: [[_Label.of(text) for text in texts] for texts in both]
-        for matrix, both in sides.items()
+        matrix: [[_Label.of(text) for text in texts] for texts in (table.rows, table.columns)]
+        for matrix, table in tables.items()
     }
     rows_of_A, columns_of_A = labels.get("A", [[], []])
     rows_of_P, columns_of_P = labels.get("P", [[], []])

@@ -89,7 +89,7 @@ def book_of(
         overview,
         title=f"{name}, {count} conditions\n{overview.title}",
         parts=[_matrix(conditions), *(figure if _panels(conditions) else []), *sheets],
-        head={"aircraft": name, **head, **_loaded(conditions)},
+        head={"aircraft": name, **head, **_loading(conditions)},
     )
 
 
@@ -105,7 +105,7 @@ def _numbered(number: int, count: int, condition: Condition) -> Condition:
 # The cover
 
 
-def _loaded(conditions: Sequence[Condition]) -> dict[str, str]:
+def _loading(conditions: Sequence[Condition]) -> dict[str, str]:
     """Return mass and center of gravity as the aircraft was loaded, and over the conditions."""
     points = [condition.point for condition in conditions if condition.point is not None]
     configurations = [(point, configuration_of(Trimmed(point))) for point in points]
@@ -145,24 +145,26 @@ def _as_loaded(point: OperatingPoint, name: str, value: float) -> float | None:
 # The matrix
 
 
-def _moved(conditions: Sequence[Condition]) -> list[str]:
+def _used_controls(conditions: Sequence[Condition]) -> list[str]:
     """Return the inputs that are not 0 in each condition."""
-    points = [each.point for each in conditions if each.point is not None]
+    points = [condition.point for condition in conditions if condition.point is not None]
     return [
         name
         for name in (points[0].model.inputs if points else ())
-        if not all(is_zero(each.margins[name].value, each.margins[name].scale) for each in points)
+        if not all(
+            is_zero(point.margins[name].value, point.margins[name].scale) for point in points
+        )
     ]
 
 
 def _matrix(conditions: Sequence[Condition]) -> tuple[Table | str, ...]:
     """Return the table of conditions, with sentences on those that are not plainly trimmed."""
-    controls = _moved(conditions)
+    controls = _used_controls(conditions)
     entries = []
     notes = []
     for number, condition in enumerate(conditions, start=1):
         called = f"{number} {condition.name}".rstrip()
-        entries.append({**_named(condition, called), **_figures(condition, controls)})
+        entries.append({**_name_cells(condition, called), **_figures(condition, controls)})
         said = {row.name: str(row.value) for row in condition.report.sheet}
         texts = [said[name] for name in _SAID if name in said]
         if texts:
@@ -172,7 +174,7 @@ def _matrix(conditions: Sequence[Condition]) -> tuple[Table | str, ...]:
     return table, *notes
 
 
-def _named(condition: Condition, called: str) -> dict[str, str]:
+def _name_cells(condition: Condition, called: str) -> dict[str, str]:
     """Return the cells that name a condition and say as what it counts."""
     tone = "" if condition.result == TRIMMED else "bad"
     flight = condition.report.head.get("condition", "")
@@ -267,14 +269,14 @@ def _panels(conditions: Sequence[Condition]) -> dict[str, dict[str, list[float]]
             math.nan if each.point is None else 100.0 * each.point.margins[name].used
             for each in conditions
         ]
-        for name in _moved(conditions)
+        for name in _used_controls(conditions)
     }
     panels["travel used, %"] = used
     panels["static margin, chord"] = {"static margin": [*map(_static_margin, conditions)]}
     return {
         label: drawn
         for label, lines in panels.items()
-        if (drawn := {name: each for name, each in lines.items() if not all(map(math.isnan, each))})
+        if (drawn := {name: line for name, line in lines.items() if not all(map(math.isnan, line))})
     }
 
 

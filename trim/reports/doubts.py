@@ -87,7 +87,7 @@ def _steep(trimmed: Trimmed) -> str:
         for name in _OF_AIR
         if name in model.outputs and is_zero(point[name], model.outputs[name].nominal)
     ]
-    words = [_named(point, trimmed.roles["alpha"])]
+    words = [_with_value(point, trimmed.roles["alpha"])]
     words += [f"{name} {_number(model, name, 0.0)}" for name in without_air]
     doubt = f"{', '.join(words)}: {'no' if without_air else 'hardly a'} flight"
     if model.about.equations == "derivatives":
@@ -257,7 +257,7 @@ _IDENTITIES = (
 )  # fmt: skip
 
 
-def _named(point: OperatingPoint, name: str) -> str:
+def _with_value(point: OperatingPoint, name: str) -> str:
     return f"{name} {_number(point.model, name, point[name])}"
 
 

@@ -81,7 +81,7 @@ def uniqueness_lines(point: OperatingPoint) -> list[str]:
     """
     lines = []
     if point.found_by is not None and point.found_by.kept:
-        kept = ", ".join(_named(point, name) for name in point.found_by.kept)
+        kept = ", ".join(_with_value(point, name) for name in point.found_by.kept)
         lines.append(f"At its start value, as the trim does not determine it: {kept}")
     names, count = point._one_of_many
     if names:
@@ -138,10 +138,10 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
         engines_out = engines_without_power(trimmed, imposed)
         said = {speed, "altitude", "gamma", "turn_rate", *typed, *engines_out}
         wanted = dict.fromkeys((*names, *changed))
-        yield from (_named(point, name) for name in wanted if name not in said)
+        yield from (_with_value(point, name) for name in wanted if name not in said)
         yield from engines_out.values()
     else:
-        yield from (_named(point, name) for name in [*imposed][:_MOST_VALUES])
+        yield from (_with_value(point, name) for name in [*imposed][:_MOST_VALUES])
     if condition is not None:
         for name, rate in condition.rates.items():
             if rate:
@@ -236,7 +236,7 @@ def _engine(number: str, place: int) -> str:
     return str(place + 1) if number.isdigit() else number
 
 
-def _named(point: OperatingPoint, name: str) -> str:
+def _with_value(point: OperatingPoint, name: str) -> str:
     return f"{name} {_number(point.model, name, point[name])}"
 
 

@@ -70,12 +70,12 @@ def track_modes(
     nominal = np.array([model.states[name].nominal for name in states])
     consecutive = np.arange(len(A) - 1)[:, None] + [0, 1]
     pairs = consecutive if neighbours is None else _connected(neighbours, consecutive)
-    found = _paired(A, nominal, pairs)
-    order = np.empty(found.values.shape, dtype=int)  # number of the eigenvalue in each column
-    order[0] = order_fastest_first(found.values[0])
-    for before, point, match in _along_tree(pairs, found):
+    paired = _paired(A, nominal, pairs)
+    order = np.empty(paired.values.shape, dtype=int)  # number of the eigenvalue in each column
+    order[0] = order_fastest_first(paired.values[0])
+    for before, point, match in _along_tree(pairs, paired):
         order[point] = match[order[before]]
-    return np.take_along_axis(found.values, order, axis=1)
+    return np.take_along_axis(paired.values, order, axis=1)
 
 
 def _modes(A: np.ndarray, nominal: np.ndarray) -> _Modes:
@@ -133,7 +133,7 @@ class _Paired(NamedTuple):
     gains: np.ndarray
 
 
-def _along_tree(pairs: np.ndarray, found: _Paired) -> Iterator[tuple[int, int, np.ndarray]]:
+def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[tuple[int, int, np.ndarray]]:
     """Yield (point, next point, pairing) along the tree of the most similar neighbors.
 
     The tree begins at the first point. The pairing (n,) contains, for each eigenvalue of the point,
@@ -144,8 +144,8 @@ def _along_tree(pairs: np.ndarray, found: _Paired) -> Iterator[tuple[int, int, n
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
-    count = len(found.values)
-    by_gain = np.argsort(-found.gains)
+    count = len(paired.values)
+    by_gain = np.argsort(-paired.gains)
     rank = np.empty(len(pairs))
     rank[by_gain] = np.arange(1.0, len(pairs) + 1)
     graph = csr_array((rank, tuple(pairs.T.astype(np.int32))), (count, count))
@@ -155,7 +155,7 @@ def _along_tree(pairs: np.ndarray, found: _Paired) -> Iterator[tuple[int, int, n
     pair_to = np.empty(count, dtype=int)  # number of the pair that leads to each point
     pair_to[np.where(is_forward, tree.col, tree.row)] = by_gain[tree.data.astype(int) - 1]
     for point in order[1:].tolist():
-        match = found.matches[pair_to[point]]
+        match = paired.matches[pair_to[point]]
         is_second = pairs[pair_to[point], 1] == point
         yield int(predecessors[point]), point, match if is_second else np.argsort(match)
 

@@ -101,14 +101,14 @@ def trim_points(
     if condition is None:
         condition = usual_condition(model)
     refuse_unfit(condition, model)
-    asked, asked_values = variables, values
-    variables, values, condition = _resolved(model, variables, values, condition)
+    given_variables, given_values = variables, values
+    variables, values, condition = _with_true_speed(model, variables, values, condition)
     system = _system(model, condition, variables, start)
     kept = _kept_values(system, variables, values)
     if kept:
         system = _system(model, release(condition, hold=kept), variables, start)
     points = _settled_together(system, variables, values)
-    within = _true_rows(condition.limits_on(asked).within(asked_values))
+    within = _true_rows(condition.limits_on(given_variables).within(given_values))
     refused = ~within & (points.status == TRIMMED)  # as of a parameter
     points.status[refused] = NO_TRIM
     points.one_by_one[refused] = True
@@ -156,26 +156,34 @@ def _kept_values(
     return {}
 
 
-def _resolved(
+class _Imposed(NamedTuple):
+    """What the points impose: columns of values (N, v) of variables, and a common condition."""
+
+    variables: tuple[str, ...]
+    values: np.ndarray
+    condition: TrimCondition
+
+
+def _with_true_speed(
     model: Model, variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
-) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
-    """Return variables, values and condition with the speed in place of an airspeed."""
+) -> _Imposed:
+    """Return what the points impose, with the speed in place of an airspeed."""
     condition = condition.freed_for(variables)
     columns = dict(zip(variables, values.T, strict=True))
     before = {**condition.imposed, **columns}
     if model.airspeeds.keys().isdisjoint(before):
-        return variables, values, condition
+        return _Imposed(variables, values, condition)
     from hfa_aircraft.rigid.airspeeds import with_speed
 
     after = with_speed(model, before)
     if set(after) == set(before):
-        return variables, values, condition
+        return _Imposed(variables, values, condition)
     kept = {name: column for name, column in columns.items() if name in after}
     for name in set(after).difference(before):
         kept[name] = np.broadcast_to(after[name], len(values))
     imposed = {name: value for name, value in condition.imposed.items() if name in after}
     table = np.column_stack(list(kept.values()))
-    return tuple(kept), table, replace(condition, imposed=imposed)
+    return _Imposed(tuple(kept), table, replace(condition, imposed=imposed))
 
 
 def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:

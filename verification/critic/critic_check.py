@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -100,61 +100,61 @@ def verify(
     """
     refuse_unless_positive("limit", limit)
     refuse_unless_whole("flights", flights, 0)
-    given = _critic(game, critic, linear)
+    judged = _critic(game, critic, linear)
     exact = solve(game)
-    if taylor and (linear is None or given.is_quadratic):
+    if taylor and (linear is None or judged.is_quadratic):
         missing = "linear=LINEAR of an aircraft" if linear is None else "a network"
         raise BadInputError(f"verify: taylor requires {missing}")
     in_box = usual_box(game) if box is None else _given_box(box, game)
     widths = in_box.half_widths
 
-    nonlinear, about_nonlinear = None, None
-    in_series = given.has_weights if taylor is None else taylor
-    if linear is not None and not given.is_quadratic and in_series:
-        nonlinear, about_nonlinear = _nonlinear(
-            given, linear, exact, limit, in_box, flights, progress
+    nonlinear, nonlinear_part = None, None
+    in_series = judged.has_weights if taylor is None else taylor
+    if linear is not None and not judged.is_quadratic and in_series:
+        nonlinear, nonlinear_part = _nonlinear(
+            judged, linear, exact, limit, in_box, flights, progress
         )
-    part = given if nonlinear is None else given.linear_part
-    errors = critic_errors(part, exact, limit, widths)
-    loop = linear_loop(exact, given, widths, all(check.ok for check in errors))
-    found = None
-    if nonlinear is None and not given.is_quadratic:
+    compared = judged if nonlinear is None else judged.linear_part
+    errors = critic_errors(compared, exact, limit, widths)
+    loop = linear_loop(exact, judged, widths, all(check.ok for check in errors))
+    findings = None
+    if nonlinear is None and not judged.is_quadratic:
         from verification.network.search import findings_of
 
         plant = None if linear is None or game.is_discrete else nonlinear_plant(linear)
-        found = findings_of(exact, given, loop.excess, widths, limit, flights, plant)
+        findings = findings_of(exact, judged, loop.excess, widths, limit, flights, plant)
 
     checks = [*errors, *loop.checks]
-    if given.P is not None and given.is_finite:
-        checks.append(value_check(exact, given.P, widths, limit))
+    if judged.P is not None and judged.is_finite:
+        checks.append(value_check(exact, judged.P, widths, limit))
     sections = [Section((f"Box of states: {in_box.about}",), {"box": in_box}), loop.section]
-    if found is not None:
-        errors = [*errors, *found.errors]
-        checks += found.checks
-        sections.append(found.section)
-    if about_nonlinear is not None:
-        sections.append(Section(about_nonlinear))
-    elif given.is_layer and found is None:
-        sections.append(_polynomial_section(given))
+    if findings is not None:
+        errors = [*errors, *findings.errors]
+        checks += findings.checks
+        sections.append(findings.section)
+    if nonlinear_part is not None:
+        sections.append(Section(nonlinear_part))
+    elif judged.is_layer and findings is None:
+        sections.append(_polynomial_section(judged))
     reason = ""
     if isinstance(critic, TrainingRun):
         checks.append(_rank_check(critic))
         reason = checks[-1].reason
     if not reason and not all(check.ok for check in errors):
-        reason = _reason(exact, part, widths, limit)
+        reason = _reason(exact, compared, widths, limit)
     return Verdict(
-        critic=given,
+        critic=judged,
         exact=exact,
         checks=explained(checks, reason),
         limit=limit,
         reason=reason,
-        cost_lost=100.0 * loop.excess.high if found is None else found.cost_lost,
+        cost_lost=100.0 * loop.excess.high if findings is None else findings.cost_lost,
         box=in_box,
-        flights=None if found is None else found.flown.flights,
-        searched=0 if found is None else found.states,
+        flights=None if findings is None else findings.flown.flights,
+        searched=0 if findings is None else findings.states,
         sections=tuple(sections),
         nonlinear=nonlinear,
-        excess=loop.excess if found is None else None,
+        excess=loop.excess if findings is None else None,
     )
 
 
@@ -181,6 +181,13 @@ def _given_box(box: ArrayLike, game: Game) -> Box:
     return Box(widths, "given")
 
 
+class _OnNonlinear(NamedTuple):
+    """Comparison of a critic with the nonlinear game, or None, and its part of the report."""
+
+    compared: NonlinearComparison | None
+    part: Part
+
+
 def _nonlinear(
     critic: Critic,
     linear: LinearModel,
@@ -189,17 +196,17 @@ def _nonlinear(
     box: Box,
     flights: int,
     progress: Progress | None,
-) -> tuple[NonlinearComparison | None, Part]:
-    """Return the comparison with the nonlinear game, or None, and its part of the report."""
+) -> _OnNonlinear:
+    """Return the comparison with the nonlinear game and its part of the report."""
     from verification.nonlinear_game import compare_with_nonlinear
 
     if exact.game.is_discrete:
-        return None, ("Nonlinear game: not compared in discrete time",)
+        return _OnNonlinear(None, ("Nonlinear game: not compared in discrete time",))
     try:
         compared = compare_with_nonlinear(critic, linear, exact, limit, box, flights, progress)
     except (BadInputError, NoSolutionError) as error:
-        return None, (f"Nonlinear game: not compared: {error}",)
-    return compared, compared.part()
+        return _OnNonlinear(None, (f"Nonlinear game: not compared: {error}",))
+    return _OnNonlinear(compared, compared.part())
 
 
 def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
@@ -250,7 +257,7 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
 
 
 def _reason_of_network(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> str:
-    """Return what is found of a network in the box, and the mistake in K or P."""
+    """Return what a network does in the box, and the mistake in K or P."""
     from verification.network.mistakes import finding_of_policy
     from verification.reasons import reason_for
 
@@ -259,17 +266,17 @@ def _reason_of_network(exact: Solution, critic: Critic, box: np.ndarray, limit: 
             return "V of the network has no curvature at the trim"
     elif len(critic.K) == 1 and not critic.K.any():
         return "the output, read as u, has no slope at the trim; if it is V: --network V=NAME"
-    found = finding_of_policy(critic, exact, box, limit)
-    if found is None and critic.has_kink:
+    finding = finding_of_policy(critic, exact, box, limit)
+    if finding is None and critic.has_kink:
         return "the policy has a kink at the trim, and K has the mean slopes of both sides"
-    if found is not None and found.rest <= limit:
-        return found.says
+    if finding is not None and finding.rest <= limit:
+        return finding.says
     of_slopes = ""
     if relative_error(critic.K, exact.K) > limit:
         of_slopes = reason_for(exact, critic, limit)
-    if found is None:
+    if finding is None:
         return of_slopes
-    return f"{found.says}; {of_slopes or f'otherwise the policy is off by {found.rest:.2g}'}"
+    return f"{finding.says}; {of_slopes or f'otherwise the policy is off by {finding.rest:.2g}'}"
 
 
 def _polynomial_section(critic: Critic) -> Section:

@@ -61,7 +61,7 @@ def finding_of_policy(
         clipped = np.isin(values, levels)
         rest = max(rest, float(error[~clipped].max(initial=0.0)))
         if levels:
-            at = " and ".join(f"{level:.4g}" for level in levels) + _shown(unit)
+            at = " and ".join(f"{level:.4g}" for level in levels) + _unit_text(unit)
             share = percent(100.0 * float(clipped[::2].mean()))
             clips.append(f"{name} is clipped at {at} in {share}")
     facts = [bias_text(critic, exact)] if np.any(np.abs(bias) > limit * sizes) else []
@@ -84,7 +84,7 @@ def _squashed(critic: Critic, exact: Solution, box: np.ndarray, limit: float) ->
         return None
     corners = -box * np.where(exact.K < 0.0, -1.0, 1.0)
     texts = [
-        f"{name} is {reached:.4g}{_shown(unit)}, where the exact one is {size:.4g}"
+        f"{name} is {reached:.4g}{_unit_text(unit)}, where the exact one is {size:.4g}"
         for name, unit, reached, size in zip(
             exact.names.inputs,
             exact.names.input_units,
@@ -103,9 +103,10 @@ def bias_text(critic: Critic, exact: Solution) -> str:
     """Return a sentence on the inputs at the origin, which are not 0."""
     u = critic.u(np.zeros(critic.K.shape[1]))
     units = exact.names.input_units
-    values = [f"{value:.4g}{_shown(unit)}" for value, unit in zip(u, units, strict=True)]
+    values = [f"{value:.4g}{_unit_text(unit)}" for value, unit in zip(u, units, strict=True)]
     return f"u at the origin is {', '.join(values)}, not 0: a bias"
 
 
-def _shown(unit: str) -> str:
+def _unit_text(unit: str) -> str:
+    """Return a unit as it follows a number, or "" for none."""
     return "" if unit in ("", "1") else f" {unit}"

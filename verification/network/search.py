@@ -41,7 +41,7 @@ CLIMBS = 3
 _NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
 
 
-class Found(NamedTuple):
+class LargestError(NamedTuple):
     """Largest relative error that the search found.
 
     name: "value", "gradient" or "policy".
@@ -52,6 +52,13 @@ class Found(NamedTuple):
     name: str
     error: float
     at: np.ndarray
+
+
+class Searched(NamedTuple):
+    """Largest error at the origin, and the largest errors that a search found in the box."""
+
+    at_origin: float
+    largest: tuple[LargestError, ...]
 
 
 class Findings(NamedTuple):
@@ -93,9 +100,9 @@ def findings_of(
     flights: number of initial conditions of simulations
     plant: nonlinear plant in continuous time, or None
     """
-    origin, worst = search(exact, critic, b)
+    searched = search(exact, critic, b)
     # The errors of a polynomial are bounded, and its bounds are checked.
-    errors = search_checks(critic, exact, origin, worst, limit) if critic.network else []
+    errors = search_checks(critic, exact, searched, limit) if critic.network else []
     checks = list(errors)
     flown = fly(exact, critic, excess, b, flights, plant)
     if flown.flights:
@@ -104,7 +111,7 @@ def findings_of(
         lost = _not_converged(flown, is_discrete=exact.game.is_discrete)
         checks.append(below("cost_lost_flown_percent", costs, math.inf, lost, kind="cost"))
     period = "step" if exact.game.is_discrete else "second"
-    section = nonlinear_section(critic, b, worst, flown, period)
+    section = nonlinear_section(critic, b, searched.largest, flown, period)
     states = starts_of(critic) if critic.network else 0
     return Findings(errors, checks, flown, section, states)
 
@@ -118,22 +125,18 @@ def _not_converged(flown: FlightResults, *, is_discrete: bool) -> str:
 
 
 # Search.
-def search_checks(
-    critic: Critic, exact: Solution, origin: float, found: tuple[Found, ...], limit: float
-) -> list[Check]:
+def search_checks(critic: Critic, exact: Solution, searched: Searched, limit: float) -> list[Check]:
     """Return the checks of the errors that `search` found.
 
-    origin: error at the origin
-    found: largest errors in the box
     limit: largest relative error that passes
     """
-    says = f"the slope of V at the origin is off by {origin:.2g}"
+    says = f"the slope of V at the origin is off by {searched.at_origin:.2g}"
     if critic.gradient is None:
         says = bias_text(critic, exact)
-    checks = [at_most("origin_error", origin, limit, says, kind="error")]
-    for item in found:
-        what = f"{_NOUNS[item.name]} in the box"
-        checks.append(error_check(f"searched_{item.name}_error", item.error, limit, what))
+    checks = [at_most("origin_error", searched.at_origin, limit, says, kind="error")]
+    for largest in searched.largest:
+        what = f"{_NOUNS[largest.name]} in the box"
+        checks.append(error_check(f"searched_{largest.name}_error", largest.error, limit, what))
     return checks
 
 
@@ -142,8 +145,15 @@ def starts_of(critic: Critic) -> int:
     return STARTS_OF_WIDE if critic.is_wide else STARTS
 
 
-def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple[list[str], ca.SX]:
-    """Return the kind of each error, and the errors as expressions of the symbols z.
+class Errors(NamedTuple):
+    """Errors of a critic (k,), as expressions of the state, and the kind of each."""
+
+    kinds: list[str]
+    expressions: ca.SX
+
+
+def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> Errors:
+    """Return the errors of a critic as expressions of the symbols z.
 
     The kinds are "value", "gradient" and "policy", as far as the critic has them. Errors of V are
     relative to b'|P| b, an upper bound on the exact V in the box. Other errors are relative to the
@@ -157,16 +167,16 @@ def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple
         "policy": floored(weights * (np.abs(exact.K) @ b)) / weights,
     }
     functions = {"value": critic.value, "gradient": critic.gradient, "policy": critic.policy}
-    names = []
+    kinds = []
     errors = []
     for kind, function in functions.items():
         if function is None:
             continue
         constant = critic.constant if kind == "value" else 0.0
-        names += [kind] * len(sizes_of[kind])
+        kinds += [kind] * len(sizes_of[kind])
         error = function(z) - constant - quadratic_at(exact, kind, z)
         errors.append(error / ca.DM(sizes_of[kind]))
-    return names, ca.vertcat(*errors)
+    return Errors(kinds, ca.vertcat(*errors))
 
 
 def quadratic_at(exact: Solution, kind: str, z: ca.SX) -> ca.SX:
@@ -178,7 +188,7 @@ def quadratic_at(exact: Solution, kind: str, z: ca.SX) -> ca.SX:
     return -ca.DM(exact.K) @ z
 
 
-def search(exact: Solution, critic: Critic, box: np.ndarray) -> tuple[float, tuple[Found, ...]]:
+def search(exact: Solution, critic: Critic, box: np.ndarray) -> Searched:
     """Return the largest error at the origin, and the largest errors found in the box |z_i| <= b_i.
 
     The errors are computed at many states (`starts_of`). Each error is maximized by L-BFGS-B from
@@ -186,7 +196,7 @@ def search(exact: Solution, critic: Critic, box: np.ndarray) -> tuple[float, tup
     worst corners and at the `CLIMBS` worst other states.
     """
     z = critic.symbols
-    names, errors = errors_of(exact, critic, box, z)
+    kinds, errors = errors_of(exact, critic, box, z)
     errors_at = ca.Function("errors_at", [z], [errors], {"cse": True})
     climb = _climber(errors, z, box)
     climbs = 0 if critic.is_wide else CLIMBS
@@ -194,7 +204,7 @@ def search(exact: Solution, critic: Critic, box: np.ndarray) -> tuple[float, tup
     starts = starts_in(np.ones(len(box)), starts_of(critic), seed=0)
     reached = []
     sampled = np.array(errors_at((box * starts).T))
-    for error, sizes, weights in zip(sampled, _sizes(sampled), np.eye(len(names)), strict=True):
+    for error, sizes, weights in zip(sampled, _sizes(sampled), np.eye(len(kinds)), strict=True):
         ranking = np.argsort(-sizes, kind="stable")
         worst = ranking[0]
         reached.append(starts[worst])
@@ -205,13 +215,13 @@ def search(exact: Solution, critic: Critic, box: np.ndarray) -> tuple[float, tup
         for start in (worst, *corners, *inside):
             reached.append(climb(np.copysign(weights, error[start]), starts[start]))
     states = box * np.array(reached)
-    largest: dict[str, Found] = {}
-    for name, sizes in zip(names, _sizes(errors_at(states.T)), strict=True):
+    largest: dict[str, LargestError] = {}
+    for name, sizes in zip(kinds, _sizes(errors_at(states.T)), strict=True):
         worst = int(np.argmax(sizes))
         if name not in largest or sizes[worst] > largest[name].error:
-            largest[name] = Found(name, float(sizes[worst]), states[worst])
+            largest[name] = LargestError(name, float(sizes[worst]), states[worst])
     at_origin = float(_sizes(errors_at(np.zeros(len(box)))).max())
-    return at_origin, tuple(largest.values())
+    return Searched(at_origin, tuple(largest.values()))
 
 
 def _sizes(errors: ca.DM | np.ndarray) -> np.ndarray:
@@ -250,13 +260,13 @@ def _climber(
 def nonlinear_section(
     critic: Critic,
     b: np.ndarray,
-    found: tuple[Found, ...],
+    largest: tuple[LargestError, ...],
     flown: FlightResults,
     period: str,
 ) -> Section:
     """Return the section of the report on a critic that is not quadratic.
 
-    found: largest errors in the box
+    largest: largest errors in the box
     flown: results of the simulations
     period: unit of the time of a cost, "second" or "step"
     """
@@ -274,7 +284,7 @@ def nonlinear_section(
     constant = f", V(0) = {critic.constant:.4g}" if "V" in outputs else ""
     kind = f"Network of {output}" if critic.weights is None else "Polynomial V"
     errors = "; ".join(
-        f"{_NOUNS[item.name]} {item.error:.3g} at ({_row(item.at)})" for item in found
+        f"{_NOUNS[error.name]} {error.error:.3g} at ({_row(error.at)})" for error in largest
     )
     name = {"V": "V", "gradient": "dV/dz", "policy": "u"}[outputs[0]]
     lines = [
@@ -289,7 +299,7 @@ def nonlinear_section(
         "value_at_origin": critic.constant,
         "origin": critic.origin,
         "starts": starts_of(critic),
-        "searched": [item._asdict() for item in found],
+        "searched": [error._asdict() for error in largest],
         "at": b,
         "value_at": value,
         **flown._asdict(),

@@ -15,7 +15,7 @@ from hfa.options.option import option
 from hfa.options.output import ProgressLine
 from hfa.options.plants import parameter_set
 from hfa.options.ranges import array_of, value_range
-from hfa.options.show import provenance, stated
+from hfa.options.show import provenance, with_provenance
 from hfa.options.trims import SEVERAL, SeveralTrims, dihedral_option, trim_input
 from hfa_aircraft.loading import load_model
 from hfa_page.claims import load_claims
@@ -136,7 +136,7 @@ def report(request: ReportRequest) -> Outcome:
     job = replace(job, flights=request.flights, beside=beside)
     source = asked.source(condition, asked.parameters(hold))
     sections = sections_of(job)
-    whole = stated(request, main_report(job, sections), source)
+    whole = with_provenance(request, main_report(job, sections), source)
     lines = []
     if place is not None:
         html = page(job, sections, provenance(request, source))
