@@ -114,8 +114,8 @@ def given_critics(request: VerifyRequest) -> GivenCritics:
     """Return the critics and the game that the options define."""
     files = {str(path): critic_file(path) for paths in request.weights for path in paths}
     _refuse_unused(request, files)
-    alone = next(iter(files.values())) if len(files) == 1 else None
-    named = given_game(request, request.inputs, alone)
+    single_file = next(iter(files.values())) if len(files) == 1 else None
+    named = given_game(request, request.inputs, single_file)
     named = replace(named, warnings=(*named.warnings, *_notes(request, named, files)))
     if named.game.is_discrete:
         refuse(request, ("discount", "dt", "reference"), CONTINUOUS)

@@ -44,12 +44,11 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
 
 def _causes(problem: TrimProblem, found: np.ndarray) -> Iterator[str]:
     """Yield the active limits, and the free variables that are too few or without an effect."""
-    z = problem.clip(found)
     balances_beyond_limits = problem.balanced(found)
     binding = binding_limits(problem, found)
     yield f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"
     equations, unknowns = problem.count
-    effects = problem.balanced_effects(z).matrix
+    effects = problem.balanced_effects(problem.clip(found)).matrix
     idle = _without_effect(problem, effects)
     if equations > unknowns + len(idle) and not balances_beyond_limits:
         yield f"{equations} equations for {unknowns} unknowns; free more variables"
@@ -119,7 +118,7 @@ def _alike(problem: TrimProblem, effects: np.ndarray) -> list[str]:
         significant = np.flatnonzero(np.abs(shares) > DEPENDENT)
         others = [problem.free[kept[i]] for i in significant]
         sentences.append(f"{name} has no effect independent of {' and '.join(others)}")
-    if len(kept) == problem.count[0]:
+    if len(kept) == problem.count.equations:
         return []
     return sentences
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from trim import LinearModel, Mode
     from trim.point.margins import Margin
     from trim.point.problem import TrimProblem
+    from trim.point.uniqueness import Undetermined
 
 SCHEMA = "hfa.operating-point/1"
 
@@ -235,12 +236,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return all_margins(self.model, problem.asked, self.states, self.inputs, left)
 
     @cached_property
-    def _one_of_many(self) -> tuple[list[str], int]:
-        """The free variables that the equations do not determine, and how many of them to hold."""
-        if self.found_by is None or not self.ok:
-            return [], 0
-        from trim.point.uniqueness import undetermined
+    def _undetermined(self) -> Undetermined:
+        """The free variables that the equations do not determine at this trim."""
+        from trim.point.uniqueness import Undetermined, undetermined
 
+        if self.found_by is None or not self.ok:
+            return Undetermined([], 0)
         return undetermined(self.found_by, self.found_by.unknowns(self.values))
 
     @property

@@ -55,6 +55,13 @@ class BalancedEffects(NamedTuple):
         return np.linalg.svd(self.matrix)[2][self.rank :] / self.lengths
 
 
+class Count(NamedTuple):
+    """Numbers of equations and of unknowns of a trim."""
+
+    equations: int
+    unknowns: int
+
+
 class TrimProblem:
     """Problem of one trim: a condition with numbers, its equations, and the initial values.
 
@@ -103,7 +110,7 @@ class TrimProblem:
         self.free = self.system.equations.unknowns
         self.idle = self.system.equations.idle
         self.names = tuple(row.name for row in self.system.equations.rows)
-        self.count = (self.system.moved, len(self.free))
+        self.count = Count(self.system.moved, len(self.free))
         self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
         if not self.free and (self.idle or not self.solved(self.system.start)):

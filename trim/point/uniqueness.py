@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,23 +33,32 @@ def is_determined(problem: TrimProblem, z: np.ndarray) -> bool:
     return problem.balanced_effects(z).rank == len(z)
 
 
-def undetermined(problem: TrimProblem, z: np.ndarray) -> tuple[list[str], int]:
-    """Return the unknowns that can change together while the equations remain balanced, and how
-    many of them must be held for a unique trim.
+class Undetermined(NamedTuple):
+    """Unknowns that can change together while the equations remain balanced.
 
-    The first ones move farthest for their size (`_sizes`).
+    names: the unknowns, the one that moves farthest for its size first
+    to_hold: how many of them must be held for a unique trim
+    """
+
+    names: list[str]
+    to_hold: int
+
+
+def undetermined(problem: TrimProblem, z: np.ndarray) -> Undetermined:
+    """Return the unknowns that the equations do not determine at a trim.
 
     z: trim, (k,)
     """
     directions = problem.balanced_effects(z).directions()
     if not len(directions):
-        return [], 0
+        return Undetermined([], 0)
     moved = directions * problem.system.scales / _sizes(problem)
     basis, _ = np.linalg.qr(moved.T)
     parts = np.linalg.norm(basis, axis=1)
     # Unknowns that move alike to seven digits, as `DEPENDENT`, keep the order of the model.
     order = np.argsort(-np.round(parts, 7), kind="stable")
-    return [problem.free[i] for i in order if parts[i] > DEPENDENT], len(directions)
+    names = [problem.free[i] for i in order if parts[i] > DEPENDENT]
+    return Undetermined(names, len(directions))
 
 
 def kept_states(
@@ -84,9 +94,9 @@ def _candidates(problem: TrimProblem, points: list[np.ndarray]) -> list[str]:
     """
     for z in points:
         with suppress(BadInputError, ArithmeticError):
-            names, _ = undetermined(problem, z)
-            if found := [name for name in names if name in keepable(problem)]:
-                return found
+            free = undetermined(problem, z).names
+            if candidates := [name for name in free if name in keepable(problem)]:
+                return candidates
     return []
 
 

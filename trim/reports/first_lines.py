@@ -83,7 +83,7 @@ def uniqueness_lines(point: OperatingPoint) -> list[str]:
     if point.found_by is not None and point.found_by.kept:
         kept = ", ".join(_with_value(point, name) for name in point.found_by.kept)
         lines.append(f"At its start value, as the trim does not determine it: {kept}")
-    names, count = point._one_of_many
+    names, count = point._undetermined
     if names:
         how_many = "one" if count == 1 else str(count)
         lines.append(

@@ -160,7 +160,7 @@ def search_of(point: OperatingPoint) -> Search:
         "start": point.initial_point,
         "idle": list(problem.idle),
         "kept": list(problem.kept),
-        "undetermined": point._one_of_many[0],
+        "undetermined": point._undetermined.names,
         "other_trims": [{name: other.values[name] for name in problem.free} for other in others],
     }
     return Search(search, sentences, [unlimited] if names else [])
