@@ -91,24 +91,24 @@ def c_function(
     Raises BadInputError if an operation or a called Function cannot be written as C.
     """
     inner = function.find_functions(0)
-    for each in inner:
-        if not each.is_a("SXFunction"):
+    for called in inner:
+        if not called.is_a("SXFunction"):
             raise BadInputError(
-                f"{name}: the function {each.name()} of the model, compiled or interpolated, as of "
-                "an FMU, cannot be written as C; use CasADi SX expressions instead"
+                f"{name}: the function {called.name()} of the model, compiled or interpolated, as "
+                "of an FMU, cannot be written as C; use CasADi SX expressions instead"
             )
     of_called = "".join(
-        c_function(each, f"{name}_{each.name()}", ("x",), ("y",), real, operations)
-        for each in inner
+        c_function(called, f"{name}_{called.name()}", ("x",), ("y",), real, operations)
+        for called in inner
     )
-    given = [f"const {real} *{each}" for each in arguments]
-    names = ", ".join(given + [f"{real} *{each}" for each in results])
+    inputs = [f"const {real} *{argument}" for argument in arguments]
+    pointers = ", ".join(inputs + [f"{real} *{result}" for result in results])
     lines = []
     for index in range(function.n_instructions()):
         code = function.instruction_id(index)
         out = function.instruction_output(index)
         source = function.instruction_input(index)
-        operands = [f"w{each}" for each in source]
+        operands = [f"w{number}" for number in source]
         if code == ca.OP_CONST:
             number = repr(function.instruction_constant(index))
             operands = [number.replace("inf", "HUGE_VAL").replace("nan", "NAN")]
@@ -127,12 +127,16 @@ def c_function(
                 "without this operation"
             )
     variables = dict.fromkeys(re.findall(r"\bw\d+", " ".join(lines)))
-    declaration = f"{real} {textwrap.fill(', '.join(variables), 100)};"
-    body = "\n".join(f"    {line}" for line in [*declaration.splitlines(), *lines])
+    if variables:
+        declaration = f"{real} {textwrap.fill(', '.join(variables), 100)};"
+        lines = [*declaration.splitlines(), *lines]
+    body = "".join(f"    {line}\n" for line in lines)
     unused = "".join(
-        f"    (void){each};\n" for each in (*arguments, *results) if f"{each}[" not in body
+        f"    (void){pointer};\n"
+        for pointer in (*arguments, *results)
+        if not re.search(rf"\b{pointer}\[", body)
     )
-    return f"{of_called}static void {name}({names})\n{{\n{body}\n{unused}}}\n"
+    return f"{of_called}static void {name}({pointers})\n{{\n{body}{unused}}}\n"
 
 
 def _call(callee: str, operands: Sequence[str], out: Sequence[int], real: str) -> str:
