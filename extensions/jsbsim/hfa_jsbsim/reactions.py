@@ -60,23 +60,23 @@ class Reactions:
         total = ca.SX.zeros(3)
         moment = ca.SX.zeros(3)
         for element in self._forces:
-            force = self._vector(element, "xyz", motion)
+            force = self._force_or_moment(element, "xyz", motion)
             names = [f"{_prefix(element)}/location-{axis}-in" for axis in "xyz"]
             total += force
             moment += ca.cross(arm(self._read(names, element)), force)
         for element in self._moments:
-            moment += self._vector(element, "lmn", motion)
+            moment += self._force_or_moment(element, "lmn", motion)
         return Loads(total, moment)
 
-    def _vector(self, element: Element, axes: str, motion: Motion) -> ca.SX:
+    def _force_or_moment(self, element: Element, axes: str, motion: Motion) -> ca.SX:
         """Return an external force, lb, or moment, ft lb, in body axes, (3,)."""
         names = [f"{_prefix(element)}/{axis}" for axis in axes]
         self._properties.names_read.update(names)
         magnitude = self._magnitude(element)
         if is_zero(magnitude):
             return ca.SX.zeros(3)
-        along = self._read(names, element)
-        return ca.mtimes(_to_body(element, motion), along) * magnitude
+        direction = self._read(names, element)
+        return ca.mtimes(_to_body(element, motion), direction) * magnitude
 
     def _magnitude(self, element: Element) -> Any:
         function = element.find("function")

@@ -190,11 +190,11 @@ class _Entries:
 
     def number(self, key: str) -> float:
         """Return an entry that is a number."""
-        return self._number(self._after(key))
+        return self._number(self._place_after(key))
 
     def numbers(self, key: str) -> list[float]:
         """Return an entry that is a list of numbers: "V", their count, and the numbers."""
-        start = self._after(key) + 1
+        start = self._place_after(key) + 1
         count = int(self._number(start))
         return [self._number(start + _BYTES * (i + 1)) for i in range(count)]
 
@@ -211,7 +211,7 @@ class _Entries:
             raise self._unknown()
         return float(struct.unpack_from(_TYPES[letter], self._data, start + 1)[0])
 
-    def _after(self, key: str) -> int:
+    def _place_after(self, key: str) -> int:
         """Return the place after the name of an entry."""
         stored = b"si" + struct.pack("<i", len(key)) + key.encode()
         is_last = key == _COEFFICIENTS
