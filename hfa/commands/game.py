@@ -13,7 +13,14 @@ from controller.learning.law_names import DEFAULT_LAW
 from hfa.learning import LearningOptions
 from hfa.options.argument_types import whole
 from hfa.options.command import Outcome, Request, command, picture_option
-from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, game_at, given_game, given_weights
+from hfa.options.games import (
+    CONTINUOUS_ONLY,
+    GameOptions,
+    NamedGame,
+    game_at,
+    given_game,
+    given_weights,
+)
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.tracking import reference_of, reference_option, with_tracking
@@ -196,7 +203,7 @@ def learn(request: LearnRequest, named: NamedGame) -> Outcome:
     from verification.reports import checks_part
 
     if named.game.is_discrete:
-        refuse(request, ("law",), CONTINUOUS)
+        refuse(request, ("law",), CONTINUOUS_ONLY)
     law = request.law or DEFAULT_LAW
     run = learn(named.game, law, request.seed, progress=ProgressLine("learn"))
     verdict = verify(named.game, run)

@@ -16,7 +16,7 @@ from controller.game.zero_sum import Game
 from hfa.options.argument_types import listed_names, positive
 from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
-from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, given_game
+from hfa.options.games import CONTINUOUS_ONLY, GameOptions, NamedGame, given_game
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.tracking import reference_of, reference_option, with_tracking
@@ -118,7 +118,7 @@ def given_critics(request: VerifyRequest) -> GivenCritics:
     named = given_game(request, request.inputs, single_file)
     named = replace(named, warnings=(*named.warnings, *_notes(request, named, files)))
     if named.game.is_discrete:
-        refuse(request, ("discount", "dt", "reference"), CONTINUOUS)
+        refuse(request, ("discount", "dt", "reference"), CONTINUOUS_ONLY)
     game = named.game
     if request.discount is not None and request.dt is not None:
         game = game.sampled(request.dt, request.discount)

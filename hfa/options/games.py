@@ -34,7 +34,9 @@ USUAL_WEIGHTS = {
     "delta": "inf (no disturbance)",
 }
 #: Reason why an option is refused for a discrete-time plant.
-CONTINUOUS = "applies only to continuous time; remove this option for a plant with time = discrete"
+CONTINUOUS_ONLY = (
+    "applies only to continuous time; remove this option for a plant with time = discrete"
+)
 
 
 def _delta(text: str) -> float:

@@ -26,10 +26,10 @@ class Entry:
         return BadInputError(f"{self.where}: {message}")
 
 
-def number(name: str, entry: Entry, unit: str, without_unit: float = 1.0) -> float:
+def number(name: str, entry: Entry, unit: str, factor_without_unit: float = 1.0) -> float:
     """Return the value of an entry, converted to `unit`.
 
-    without_unit: factor on a number without a unit
+    factor_without_unit: factor on a number without a unit
 
     Raises BadInputError unless the value is a finite number, with or without a unit.
     """
@@ -42,7 +42,7 @@ def number(name: str, entry: Entry, unit: str, without_unit: float = 1.0) -> flo
         raise entry.error(
             f"{name} is {shown(entry.value)}; give a finite number, optionally with a unit"
         )
-    return float(value) * (_factor(name, entry, stated, unit) if stated else without_unit)
+    return float(value) * (_factor(name, entry, stated, unit) if stated else factor_without_unit)
 
 
 def _float(text: str) -> float:

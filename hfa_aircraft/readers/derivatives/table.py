@@ -146,9 +146,9 @@ def _table(
 ) -> Table:
     """Return the checked table of entries, completed by a stability file if there is one."""
     if file is None:
-        return _checked(entries, source, stem)
+        return _table_of(entries, source, stem)
     length = entries["length"].value if "length" in entries else ""
-    table = _checked(with_stability_file(entries, file, source.text or _DICTIONARY), source, stem)
+    table = _table_of(with_stability_file(entries, file, source.text or _DICTIONARY), source, stem)
     sound = float(air_at(table.values.get("altitude", 0.0), table.system).sound)
     notes = tuple(file.notes("CD_0" in entries, table.values["speed"] / sound))
     if TAIL_ARM in entries:
@@ -210,7 +210,7 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
     return entries
 
 
-def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
+def _table_of(entries: dict[str, Entry], source: Source, stem: str) -> Table:
     """Return the table of the entries after checks of names, units, limits and required entries."""
     pairs = {name: each for name, each in entries.items() if isinstance(each.value, list | tuple)}
     surfaces_named_as_words = {*pairs} & {*WORDS}  # flap = ["0 deg", "30 deg"]
