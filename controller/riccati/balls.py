@@ -328,11 +328,6 @@ class DoubleBalls:
         size = np.abs(self.midpoint) * spread + self.radius * (abs(value) + spread)
         return type(self)(middle, UP * (size + ROUNDOFF * np.abs(middle)) + UNDERFLOW)
 
-    def wider(self, columns: Sequence[arb]) -> DoubleBalls:
-        """Return the matrix with a larger radius in each column."""
-        more = UP * np.array([float(each.upper()) for each in columns]) + UNDERFLOW
-        return type(self)(self.midpoint, UP * (self.radius + more))
-
     def norm(self) -> arb:
         """Return an upper bound of the spectral norm."""
         from flint import arb
