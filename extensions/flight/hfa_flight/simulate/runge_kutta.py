@@ -104,30 +104,30 @@ class RungeKutta:
         Raises NoSolutionError if too many steps are necessary.
         """
         t, now, held_now, h, before = self._function.inputs
-        after, largest, of_allowed, error, slopes = self._function.results
+        after, largest, error_ratio, error, slopes = self._function.results
         now[:], held_now[:] = y, held
         time = begin
-        rejected = math.inf
+        last_rejected = math.inf
         while time < end:
             if len(self._steps) >= self._pause:
                 self._pause *= 2
                 break
-            left = max(1, math.ceil((end - time) / self._next))
-            seconds = (end - time) / left
+            steps_left = max(1, math.ceil((end - time) / self._next))
+            seconds = (end - time) / steps_left
             t[0], h[0], before[0] = time, seconds, self._largest
             self._function()
-            share = float(of_allowed[0])
-            factor = _SAFETY * share ** (-1 / _ORDER) if share != 0.0 else _LONGER
-            is_within = share <= 1.0  # also False for an error that is not a number
+            ratio = float(error_ratio[0])
+            factor = _SAFETY * ratio ** (-1 / _ORDER) if ratio != 0.0 else _LONGER
+            is_within = ratio <= 1.0  # also False for an error that is not a number
             is_short = seconds <= self._shortest
             in_units = float(error[0])
-            if not is_within and (not is_short or in_units < _AT_A_JUMP * rejected):
-                rejected = in_units if is_short else math.inf
+            if not is_within and (not is_short or in_units < _AT_A_JUMP * last_rejected):
+                last_rejected = in_units if is_short else math.inf
                 self._next = (_SHORTER if is_short else max(_SHORTER, factor)) * seconds
                 continue
-            rejected = math.inf
-            if not math.isfinite(share):
-                left, seconds = 1, end - time  # the flight diverges
+            last_rejected = math.inf
+            if not math.isfinite(ratio):
+                steps_left, seconds = 1, end - time  # the flight diverges
             elif not is_within:
                 self.error += in_units / float(largest[0])
             if len(self._steps) == _MOST_STEPS:
@@ -140,7 +140,7 @@ class RungeKutta:
             self._largest = float(largest[0])
             longer = min(_LONGER, factor) * seconds if is_within else self._shortest
             self._next = min(self._longest, longer)
-            time = end if left == 1 else time + seconds
+            time = end if steps_left == 1 else time + seconds
         return time, now.copy()
 
     def clear(self) -> None:

@@ -45,7 +45,7 @@ class CompiledLoop:
         is_long = flights * loop.scenario.ticks >= COMPILE_FROM_TICKS
         rate = self._function("loop_rate", now.rate)
         self.step = BoundFunction(_step(rate, tuple(self._nominal.tolist()), is_long))
-        self.observed = _rows(self._function("loop_observed", ca.vertcat(*observed)))
+        self.observed = _row_function(self._function("loop_observed", ca.vertcat(*observed)))
         ends = np.cumsum([0, *(column.numel() for column in observed)]).tolist()
         self._places = tuple(map(slice, ends[:-1], ends[1:]))
         self._alpha = -1
@@ -167,7 +167,7 @@ def _step(rate: ca.Function, nominal: tuple[float, ...], is_long: bool) -> ca.Fu
 
 
 @lru_cache(maxsize=32)
-def _rows(observed: ca.Function) -> RowFunction:
+def _row_function(observed: ca.Function) -> RowFunction:
     """Return a function as a function of rows."""
     return RowFunction(observed)
 
