@@ -30,8 +30,8 @@ from controller.riccati.balls import (
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
-#: Bits of a double.
-DIGITS = 53
+#: Bits of the significand of a double.
+BITS_OF_A_DOUBLE = 53
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class Pairs:
 
     def __matmul__(self, other: Pairs) -> Pairs:
         terms = self.high.shape[1]
-        bits = (DIGITS - (terms - 1).bit_length()) // 2
+        bits = (BITS_OF_A_DOUBLE - (terms - 1).bit_length()) // 2
         left, right = _divided(self, 1, bits), _divided(other, 0, bits)
         # These two are exact: sums of `terms` products below 2^(2 bits), and of twice as many of
         # half the size, in units of the grids.
@@ -196,7 +196,7 @@ def _divided(matrix: Pairs, axis: int, bits: int) -> _Divided:
     sizes = np.abs(matrix.high)
     size = np.ldexp(1.0, np.frexp(sizes.max(axis, keepdims=True))[1])
     # The last digit of 1.5 2^p is 2^(p - 52): the sum with it rounds to the grid 2^-bits size.
-    rounds = 1.5 * 2.0 ** (DIGITS - 1 - bits) * size
+    rounds = 1.5 * 2.0 ** (BITS_OF_A_DOUBLE - 1 - bits) * size
     first = (matrix.high + rounds) - rounds
     rest = matrix.high - first
     rounds = rounds * 2.0**-bits
