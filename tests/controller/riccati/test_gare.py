@@ -127,7 +127,7 @@ def test_extreme_numbers_have_their_exact_solution(name, factor):
 def test_the_bracket_of_minimum_delta_is_narrow(game):
     """test_stored_games.py has the exact ones; below the bracket, the game is refused."""
     smallest = minimum_delta(game)
-    assert smallest.value / smallest.refused <= 1.000001  # as docs/promises.md states
+    assert smallest.value / smallest.refused <= 1.000001  # as docs/games.md states
     assert smallest.margin(7.0) == pytest.approx(7.0 / smallest.value)
     with pytest.raises(NoSolutionError, match="below delta_min"):
         solve(game.with_delta(0.999999 * smallest.refused))
