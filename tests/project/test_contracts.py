@@ -79,7 +79,7 @@ BREACHES = {
         f"{FLIGHT}/policies/kalman.py": "hfa_flight.policies.filtered_policy",
     },
     "Proofs:": {
-        f"{PROVE}/search/family.py": "hfa_prove.commands.options",
+        f"{PROVE}/search/family.py": "hfa_prove.commands.given",
         f"{PROVE}/statements/schedule.py": "hfa_prove.check.schedule",
         f"{PROVE}/certificate.py": "hfa_prove.check.trims",
     },
