@@ -35,7 +35,7 @@ from hfa_support.errors import (
 )
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
-from hfa_support.units import conversion, split_unit, units_like
+from hfa_support.units import conversion_factor, split_unit, units_like
 
 if TYPE_CHECKING:
     from hfa_support.reporting.report import Report
@@ -518,12 +518,14 @@ class Model(Reported):
         unit is another quantity's.
         """
         declared = self.unit(name)
-        factor = conversion(unit, declared)
-        if factor is None:
-            is_share = unit == "%" and declared in ("1", "chord")
-            is_named = name in self.airspeeds and unit.lower() == name
-            factor = 0.01 if is_share else 1.0 if is_named else conversion(unit.lower(), declared)
-        full, angle = self.signal(name).full, conversion(unit, "rad")
+        factor = conversion_factor(unit, declared)
+        if factor is None and unit == "%" and declared in ("1", "chord"):
+            factor = 0.01
+        elif factor is None and name in self.airspeeds and unit.lower() == name:
+            factor = 1.0
+        elif factor is None:
+            factor = conversion_factor(unit.lower(), declared)
+        full, angle = self.signal(name).full, conversion_factor(unit, "rad")
         if full and angle is not None:
             return angle / full
         if factor is None:
@@ -602,7 +604,7 @@ class Model(Reported):
 
     def native_factor(self, name: str) -> float:
         """Return the factor from a signal's unit in the original model to its unit in this one."""
-        return conversion(self.native.unit(name), self.unit(name)) or 1.0
+        return conversion_factor(self.native.unit(name), self.unit(name)) or 1.0
 
     def native_values(self, names: Sequence[str], values: Any) -> np.ndarray:
         """Return values of signals in the units that the original model declares.

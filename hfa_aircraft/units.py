@@ -18,7 +18,7 @@ from hfa_support.units import (
     ENGLISH_BASES,
     SI_BASES,
     coherent_unit,
-    conversion,
+    conversion_factor,
     si_factor,
     si_unit,
 )
@@ -60,8 +60,10 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
     signals = model.signals
     if all(units[name] == signal.unit for name, signal in signals.items()):
         return model
-    factors = {name: conversion(signal.unit, units[name]) or 1 for name, signal in signals.items()}
-    per_second = conversion(f"1/{model.time_unit}", "1/s") or 1.0
+    factors = {
+        name: conversion_factor(signal.unit, units[name]) or 1 for name, signal in signals.items()
+    }
+    per_second = conversion_factor(f"1/{model.time_unit}", "1/s") or 1.0
     rates = {name: factors[name] * per_second for name in model.states}
     scaled: dict[str, Any] = {
         kind: {

@@ -99,7 +99,7 @@ def si_factor(unit: str) -> float:
 
     All units after "/" divide, up to the end of the bracket.
     """
-    return conversion(unit, si_unit(unit)) or 1.0
+    return conversion_factor(unit, si_unit(unit)) or 1.0
 
 
 def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:
@@ -122,16 +122,17 @@ def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:
     below = " ".join(words[name] for name, power in powers.items() if power < 0)
     found = f"{above}/{below}" if below else above
     # Equal units differ by roundings of at most a dozen factors, others by 1e-4 and more.
-    return unit if math.isclose(conversion(unit, found) or 1.0, 1.0, rel_tol=1e-12) else found
+    factor = conversion_factor(unit, found) or 1.0
+    return unit if math.isclose(factor, 1.0, rel_tol=1e-12) else found
 
 
-def conversion(stated: str, unit: str) -> float | None:
+def conversion_factor(stated: str, unit: str) -> float | None:
     """Return the factor that converts numbers in unit `stated` to numbers in `unit`.
 
     The result is None for units of different quantities; an unknown word is a quantity of its own.
     Spellings are those of tables and records: km/h, kt, ft/min, deg, °, 1/deg, ms.
 
-    >>> conversion("ft/min", "m/s")
+    >>> conversion_factor("ft/min", "m/s")
     0.00508
     """
     if stated == unit:

@@ -8,7 +8,7 @@ from hfa.options.trims import GivenTrim, at_name
 from hfa_aircraft.model import recognized
 from hfa_support.errors import BadInputError, warn
 from hfa_support.reporting.text import shown_value
-from hfa_support.units import conversion
+from hfa_support.units import conversion_factor
 from trim.hfa.trim_report import trim_report
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -61,7 +61,7 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
     if of_inputs := _free_inputs(given):
         return of_inputs
     model, condition = given.model, given.condition
-    changing = [name for name in model.states if conversion(model.unit(name), "m")]
+    changing = [name for name in model.states if conversion_factor(model.unit(name), "m")]
     if "load_factor" in condition.imposed:
         changing.append(recognized(model.states).get("theta", ""))
     rates = [f"{name}_dot" for name in changing if name in condition.rates]

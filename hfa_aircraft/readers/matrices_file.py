@@ -15,7 +15,7 @@ from hfa_aircraft.names import PlantNames
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, advice, numbers_in, prefix_errors, shortened, shown
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
-from hfa_support.units import conversion
+from hfa_support.units import conversion_factor
 
 #: Entries with names and units.
 NAME_KEYS = ("states", "inputs", "state_units", "input_units")
@@ -130,7 +130,7 @@ def _scales_of(signal: str, stored: Mapping[str, Any], of_plant: tuple[str, ...]
     if len(units) != len(of_plant):
         raise BadInputError(f"{key} lists {len(units)} units; give one for each {signal}")
     for i, (unit, unit_of_plant) in enumerate(zip(units, of_plant, strict=True)):
-        factor = conversion(unit_of_plant, unit)
+        factor = conversion_factor(unit_of_plant, unit)
         if factor is not None:
             scales[i] = factor
         elif unit and unit_of_plant:

@@ -27,7 +27,7 @@ from hfa_aircraft.rigid.atmosphere import (
 )
 from hfa_aircraft.signals import ISA
 from hfa_support.errors import BadInputError
-from hfa_support.units import FOOT, KNOT, conversion
+from hfa_support.units import FOOT, KNOT, conversion_factor
 
 #: ft/s.
 _KNOT = KNOT / FOOT
@@ -142,7 +142,7 @@ def _speed(model: Model, name: str, altitude: str, imposed: Mapping[str, Any]) -
 
 def _per(model: Model, name: str, unit: str) -> float:
     """Return the number of the model's units of a signal in a unit."""
-    factor = conversion(unit, model.unit(name))
+    factor = conversion_factor(unit, model.unit(name))
     if factor is None:
         raise BadInputError(f"{name} is in {model.unit(name)}; declare it in {unit}")
     return factor

@@ -20,7 +20,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Record, Result
 from hfa_support.reporting.text import in_degrees
 from hfa_support.schema import NUMBER, checked
-from hfa_support.units import conversion, si_unit
+from hfa_support.units import conversion_factor, si_unit
 from trim.point.status import BALANCE, Status
 
 if TYPE_CHECKING:
@@ -319,15 +319,15 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         model = coherent(self.model)
         if model is self.model:
             return self
-        states, inputs = (
-            values._replace(
-                **{
-                    name: value * (conversion(self.model.unit(name), model.unit(name)) or 1.0)
-                    for name, value in values._asdict().items()
-                }
-            )
-            for values in (self.states, self.inputs)
-        )
+
+        def converted(values: Record) -> Record:
+            in_model = {}
+            for name, value in values._asdict().items():
+                factor = conversion_factor(self.model.unit(name), model.unit(name)) or 1.0
+                in_model[name] = value * factor
+            return values._replace(**in_model)
+
+        states, inputs = converted(self.states), converted(self.inputs)
         return OperatingPoint(states, inputs, {}, self.status, model)
 
     # Doors: functions of a point, which the package `trim` offers.
@@ -417,7 +417,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         for values in (found["states"], found["inputs"]):
             for name in values:
                 unit = model.unit(name)
-                factor = conversion(stated.get(name, unit), unit)
+                factor = conversion_factor(stated.get(name, unit), unit)
                 if factor is None:
                     known = dict.fromkeys((unit, si_unit(unit)))
                     raise BadInputError(

@@ -12,7 +12,7 @@ from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import ROUNDING
 from hfa_support.reporting.text import digits_with_unit, is_zero, shown_value
-from hfa_support.units import STANDARD_GRAVITY, conversion
+from hfa_support.units import STANDARD_GRAVITY, conversion_factor
 from trim.point.condition import release
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
@@ -151,7 +151,7 @@ def _si(trimmed: Trimmed, name: str, unit: str) -> float:
     """Return a value of the trim in a unit; nan if it is unknown or has another quantity."""
     if name not in trimmed.values:
         return math.nan
-    return trimmed[name] * (conversion(trimmed.unit(name), unit) or math.nan)
+    return trimmed[name] * (conversion_factor(trimmed.unit(name), unit) or math.nan)
 
 
 def _of_configuration(trimmed: Trimmed, name: str, unit: str) -> float:
@@ -159,7 +159,7 @@ def _of_configuration(trimmed: Trimmed, name: str, unit: str) -> float:
     entry = configuration_of(trimmed).get(name)
     if entry is None or isinstance(entry.value, str):
         return math.nan
-    return float(entry.value) * (conversion(entry.unit, unit) or math.nan)
+    return float(entry.value) * (conversion_factor(entry.unit, unit) or math.nan)
 
 
 def _speed(trimmed: Trimmed) -> float:
@@ -182,7 +182,7 @@ def _weight_of_mass(trimmed: Trimmed) -> float:
     model = trimmed.given.model
     gravity = STANDARD_GRAVITY
     if "gravity" in model.parameters:
-        factor = conversion(model.unit("gravity"), "m/s^2") or math.nan
+        factor = conversion_factor(model.unit("gravity"), "m/s^2") or math.nan
         gravity = model.parameters["gravity"].start * factor
     return _si(trimmed, "weight", "N") / (_of_configuration(trimmed, "mass", "kg") * gravity)
 
@@ -217,7 +217,7 @@ def _neutral_points_apart(trimmed: Trimmed) -> float:
     place = slopes.states.index(alpha)
     moment, lift = (
         float(slopes.outputs[name].by_states[place])
-        * (conversion(trimmed.unit(name), unit) or math.nan)
+        * (conversion_factor(trimmed.unit(name), unit) or math.nan)
         for name, unit in (("pitching_moment", "N m"), ("lift", "N"))
     )
     inertia = _of_configuration(trimmed, "Iyy", "kg m^2")

@@ -15,7 +15,7 @@ from hfa_aircraft.rigid.atmosphere import (
 )
 from hfa_support.reporting.rows import Lacking, Row
 from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_value
-from hfa_support.units import conversion
+from hfa_support.units import conversion_factor
 from trim.point.operating_point import is_in_range
 from trim.point.status import BALANCE
 from trim.reports.trimmed import Trimmed
@@ -55,7 +55,7 @@ def airspeeds(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     pressure at sea level is the same.
     """
     speed = trimmed.roles["speed"]
-    knots = conversion(trimmed.unit(speed), "kt")
+    knots = conversion_factor(trimmed.unit(speed), "kt")
     if knots is not None:
         yield Row("true airspeed", trimmed[speed] * knots, "kt", "KTAS")
     pressure = dynamic_pressure(trimmed)
@@ -73,7 +73,7 @@ def dynamic_pressure(trimmed: Trimmed) -> float | str:
     if reason := trimmed.lacks(*names) or trimmed.zero(*names):
         return reason
     unit = trimmed.unit("dynamic_pressure")
-    factor = conversion(unit, "N/m^2")
+    factor = conversion_factor(unit, "N/m^2")
     return (
         f"no unit of pressure in {unit}" if factor is None else trimmed["dynamic_pressure"] * factor
     )
@@ -87,7 +87,7 @@ def air(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     speed = trimmed.roles["speed"]
     pressure = dynamic_pressure(trimmed)
     unit = trimmed.unit(speed)
-    to_metres = conversion(unit, "m/s")
+    to_metres = conversion_factor(unit, "m/s")
     if not name:
         yield Lacking("atmosphere", "")
         return
@@ -99,9 +99,8 @@ def air(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     if unit == "m/s":
         yield Row("density", density, "kg/m^3", name)
     else:
-        yield Row(
-            "density", density * (conversion("kg/m^3", "slug/ft^3") or 1.0), "slug/ft^3", name
-        )
+        slugs_per_foot3 = density * (conversion_factor("kg/m^3", "slug/ft^3") or 1.0)
+        yield Row("density", slugs_per_foot3, "slug/ft^3", name)
     temperature = (velocity / trimmed["mach"]) ** 2 / (HEAT_RATIO * GAS_CONSTANT)
     yield Row("temperature", temperature, "K")
 

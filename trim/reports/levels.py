@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from hfa_support.reporting.rows import Row
-from hfa_support.units import STANDARD_GRAVITY, conversion
+from hfa_support.units import STANDARD_GRAVITY, conversion_factor
 from trim.reports.configuration import Quantity, configuration_of
 from trim.reports.trimmed import Trimmed
 
@@ -109,7 +109,7 @@ def usual_class(trimmed: Trimmed) -> UsualClass:
     if _MANEUVERABLE <= most < math.inf:
         return UsualClass("IV", f"load factor up to {most:.3g}")
     weight = _weight(trimmed)
-    unit_per_lbf = None if weight is None else conversion("lbf", weight.unit)
+    unit_per_lbf = None if weight is None else conversion_factor("lbf", weight.unit)
     if weight is None or unit_per_lbf is None:
         return UsualClass("I", "weight unknown")
     for class_, most_weight in (("I", _LIGHT), ("II-L", _MEDIUM)):
@@ -128,13 +128,13 @@ def _weight(trimmed: Trimmed) -> Quantity | None:
     if "weight" in trimmed.model.outputs:
         return Quantity(trimmed["weight"], trimmed.unit("weight"))
     mass = configuration_of(trimmed).get("mass")
-    per_kg = None if mass is None else conversion(mass.unit, "kg")
+    per_kg = None if mass is None else conversion_factor(mass.unit, "kg")
     if mass is None or per_kg is None:
         return None
     newtons = mass.value * per_kg * STANDARD_GRAVITY
     if mass.unit in ("kg", "g", "t"):
         return Quantity(newtons, "N")
-    return Quantity(newtons * (conversion("N", "lbf") or math.nan), "lbf")
+    return Quantity(newtons * (conversion_factor("N", "lbf") or math.nan), "lbf")
 
 
 def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:

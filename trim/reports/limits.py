@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import beside_unit, short_number, shown_value
-from hfa_support.units import conversion
+from hfa_support.units import conversion_factor
 from trim.point.margins import Margin
 from trim.reports.performance import no_force
 from trim.reports.trimmed import Trimmed
@@ -75,7 +75,7 @@ def _limit_of_the_largest_lift(trimmed: Trimmed, alpha: Margin) -> Margin | None
     largest = trimmed.largest_lift
     if largest is None or largest.passed or not math.isfinite(largest.alpha):
         return None
-    highest = largest.alpha * (conversion("rad", alpha.unit) or 1.0)
+    highest = largest.alpha * (conversion_factor("rad", alpha.unit) or 1.0)
     if highest > alpha.highest:
         return None
     margin = replace(alpha, highest=highest, assumed=False, highest_is="alpha of the largest lift")

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 
 from hfa_support.reporting.rows import Lacking, Row, Sheet
-from hfa_support.units import conversion
+from hfa_support.units import conversion_factor
 from trim.reports.flight import OUTPUTS, dynamic_pressure, outputs
 from trim.reports.trimmed import Trimmed
 
@@ -126,7 +126,7 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 def stall_speed(trimmed: Trimmed, share: float) -> Iterator[Row]:
     """Yield the stall speed at 1 g, kt, of which the share of the speed is known."""
     speed = trimmed.roles["speed"]
-    knots = conversion(trimmed.unit(speed), "kt")
+    knots = conversion_factor(trimmed.unit(speed), "kt")
     if knots is None:
         return
     true = trimmed[speed] * knots * share

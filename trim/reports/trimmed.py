@@ -16,7 +16,7 @@ from hfa_aircraft.model import Model, recognized
 from hfa_support.errors import BadInputError, NoSolutionError, NotFiniteError
 from hfa_support.matrices import ROUNDING, balanced
 from hfa_support.reporting.named import ByName
-from hfa_support.units import conversion
+from hfa_support.units import conversion_factor
 from trim.linear.kinks import linearization_at
 from trim.linear.modes import Mode, modes_of
 from trim.point.operating_point import OperatingPoint
@@ -181,7 +181,7 @@ class Trimmed:
     @property
     def per_second(self) -> float:
         """Factor from the model's unit of time to seconds, of eigenvalues."""
-        return conversion(f"1/{self.model.time_unit}", "1/s") or 1.0
+        return conversion_factor(f"1/{self.model.time_unit}", "1/s") or 1.0
 
     @cached_property
     def quasi_steady(self) -> Slopes:
@@ -265,7 +265,7 @@ class Trimmed:
         """
         given = self.given
         speed = self.roles["speed"]
-        knot = conversion("kt", given.model.unit(speed))
+        knot = conversion_factor("kt", given.model.unit(speed))
         held = given.trim_problem.condition
         if knot is None or speed not in held.imposed or name in held.imposed:
             return None
@@ -277,7 +277,7 @@ class Trimmed:
             except (BadInputError, NoSolutionError):  # beyond the limits
                 return None
         slope = (values[1] - values[0]) / (2.0 * _KNOTS)
-        return slope * (conversion(given.model.unit(name), self.unit(name)) or 1.0)
+        return slope * (conversion_factor(given.model.unit(name), self.unit(name)) or 1.0)
 
     # Thrust and lift.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from hfa_support.units import FOOT, KNOT, conversion, si_unit
+from hfa_support.units import FOOT, KNOT, conversion_factor, si_unit
 
 _AXES = ("Roll", "Pitch", "Yaw")
 #: Unit as spelled in the standard or in older files -> spelling in reports.
@@ -114,5 +114,5 @@ def model_unit(units: str) -> tuple[str, float] | None:
         return _OTHERS[written]
     for unit in _UNITS:
         if written in (unit, si_unit(unit)):
-            return unit, conversion(written, unit) or 1.0
+            return unit, conversion_factor(written, unit) or 1.0
     return None

@@ -17,7 +17,7 @@ from hfa_aircraft.model import Model
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
 from hfa_support.files import regular_file
-from hfa_support.units import conversion, si_unit
+from hfa_support.units import conversion_factor, si_unit
 
 #: Least number of samples in a record.
 FEWEST = 10
@@ -208,13 +208,13 @@ def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
     name, stated = match[1], match[2]
     known = ("time", *model.inputs, *model.states, *model.outputs)
     whole, _, unit = name.rpartition("_")
-    if name not in known and whole in known and conversion(unit, _unit_of(model, whole)):
+    if name not in known and whole in known and conversion_factor(unit, _unit_of(model, whole)):
         raise BadInputError(f'{path}: unknown column {shown(name)}; write "{whole} [{unit}]"')
     refuse_unknown(f"{path}: unknown column", name, known)
     unit = _unit_of(model, name)
     if not stated:
         return name, 1.0
-    factor = conversion(stated, unit)
+    factor = conversion_factor(stated, unit)
     if factor is None:
         known_units = " or ".join(dict.fromkeys((unit, si_unit(unit))))
         raise BadInputError(

@@ -24,7 +24,7 @@ from hfa_aircraft.readers.derivatives.entries import Entry, number
 from hfa_aircraft.readers.derivatives.names import COEFFICIENTS, INDUCED, THRUST_INPUT, UNITS
 from hfa_support.errors import BadInputError, shown
 from hfa_support.files import regular_file
-from hfa_support.units import conversion
+from hfa_support.units import conversion_factor
 
 #: Entry of a table that names the stability file.
 AVL = "avl"
@@ -370,7 +370,7 @@ def _length(own: dict[str, Entry], where: str) -> str:
             "stability file"
         )
     entry = own.pop(_LENGTH)
-    if not isinstance(entry.value, str) or conversion(entry.value, "m") is None:
+    if not isinstance(entry.value, str) or conversion_factor(entry.value, "m") is None:
         raise entry.error(f"{_LENGTH} is {shown(entry.value)}; give m, ft, in, cm or mm")
     return entry.value
 

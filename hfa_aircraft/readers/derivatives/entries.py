@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hfa_support.errors import BadInputError, shortened, shown
-from hfa_support.units import conversion, si_unit, split_unit
+from hfa_support.units import conversion_factor, si_unit, split_unit
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def _float(text: str) -> float:
 
 def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
     """Return the factor from the stated unit to `unit`."""
-    factor = conversion(stated, unit)
+    factor = conversion_factor(stated, unit)
     if factor is None:
         if stated == "lb":
             raise entry.error(f"{name} is in lb; write lbf (a weight or force) or lbm (a mass)")

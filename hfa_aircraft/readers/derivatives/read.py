@@ -59,7 +59,7 @@ from hfa_aircraft.rigid.atmosphere import air_at
 from hfa_aircraft.rigid.motion import flow_rates, inertia_matrix, wind_axes
 from hfa_aircraft.signals import Signal
 from hfa_support.errors import BadInputError
-from hfa_support.units import conversion
+from hfa_support.units import conversion_factor
 
 #: Coefficients of the forces.
 _FORCES = ("CL", "CD", "CY")
@@ -192,7 +192,7 @@ def _configuration(table: Table, x: Any, u: Any, p: Any) -> dict[str, tuple[floa
     if table.center is not None:
         place, length = table.center
         x_of_point, *others = place
-        in_length = conversion(table.unit("chord"), length) or 1.0  # the reader checks it
+        in_length = conversion_factor(table.unit("chord"), length) or 1.0  # the reader checks it
         for axis, value in zip("xyz", (x_of_point + shift * in_length, *others), strict=True):
             found[f"center_of_gravity_{axis}"] = value, length
     return found

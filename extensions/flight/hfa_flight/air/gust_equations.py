@@ -22,7 +22,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.motion import flow_rates, rotation, wind_axes
 from hfa_aircraft.signals import VECTORS, Signal
 from hfa_flight.air.names import UPDRAFT, state_of
-from hfa_support.units import conversion
+from hfa_support.units import conversion_factor
 
 #: Component of a gust -> disturbance that `in_gusts` adds for it.
 ADDED = {
@@ -102,9 +102,11 @@ def _states(model: Model) -> dict[str, tuple[str, float]]:
     found = {}
     for name in _STATES:
         state = state_of(model, name)
+        if state not in model.states:
+            continue
         unit = "rad/s" if name.endswith("_rate") else "rad"
-        size = 1.0 if name == "speed" else conversion(model.unit(state), unit) if state else None
-        if state in model.states and size is not None:
+        size = 1.0 if name == "speed" else conversion_factor(model.unit(state), unit)
+        if size is not None:
             found[name] = (state, size)
     return found
 
@@ -178,7 +180,7 @@ def relative_to_crossing_air(
     signals = in_gusts(model).disturbances
     air = [0.0, 0.0, 0.0]
     for name, wind in across.items():
-        factor = conversion(signals[ADDED[name]].unit, unit) or 1.0
+        factor = conversion_factor(signals[ADDED[name]].unit, unit) or 1.0
         air["uvw".index(name)] = _SIGN.get(name, 1.0) * factor * wind
     at = {name: values[state] * size for name, (state, size) in states.items()}
     velocity = at["speed"] * wind_axes(at["alpha"], at.get("beta", 0.0))[:, 0]

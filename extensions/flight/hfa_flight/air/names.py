@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hfa_aircraft.model import Model, altitudes, recognized
 from hfa_support.errors import BadInputError
-from hfa_support.units import conversion, si_factor
+from hfa_support.units import conversion_factor, si_factor
 from trim.point.operating_point import OperatingPoint
 
 #: Disturbance of a model for a vertical gust.
@@ -70,7 +70,7 @@ def gust_speed(point: OperatingPoint) -> float:
     value = point.values.get(name)
     if value is None:
         value = model.outputs_at(point.states, point.inputs, [name])[name]
-    in_feet = conversion(model.unit(name), "ft/s")
+    in_feet = conversion_factor(model.unit(name), "ft/s")
     return value if in_feet is None else value * in_feet * foot_in_length_unit(model)
 
 
@@ -84,7 +84,7 @@ def foot_in_length_unit(model: Model) -> float:
         return 1.0
     if unit in ("kt", "kts", "knot"):
         altitude = state_of(model, "altitude")
-        in_unit_of_altitude = conversion("ft", model.unit(altitude)) if altitude else None
+        in_unit_of_altitude = conversion_factor("ft", model.unit(altitude)) if altitude else None
         return in_unit_of_altitude or 1.0
     return si_factor("ft")
 

@@ -27,7 +27,7 @@ from hfa_flight.air.gust_equations import (
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.names import UPDRAFT, foot_in_length_unit, gust_speed, state_of
 from hfa_support.errors import BadInputError, is_finite, shown
-from hfa_support.units import FOOT, KNOT, conversion
+from hfa_support.units import FOOT, KNOT, conversion_factor
 from trim.point.operating_point import OperatingPoint
 
 LEVELS = ("light", "moderate", "severe")
@@ -170,11 +170,11 @@ class Turbulence:
             trimmed_at = float(point.values[height]) / _foot_of_altitude(model)
         heading = 0.0
         if "yaw" in model.states:
-            heading = point.values["yaw"] * (conversion(model.unit("yaw"), "rad") or 1.0)
+            heading = point.values["yaw"] * (conversion_factor(model.unit("yaw"), "rad") or 1.0)
         taken = taken_components(model, heading)
         if self.span is None:
             taken = {name: taken[name] for name in taken if name in "uvw"}
-        per_length = conversion("ft/s", model.unit(state_of(model, "speed"))) or feet
+        per_length = conversion_factor("ft/s", model.unit(state_of(model, "speed"))) or feet
         for name in {*taken} & {*"uvw"}:
             taken[name] = {wind: size * per_length / feet for wind, size in taken[name].items()}
         if not taken:
@@ -247,7 +247,7 @@ def typed_turbulence(text: str) -> Turbulence:
 def _feet(model: Model) -> float:
     """Return the length of a foot in the model's unit of length."""
     name = state_of(model, "speed")
-    if not name or conversion("ft/s", model.unit(name)) is None:
+    if not name or conversion_factor("ft/s", model.unit(name)) is None:
         raise BadInputError(
             f"{model.name} has no state in a unit of speed that is recognized as its speed, which "
             "turbulence requires; an aircraft in Python may declare a state or output speed in m/s"
@@ -259,7 +259,7 @@ def _foot_of_altitude(model: Model) -> float:
     """Return the length of a foot in the unit of the altitude, by default that of the speed."""
     name = state_of(model, "altitude")
     unit = model.unit(name) if name else ""
-    return conversion("ft", unit) or _feet(model)
+    return conversion_factor("ft", unit) or _feet(model)
 
 
 class Scales(NamedTuple):

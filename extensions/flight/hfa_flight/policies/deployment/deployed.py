@@ -28,7 +28,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.formulas import Formula, read_formula
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened
-from hfa_support.units import conversion
+from hfa_support.units import conversion_factor
 from trim.point.operating_point import OperatingPoint
 
 #: Names in a map in addition to the names of the aircraft.
@@ -184,7 +184,7 @@ class Deployed:
             observed, deployment.observation.values(), stated.get("state_units", ()), strict=False
         ):
             own = self.model.unit(name) if name in self.model.states else ""
-            expected = conversion(unit, own)
+            expected = conversion_factor(unit, own)
             scale = float(entry.get("scale", 1.0))
             if expected is not None and not math.isclose(scale, expected, rel_tol=1e-3):
                 raise BadInputError(
@@ -195,7 +195,7 @@ class Deployed:
         for (name, entry), unit in zip(
             deployment.action.items(), stated.get("input_units", ()), strict=False
         ):
-            factor = conversion(unit, self.model.unit(name))
+            factor = conversion_factor(unit, self.model.unit(name))
             if "map" not in entry and factor is not None and not math.isclose(factor, 1.0):
                 raise BadInputError(
                     f"K is a gain of an action in {unit}, but {name} is in {self.model.unit(name)};"
