@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-from policy_cases import FOLDER, aircraft, stored_deployment, trims
+from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
 
 import hfa as toolchain
 from hfa import BadInputError
@@ -59,23 +59,21 @@ def test_the_command_judges_a_deployment_with_its_cost_and_inputs():
     assert answer(*words, "--R", R, *inputs, code=FAILED)["R"] == data["R"]
 
 
-@pytest.mark.usefixtures("folder")
-def test_what_is_no_function_of_the_states_is_refused():
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--weights stated.toml --inputs throttle", "add --inputs elevator,throttle"),
+        ("--weights observed.toml", "an observation depends on the inputs"),
+        ("--weights stated.toml --inputs throttle,flap", "unknown input 'flap'"),
+        ("--weights stated.toml --network policy=actor", "remove --basis, --network"),
+    ],
+)
+def test_what_is_no_function_of_the_states_is_refused(folder, words, said):
     """Each contradiction is refused in one line that names the file and the remedy."""
-    text = STATED.read_text().replace("ppo_hfa.", f"{FOLDER}/ppo_hfa.")
-    text = text.partition("[cost]")[0].replace("[action]", "[action]\naileron_center = {}")
-    for file, old, new in (("observed.toml", "speed = {", "throttle = {"),):
-        Path(file).write_text(text.replace(old, new))
-    for words, said in (
-        ((*AT_8, "--weights", str(STATED), "--inputs", "throttle"), f"--inputs {','.join(MOVED)}"),
-        ((*AT_8, "--weights", "observed.toml"), "an observation depends on the inputs"),
-        ((*AT_8, "--weights", str(STATED), "--inputs", "throttle,flap"), "unknown input 'flap'"),
-        (
-            (*AT_8, "--weights", str(STATED), "--network", "policy=actor"),
-            "remove --basis, --network",
-        ),
-    ):
-        assert_refused(hfa(*words), BAD_INPUT, said)
+    text = (FOLDER / "td3_gtm.toml").read_text().replace("td3_gtm.", f"{FOLDER}/td3_gtm.")
+    Path("stated.toml").write_text(text)
+    Path("observed.toml").write_text(text.replace("gamma = {", "throttle = {"))
+    assert_refused(hfa("verify", "--aircraft", GTM, *words.split()), BAD_INPUT, said)
 
 
 @pytest.mark.parametrize("name", ["sac_sde", "ppo_gtm"])
