@@ -11,9 +11,10 @@ from hfa_model.kinematics import (
     Flow,
     Winds,
     airspeed,
-    center_flow,
     center_height,
-    outer_flow,
+    center_velocity,
+    flow_of,
+    outer_velocity,
 )
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
@@ -130,10 +131,10 @@ def aircraft_loads(
     """
     center_speed = airspeed(x, winds.center)
     outer_speed = airspeed(x, winds.outer)
-    center_air = center_flow(x, p, winds)
-    outer_air = outer_flow(x, p, winds)
-    center = panel_loads(center_air, center_speed, u.aileron_center, u.elevator_center, density, p)
-    outer = panel_loads(outer_air, outer_speed, u.aileron_outer, u.elevator_outer, density, p)
+    center_flow = flow_of(center_velocity(x, p, winds.center))
+    outer_flow = flow_of(outer_velocity(x, p, winds.outer))
+    center = panel_loads(center_flow, center_speed, u.aileron_center, u.elevator_center, density, p)
+    outer = panel_loads(outer_flow, outer_speed, u.aileron_outer, u.elevator_outer, density, p)
     return sum_of_panels(x, u, center, outer, p, variant)
 
 

@@ -59,12 +59,25 @@ def _pitch_acceleration(
     x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity]
 ) -> Quantity:
     """Return the pitch acceleration q', rad/s^2."""
-    c1 = 3 * p.inertia_pitch
-    c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
     sin_eta = ca.sin(x.dihedral)
     cos_eta = ca.cos(x.dihedral)
-    gyroscopic = 2 * c2 * sin_eta * cos_eta * x.dihedral_rate * x.pitch_rate
-    return (loads.pitching_moment - gyroscopic) / (c1 + c2 * sin_eta**2)
+    gyroscopic = 2 * _bending_inertia(p) * sin_eta * cos_eta * x.dihedral_rate * x.pitch_rate
+    return (loads.pitching_moment - gyroscopic) / pitch_inertia(x.dihedral, p)
+
+
+def pitch_inertia(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
+    """Return the inertia of the aircraft about its pitch axis, c1 + c2 sin² η, slug ft^2.
+
+    dihedral: η, rad
+    p: parameters
+    """
+    c1 = 3 * p.inertia_pitch
+    return c1 + _bending_inertia(p) * ca.sin(dihedral) ** 2
+
+
+def _bending_inertia(p: Parameters[Quantity]) -> Quantity:
+    """Return c2, by which the pitch inertia grows from a dihedral of 0 to 90 deg, slug ft^2."""
+    return 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
 
 
 def _dihedral_acceleration(

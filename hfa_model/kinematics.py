@@ -17,7 +17,7 @@ panel.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import casadi as ca
 
@@ -72,9 +72,17 @@ def winds_of(w: Any) -> Winds:
     return Winds(Wind(**sums["center"]), Wind(**sums["outer"]))
 
 
-#: Velocity of a panel relative to the air in panel axes, ft/s: forward, toward the center,
-#: downward.
-Velocity: TypeAlias = tuple[Quantity, Quantity, Quantity]
+class Velocity(NamedTuple):
+    """Velocity of a panel relative to the air, in the axes of this panel.
+
+    forward: ft/s
+    sideward: toward the center panel, ft/s
+    downward: ft/s
+    """
+
+    forward: Quantity
+    sideward: Quantity
+    downward: Quantity
 
 
 class Flow(NamedTuple):
@@ -128,43 +136,22 @@ def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
     return ca.sqrt(with_updraft + 2 * x.speed * h * ca.cos(gamma) + h**2 + wind.outward**2)
 
 
-def angle_of_attack(x: State[Quantity], winds: Winds) -> Quantity:
-    """Return the angle of attack of the center of mass in the air of the center panel, rad.
+def angle_of_attack(x: State[Quantity], wind: Wind) -> Quantity:
+    """Return the angle of attack of the center of mass in the air at a panel, rad.
 
     α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ), with the pitch angle θ.
     In still air α_a = α.
 
     x: states
-    winds: updraft w and headwind h at the center panel; other winds have no effect
+    wind: updraft w and headwind h at the panel; the outward wind has no effect
     """
-    wind = winds.center
     if _is_still(wind):
         return x.alpha
     return ca.atan2(_downward(x, wind), _forward(x, wind))
 
 
-def center_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flow:
-    """Return the flow at the center panel: speed, angle of attack and sideslip.
-
-    x: states
-    p: parameters
-    winds: winds at the panels
-    """
-    return flow_of(*center_velocity(x, p, winds))
-
-
-def outer_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flow:
-    """Return the flow at an outer panel: speed, angle of attack and sideslip.
-
-    x: states
-    p: parameters
-    winds: winds at the panels
-    """
-    return flow_of(*outer_velocity(x, p, winds))
-
-
-def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
-    """Return the velocity (u, v, w_c) of the center panel relative to the air there, ft/s.
+def center_velocity(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Velocity:
+    """Return the velocity (u, v, w_c) of the center panel relative to the air there.
 
     u = V cos α + q z_c - w sin θ + h cos θ,
     v = 0,
@@ -172,39 +159,44 @@ def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -
 
     with the updraft w and headwind h at the center panel, the pitch rate q, the dihedral η, the
     span s of a panel, and z_c as in `center_height`. Source: Gibson et al. 2011, Eqs. 75-76.
+
+    x: states
+    p: parameters
+    wind: wind at the center panel
     """
-    wind = winds.center
     forward = _forward(x, wind) + x.pitch_rate * center_height(x.dihedral, p)
-    return forward, 0.0, _hinge_descent(x, p, wind)
+    return Velocity(forward, 0.0, hinge_descent(x, p, wind))
 
 
-def outer_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
-    """Return the velocity (u, v, w_o) of an outer panel relative to the air there, in panel axes,
-    ft/s.
+def outer_velocity(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Velocity:
+    """Return the velocity (u, v, w_o) of an outer panel relative to the air there.
 
     u = V cos α + q z_o - w sin θ + h cos θ,
     v = w_h sin η + o cos η,
     w_o = w_h cos η - o sin η - (s/2) η',
-    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ,
 
     with the updraft w, headwind h and outward wind o at the outer panels, the pitch rate q, the
-    dihedral η, the span s of a panel, and z_o as in `outer_height`. w_h is the downward velocity of
-    the hinge relative to the air. Source: Gibson et al. 2011, Eqs. 69, 77-78.
+    dihedral η, the span s of a panel, z_o as in `outer_height`, and w_h as in `hinge_descent`.
+    Source: Gibson et al. 2011, Eqs. 69, 77-78.
+
+    x: states
+    p: parameters
+    wind: wind at the outer panels
     """
-    wind = winds.outer
-    hinge = _hinge_descent(x, p, wind)
+    hinge = hinge_descent(x, p, wind)
     sin_eta = ca.sin(x.dihedral)
     cos_eta = ca.cos(x.dihedral)
     forward = _forward(x, wind) + x.pitch_rate * outer_height(x.dihedral, p)
     normal = hinge * cos_eta - wind.outward * sin_eta - p.panel_span / 2 * x.dihedral_rate
-    return forward, hinge * sin_eta + wind.outward * cos_eta, normal
+    return Velocity(forward, hinge * sin_eta + wind.outward * cos_eta, normal)
 
 
-def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
-    """Return the flow at a panel that moves relative to the air with the velocity (u, v, w), ft/s.
+def flow_of(velocity: Velocity) -> Flow:
+    """Return the flow at a panel that moves relative to the air with a velocity (u, v, w).
 
     V = |(u, v, w)|, α = atan2(w, u), β = asin(v / V). Source: Gibson et al. 2011, Eq. 14.
     """
+    forward, sideward, downward = velocity
     speed = ca.sqrt(forward**2 + sideward**2 + downward**2)
     return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
 
@@ -231,9 +223,15 @@ def _downward(x: State[Quantity], wind: Wind) -> Quantity:
     )
 
 
-def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
-    """Return the downward component of the velocity of a hinge relative to the air, ft/s."""
-    # In body axes, it is w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ, with the speed V over
-    # ground and the span s of a panel.
+def hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
+    """Return the downward velocity of a hinge relative to the air in body axes, ft/s.
+
+    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ, with the speed V over ground, the span s of
+    a panel, and the updraft w and headwind h.
+
+    x: states
+    p: parameters
+    wind: wind at the hinge
+    """
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     return descent + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)

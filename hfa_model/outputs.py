@@ -19,10 +19,11 @@ from hfa_model.dynamics import rates_from_loads
 from hfa_model.kinematics import (
     Winds,
     angle_of_attack,
-    center_flow,
     center_height,
-    outer_flow,
+    center_velocity,
+    flow_of,
     outer_height,
+    outer_velocity,
 )
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
@@ -57,14 +58,9 @@ def instant_of(
     variant: Variant,
     winds: Winds,
 ) -> Instant:
-    """Return the state x and input u with the loads and rates that follow from the equations of
-    motion.
+    """Return a state x and input u with the loads and rates by the equations of a variant.
 
-    x: states
-    u: inputs
-    p: parameters
-    variant: variant of the equations
-    winds: winds at the panels
+    The arguments are those of `Instant`.
     """
     loads = aircraft_loads(x, u, density(x.altitude), p, variant, winds)
     return Instant(x, u, p, winds, loads, rates_from_loads(x, loads, p, variant))
@@ -143,6 +139,16 @@ def _elastic_moment(at: Instant) -> Quantity:
     )
 
 
+def _alpha_at_center(at: Instant) -> Quantity:
+    """Return the angle of attack of the center panel in the air there, rad."""
+    return flow_of(center_velocity(at.x, at.p, at.winds.center)).alpha
+
+
+def _alpha_at_outer(at: Instant) -> Quantity:
+    """Return the angle of attack of an outer panel in the air there, rad."""
+    return flow_of(outer_velocity(at.x, at.p, at.winds.outer)).alpha
+
+
 #: Name of an output -> its unit, and its function of an `Instant`. States are also outputs, under
 #: their names.
 OUTPUTS: dict[str, tuple[str, Callable[[Instant], Quantity]]] = {
@@ -152,9 +158,9 @@ OUTPUTS: dict[str, tuple[str, Callable[[Instant], Quantity]]] = {
     "load_factor_outer": ("1", _outer_load_factor),
     # Angle of attack of the center of mass in the air of the center panel, and of each panel in the
     # air there.
-    "angle_of_attack": ("rad", lambda at: angle_of_attack(at.x, at.winds)),
-    "alpha_air_center": ("rad", lambda at: center_flow(at.x, at.p, at.winds).alpha),
-    "alpha_air_outer": ("rad", lambda at: outer_flow(at.x, at.p, at.winds).alpha),
+    "angle_of_attack": ("rad", lambda at: angle_of_attack(at.x, at.winds.center)),
+    "alpha_air_center": ("rad", _alpha_at_center),
+    "alpha_air_outer": ("rad", _alpha_at_outer),
     "gamma": ("rad", lambda at: at.x.pitch - at.x.alpha),  # relative to the ground
     "climb_rate": ("ft/s", lambda at: at.rates.altitude),
     # Hinge moment of loads and weight, without and with spring and damper.

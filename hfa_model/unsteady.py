@@ -39,15 +39,15 @@ from hfa_aircraft.signals import Signal
 from hfa_model.aerodynamics import Loads, PanelLoads, panel_loads, sum_of_panels
 from hfa_model.atmosphere import density
 from hfa_model.declaration import hfa_about, rigid_panels
-from hfa_model.dynamics import rates_from_loads
+from hfa_model.dynamics import pitch_inertia, rates_from_loads
 from hfa_model.kinematics import (
     Velocity,
     Wind,
-    Winds,
     airspeed,
     center_height,
     center_velocity,
     flow_of,
+    hinge_descent,
     outer_height,
     outer_velocity,
     winds_of,
@@ -61,41 +61,53 @@ NEWTON = Newton()
 
 
 class Lag(NamedTuple):
-    """Step response of the lift, 1 - Σ A_i exp(-b_i s).
+    """Step response of the lift of a strip, 1 - Σ A_i exp(-b_i s).
 
-    s = V t / b is the distance traveled in half chords b after a unit step at t = 0.
+    s = V t / b is the distance traveled in half chords b after a unit step at t = 0. Each term is
+    the response of a lag state z_i, with z_i' = b_i (V/b) (angle - z_i).
 
+    cause: beginning of the names of the lag states, "lag" for motion and controls, or "gust"
     shares: A_1, A_2
     rates: b_1, b_2
     """
 
+    cause: str
     shares: tuple[float, float]
     rates: tuple[float, float]
+
+    def states(self, strip: str) -> tuple[str, str]:
+        """Return the names of both lag states of a strip, such as lag_center_1, lag_center_2."""
+        return f"{self.cause}_{strip}_1", f"{self.cause}_{strip}_2"
 
 
 #: Approximations of Wagner's function (R. T. Jones, NACA 681, 1940) and of Küssner's (Bisplinghoff,
 #: Ashley, Halfman, Aeroelasticity, Eq. 5-383).
-WAGNER = Lag((0.165, 0.335), (0.0455, 0.3))
-KUESSNER = Lag((0.5, 0.5), (0.13, 1.0))
-#: The strips. `tip` is the linear variation of the angle of attack over an outer wing, given at its
-#: tip.
+WAGNER = Lag("lag", (0.165, 0.335), (0.0455, 0.3))
+KUESSNER = Lag("gust", (0.5, 0.5), (0.13, 1.0))
+#: The wings and tails. `tip` is the linear variation of the angle of attack over an outer wing,
+#: given at its tip.
 STRIPS = ("center", "outer", "tip", "tail_center", "tail_outer")
-_LAGS = tuple(f"lag_{strip}_{i}" for strip in STRIPS for i in (1, 2))
-_GUSTS = tuple(f"gust_{strip}_{i}" for strip in STRIPS if strip != "tip" for i in (1, 2))
+_LAGS = tuple(name for strip in STRIPS for name in WAGNER.states(strip))
+_GUSTS = tuple(name for strip in STRIPS if strip != "tip" for name in KUESSNER.states(strip))
 #: States in addition to the seven of `newton`: lagged angles of each strip due to motion and
 #: control, lagged angles due to gusts, and the downwash.
 LAG_STATES = (*_LAGS, *_GUSTS, "downwash")
 EFFECTS = ("local_motion", "apparent_mass", "lift_lag", "gust_lag", "finite_span", "downwash_share")
 
 
-class _PanelMotion(NamedTuple):
-    """Motion of a panel relative to the air around it."""
+class _Panel(NamedTuple):
+    """Attitude of the center panel or of one outer panel, and its motion relative to the air."""
 
-    panel: str  # "center" or "outer"
-    wind: Wind  # wind at the panel
-    # velocity relative to the air, ft/s, with the headwind but without updraft and outward gust
+    name: str  # "center" or "outer"
+    number: int  # how many of these panels the aircraft has
+    sin_dihedral: Quantity  # of the dihedral of this panel, 0 for the center panel
+    cos_dihedral: Quantity
+    hinge_arm: Quantity  # distance of its mid-span from the hinge about which it turns, or 0, ft
+    height: Quantity  # distance below the center of mass of the aircraft, ft
+    wind: Wind
+    # velocity relative to the air with the headwind, but without updraft and outward gust
     calm: Velocity
-    gusty: Velocity  # velocity relative to the air, ft/s, with all gusts
+    gusty: Velocity  # velocity relative to the air with all winds
     spanwise_rate: Quantity  # pitch rate about the spanwise axis of the panel, rad/s
 
 
@@ -108,6 +120,13 @@ class _Strip(NamedTuple):
     behind: Quantity
     downwash: Quantity  # downwash angle, rad
     chord: Quantity  # chord of the wing or tail, ft
+
+
+class _EffectiveAngle(NamedTuple):
+    """Angle of attack that determines the lift of a strip, and the rates of its lag states."""
+
+    alpha: Quantity  # rad
+    rates: dict[str, Quantity]  # name of a lag state -> rate, rad/s
 
 
 class _LaggedPanel(NamedTuple):
@@ -128,16 +147,24 @@ class _Plate(NamedTuple):
 
 
 class _CarriedAir(NamedTuple):
-    """Loads of the air accelerated by a plate."""
+    """Loads of the air that the wing or the tail of the panels of one kind carries.
 
-    # The loads are those at zero acceleration minus M_a a. The accelerations are a = (w_b', q',
-    # η''), with w_b = V sin α.
+    The vertical force, pitching moment and generalized hinge moment are those at zero acceleration
+    minus M_a a, with the accelerations a = (w_b', q', η'') and w_b = V sin α.
+    """
 
-    forward: Quantity  # force along the x axis of the body at zero acceleration, lbf
+    forward: Quantity  # force along the x axis of the body, lbf
     downward: Quantity  # force along the z axis of the body at zero acceleration, lbf
     pitching_moment: Quantity  # pitching moment at zero acceleration, ft lbf
     hinge_moment: Quantity  # hinge moment of one outer panel at zero acceleration, ft lbf
     mass: Any  # M_a, (3, 3)
+
+
+class _NormalAcceleration(NamedTuple):
+    """Rate of a plate's normal velocity, w' = slopes · (w_b', q', η'') + steady, w_b = V sin α."""
+
+    slopes: Any  # (3,)
+    steady: Quantity  # ft/s^2
 
 
 def unsteady_equations(
@@ -151,49 +178,63 @@ def unsteady_equations(
     w: disturbances, a subset of `DISTURBANCES`
     """
     winds = winds_of(w)
-    air = density(x.altitude)
-    center_motion = _panel_motion("center", x, p, winds)
-    outer_motion = _panel_motion("outer", x, p, winds)
-    center = _lagged_panel(center_motion, x, u, p, air)
-    outer = _lagged_panel(outer_motion, x, u, p, air)
-    of_panels = sum_of_panels(x, u, center.loads, outer.loads, p, NEWTON)
-    tip_moment, tip_rates = _tip_moment(x, p, flow_of(*outer_motion.calm).speed, air)
-    of_flow = of_panels._replace(hinge_moment=of_panels.hinge_moment + tip_moment)
-    loads = _with_apparent_mass(x, of_flow, (center_motion, outer_motion), p, air)
+    air_density = density(x.altitude)
+    center = _center_panel(x, p, winds.center)
+    outer = _outer_panel(x, p, winds.outer)
+    on_center = _lagged_panel(center, x, u, p, air_density)
+    on_outer = _lagged_panel(outer, x, u, p, air_density)
+    on_panels = sum_of_panels(x, u, on_center.loads, on_outer.loads, p, NEWTON)
+    tip_moment, tip_rates = _tip_moment(x, p, flow_of(outer.calm).speed, air_density)
+    circulatory = on_panels._replace(hinge_moment=on_panels.hinge_moment + tip_moment)
+    loads = _with_apparent_mass(x, circulatory, (center, outer), p, air_density)
     rates = rates_from_loads(x, loads, p, NEWTON)
-    lift_coefficient = (center.lift_coefficient + 2 * outer.lift_coefficient) / 3
-    downwash = 2 * lift_coefficient / (math.pi * _aspect_ratio(p))
-    downwash_rate = x.speed / p.boom_length * (downwash - x.downwash)
-    lag_state_rates = {**center.rates, **outer.rates, **tip_rates, "downwash": downwash_rate}
+    lift_coefficient = (on_center.lift_coefficient + 2 * on_outer.lift_coefficient) / 3
+    steady_downwash = 2 * lift_coefficient / (math.pi * _aspect_ratio(p))
+    downwash_rate = x.speed / p.boom_length * (steady_downwash - x.downwash)
+    lag_state_rates = {**on_center.rates, **on_outer.rates, **tip_rates, "downwash": downwash_rate}
     outputs = outputs_of(Instant(x, u, p, winds, loads, rates))
     # The reaction of the apparent mass to accelerations is inertia, not lift.
-    outputs["lift"] = of_flow.lift
-    outputs["pitching_moment"] = of_flow.pitching_moment
+    outputs["lift"] = circulatory.lift
+    outputs["pitching_moment"] = circulatory.pitching_moment
     return {**rates._asdict(), **lag_state_rates}, outputs
 
 
-def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
-    """Return the motion of a panel relative to the air."""
-    # Vertical and outward air motion is a gust. Air from ahead counts as motion of the panel.
-    calm = Winds(
-        winds.center._replace(updraft=0.0, outward=0.0),
-        winds.outer._replace(updraft=0.0, outward=0.0),
+def _center_panel(x: Any, p: Any, wind: Wind) -> _Panel:
+    """Return the attitude and the motion of the center panel."""
+    return _Panel(
+        name="center",
+        number=1,
+        sin_dihedral=0.0,
+        cos_dihedral=1.0,
+        hinge_arm=0.0,
+        height=center_height(x.dihedral, p),
+        wind=wind,
+        calm=center_velocity(x, p, _headwind(wind)),
+        gusty=center_velocity(x, p, wind),
+        spanwise_rate=x.pitch_rate,
     )
-    if panel == "center":
-        return _PanelMotion(
-            panel=panel,
-            wind=winds.center,
-            calm=center_velocity(x, p, calm),
-            gusty=center_velocity(x, p, winds),
-            spanwise_rate=x.pitch_rate,
-        )
-    return _PanelMotion(
-        panel=panel,
-        wind=winds.outer,
-        calm=outer_velocity(x, p, calm),
-        gusty=outer_velocity(x, p, winds),
-        spanwise_rate=x.pitch_rate * ca.cos(x.dihedral),
+
+
+def _outer_panel(x: Any, p: Any, wind: Wind) -> _Panel:
+    """Return the attitude and the motion of an outer panel."""
+    cos_dihedral = ca.cos(x.dihedral)
+    return _Panel(
+        name="outer",
+        number=2,
+        sin_dihedral=ca.sin(x.dihedral),
+        cos_dihedral=cos_dihedral,
+        hinge_arm=p.panel_span / 2,
+        height=outer_height(x.dihedral, p),
+        wind=wind,
+        calm=outer_velocity(x, p, _headwind(wind)),
+        gusty=outer_velocity(x, p, wind),
+        spanwise_rate=x.pitch_rate * cos_dihedral,
     )
+
+
+def _headwind(wind: Wind) -> Wind:
+    """Return the headwind alone, which counts as motion of a panel, not as a gust."""
+    return Wind(headwind=wind.headwind)
 
 
 def _aspect_ratio(p: Any) -> Quantity:
@@ -212,148 +253,133 @@ def _tail_chord(p: Any) -> Quantity:
     return ca.sqrt(p.tail_area / p.tail_aspect_ratio)
 
 
-def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantity:
-    """Return the part of an angle of attack that has no effect on the lift yet, rad.
-
-    The part is Σ A_i (a - z_i).
-
-    kind: "lag" for motion and controls, "gust" for gusts
-    strip: one of `STRIPS`
-    lag: coefficients A_i and b_i of the step response
-    angle: angle of attack a of the strip, rad
-    x: states, with the lag states z_i
-    """
-    pairs = zip(lag.shares, (1, 2), strict=True)
-    return sum(share * (angle - getattr(x, f"{kind}_{strip}_{i}")) for share, i in pairs)
+def _missing_angle(lag: Lag, strip: str, angle: Quantity, x: Any) -> Quantity:
+    """Return Σ A_i (angle - z_i), the part of an angle that the lift does not follow yet, rad."""
+    pairs = zip(lag.shares, lag.states(strip), strict=True)
+    return sum(share * (angle - getattr(x, state)) for share, state in pairs)
 
 
-def lag_rates(
-    kind: str, strip: str, lag: Lag, angle: Quantity, x: Any, half_chords: Quantity
+def _lag_rates(
+    lag: Lag, strip: str, angle: Quantity, x: Any, half_chords: Quantity
 ) -> dict[str, Quantity]:
-    """Return name of a lag state z_i -> rate z_i' = b_i (V/b) (a - z_i), rad/s.
-
-    The first five arguments are those of `missing`.
-
-    half_chords: V/b, airspeed in half chords b per second, 1/s
-    """
-    names = [f"{kind}_{strip}_{i}" for i in (1, 2)]
-    return {
-        name: rate * half_chords * (angle - getattr(x, name))
-        for name, rate in zip(names, lag.rates, strict=True)
-    }
+    """Return name of a lag state z_i -> rate z_i' = b_i (V/b) (angle - z_i), rad/s."""
+    # half_chords: V/b, the airspeed in half chords per second
+    pairs = zip(lag.rates, lag.states(strip), strict=True)
+    return {state: rate * half_chords * (angle - getattr(x, state)) for rate, state in pairs}
 
 
-def _lagged_panel(motion: _PanelMotion, x: Any, u: Any, p: Any, air: Quantity) -> _LaggedPanel:
+def _lagged_panel(panel: _Panel, x: Any, u: Any, p: Any, air_density: Quantity) -> _LaggedPanel:
     """Return the loads on a panel with lagged lift, and the rates of the panel's lag states."""
     # The lift lags behind motion, controls and gusts. The lift is perpendicular to the flow at the
     # lagged angle of attack, because the induced velocity of the wake is part of the flow.
-    aileron = getattr(u, f"aileron_{motion.panel}")
-    elevator = getattr(u, f"elevator_{motion.panel}")
+    aileron = getattr(u, f"aileron_{panel.name}")
+    elevator = getattr(u, f"elevator_{panel.name}")
     tail_chord = _tail_chord(p)
     wing_strip = _Strip(
-        name=motion.panel,
+        name=panel.name,
         control=p.aileron_lift / p.lift_slope * aileron,
         behind=p.chord / 2,
         downwash=0.0,
         chord=p.chord,
     )
     tail_strip = _Strip(
-        name=f"tail_{motion.panel}",
+        name=f"tail_{panel.name}",
         control=elevator,
         behind=p.boom_length + tail_chord / 2,
         downwash=p.downwash_share * x.downwash,
         chord=tail_chord,
     )
-    wing_alpha, wing_rates = _lagged_alpha(wing_strip, motion, x, p)
-    tail_alpha, tail_rates = _lagged_alpha(tail_strip, motion, x, p)
-    flow = flow_of(*motion.gusty)
-    speed = airspeed(x, motion.wind)
+    wing_angle = _effective_angle(wing_strip, panel, x, p)
+    tail_angle = _effective_angle(tail_strip, panel, x, p)
+    # The loads on the wing are those of a panel without tail, and the other way round.
     wing_factor = _slope_factor(p, _aspect_ratio(p))
-    tail_factor = _slope_factor(p, p.tail_aspect_ratio)
-    of_wing = p._replace(
+    wing_alone = p._replace(
         lift_slope=wing_factor * p.lift_slope,
         aileron_lift=wing_factor * p.aileron_lift,
         tail_area=0.0,
     )
-    of_tail = p._replace(lift_slope=tail_factor * p.lift_slope, chord=0.0)
-    wing = panel_loads(flow._replace(alpha=wing_alpha), speed, aileron, 0.0, air, of_wing)
-    tail = panel_loads(flow._replace(alpha=tail_alpha), speed, 0.0, elevator, air, of_tail)
-    sums = [wing_load + tail_load for wing_load, tail_load in zip(wing, tail, strict=True)]
+    tail_factor = _slope_factor(p, p.tail_aspect_ratio)
+    tail_alone = p._replace(lift_slope=tail_factor * p.lift_slope, chord=0.0)
+    flow = flow_of(panel.gusty)
+    wing_flow = flow._replace(alpha=wing_angle.alpha)
+    tail_flow = flow._replace(alpha=tail_angle.alpha)
+    speed = airspeed(x, panel.wind)
+    on_wing = panel_loads(wing_flow, speed, aileron, 0.0, air_density, wing_alone)
+    on_tail = panel_loads(tail_flow, speed, 0.0, elevator, air_density, tail_alone)
+    sums = (of_wing + of_tail for of_wing, of_tail in zip(on_wing, on_tail, strict=True))
     return _LaggedPanel(
         loads=PanelLoads(*sums),
-        lift_coefficient=of_wing.lift_slope * wing_alpha + of_wing.aileron_lift * aileron,
-        rates={**wing_rates, **tail_rates},
+        lift_coefficient=wing_alone.lift_slope * wing_angle.alpha
+        + wing_alone.aileron_lift * aileron,
+        rates={**wing_angle.rates, **tail_angle.rates},
     )
 
 
-def _lagged_alpha(
-    strip: _Strip, motion: _PanelMotion, x: Any, p: Any
-) -> tuple[Quantity, dict[str, Quantity]]:
-    """Return the effective angle of attack of a strip, rad, and the rates of its lag states."""
+def _effective_angle(strip: _Strip, panel: _Panel, x: Any, p: Any) -> _EffectiveAngle:
+    """Return the effective angle of attack of a strip, and the rates of its lag states."""
     # The effective angle is the geometric angle, minus the parts of the angles due to motion,
-    # control and gust that have no effect on the lift yet. The geometric angle does not include the
-    # control.
-    normal_by_rate = p.local_motion * motion.spanwise_rate * strip.behind
-    alpha = ca.atan2(motion.calm[2] + normal_by_rate, motion.calm[0]) - strip.downwash
-    gust = ca.atan2(motion.gusty[2] + normal_by_rate, motion.gusty[0]) - strip.downwash - alpha
-    angle = alpha + strip.control
-    half_chords = 2 * flow_of(*motion.gusty).speed / strip.chord
+    # control and gust that the lift does not follow yet. The geometric angle does not include the
+    # control, whose lift `panel_loads` adds.
+    turning = p.local_motion * panel.spanwise_rate * strip.behind
+    calm, gusty = panel.calm, panel.gusty
+    by_motion = ca.atan2(calm.downward + turning, calm.forward) - strip.downwash
+    by_gust = ca.atan2(gusty.downward + turning, gusty.forward) - strip.downwash - by_motion
+    with_control = by_motion + strip.control
+    half_chords = 2 * flow_of(gusty).speed / strip.chord
     rates = {
-        **lag_rates("lag", strip.name, WAGNER, angle, x, half_chords),
-        **lag_rates("gust", strip.name, KUESSNER, gust, x, half_chords),
+        **_lag_rates(WAGNER, strip.name, with_control, x, half_chords),
+        **_lag_rates(KUESSNER, strip.name, by_gust, x, half_chords),
     }
-    lift_lag = p.lift_lag * missing("lag", strip.name, WAGNER, angle, x)
-    gust_lag = p.gust_lag * missing("gust", strip.name, KUESSNER, gust, x)
-    return alpha + gust - lift_lag - gust_lag, rates
+    lift_lag = p.lift_lag * _missing_angle(WAGNER, strip.name, with_control, x)
+    gust_lag = p.gust_lag * _missing_angle(KUESSNER, strip.name, by_gust, x)
+    return _EffectiveAngle(by_motion + by_gust - lift_lag - gust_lag, rates)
 
 
 def _tip_moment(
-    x: Any, p: Any, speed: Quantity, air: Quantity
+    x: Any, p: Any, speed: Quantity, air_density: Quantity
 ) -> tuple[Quantity, dict[str, Quantity]]:
     """Return a hinge moment, ft lbf, and the rates of the lag states of the strip "tip", rad/s."""
-    # The hinge moment is that of the lift due to the hinge rate, which varies the angle of attack
-    # linearly along an outer wing.
-    angle = -p.local_motion * x.dihedral_rate * p.panel_span / (2 * speed)
-    tip = angle - p.lift_lag * missing("lag", "tip", WAGNER, angle, x)
+    # The hinge rate changes the angle of attack of an outer wing at the distance y from the hinge,
+    # relative to mid-span, by α_tip (2 y/s - 1), α_tip = -η' s / (2 V). The lift of this change has
+    # the hinge moment ∫ q̄ c a α_tip (2 y/s - 1) y dy = q̄ c a α_tip s²/6, with the lift slope a.
+    geometric = -p.local_motion * x.dihedral_rate * p.panel_span / (2 * speed)
+    effective = geometric - p.lift_lag * _missing_angle(WAGNER, "tip", geometric, x)
     slope = _slope_factor(p, _aspect_ratio(p)) * p.lift_slope
-    moment = air * speed**2 / 2 * p.chord * slope * p.panel_span**2 / 6 * tip
-    return moment, lag_rates("lag", "tip", WAGNER, angle, x, 2 * speed / p.chord)
+    moment = air_density * speed**2 / 2 * p.chord * slope * p.panel_span**2 / 6 * effective
+    return moment, _lag_rates(WAGNER, "tip", geometric, x, 2 * speed / p.chord)
 
 
 def _with_apparent_mass(
     x: Any,
     loads: Loads[Quantity],
-    motions: tuple[_PanelMotion, _PanelMotion],
+    panels: tuple[_Panel, _Panel],
     p: Any,
-    air: Quantity,
+    air_density: Quantity,
 ) -> Loads[Quantity]:
     """Return the loads including the apparent mass of wings and tails."""
     # The accelerations a = (w_b', q', η''), w_b = V sin α, solve (M + M_a) a = M a_0. M is the
     # inertia of the aircraft, and M_a the inertia of the carried air (`_carried_air`). a_0 are the
     # accelerations due to all loads except -M_a a.
-    others = _CarriedAir(0.0, 0.0, loads.pitching_moment, loads.hinge_moment, ca.DM(3, 3))
-    carried = [_carried_air(plate, motion, x, p) for motion in motions for plate in _plates(p, air)]
-    forward, downward, pitching_moment, hinge_moment, mass = (
-        sum(parts, first) for first, *parts in zip(others, *carried, strict=True)
-    )
-    sin_eta = ca.sin(x.dihedral)
-    cos_eta = ca.cos(x.dihedral)
+    plates = _plates(p, air_density)
+    carried = [_carried_air(plate, panel, x, p) for panel in panels for plate in plates]
+    forward = sum(air.forward for air in carried)
+    downward = sum(air.downward for air in carried)
+    pitching_moment = sum((air.pitching_moment for air in carried), loads.pitching_moment)
+    hinge_moment = sum((air.hinge_moment for air in carried), loads.hinge_moment)
+    carried_mass = sum((air.mass for air in carried), ca.DM(3, 3))
     unaccelerated = _with_forces(x, loads, forward, downward, pitching_moment, hinge_moment)
     base = rates_from_loads(x, unaccelerated, p, NEWTON)
     descent_rate = base.speed * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * base.alpha
     accelerations = ca.vertcat(descent_rate, base.pitch_rate, base.dihedral_rate)
-    # The coefficient c2 is that of the pitch equation (`hfa_model.dynamics`).
-    c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
-    pitch_inertia = 3 * p.inertia_pitch + c2 * sin_eta**2
     hinge_inertia = 2 * NEWTON.hinge_inertia(x.dihedral, p)
-    inertia = ca.diag(ca.vertcat(3 * p.panel_mass, pitch_inertia, hinge_inertia))
+    inertia = ca.diag(ca.vertcat(3 * p.panel_mass, pitch_inertia(x.dihedral, p), hinge_inertia))
     # Both matrices are symmetric and their sum is positive definite. The L D L' factorization is
-    # more accurate than a symbolic QR.
-    factors = ca.ldl(inertia + mass)
-    forces = mass @ (accelerations - ca.ldl_solve(mass @ accelerations, *factors))
+    # more accurate than a symbolic QR. forces = M_a a = M_a (a_0 - (M + M_a)⁻¹ M_a a_0).
+    factors = ca.ldl(inertia + carried_mass)
+    forces = carried_mass @ (accelerations - ca.ldl_solve(carried_mass @ accelerations, *factors))
     # The generalized force of η'' is that of two hinge moments, and of the vertical force by the
     # motion (s/3) cos η of the center of mass.
-    hinge_force = (forces[2] - p.panel_span / 3 * cos_eta * forces[0]) / 2
+    hinge_force = (forces[2] - p.panel_span / 3 * ca.cos(x.dihedral) * forces[0]) / 2
     return _with_forces(
         x,
         loads,
@@ -364,62 +390,63 @@ def _with_apparent_mass(
     )
 
 
-def _carried_air(plate: _Plate, motion: _PanelMotion, x: Any, p: Any) -> _CarriedAir:
-    """Return the loads of the air carried by the center panel or both outer panels."""
-    # A plate of half chord b rotates at the rate ω about its span. The mid-chord of the plate has
-    # the normal velocity w and the forward velocity u. The momentum of the carried air is m w
-    # normal to the plate, m = π ρ b² span. The angular momenta are (m b²/8) ω about the span and (m
-    # span²/12) η' about the chord. The force is -(m w n)' with the unit normal n. Its components
-    # are -m w' normal to the plate, -m w ω forward and m w η' toward the center.
+def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
+    """Return the loads of the air that the wings or tails of the panels of one kind carry."""
+    # A plate of half chord b turns at the rate ω about its span and η' about its chord. Its
+    # mid-chord has the normal velocity w and the forward velocity u. The momentum of the carried
+    # air is m w normal to the plate, m = π ρ b² span. The angular momenta are (m b²/8) ω about the
+    # span and (m span²/12) η' about the chord. The force is -(m w n)' with the unit normal n. Its
+    # components are -m w' normal to the plate, -m w ω forward and m w η' toward the center.
     # The moment -m u (b/2) ω of Theodorsen's lift at the three-quarter chord is added here, because
     # the circulatory lift at the quarter chord omits this moment.
-    is_center = motion.panel == "center"
-    sin_eta = ca.sin(x.dihedral)
+    turning = panel.spanwise_rate
+    normal_speed = panel.calm.downward + turning * plate.aft
+    normal_acceleration = _normal_acceleration(plate, panel, x, p)
+    slopes = normal_acceleration.slopes
+    forward = -plate.mass * normal_speed * turning
+    normal = -plate.mass * normal_acceleration.steady
+    inward = plate.mass * normal_speed * x.dihedral_rate
+    sin_panel = panel.sin_dihedral
+    cos_panel = panel.cos_dihedral
+    downward = normal * cos_panel + inward * sin_panel
+    pitch_inertia_of_air = plate.mass * plate.half_chord**2 / 8
+    lift_moment = cos_panel * plate.mass * panel.calm.forward * plate.half_chord / 2 * turning
+    gyroscopic = 2 * pitch_inertia_of_air * cos_panel * sin_panel * x.pitch_rate * x.dihedral_rate
+    moment = plate.aft * downward + panel.height * forward - lift_moment
+    centrifugal = pitch_inertia_of_air * cos_panel * sin_panel * x.pitch_rate**2
+    turns_about_hinge = panel.name == "outer"
+    roll_inertia_of_air = plate.mass * plate.span**2 / 12 if turns_about_hinge else 0.0
+    inertias = ca.vertcat(0.0, pitch_inertia_of_air * cos_panel**2, roll_inertia_of_air)
+    return _CarriedAir(
+        forward=panel.number * forward,
+        downward=panel.number * downward,
+        pitching_moment=panel.number * (moment + gyroscopic),
+        hinge_moment=-(panel.hinge_arm * normal + centrifugal),
+        mass=panel.number * (ca.diag(inertias) + plate.mass * slopes @ slopes.T),
+    )
+
+
+def _normal_acceleration(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _NormalAcceleration:
+    """Return the rate w' of the normal velocity of a plate's mid-chord, in a constant headwind."""
+    # With the descent w_h of the hinge (`hinge_descent`) and the arm r of the hinge,
+    # w = (w_h + aft q) cos(panel) - r η', and w_h' = w_b' + (s/3) (cos η η')' + h cos θ q.
     cos_eta = ca.cos(x.dihedral)
     third = p.panel_span / 3
-    headwind = motion.wind.headwind
-    # Cosine and sine of the dihedral of the plate.
-    lean = 1.0 if is_center else cos_eta
-    bend = 0.0 if is_center else sin_eta
-    height = center_height(x.dihedral, p) if is_center else outer_height(x.dihedral, p)
-    forward_speed = motion.calm[0]
-    normal_speed = motion.calm[2] + motion.spanwise_rate * plate.aft
-
-    # w' = direction . (w_b', q', η'') + terms that depend only on velocities.
-    by_hinge = third * cos_eta * lean - (0.0 if is_center else p.panel_span / 2)
-    direction = ca.vertcat(lean, plate.aft * lean, by_hinge)
-    hinge_descent = (
-        x.speed * ca.sin(x.alpha) + third * cos_eta * x.dihedral_rate + headwind * ca.sin(x.pitch)
+    headwind = _headwind(panel.wind)
+    descent = hinge_descent(x, p, headwind)
+    steady_descent_rate = (
+        third * ca.sin(x.dihedral) * -(x.dihedral_rate**2)
+        + headwind.headwind * ca.cos(x.pitch) * x.pitch_rate
     )
-    hinge_descent_rate = (
-        third * sin_eta * -(x.dihedral_rate**2) + headwind * ca.cos(x.pitch) * x.pitch_rate
+    steady = panel.cos_dihedral * steady_descent_rate - panel.sin_dihedral * x.dihedral_rate * (
+        descent + plate.aft * x.pitch_rate
     )
-    normal_acceleration = lean * hinge_descent_rate - bend * x.dihedral_rate * (
-        hinge_descent + plate.aft * x.pitch_rate
+    slopes = ca.vertcat(
+        panel.cos_dihedral,
+        plate.aft * panel.cos_dihedral,
+        third * cos_eta * panel.cos_dihedral - panel.hinge_arm,
     )
-
-    along = -plate.mass * normal_speed * motion.spanwise_rate
-    across = -plate.mass * normal_acceleration
-    inward = plate.mass * normal_speed * x.dihedral_rate
-    down = across * lean + inward * bend
-    roll_inertia = plate.mass * plate.span**2 / 12
-    pitch_inertia = plate.mass * plate.half_chord**2 / 8
-    lift_moment = lean * plate.mass * forward_speed * plate.half_chord / 2 * motion.spanwise_rate
-    moment = plate.aft * down + height * along - lift_moment
-    turning = 2 * pitch_inertia * lean * bend * x.pitch_rate * x.dihedral_rate
-    count = 1 if is_center else 2
-    hinge_moment: Quantity = 0.0
-    if not is_center:
-        centrifugal = pitch_inertia * lean * bend * x.pitch_rate**2
-        hinge_moment = -(p.panel_span / 2 * across + centrifugal)
-    inertias = ca.vertcat(0.0, pitch_inertia * lean**2, 0.0 if is_center else roll_inertia)
-    return _CarriedAir(
-        forward=count * along,
-        downward=count * down,
-        pitching_moment=count * (moment + turning),
-        hinge_moment=hinge_moment,
-        mass=count * (ca.diag(inertias) + plate.mass * direction @ direction.T),
-    )
+    return _NormalAcceleration(slopes, steady)
 
 
 def _with_forces(
@@ -441,19 +468,19 @@ def _with_forces(
     )
 
 
-def _plates(p: Any, air: Quantity) -> tuple[_Plate, _Plate]:
+def _plates(p: Any, air_density: Quantity) -> tuple[_Plate, _Plate]:
     """Return the wing and the tail of a panel as plates that carry air."""
     tail_chord = _tail_chord(p)
     wing_volume = p.chord**2 * p.panel_span
     tail_volume = p.tail_area * tail_chord
     wing = _Plate(
-        mass=p.apparent_mass * math.pi * air * wing_volume / 4,
+        mass=p.apparent_mass * math.pi * air_density * wing_volume / 4,
         half_chord=p.chord / 2,
         span=p.panel_span,
         aft=p.chord / 4,
     )
     tail = _Plate(
-        mass=p.apparent_mass * math.pi * air * tail_volume / 4,
+        mass=p.apparent_mass * math.pi * air_density * tail_volume / 4,
         half_chord=tail_chord / 2,
         span=p.tail_area / tail_chord,
         aft=p.boom_length + tail_chord / 4,
@@ -461,23 +488,16 @@ def _plates(p: Any, air: Quantity) -> tuple[_Plate, _Plate]:
     return wing, tail
 
 
-#: The aircraft without lags.
-_RIGID = rigid_panels(variant_named("published"), default_parameters().values)
+#: The aircraft in quasi-steady air.
+_QUASI_STEADY = rigid_panels(variant_named("published"), default_parameters().values)
 
 
-def _signals() -> dict[str, Signal]:
-    """Return the parameters of the model, name -> signal."""
-    # The parameters are the identified parameters of the aircraft, the effects with start value 1,
-    # and `tail_aspect_ratio` with start value 10.
-    values = default_parameters().values._asdict()
-    identified = {
-        name: signal._replace(start=float(values[name]))
-        for name, signal in _RIGID.parameters.items()
-    }
+def _parameter_signals() -> dict[str, Signal]:
+    """Return the parameters: those of the aircraft, the effects, and `tail_aspect_ratio`."""
     effects = {name: Signal("1", nominal=1.0, min=0.0, max=2.0, start=1.0) for name in EFFECTS}
     # The area of the tail is known but not its shape: 20 ft by 2 ft are assumed.
     return {
-        **identified,
+        **_QUASI_STEADY.parameters,
         **effects,
         "tail_aspect_ratio": Signal("1", nominal=10.0, min=0.1, max=1000.0, start=10.0),
     }
@@ -485,16 +505,16 @@ def _signals() -> dict[str, Signal]:
 
 #: The aircraft with its identified parameters and all effects at 1.
 UNSTEADY = replace(
-    _RIGID,
+    _QUASI_STEADY,
     name="unsteady",
     states={**STATE_SIGNALS._asdict(), **dict.fromkeys(LAG_STATES, Signal("rad", 0.1))},
     equations=unsteady_equations,
-    parameters=_signals(),
+    parameters=_parameter_signals(),
     steady=tuple(name for name in (*STATES, *LAG_STATES) if name != "altitude"),
     # Only wind changes the gust states. No input reaches them, so critics cannot be learned for
     # them.
     linear=(*LINEAR_STATES, *_LAGS, "downwash"),
-    modes={**_RIGID.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
+    modes={**_QUASI_STEADY.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
     parts={"short_period": ("alpha", *_LAGS, "downwash")},
     about=hfa_about("unsteady"),
 )
