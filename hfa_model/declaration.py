@@ -150,7 +150,7 @@ def configuration(x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
     m, s = values.panel_mass, values.panel_span
     pitch, yaw = values.inertia_pitch, values.inertia_yaw
     sine, cosine = math.sin(eta), math.cos(eta)
-    outward = 2.0 * m * (s / 2.0 * (1.0 + cosine)) ** 2
+    outward = 2.0 * m * (s / 2.0 * (1.0 + cosine)) ** 2  # sum of m y² of the panels
     upward = m * (s * sine) ** 2 / 6.0  # sum of m z² of the panels
     inertia = "slug ft^2"
     return {

@@ -66,9 +66,9 @@ def winds_of(w: Any) -> Winds:
     sums: dict[str, dict[str, Quantity]] = {"center": {}, "outer": {}}
     for name, value in w._asdict().items():
         component, _, panel = name.partition("_")
-        panels = (panel,) if panel else tuple(sums)
-        for reached in panels:
-            sums[reached][component] = sums[reached].get(component, 0.0) + value
+        for name_of_panel in (panel,) if panel else tuple(sums):
+            at_panel = sums[name_of_panel]
+            at_panel[component] = at_panel.get(component, 0.0) + value
     return Winds(Wind(**sums["center"]), Wind(**sums["outer"]))
 
 

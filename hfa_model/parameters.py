@@ -184,7 +184,7 @@ def load_parameters(name: str | Path) -> ParameterSet:
     if str(name) not in NAMED:
         return _read(str(name))
     packaged = _packaged(str(name))
-    return replace(
+    return replace(  # a copy, so that the cached set stays as it is
         packaged,
         sources={**packaged.sources},
         notes={**packaged.notes},
@@ -205,16 +205,14 @@ def _read(name: str) -> ParameterSet:
     if not rows:
         return parameters
     identified = parameters.identified
-    one_length = len({len(row) for row in rows}) == 1
-    covariance = np.array(rows if one_length else [[]])
-    is_square = covariance.shape == (len(identified),) * 2
-    if table["names"] != list(identified) or not (is_square and is_covariance(covariance)):
-        raise BadInputError(
-            f"{name}: [covariance] must list the identified parameters and be symmetric,"
-            " without a negative eigenvalue; remove [covariance], or run"
-            " `python -m studies.identification` again"
-        )
-    return replace(parameters, covariance=covariance)
+    is_square = {len(row) for row in rows} == {len(rows)} == {len(identified)}
+    if table["names"] == list(identified) and is_square and is_covariance(np.array(rows)):
+        return replace(parameters, covariance=np.array(rows))
+    raise BadInputError(
+        f"{name}: [covariance] must list the identified parameters and be symmetric,"
+        " without a negative eigenvalue; remove [covariance], or run"
+        " `python -m studies.identification` again"
+    )
 
 
 _packaged = cache(_read)  # read once, because the files do not change
@@ -227,11 +225,11 @@ def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
     """
     identified = default_parameters().values
     changes = {}
-    for name, field_of_name in FIELDS._asdict().items():
+    for name, spec in FIELDS._asdict().items():
         value = getattr(parameters.values, name)
         usual = getattr(identified, name)
         if value != usual:
-            changes[name] = Change(value, usual, field_of_name.unit)
+            changes[name] = Change(value, usual, spec.unit)
     return changes
 
 

@@ -76,9 +76,8 @@ def _model(case: dict[str, Any]) -> PublishedModel:
     half_unit = 0.5 * 10.0 ** -decimals["default"]
     half_unit_A = np.full(A.shape, half_unit)
     half_unit_B = np.full(B.shape, half_unit)
-    row = LINEAR_STATES.index("speed")
-    column = LINEAR_STATES.index("pitch")
-    half_unit_A[row, column] = 0.5 * 10.0 ** -decimals["A[speed][pitch]"]
+    speed_row, pitch_column = (LINEAR_STATES.index(name) for name in ("speed", "pitch"))
+    half_unit_A[speed_row, pitch_column] = 0.5 * 10.0 ** -decimals["A[speed][pitch]"]
     for array in (A, B, half_unit_A, half_unit_B):
         array.setflags(write=False)
     return PublishedModel(float(np.radians(case["dihedral_deg"])), A, B, half_unit_A, half_unit_B)
