@@ -22,7 +22,7 @@ class Signal(NamedTuple):
     min, max: domain of the equations, and limits of a trim
     start: value of a parameter, or initial value of a state or an input in a trim search
     rate: typical magnitude of a state's rate, by default the nominal
-    moving: note on omitted dynamics between an input and the motion
+    omitted_dynamics: note on dynamics between an input and the motion that the equations omit
     assumed: whether min and max are assumptions of a reader, which the aircraft's data do not state
     full: angle of what a lever without a unit moves, at the value 1 of the lever, rad; 0 if unknown
 
@@ -37,7 +37,7 @@ class Signal(NamedTuple):
     max: float = math.inf
     start: float = 0.0
     rate: float | None = None
-    moving: str = ""
+    omitted_dynamics: str = ""
     assumed: bool = False
     full: float = 0.0
 

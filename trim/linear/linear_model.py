@@ -219,9 +219,9 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         that jump, and omitted states.
         """
         signals = self.model.inputs
-        moving = [signals[name].moving for name in self.inputs if signals[name].moving]
+        omitted = filter(None, (signals[name].omitted_dynamics for name in self.inputs))
         reduction = [self.reduction] if self.reduction else []
-        return [*self.point.warnings, *moving, *self.kinks, *reduction]
+        return [*self.point.warnings, *omitted, *self.kinks, *reduction]
 
     @property
     def modes(self) -> ByName[Mode]:

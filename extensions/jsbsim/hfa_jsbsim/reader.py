@@ -388,7 +388,9 @@ class _Declaration:
             is_throttle = name.startswith("throttle")
             start = self.equations.starts.get(name, 0.6 if is_throttle else 0.0)
             note = self._note_on_engines(name) if is_throttle else self._note_on_kinematics(name)
-            signals[name] = Signal(pilot_input.unit, 0.1, *pilot_input.limits, start, moving=note)
+            signals[name] = Signal(
+                pilot_input.unit, 0.1, *pilot_input.limits, start, omitted_dynamics=note
+            )
         return signals
 
     def _note_on_kinematics(self, name: str) -> str:

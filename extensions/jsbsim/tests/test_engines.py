@@ -73,10 +73,10 @@ def test_a_throttle_without_lags_is_noted(path):
     With the option `engines=states`, no warning is given.
     """
     model, point = trim_of(path)
-    assert "makes their lags states (spool0)" in model.inputs["throttle"].moving
-    assert model.inputs["throttle"].moving in linearize(model, point).warnings
-    assert model.inputs["throttle"].moving not in point.warnings
-    assert load_model(f"{path}?engines=states").inputs["throttle"].moving == ""
+    assert "makes their lags states (spool0)" in model.inputs["throttle"].omitted_dynamics
+    assert model.inputs["throttle"].omitted_dynamics in linearize(model, point).warnings
+    assert model.inputs["throttle"].omitted_dynamics not in point.warnings
+    assert load_model(f"{path}?engines=states").inputs["throttle"].omitted_dynamics == ""
 
 
 def test_a_fast_fan_is_trimmed(tmp_path):

@@ -41,7 +41,7 @@ def flight_in_turbulence(angle: Position) -> Report:
     except (BadInputError, NoSolutionError) as error:
         return Report(_TITLE, (f"Not on this page: {error}",))
     limits, trim = flight.envelope, flight.point.x
-    away = flight.flight.limited
+    away = flight.deviations.limited
     used = np.maximum(away / (limits.highest - trim), away / (limits.lowest - trim)).max(axis=0)
     nearest = int(used.argmax())
     at_limit = max(flight.share_at_limits.values())

@@ -209,7 +209,7 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     that left the envelope or cycle in lists of names, -1 for none.
     """
     scenario = result.loop.scenario
-    rows = result.flight
+    rows = result.deviations
     states = list(plan.model.states)
     trim = plan.point.u
     time_flown = scenario.duration if result.departure is None else result.departure.time

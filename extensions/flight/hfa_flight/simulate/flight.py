@@ -134,7 +134,7 @@ def fly(
     shown = progress or ProgressLine("fly")
 
     result = fly_within(compiled, within, progress=shown)
-    start = result.flight.limited[0] + point.x
+    start = result.deviations.limited[0] + point.x
     refuse_start(within, start, happens.moving_air)
     return replace(result, predicts=predict and flown.predicts)
 
@@ -255,7 +255,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     envelope: limits of the states
     loop: the simulated loop
-    flight: deviations from `point`
+    deviations: time history in deviations from `point`
     departure: first departure from the envelope: state, time, value, limit, or null if there is
         none. Without an envelope, the state that diverges
     cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit, or null if there is
@@ -273,7 +273,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     envelope: Limits
     loop: ClosedLoop
-    flight: Deviations
+    deviations: Deviations
     departure: Departure | None
     cycle: LimitCycle | None
     predicts: bool = False
@@ -297,12 +297,12 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def time(self) -> np.ndarray:
         """Times (N,), s."""
-        return self.flight.times
+        return self.deviations.times
 
     @property
     def states(self) -> np.ndarray:
         """Absolute states X (N, n), also by name: states["alpha"]."""
-        return with_names(self.flight.states + self.point.x, (), self.state_names)
+        return with_names(self.deviations.states + self.point.x, (), self.state_names)
 
     @property
     def angles_of_attack(self) -> np.ndarray:
@@ -311,12 +311,12 @@ class Flight(StatesAndInputs, Result, Reported):
         In still air, it is alpha.
         """
         alpha = list(self.point.model.states).index(ALPHA)
-        return np.asarray(self.flight.limited[:, alpha] + self.point.states[alpha])
+        return np.asarray(self.deviations.limited[:, alpha] + self.point.states[alpha])
 
     @property
     def inputs(self) -> np.ndarray:
         """Absolute inputs U (N, m), also by name."""
-        return with_names(self.flight.inputs + self.point.u, (), self.input_names)
+        return with_names(self.deviations.inputs + self.point.u, (), self.input_names)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Return the absolute values, (N,), of a state, an input or an output, in its unit.
@@ -336,7 +336,7 @@ class Flight(StatesAndInputs, Result, Reported):
         Each entry has the fields input, value, limit and unit.
         """
         until = np.inf if self.departure is None else self.departure.time
-        return control_excesses(self.point.model, self.inputs[self.flight.times <= until])
+        return control_excesses(self.point.model, self.inputs[self.deviations.times <= until])
 
     @property
     def ok(self) -> bool:
@@ -368,7 +368,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def flown(self) -> float:
         """Duration of the flight, s."""
-        return float(self.flight.times[-1])
+        return float(self.deviations.times[-1])
 
     @property
     def final(self) -> Mapping[str, float]:
@@ -384,7 +384,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
         The angle of attack is included if the model outputs it and has the state alpha.
         """
-        values = _by_name(self.model.states, np.abs(self.flight.states).max(axis=0))
+        values = _by_name(self.model.states, np.abs(self.deviations.states).max(axis=0))
         if has_angle_of_attack(self.model):
             trim = getattr(self.point.states, ALPHA)
             values[ANGLE_OF_ATTACK] = float(np.abs(self.angles_of_attack - trim).max())
@@ -393,7 +393,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def rms_error(self) -> Mapping[str, float]:
         """Root mean square of the error of each state of the linear model, over the second half."""
-        late = self.flight.errors[len(self.flight.errors) // 2 :]
+        late = self.deviations.errors[len(self.deviations.errors) // 2 :]
         with np.errstate(over="ignore"):  # of a flight that diverges
             return _by_name(self.model.linear, np.sqrt(np.mean(late**2, axis=0)))
 
@@ -421,7 +421,7 @@ class Flight(StatesAndInputs, Result, Reported):
         """State -> largest difference from the linear prediction, omitted without a prediction."""
         if self.predicted is None:
             return None
-        difference = np.abs(self.flight.states - self.predicted.states).max(axis=0)
+        difference = np.abs(self.deviations.states - self.predicted.states).max(axis=0)
         return _by_name(self.model.states, difference)
 
     @property
@@ -431,7 +431,7 @@ class Flight(StatesAndInputs, Result, Reported):
         It is the sum of the errors of the steps that exceed the tolerance, relative to the largest
         deviation in nominal values.
         """
-        return self.flight.integration_error or None
+        return self.deviations.integration_error or None
 
     @property
     def cost(self) -> float | None:
@@ -442,7 +442,7 @@ class Flight(StatesAndInputs, Result, Reported):
         z: deviations of the states from trim and command
         u: deviations of the inputs from trim
         """
-        return None if self.flight.cost is None else float(self.flight.cost[-1])
+        return None if self.deviations.cost is None else float(self.deviations.cost[-1])
 
     @cached_property
     def _optimum(self) -> np.ndarray | None:
@@ -461,7 +461,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def cost_to_go(self) -> float | None:
         """Linear cost-to-go z'Pz at the end, omitted without weights or a linear optimum."""
-        z = self.flight.errors[-1:]
+        z = self.deviations.errors[-1:]
         return None if self._optimum is None else float(quadratic_forms(z, self._optimum)[0])
 
     @property
@@ -470,10 +470,10 @@ class Flight(StatesAndInputs, Result, Reported):
 
         The rule is that of `optimize` and of the costs of `assess`.
         """
-        if self._optimum is None or self.flight.cost is None:
+        if self._optimum is None or self.deviations.cost is None:
             return None
         end = has_returned(
-            self.model, self.flight.errors[-1:], self._optimum, self.flight.cost[-1:]
+            self.model, self.deviations.errors[-1:], self._optimum, self.deviations.cost[-1:]
         )
         return self.departure is None and bool(end[0])
 
@@ -482,10 +482,8 @@ class Flight(StatesAndInputs, Result, Reported):
         """Notes on the operating point, and on moving inputs whose dynamics are not modeled."""
         moved = np.ptp(self.inputs, axis=0) > 0.0
         inputs = zip(self.model.inputs.values(), moved, strict=True)
-        return [
-            *self.point.warnings,
-            *(each.moving for each, moves in inputs if moves and each.moving),
-        ]
+        omitted = (signal.omitted_dynamics for signal, moves in inputs if moves)
+        return [*self.point.warnings, *filter(None, omitted)]
 
     def title(self) -> str:
         """Return the first lines of the report: the verdict, a line on the flight, and findings.
@@ -517,7 +515,7 @@ class Flight(StatesAndInputs, Result, Reported):
             lines.append(GIVE_LIMIT)
         lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
         if (self.integration_error or 0.0) > RESOLVED:
-            error = percent(100.0 * self.flight.integration_error, up=True)
+            error = percent(100.0 * self.deviations.integration_error, up=True)
             lines.append(
                 "Not resolved: where rates jump, the errors of the shortest steps add up to "
                 f"{error} of the largest deviation"
@@ -531,7 +529,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
         title: heading, by default that of the report
         """
-        model, flown, times = self.model, self.flight, self.time
+        model, flown, times = self.model, self.deviations, self.time
         values = signals_of(model, self.states, self.inputs)
         reference = {
             name: values[name] - error
@@ -558,7 +556,7 @@ class Flight(StatesAndInputs, Result, Reported):
             "inputs": self.input_names,
             "operating_point": self.point,
             "within_limits": self.ok,
-            "envelope": envelope_data(self.envelope, bool(self.flight.winds)),
+            "envelope": envelope_data(self.envelope, bool(self.deviations.winds)),
         }
         entries |= {name: getattr(self, name) for name in _STORED}
         return entries | without_empty(**{name: getattr(self, name) for name in _STORED_IF_ANY})
@@ -568,7 +566,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
         The cost is included if there are weights.
         """
-        moving = bool(self.flight.winds) and has_angle_of_attack(self.model)
+        moving = bool(self.deviations.winds) and has_angle_of_attack(self.model)
         parts: list[Part] = []
         parts.append(self._states(moving))
         parts += self._air_notes(moving)
@@ -591,7 +589,7 @@ class Flight(StatesAndInputs, Result, Reported):
             parts.append(Group("cost", tuple(rows), (RULE,) if self.cost_to_go is not None else ()))
         parts += self.loop.policy.notes()
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
-        largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
+        largest = max(np.abs(self.deviations.states).max(), np.abs(self.deviations.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
         return Report(self.title(), parts, notes, storable(self), self._records())
 
@@ -656,9 +654,9 @@ class Flight(StatesAndInputs, Result, Reported):
         """
         every = slice(None, None, round(self.loop.scenario.tick / self.step))
         columns = {
-            "times": self.flight.times[every],
-            "errors": self.flight.errors[every],
-            "winds": {name: values[every] for name, values in self.flight.winds.items()},
+            "times": self.deviations.times[every],
+            "errors": self.deviations.errors[every],
+            "winds": {name: values[every] for name, values in self.deviations.winds.items()},
             "states": self.states[every],
             "inputs": self.inputs[every],
         }
