@@ -463,9 +463,8 @@ WITHOUT = {
     **dict.fromkeys(("controller.basis", "controller.run"), "knows no plant"),
     "verification.relative_error": "of two arrays",
 }
-#: Compared in named units alone: rows with units, and margins of a sampled loop whose search takes
-#: more than five minutes in units of 2^20.
-NAMED = ("trim.sheet_of", "trim.graded", "hfa.assess")
+#: Compared in named units alone: rows with units.
+NAMED = ("trim.sheet_of", "trim.graded")
 #: Those whose times are in seconds by their definition: of samples, of the drift of a state.
 SECONDS = ("hfa.filter", "hfa.keep_inside", "hfa.assess", "hfa.environment", "hfa.predictive")
 #: Those that take more than a second.

@@ -40,8 +40,8 @@ def action_effects(deployed: Deployed, linearized: Equilibrium) -> list[ActionEf
         exact = solve(lqr_at(deployed, linearized)).K
     except NoSolutionError:
         return []
-    gain = linearized.K if linearized.gain is None else linearized.gain
-    damping = np.diag(gain @ linearized.B)
-    exact_damping = np.diag(exact @ linearized.B)
+    loop = linearized.nominal
+    damping = np.diag(loop.settled_gain @ loop.B)
+    exact_damping = np.diag(exact @ loop.B)
     columns = (deployed.commanded, damping.tolist(), exact_damping.tolist())
     return [ActionEffect(*row) for row in zip(*columns, strict=True)]

@@ -45,11 +45,11 @@ class AssessedPoint(Result):
 
     deployed: Deployed
     case: TrimCase
-    delays: Delays | None
-    margins: Margins | None
-    cost: CostAboveOptimum | None
-    flights: Outcomes | None
-    disturbed: Outcomes | None
+    delays: Delays | None = None
+    margins: Margins | None = None
+    cost: CostAboveOptimum | None = None
+    flights: Outcomes | None = None
+    disturbed: Outcomes | None = None
     actions: tuple[ActionEffect, ...] = ()
     costs: FlightCosts | None = None
     remarks: tuple[str, ...] = ()

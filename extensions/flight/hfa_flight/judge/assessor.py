@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,21 +10,20 @@ import numpy as np
 from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.judge.action_effects import action_effects
 from hfa_flight.judge.assessed_point import AssessedPoint
-from hfa_flight.judge.cost_above_optimum import CostAboveOptimum, cost_above_optimum
-from hfa_flight.judge.outcomes import Outcomes, TrimCase, fly_cases, refuse_edges
+from hfa_flight.judge.cost_above_optimum import cost_above_optimum
+from hfa_flight.judge.outcomes import TrimCase, fly_cases, refuse_edges
 from hfa_flight.judge.resolved_flight import resolved_flight
 from hfa_flight.judge.weights import has_weights
 from hfa_flight.needs import ALL, SAMPLES
 from hfa_flight.plan.initial_box import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.equilibrium import Equilibrium, EquilibriumSearch
+from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
 from hfa_flight.policies.deployment.sampled_loop import (
     Chain,
-    Delays,
     Margins,
+    chain_margins,
     chain_of,
-    delays,
-    margins,
+    searched_delays,
 )
 from hfa_flight.simulate.sampled_flights import SampledFlight
 from hfa_support.errors import NoSolutionError
@@ -65,27 +63,26 @@ class Assessor:
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
         cases = [self._case(point) for point in self.points]
-        plain: Sequence[Outcomes | None] = [None] * len(cases)
-        disturbed = plain
-        error = None
-        if self.samples:
-            flight, error = resolved_flight(self._flight(cases), cases, self.seed)
-            plain, disturbed = fly_cases(flight, cases, self.samples, self.seed, progress)
-        with ThreadPoolExecutor() as pool:
-            late = [*pool.map(self._delays, cases)]
-        rows = zip(cases, late, plain, disturbed, strict=True)
-        return [replace(self._point(*row), integration=error) for row in rows]
+        if not self.samples:
+            return [self._assessed_point(case) for case in cases]
+        flight, error = resolved_flight(self._flight(cases), cases, self.seed)
+        plain, disturbed = fly_cases(flight, cases, self.samples, self.seed, progress)
+        return [
+            replace(self._assessed_point(case), flights=flown, disturbed=pulsed, integration=error)
+            for case, flown, pulsed in zip(cases, plain, disturbed, strict=True)
+        ]
 
     def _case(self, point: OperatingPoint) -> TrimCase:
         """Return one trim with its box, equilibrium and sampled loop."""
         widths = start_box(self.deployed.model, point)
         for name, width in self.box.items():
             widths[self.deployed.model.linear.index(name)] = width
-        timing = self.deployed.deployment
         equilibrium = EquilibriumSearch(self.deployed, point).equilibrium()
         if equilibrium is None:
             return TrimCase(point, widths)
-        return TrimCase(point, widths, equilibrium, chain_of(equilibrium, timing.dt, timing.delay))
+        timing = self.deployed.deployment
+        loop = chain_of(equilibrium.nominal, timing.dt, timing.delay)
+        return TrimCase(point, widths, equilibrium, loop)
 
     def _flight(self, cases: Sequence[TrimCase]) -> SampledFlight:
         """Return the simulation of sampled flights that begin near the trims."""
@@ -94,61 +91,36 @@ class Assessor:
         parts = parts_of_a_sample(self.points, deployment.dt, boxes, longest=_LONGEST_CHECKED)
         return SampledFlight(self.deployed, deployment.dt, deployment.delay, parts)
 
-    def _delays(self, case: TrimCase) -> Delays | None:
-        deployment = self.deployed.deployment
-        if case.equilibrium is None:
-            return None
-        return delays(case.equilibrium, deployment.dt, deployment.delay)
-
-    def _point(
-        self,
-        case: TrimCase,
-        loop_delays: Delays | None,
-        flown: Outcomes | None,
-        disturbed: Outcomes | None,
-    ) -> AssessedPoint:
-        """Return the result at a trim, without the comparison of costs."""
+    def _assessed_point(self, case: TrimCase) -> AssessedPoint:
+        """Return the result of the linear loop at a trim, without flights."""
         linearized = case.equilibrium
         if linearized is None or linearized.clips:
             linearized = EquilibriumSearch(self.deployed, case.point).at_trim()
-        found = AssessedPoint(
-            deployed=self.deployed,
-            case=case,
-            delays=loop_delays,
-            margins=None,
-            cost=None,
-            flights=flown,
-            disturbed=disturbed,
-            actions=tuple(action_effects(self.deployed, linearized)),
+        actions = tuple(action_effects(self.deployed, linearized))
+        if case.equilibrium is None or case.loop is None:
+            return AssessedPoint(self.deployed, case, actions=actions, share=self.share)
+        timing = self.deployed.deployment
+        margins = _margins(case.loop)
+        cost = None
+        if has_weights(self.deployed):
+            cost = cost_above_optimum(self.deployed, case.equilibrium, case.loop)
+        return AssessedPoint(
+            self.deployed,
+            case,
+            delays=searched_delays(case.equilibrium.nominal, timing.dt, timing.delay),
+            margins=None if isinstance(margins, str) else margins,
+            cost=None if isinstance(cost, str) else cost,
+            actions=actions,
+            remarks=tuple(reason for reason in (margins, cost) if isinstance(reason, str)),
             share=self.share,
         )
-        if case.equilibrium is None or case.loop is None:
-            return found
-        remarks: list[str] = []
-        return replace(
-            found,
-            margins=_margins(case.loop, remarks),
-            cost=self._cost(case.equilibrium, remarks),
-            remarks=tuple(remarks),
-        )
-
-    def _cost(self, equilibrium: Equilibrium, remarks: list[str]) -> CostAboveOptimum | None:
-        """Return the cost above the optimum, or None without weights or an optimum."""
-        if not has_weights(self.deployed):
-            return None
-        lost = cost_above_optimum(self.deployed, equilibrium)
-        if isinstance(lost, str):
-            remarks.append(lost)
-            return None
-        return lost
 
 
-def _margins(loop: Chain, remarks: list[str]) -> Margins | None:
-    """Return the margins of a stable loop, or None."""
+def _margins(loop: Chain) -> Margins | str | None:
+    """Return the margins of a loop, None if it is unstable, or why they are missing."""
     if loop.radius >= 1.0:
         return None
     try:
-        return margins(loop)
+        return chain_margins(loop)
     except (NoSolutionError, np.linalg.LinAlgError):
-        remarks.append("the margins could not be computed")
-        return None
+        return "the margins could not be computed"

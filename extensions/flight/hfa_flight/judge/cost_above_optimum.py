@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from hfa_flight.judge.weights import weights_at
 from hfa_flight.plan.hold import hold_of
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
-from hfa_flight.policies.deployment.sampled_loop import Chain, chain_of
+from hfa_flight.policies.deployment.sampled_loop import Chain
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import power_of_two
 from hfa_support.reporting.results import Result
@@ -36,75 +36,67 @@ class CostAboveOptimum(Result):
     mean: float
 
 
-def cost_above_optimum(deployed: Deployed, equilibrium: Equilibrium) -> CostAboveOptimum | str:
+def cost_above_optimum(deployed: Deployed, at: Equilibrium, loop: Chain) -> CostAboveOptimum | str:
     """Return the cost above the optimum, or a sentence with the reason why no optimum exists.
+
+    at: equilibrium of the sampled loop
+    loop: sampled loop at the equilibrium, in nominal values
 
     Raises BadInputError for the weight of an output that depends on the inputs.
     """
-    game, nominal = _in_nominal_units(deployed, equilibrium)
-    timing = deployed.deployment
-    chain = chain_of(nominal, timing.dt, timing.delay)
+    game = lqr_at(deployed, at)
     try:
-        _, optimum = hold_of(game.A, game.B, game.Q, game.R, chain.dt).forever()
+        _, optimum = hold_of(game.A, game.B, game.Q, game.R, loop.dt).forever()
     except NoSolutionError as error:
         return f"the cost has no optimum here: {error}"
-    return _above(game, optimum, chain)
+    return _above(game, optimum, loop)
 
 
-def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
-    """Return the LQR problem of the linearization at the equilibrium.
+def lqr_at(deployed: Deployed, at: Equilibrium) -> Game:
+    """Return the LQR problem of the linearization at an equilibrium, in nominal values.
 
-    Q and R are those of the deployment.
-    """
-    Q, R = weights_at(deployed, equilibrium)
-    E = np.eye(len(equilibrium.A))
-    return Game(equilibrium.A, equilibrium.B, E=E, Q=Q, R=R, delta=math.inf)
-
-
-def _in_nominal_units(deployed: Deployed, equilibrium: Equilibrium) -> tuple[Game, Equilibrium]:
-    """Return the LQR problem and the linearization, each signal in nominal values, and costs in
-    units in which the largest weight is about 1.
+    Q and R are those of the deployment, in a unit of the cost in which the largest is about 1.
     """
     model = deployed.model
-    z = np.array([model.states[name].nominal for name in model.linear])
+    x = np.array([model.states[name].nominal for name in model.linear])
     u = np.array([model.inputs[name].nominal for name in deployed.commanded])
-    nominal = replace(
-        equilibrium,
-        A=equilibrium.A * z / z[:, None],
-        B=equilibrium.B * u / z[:, None],
-        K=equilibrium.K * z / u[:, None],
-        K_inputs=equilibrium.K_inputs * u / u[:, None],
-    )
-    Q, R = (
-        weight * np.outer(sizes, sizes)
-        for weight, sizes in zip(weights_at(deployed, equilibrium), (z, u), strict=True)
-    )
-    cost = power_of_two(np.array(max(np.abs(Q).max(), np.abs(R).max())))
-    E = np.eye(len(z))
-    return Game(nominal.A, nominal.B, E=E, Q=Q / cost, R=R / cost, delta=math.inf), nominal
+    of_states, of_inputs = weights_at(deployed, at)
+    Q, R = of_states * np.outer(x, x), of_inputs * np.outer(u, u)
+    largest = power_of_two(np.array(max(np.abs(Q).max(), np.abs(R).max())))
+    A, B = at.nominal.A, at.nominal.B
+    return Game(A, B, E=np.eye(len(A)), Q=Q / largest, R=R / largest, delta=math.inf)
 
 
-def _above(game: Game, optimum: np.ndarray, chain: Chain) -> CostAboveOptimum:
-    """Return the cost of a sampled loop above the optimum, 0 if no deviation has a cost."""
-    # At the first sample, delayed commands have their equilibrium values, and earlier observations
-    # equal the present ones.
-    from scipy.linalg import solve_discrete_lyapunov
+def _above(game: Game, optimum: np.ndarray, loop: Chain) -> CostAboveOptimum:
+    """Return the cost of a sampled loop above the optimum, 0 if no deviation has a cost.
 
-    if chain.radius >= 1.0:
+    optimum: P of the least cost x'Px, (k, k)
+    """
+    if loop.radius >= 1.0:
         return CostAboveOptimum(math.inf, math.inf)
-    x = np.eye(chain.states, len(chain.F))
-    weights = np.zeros_like(chain.F)
-    for seconds, acting in chain.acting:
-        hold = hold_of(game.A, game.B, game.Q, game.R, seconds)
-        both = np.vstack([x, acting])
-        weights += both.T @ hold.W @ both
-        x = hold.A @ x + hold.B @ acting
-    X = chain.start.T @ solve_discrete_lyapunov(chain.closed.T, weights) @ chain.start
     values, vectors = np.linalg.eigh(optimum)
     paid = values > _COSTS_NOTHING * max(float(values[-1]), 0.0)
     if not paid.any():
         return CostAboveOptimum(0.0, 0.0)
     root = vectors[:, paid] / np.sqrt(values[paid])
-    lost = np.linalg.eigvalsh(root.T @ (X - optimum) @ root)
-    percent = [100.0 * max(float(each), 0.0) for each in (lost[-1], lost.mean())]
-    return CostAboveOptimum(*percent)
+    above = np.linalg.eigvalsh(root.T @ (_cost_of(loop, game) - optimum) @ root)
+    worst, mean = (100.0 * max(float(each), 0.0) for each in (above[-1], above.mean()))
+    return CostAboveOptimum(worst, mean)
+
+
+def _cost_of(loop: Chain, game: Game) -> np.ndarray:
+    """Return X of the cost x'Xx of a stable sampled loop from deviations x, (k, k).
+
+    At the first sample, delayed commands have their equilibrium values, and earlier observations
+    equal the present ones.
+    """
+    from scipy.linalg import solve_discrete_lyapunov
+
+    of_states = np.eye(loop.states, len(loop.F))  # from s at the sample to x now
+    weights = np.zeros_like(loop.F)
+    for seconds, of_inputs in loop.acting:
+        hold = hold_of(game.A, game.B, game.Q, game.R, seconds)
+        of_both = np.vstack([of_states, of_inputs])
+        weights += of_both.T @ hold.W @ of_both
+        of_states = hold.A @ of_states + hold.B @ of_inputs
+    return loop.start.T @ solve_discrete_lyapunov(loop.closed.T, weights) @ loop.start

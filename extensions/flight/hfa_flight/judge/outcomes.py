@@ -69,7 +69,8 @@ class TrimCase:
     point: the trim.
     box: (k,), half-widths of the initial conditions about the trim.
     equilibrium: the equilibrium, or None if it does not exist.
-    loop: sampled loop at the equilibrium with the deployed delay, or None without an equilibrium.
+    loop: sampled loop at the equilibrium with the deployed delay, in nominal values, or None
+        without an equilibrium.
     """
 
     point: OperatingPoint

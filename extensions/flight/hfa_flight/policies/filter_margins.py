@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from hfa_flight.air.delay import in_samples
-from hfa_flight.policies.deployment.sampled_loop import Chain, held, margins
+from hfa_flight.policies.deployment.sampled_loop import Chain, chain_margins, held_late
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_support.errors import BadInputError
 from hfa_support.matrices import spectral_radius
@@ -75,7 +75,7 @@ def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
             f"the loop of the gain and the filter has the spectral radius {loop.radius:.6g}; give "
             "a gain with which it is stable"
         )
-    inputs = margins(loop).inputs
+    inputs = chain_margins(loop).inputs
     return FilterMargins(
         compensator_radius=spectral_radius(moved @ kept),
         radius=loop.radius,
@@ -98,10 +98,7 @@ def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
     """
     Phi, Gamma, L, C = known.Phi, known.Gamma, known.L, known.C
     (n, m), (whole, rest) = Gamma.shape, in_samples(delay, known.dt)
-    early, late = np.zeros_like(Gamma), Gamma
-    if rest:
-        after, late = held(known.A, known.B, known.dt - rest)
-        early = after @ held(known.A, known.B, rest)[1]
+    plant = held_late(known.A, known.B, known.dt, rest)
     count = (whole + (rest > 0.0)) * m
     size = n + count + n
     F, G, command = np.zeros((size, size)), np.zeros((size, m)), np.zeros((m, size))
@@ -109,7 +106,8 @@ def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
     command[:, :n] = -gain @ L @ C
     command[:, filtered] = -gain @ (np.eye(n) - L @ C)
     F[:n, :n] = Phi
-    for samples, part in ((whole, late), (whole + 1, early)):  # age of the command that acts
+    of_ages = ((whole, plant.late), (whole + 1, plant.early))  # Γ of commands, by age in samples
+    for samples, part in of_ages:
         if samples:
             if part.any():
                 begin = n + (samples - 1) * m

@@ -11,6 +11,9 @@ import hfa
 A = np.array([[-2.0, 0.1], [-10.0, -0.5]])
 B = np.array([[3.0, 0.0], [0.0, 20.0]])
 K = np.array([[0.4, 0.01], [-0.2, 0.05]])
+#: Nominal values of the states and of the inputs, and the gain in them.
+X, U = np.array([0.2, 100.0]), np.array([0.1, 0.5])
+NOMINAL_K = K * X / U[:, None]
 OFFSET = np.array([0.01, -0.03])
 START = {"alpha": 0.1, "speed": 100.0, "altitude": 1000.0}
 
@@ -67,24 +70,25 @@ def test_the_equilibrium_balances_the_offset_of_the_policy():
     x = -np.linalg.solve(A - B @ K, B @ OFFSET)
     np.testing.assert_allclose(found.states - POINT.states, [*x, 0.0], atol=1e-9)
     np.testing.assert_allclose(found.inputs - POINT.inputs, OFFSET - K @ x, atol=1e-9)
-    for name, value in (("A", A), ("B", B), ("K", K), ("gain", K)):
-        np.testing.assert_allclose(getattr(found, name), value, atol=1e-9, err_msg=name)
-    assert not found.K_inputs.any()
+    np.testing.assert_allclose(found.K, K, atol=1e-9)
+    loop = found.nominal
+    for name, value in (("A", A * X / X[:, None]), ("B", B * U / X[:, None]), ("K", NOMINAL_K)):
+        np.testing.assert_allclose(getattr(loop, name), value, atol=1e-9, err_msg=name)
+    np.testing.assert_allclose(loop.settled_gain, NOMINAL_K, atol=1e-9)
+    assert not loop.K_inputs.any()
     assert (found.clips, found.clipped_observations) == ((), ())
 
 
 @pytest.mark.slow
 def test_inputs_that_follow_themselves_have_a_larger_gain():
-    """u = -K x + .5 of the elevator before: the settled gain is twice K; an integrator has none."""
+    """u = -K x + .5 of the elevator before: its settled gain is twice K, and K for an integrator."""
     names = ("alpha", "speed", "elevator")
-    for share, gain in ((0.5, K * [[2.0], [1.0]]), (1.0, None)):
+    for share, factor in ((0.5, 2.0), (1.0, 1.0)):
         follows = lambda o, s=share: -ca.DM(K) @ o[:2] + ca.DM([s, 0.0]) * o[2]  # noqa: E731
-        found = equilibrium(follows, names)
-        np.testing.assert_allclose(found.K_inputs, [[share, 0.0], [0.0, 0.0]], atol=1e-9)
-        if gain is None:
-            assert found.gain is None
-        else:
-            np.testing.assert_allclose(found.gain, gain, atol=1e-9)
+        loop = equilibrium(follows, names).nominal
+        np.testing.assert_allclose(loop.K_inputs, [[share, 0.0], [0.0, 0.0]], atol=1e-9)
+        gain = NOMINAL_K * [[factor], [1.0]]
+        np.testing.assert_allclose(loop.settled_gain, gain, atol=1e-9)
 
 
 def test_at_a_kink_of_the_aircraft_the_loop_is_that_of_linearize():
@@ -96,8 +100,8 @@ def test_at_a_kink_of_the_aircraft_the_loop_is_that_of_linearize():
     found = equilibrium(lambda o: -ca.DM(K) @ o, model=model)
     linear = hfa.linearize(model, hfa.trim(model))
     assert linear.kinks
-    np.testing.assert_array_equal(found.A, linear.A)
-    np.testing.assert_array_equal(found.B, linear.B)
+    np.testing.assert_allclose(found.nominal.A, linear.A * X / X[:, None], rtol=1e-14)
+    np.testing.assert_allclose(found.nominal.B, linear.B * U / X[:, None], rtol=1e-14)
 
 
 def test_a_saturated_equilibrium_fails_and_its_actions_are_named():

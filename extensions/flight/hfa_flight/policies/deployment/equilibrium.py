@@ -5,7 +5,9 @@ The equilibrium (X, U) satisfies f(X, U) = f(X0, U0) in the linear states and U 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,23 +19,47 @@ from trim.linear.kinks import linearization_at
 from trim.point.operating_point import OperatingPoint
 
 _MOST_STEPS = 60
-_MOST_HALVES = 30
+_MOST_HALVINGS = 30
 #: Residual, in nominal rates, below which a point counts as an equilibrium.
 _STEADY = 1e-9
+
+
+class NominalLoop(NamedTuple):
+    """Linear aircraft x' = A x + B u with the sampled policy u = -K x + K_inputs u_before.
+
+    x are deviations of the linear states and u of the commanded inputs, each in nominal values;
+    u_before are the inputs just before the sample.
+
+    A: (k, k), 1/s.
+    B: (k, m'), 1/s.
+    K: (m', k).
+    K_inputs: (m', m').
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    K: np.ndarray
+    K_inputs: np.ndarray
+
+    @property
+    def settled_gain(self) -> np.ndarray:
+        """Gain (I - K_inputs)⁻¹ K of u = -gain x once the inputs follow a constant state, (m', k).
+
+        The gain is K for a policy whose inputs do not settle, such as an integrator.
+        """
+        if not spectral_radius(self.K_inputs) < 1.0:
+            return self.K
+        return np.linalg.solve(np.eye(len(self.K_inputs)) - self.K_inputs, self.K)
 
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
     """Equilibrium of the sampled loop and its linearization.
 
-    u are the commanded inputs, x the linear states.
-
     states: X, (n,). States outside the linear model have their trim values.
     inputs: U, (m,).
-    K: (m', k), -∂u/∂x.
-    K_inputs: (m', m'), ∂u/∂u_before, with respect to the previous inputs.
-    A: (k, k), of the aircraft.
-    B: (k, m'), of the aircraft.
+    K: (m', k), -∂u/∂x of the commanded inputs u and the linear states x.
+    nominal: the linearization in nominal values.
     clips: descriptions of saturated actions and inputs.
     clipped_observations: names of the observations that the normalizer clips.
     """
@@ -41,21 +67,29 @@ class Equilibrium:
     states: np.ndarray
     inputs: np.ndarray
     K: Matrix
-    K_inputs: np.ndarray
-    A: np.ndarray
-    B: np.ndarray
+    nominal: NominalLoop
     clips: tuple[str, ...] = ()
     clipped_observations: tuple[str, ...] = ()
 
-    @property
-    def gain(self) -> Matrix | None:
-        """Gain (I - K_inputs)⁻¹ K of u = -gain x once the commands follow the state, (m', k).
 
-        None for a policy whose inputs do not settle at a constant state, such as an integrator.
-        """
-        if not spectral_radius(self.K_inputs) < 1.0:
-            return None
-        return np.linalg.solve(np.eye(len(self.K_inputs)) - self.K_inputs, self.K)
+class _Residual(NamedTuple):
+    """Residual of the equilibrium conditions at a point z = (X; U), in nominal rates and inputs.
+
+    z: (n + m,)
+    values: (k + m',), rates of the linear states beside those at the trim, and inputs beside the
+        commanded ones.
+    jacobian: (k + m', k + m'), by the linear states and commanded inputs in nominal values.
+    """
+
+    z: np.ndarray
+    values: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def size(self) -> float:
+        """Norm of the residual, inf if it is not a finite number."""
+        norm = float(np.linalg.norm(self.values))
+        return norm if math.isfinite(norm) else math.inf
 
 
 class EquilibriumSearch:
@@ -74,88 +108,92 @@ class EquilibriumSearch:
         self.columns = model.input_places(deployed.commanded)
         self.base = np.concatenate([point.states, point.inputs])
         self.moving = [*self.rows, *(len(model.states) + column for column in self.columns)]
+        self.state_scales = np.array([model.states[name].nominal for name in model.linear])
+        self.input_scales = np.array([model.inputs[name].nominal for name in deployed.commanded])
         rate_scales = [model.rate_scale(name) for name in model.linear]
-        input_scales = [model.inputs[name].nominal for name in deployed.commanded]
-        state_scales = [model.states[name].nominal for name in model.linear]
-        self.residual_scales = np.array([*rate_scales, *input_scales])
-        self.scales = np.array([*state_scales, *input_scales])
-        self.steady = model.at(point.states, point.inputs).f[self.rows]
+        self.residual_scales = np.array([*rate_scales, *self.input_scales])
+        self.scales = np.array([*self.state_scales, *self.input_scales])
+        self.steady_rates = model.at(point.states, point.inputs).f[self.rows]
 
     def at_trim(self) -> Equilibrium:
         """Return the linearization at the trim, which need not be an equilibrium."""
-        return self._found(self.base)
-
-    def _moved(self, z: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Return the point after scaled steps of the moving entries."""
-        moved = z.copy()
-        moved[self.moving] += steps * self.scales
-        return moved
-
-    def _scaled_system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the scaled residual and its Jacobian with respect to scaled steps."""
-        residual, jacobian = self._system(z)
-        scaled = jacobian * self.scales / self.residual_scales[:, None]
-        return residual / self.residual_scales, scaled
+        return self._linearized_at(self.base)
 
     def equilibrium(self) -> Equilibrium | None:
         """Return the equilibrium that Newton's method finds from the trim, or None."""
-        z = self.base
-        residual, jacobian = self._scaled_system(z)
-        size = _finite_norm(residual)
+        here = self._residual_at(self.base)
         for _ in range(_MOST_STEPS):
-            if size <= _STEADY * 1e-3 or not (np.isfinite(size) and np.isfinite(jacobian).all()):
+            if here.size <= _STEADY * 1e-3 or not np.isfinite(here.jacobian).all():
                 break
-            step = np.linalg.lstsq(jacobian, -residual, rcond=1e-12)[0]
-            for _ in range(_MOST_HALVES):
-                trial = self._moved(z, step)
-                following, slopes = self._scaled_system(trial)
-                if _finite_norm(following) < size:
-                    break
-                step = step / 2.0
-            else:
+            following = self._after_newton_step(here)
+            if following is None:
                 break
-            z, residual, jacobian = trial, following, slopes
-            size = _finite_norm(residual)
-        return self._found(z) if size <= _STEADY else None
+            here = following
+        return self._linearized_at(here.z) if here.size <= _STEADY else None
 
-    def _parts(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _after_newton_step(self, here: _Residual) -> _Residual | None:
+        """Return a point with a smaller residual, after a Newton step that is halved if it is
+        too long, or None.
+        """
+        step = np.linalg.lstsq(here.jacobian, -here.values, rcond=1e-12)[0]
+        for halvings in range(_MOST_HALVINGS):
+            z = here.z.copy()
+            z[self.moving] += step / 2.0**halvings * self.scales
+            following = self._residual_at(z)
+            if following.size < here.size:
+                return following
+        return None
+
+    def _states_and_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return X (n,) and U (m,) of a point z = (X; U)."""
         n = len(self.model.states)
         return z[:n], z[n:]
 
-    def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the commanded inputs (m',) and their slopes (m', k) and (m', m')."""
-        X, U = self._parts(z)
+    def _command_and_slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the commanded inputs (m',) at a point z = (X; U) and their slopes.
+
+        The slopes are those by the linear states (m', k) and by the commanded inputs (m', m').
+        """
+        X, U = self._states_and_inputs(z)
         commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
         u = np.array(commanded).ravel()[self.columns]
         by_linear = np.array(by_states)[np.ix_(self.columns, self.rows)]
         return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
 
-    def _system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residual (k + m',) of the equilibrium conditions and its Jacobian."""
-        X, U = self._parts(z)
+    def _residual_at(self, z: np.ndarray) -> _Residual:
+        """Return the scaled residual of the equilibrium conditions at a point z = (X; U)."""
+        X, U = self._states_and_inputs(z)
         count = len(self.moving)
         try:
             plant = self.model.at(X, U)
         except FloatingPointError:
-            return np.full(count, np.nan), np.full((count, count), np.nan)
-        u, by_states, by_inputs = self._slopes(z)
-        residual = np.concatenate([plant.f[self.rows] - self.steady, U[self.columns] - u])
+            return _Residual(z, np.full(count, np.nan), np.full((count, count), np.nan))
+        u, by_states, by_inputs = self._command_and_slopes(z)
+        values = np.concatenate([plant.f[self.rows] - self.steady_rates, U[self.columns] - u])
         A = plant.A[np.ix_(self.rows, self.rows)]
         B = plant.B[np.ix_(self.rows, self.columns)]
-        lower = np.hstack([-by_states, np.eye(len(self.columns)) - by_inputs])
-        return residual, np.vstack([np.hstack([A, B]), lower])
+        jacobian = np.block([[A, B], [-by_states, np.eye(len(u)) - by_inputs]])
+        per_residual = self.residual_scales[:, None]
+        return _Residual(z, values / self.residual_scales, jacobian * self.scales / per_residual)
 
-    def _found(self, z: np.ndarray) -> Equilibrium:
-        X, U = self._parts(z)
+    def _linearized_at(self, z: np.ndarray) -> Equilibrium:
+        """Return the linearization at a point (X; U), and what is saturated or clipped there."""
+        X, U = self._states_and_inputs(z)
         plant, _ = linearization_at(self.model, X, U)
-        _, by_states, by_inputs = self._slopes(z)
+        _, by_states, by_inputs = self._command_and_slopes(z)
+        A = plant.A[np.ix_(self.rows, self.rows)]
+        B = plant.B[np.ix_(self.rows, self.columns)]
+        x, u = self.state_scales, self.input_scales
         return Equilibrium(
             states=X,
             inputs=U,
             K=-by_states,
-            K_inputs=by_inputs,
-            A=plant.A[np.ix_(self.rows, self.rows)],
-            B=plant.B[np.ix_(self.rows, self.columns)],
+            nominal=NominalLoop(
+                A=A * x / x[:, None],
+                B=B * u / x[:, None],
+                K=-by_states * x / u[:, None],
+                K_inputs=by_inputs * u / u[:, None],
+            ),
             clips=self._clips(X, U),
             clipped_observations=self._clipped_observations(X, U),
         )
@@ -181,6 +219,7 @@ class EquilibriumSearch:
         return tuple(words)
 
     def _clipped_observations(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
+        """Return the names of the observations that the normalizer clips at given X and U."""
         normalizer = self.deployed.deployment.normalizer
         if normalizer is None:
             return ()
@@ -192,9 +231,3 @@ class EquilibriumSearch:
     def _observed(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
         """Return the inputs of the policy at X and U."""
         return np.array(self.deployed.observe(X, U, self.trim)).ravel()
-
-
-def _finite_norm(values: np.ndarray) -> float:
-    """Return the norm of a vector, inf if it is not a finite number."""
-    norm = float(np.linalg.norm(values))
-    return norm if np.isfinite(norm) else np.inf

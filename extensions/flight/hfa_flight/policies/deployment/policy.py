@@ -131,7 +131,7 @@ class DeployedPolicy(Policy):
         equilibrium = EquilibriumSearch(self.deployed, self.point).equilibrium()
         if equilibrium is None:
             return None
-        values = np.linalg.eigvals(chain_of(equilibrium, timing.dt, timing.delay).closed)
+        values = np.linalg.eigvals(chain_of(equilibrium.nominal, timing.dt, timing.delay).closed)
         return np.log(values[values != 0.0].astype(complex)) / timing.dt
 
     def notes(self) -> tuple[str, ...]:

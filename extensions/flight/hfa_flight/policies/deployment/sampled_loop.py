@@ -13,21 +13,26 @@ Systems, Section 4.3.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from controller.riccati.bilinear import System, in_continuous_time
 from controller.riccati.loop_margins import LoopMargin, single_margin
 from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of
 from hfa_flight.air.delay import in_samples
 from hfa_flight.policies.deployment.deployment import MOST_SAMPLES
-from hfa_flight.policies.deployment.equilibrium import Equilibrium
+from hfa_flight.policies.deployment.equilibrium import NominalLoop
+from hfa_support.matrices import balanced, spectral_radius
 
 #: Largest delay that is searched, s.
 MOST_SECONDS = 3.0
 
 
-class Chain(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Chain:
     """Sampled loop s⁺ = F s + G v with the command u = C s, closed by v = u.
 
     F: (N, N).
@@ -53,22 +58,11 @@ class Chain(NamedTuple):
         """Closed-loop matrix F + G C."""
         return self.F + self.G @ self.C
 
-    @property
-    def slowest(self) -> complex:
-        """Eigenvalue of the closed loop with the largest absolute value.
-
-        The value is inf if the matrix is not finite.
-        """
-        closed = self.closed
-        if not np.isfinite(closed).all():
-            return math.inf
-        values = np.linalg.eigvals(closed)
-        return complex(values[np.argmax(np.abs(values))])
-
-    @property
+    @cached_property
     def radius(self) -> float:
-        """Spectral radius of the closed loop."""
-        return abs(self.slowest)
+        """Spectral radius of the closed loop, inf if its matrix is not finite."""
+        closed = self.closed
+        return spectral_radius(closed) if np.isfinite(closed).all() else math.inf
 
 
 def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -76,49 +70,61 @@ def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarra
 
     Φ = exp(A dt), and Γ = ∫ exp(A t) dt B over [0, dt].
     """
-    from scipy.signal import cont2discrete
+    from scipy.linalg import expm
 
-    nothing = np.zeros((0, len(A))), np.zeros((0, B.shape[1]))
-    Phi, Gamma, *_ = cont2discrete((A, B, *nothing), dt)
-    return Phi, Gamma
+    n, m = B.shape
+    transition = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * dt)
+    return transition[:n, :n], transition[:n, n:]
 
 
-def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
-    """Return the sampled loop at an equilibrium.
+class LateHold(NamedTuple):
+    """Plant x⁺ = Φ x + Γ_late u_new + Γ_early u_old, whose input changes within the sample."""
+
+    Phi: np.ndarray
+    late: np.ndarray
+    early: np.ndarray
+
+
+def held_late(A: np.ndarray, B: np.ndarray, dt: float, change: float) -> LateHold:
+    """Return the matrices of a plant whose held input changes within a sample.
+
+    dt: sample time, s
+    change: time at which the input changes, s after the sample
+    """
+    Phi, Gamma = held(A, B, dt)
+    if not change:
+        return LateHold(Phi, Gamma, np.zeros_like(Gamma))
+    Phi_after, late = held(A, B, dt - change)
+    return LateHold(Phi, late, Phi_after @ held(A, B, change)[1])
+
+
+def chain_of(nominal: NominalLoop, dt: float, delay: float) -> Chain:
+    """Return the sampled loop of a linear aircraft and policy.
 
     dt, delay: sample time and delay, s
     """
-    whole, early_time = in_samples(delay, dt)
-    n, m = equilibrium.B.shape
-    blocks = whole + 1
-    size = n + blocks * m
-    before = slice(size - m, size)
-    Phi, Gamma = held(equilibrium.A, equilibrium.B, dt)
-    late = Gamma
-    early = np.zeros_like(Gamma)
-    if early_time:
-        Phi_after, late = held(equilibrium.A, equilibrium.B, dt - early_time)
-        early = Phi_after @ held(equilibrium.A, equilibrium.B, early_time)[1]
-    F = np.zeros((size, size))
-    G = np.zeros((size, m))
-    C = np.zeros((m, size))
-    F[:n, :n] = Phi
-    F[:n, before] += early
+    whole, rest = in_samples(delay, dt)
+    plant = held_late(nominal.A, nominal.B, dt, rest)
+    n, m = nominal.B.shape
+    size = n + (whole + 1) * m
+    newest, oldest = slice(n, n + m), slice(size - m, size)  # commands in s
+    F, G, C = np.zeros((size, size)), np.zeros((size, m)), np.zeros((m, size))
+    C[:, :n] = -nominal.K
+    C[:, oldest] += nominal.K_inputs
+    F[:n, :n] = plant.Phi
+    F[:n, oldest] = plant.early
+    F[n + m :, n : size - m] = np.eye(size - m - n)  # a command is one sample older
+    G[newest] = np.eye(m)
     if whole:
-        F[:n, n + (whole - 1) * m : n + whole * m] += late
+        before_oldest = slice(size - 2 * m, size - m)
+        F[:n, before_oldest] = plant.late
+        late_input = np.eye(size)[before_oldest]
     else:
-        G[:n] = late
-    G[n : n + m] = np.eye(m)
-    for block in range(1, blocks):
-        begin = n + block * m
-        F[begin : begin + m, begin - m : begin] = np.eye(m)
-    start = np.eye(size, n)
-    C[:, :n] = -equilibrium.K
-    C[:, before] += equilibrium.K_inputs
-    delayed = C if whole == 0 else np.eye(size)[n + (whole - 1) * m : n + whole * m]
-    acting = [(early_time, np.eye(size)[before]), (dt - early_time, delayed)]
+        G[:n] = plant.late
+        late_input = C
+    acting = [(rest, np.eye(size)[oldest]), (dt - rest, late_input)]
     parts = tuple(part for part in acting if part[0] > 0.0)
-    return Chain(F, G, C, n, dt, start, parts)
+    return Chain(F, G, C, n, dt, np.eye(size, n), parts)
 
 
 class Delays(NamedTuple):
@@ -135,8 +141,8 @@ class Delays(NamedTuple):
     searched: float
 
 
-def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays:
-    """Return the effect of delays up to the first unstable one.
+def searched_delays(nominal: NominalLoop, dt: float, deployed_delay: float) -> Delays:
+    """Return the effect of delays of whole samples, up to the first unstable one.
 
     The first unstable delay is not below the deployed delay. With a longer delay, the loop may be
     stable again. If no delay is unstable, the delays reach `MOST_SAMPLES` samples, `MOST_SECONDS`
@@ -149,7 +155,7 @@ def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays
     most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
     radii: list[float] = []
     for samples in range(most + 1):
-        radii.append(chain_of(equilibrium, dt, samples * dt).radius)
+        radii.append(chain_of(nominal, dt, samples * dt).radius)
         if samples >= first and radii[-1] >= 1.0:
             return Delays(tuple(radii), samples * dt, samples * dt)
     return Delays(tuple(radii), None, most * dt)
@@ -166,7 +172,7 @@ class Margins(NamedTuple):
     disk: DiskMargin
 
 
-def margins(chain: Chain) -> Margins:
+def chain_margins(chain: Chain) -> Margins:
     """Return the margins of a stable loop at z = exp(jω dt), for ω up to π / dt."""
     loop = _closed_loop(chain)
     loops = tuple(single_margin(loop, i) for i in range(len(chain.C)))
@@ -175,16 +181,7 @@ def margins(chain: Chain) -> Margins:
 
 def _closed_loop(chain: Chain) -> ClosedLoop:
     """Return M = I/2 + C (z I - closed)⁻¹ G as a continuous-time system in s."""
-    # z is replaced by (1 + s) / (1 - s). This maps the axis s = jω to the unit circle.
-    closed = chain.closed
-    one = np.eye(len(closed))
-    total = closed + one
-    enters = np.linalg.solve(total, chain.G)
-    leaves = np.linalg.solve(total.T, chain.C.T).T
-    return ClosedLoop(
-        A=np.linalg.solve(total, closed - one),
-        B=math.sqrt(2.0) * enters,
-        C=math.sqrt(2.0) * leaves,
-        D=0.5 * np.eye(len(chain.C)) - chain.C @ enters,
-        dt=chain.dt,
-    )
+    closed, units = balanced(chain.closed)
+    half = 0.5 * np.eye(len(chain.C))
+    steps = System(closed, chain.G / units[:, None], chain.C * units, half)
+    return ClosedLoop(*in_continuous_time(steps), dt=chain.dt)
