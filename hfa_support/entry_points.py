@@ -36,20 +36,20 @@ def offered(group: str, own: tuple[str, ...] = ()) -> dict[str, EntryPoint]:
     """
     from importlib.metadata import entry_points
 
-    found: dict[str, EntryPoint] = {}
-    for entry in sorted(entry_points(group=group), key=lambda each: each.name):
+    by_name: dict[str, EntryPoint] = {}
+    for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         if entry.name in own:
             raise BadInputError(
                 f"{package_of(entry)} offers {entry.name}, which belongs to hfa; uninstall the "
                 "package"
             )
-        other = found.setdefault(entry.name, entry)
+        other = by_name.setdefault(entry.name, entry)
         if other.value != entry.value:
             raise BadInputError(
                 f"{package_of(other)} and {package_of(entry)} both offer {entry.name}; "
                 "uninstall one package"
             )
-    return found
+    return by_name
 
 
 def loaded(entry: EntryPoint) -> Any:

@@ -130,10 +130,11 @@ def choice_of(name: str, known: Iterable[str]) -> str:
     `_MOST_LISTED` the first ones.
     """
     choices = [*known]
-    meant = advice(name, choices).removeprefix("; ")
+    suggestion = advice(name, choices).removeprefix("; ")
     listed = ", ".join(choices[:_MOST_LISTED]) or "none"
-    others = len(choices) - _MOST_LISTED
-    return f"{meant} choose from {listed}{f' and {others} more' * (others > 0)}".lstrip()
+    if len(choices) > _MOST_LISTED:
+        listed += f" and {len(choices) - _MOST_LISTED} more"
+    return f"{suggestion} choose from {listed}".lstrip()
 
 
 def advice(name: str, known: Iterable[str]) -> str:
@@ -152,26 +153,25 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
     - known names that contain the name, under the same condition
     - the most similar known names
     """
-    by_key = {each.lower().replace("-", "_"): each for each in known}
-    wanted = name.lower().replace("-", "_")
-    if wanted in by_key:
-        return [by_key[wanted]]
-    if len(wanted) >= _SHORTEST_BEGINNING:
-        longer = [each for key, each in by_key.items() if key.startswith(wanted)]
-        longer = longer or [each for key, each in by_key.items() if wanted in key]
+    name_of = {each.lower().replace("-", "_"): each for each in known}
+    typed = name.lower().replace("-", "_")
+    if typed in name_of:
+        return [name_of[typed]]
+    if len(typed) >= _SHORTEST_BEGINNING:
+        longer = [each for spelling, each in name_of.items() if spelling.startswith(typed)]
+        longer = longer or [each for spelling, each in name_of.items() if typed in spelling]
         if longer:
             return longer[:_MOST_MEANT]
-    letters = wanted.lstrip("_")  # dashes make no options alike
-    matcher = difflib.SequenceMatcher(b=letters)
+    matcher = difflib.SequenceMatcher(b=typed.lstrip("_"))  # leading dashes make no options alike
     likeness = {}
-    for key in by_key:
-        matcher.set_seq1(key.lstrip("_"))
+    for spelling in name_of:
+        matcher.set_seq1(spelling.lstrip("_"))
         if matcher.quick_ratio() >= _LEAST_LIKENESS:  # an upper bound of the ratio
-            likeness[key] = matcher.ratio()
+            likeness[spelling] = matcher.ratio()
     best = max(likeness.values(), default=0.0)
     if best < _LEAST_LIKENESS:
         return []
-    return [by_key[key] for key, share in likeness.items() if share == best][:_MOST_MEANT]
+    return [name_of[each] for each, ratio in likeness.items() if ratio == best][:_MOST_MEANT]
 
 
 #: Least number of letters that are completed to a longer name, and largest number of suggestions.
@@ -266,8 +266,7 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
 
 def _faulty_row(rows: Any) -> str:
     """Return the end of an error message on a list of lists that is not a matrix."""
-    # The text is, for example, "; row 2 has 1 numbers and row 1 has 2", or "" if no faulty row is
-    # found.
+    # For example "; row 2 has 1 numbers and row 1 has 2", or "" if no row is faulty.
     if not (isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows)):
         return ""
     for number, row in enumerate(rows, 1):
@@ -291,8 +290,7 @@ def shown(value: Any) -> str:
 
 def printable(text: object) -> str:
     """Return a text, such as the path of a file, with its control characters escaped."""
-    spelled = (each if each.isprintable() else ascii(each)[1:-1] for each in str(text))
-    return "".join(spelled)
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in str(text))
 
 
 def on_one_line(message: str) -> str:
@@ -306,8 +304,8 @@ def on_one_line(message: str) -> str:
 
 def warn(text: str) -> None:
     """Issue a warning at the nearest caller outside the packages of the project."""
-    own = ("hfa", "controller.", "trim.", "verification.")
+    packages = ("hfa", "controller.", "trim.", "verification.")
     level = 1
-    while sys._getframe(level).f_globals.get("__name__", "").startswith(own):
+    while sys._getframe(level).f_globals.get("__name__", "").startswith(packages):
         level += 1
     warnings.warn(text, stacklevel=level + 1)

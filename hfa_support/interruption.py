@@ -19,19 +19,19 @@ def interruption() -> Iterator[threading.Event]:
     SIGINT is ignored. An exception could not replace the event, because CasADi discards exceptions
     that are raised during IPOPT.
     """
-    asked = threading.Event()
+    interrupted = threading.Event()
     before = signal.getsignal(signal.SIGINT)
     in_main_thread = threading.current_thread() is threading.main_thread()
     if before in (None, signal.SIG_IGN) or not in_main_thread:
-        yield asked
+        yield interrupted
         return
 
     def on_interrupt(number: int, frame: object) -> None:
         signal.signal(signal.SIGINT, before)
-        asked.set()
+        interrupted.set()
 
     signal.signal(signal.SIGINT, on_interrupt)
     try:
-        yield asked
+        yield interrupted
     finally:
         signal.signal(signal.SIGINT, before)

@@ -31,13 +31,13 @@ def in_order(what: str, value: Any, *orders: Sequence[str]) -> Any:
     if not labels:
         return value
     numbers = value.to_numpy()
-    for axis, (found, wanted) in enumerate(zip(labels, orders, strict=False)):
-        if not found or not wanted:
+    for axis, (given, order) in enumerate(zip(labels, orders, strict=False)):
+        if not given or not order:
             continue
-        if sorted(found) != sorted(wanted):
+        if sorted(given) != sorted(order):
             raise BadInputError(
-                f"{what} has the labels {', '.join(map(str, found))}; label each of "
-                f"{', '.join(wanted)} once, or give {what}.to_numpy() in this order"
+                f"{what} has the labels {', '.join(map(str, given))}; label each of "
+                f"{', '.join(order)} once, or give {what}.to_numpy() in this order"
             )
-        numbers = numbers.take([found.index(name) for name in wanted], axis=axis)
+        numbers = numbers.take([given.index(name) for name in order], axis=axis)
     return numbers

@@ -38,8 +38,8 @@ class Change(Result):
 
         origin: what the usual value is
         """
-        value, usual = (with_unit(each, self.unit) for each in (self.value, self.usual))
-        return f"{value} ({origin}: {usual})"
+        usual = with_unit(self.usual, self.unit)
+        return f"{with_unit(self.value, self.unit)} ({origin}: {usual})"
 
 
 @dataclass(frozen=True)

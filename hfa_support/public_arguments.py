@@ -51,27 +51,27 @@ _WORDS = {
 class _Alternative(NamedTuple):
     """One kind of a union in an annotation.
 
-    name: "Sequence" of Sequence[str]
-    of: "str" of Sequence[str] and of tuple[str, ...], else ""
+    name: its name, "Sequence" of Sequence[str]
+    elements: the kind of its elements, "str" of Sequence[str] and of tuple[str, ...], else ""
     """
 
     name: str
-    of: str = ""
+    elements: str = ""
 
     @property
     def word(self) -> str:
-        """Word of a refusal."""
-        texts = " of texts" if self.of == "str" else ""
+        """What a refusal calls the kind, "a list of texts"."""
+        texts = " of texts" if self.elements == "str" else ""
         return _WORDS.get(self.name, f"a {self.name.rpartition('.')[2]}") + texts
 
     def accepts(self, value: Any, module: str) -> bool:
-        """Return whether a value is of this kind, in an annotation of a module."""
+        """Return whether a value is of this kind, which an annotation of a module names."""
         if not _is_of(type(value), self.name, module):
             return False
         if self.name in ("int", "float"):
-            return getattr(value, "ndim", 0) == 0
-        is_listed = self.of == "str" and isinstance(value, Collection)
-        return not is_listed or all(isinstance(element, str) for element in value)
+            return getattr(value, "ndim", 0) == 0  # an array of one number is none
+        has_texts = self.elements == "str" and isinstance(value, Collection)
+        return not has_texts or all(isinstance(element, str) for element in value)
 
 
 def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Callable[..., Any]:
@@ -141,23 +141,25 @@ def _type_of(value: Any) -> str:
 
 @cache
 def _alternatives(annotation: str) -> tuple[_Alternative, ...]:
-    """Return the kinds of a union."""
+    """Return the kinds in an annotation, "ArrayLike | None", of which a value is one."""
     return (*_kinds_in(ast.parse(annotation, mode="eval").body),)
 
 
 def _kinds_in(annotation: ast.expr) -> Iterator[_Alternative]:
+    """Yield the kinds of a union, from left to right."""
     match annotation:
         case ast.BinOp(left=left, op=ast.BitOr(), right=right):
             yield from _kinds_in(left)
             yield from _kinds_in(right)
-        case ast.Subscript(value=value, slice=ast.Name(id=of)):
-            yield _Alternative(ast.unparse(value), of)
+        case ast.Subscript(value=kind, slice=ast.Name(id=elements)):  # Sequence[str]
+            yield _Alternative(ast.unparse(kind), elements)
         case ast.Subscript(
-            value=value, slice=ast.Tuple(elts=[ast.Name(id=of), ast.Constant(value=EllipsisType())])
-        ):
-            yield _Alternative(ast.unparse(value), of)
-        case ast.Subscript(value=value):
-            yield _Alternative(ast.unparse(value))
+            value=kind,
+            slice=ast.Tuple(elts=[ast.Name(id=elements), ast.Constant(value=EllipsisType())]),
+        ):  # tuple[str, ...]
+            yield _Alternative(ast.unparse(kind), elements)
+        case ast.Subscript(value=kind):  # Mapping[str, float]
+            yield _Alternative(ast.unparse(kind))
         case _:
             yield _Alternative(ast.unparse(annotation))
 
@@ -172,7 +174,10 @@ def _is_of(kind: type, name: str, module: str) -> bool:
 
 
 def _fits(kind: type, annotated: Any) -> bool:
-    """Return whether a type is of the kind of the object that an annotation names."""
+    """Return whether a type is of the kind of the object that an annotation names.
+
+    The object is a union, a type, or a protocol, whose public members the type must define.
+    """
     if isinstance(annotated, UnionType):
         return any(_fits(kind, alternative) for alternative in get_args(annotated))
     annotated = get_origin(annotated) or annotated
@@ -189,6 +194,7 @@ def _fits(kind: type, annotated: Any) -> bool:
 
 
 def _has(kind: type, attributes: Sequence[str]) -> bool:
+    """Return whether objects of a type, other than texts, have one of these attributes."""
     return not issubclass(kind, str | bytes) and any(_defines(kind, name) for name in attributes)
 
 
@@ -209,6 +215,7 @@ def _annotated_object(name: str, module: str) -> Any:
 
 
 def _imported_for_types(module: str, name: str) -> Any:
+    """Return the object of an import statement of a module that is not executed, by its name."""
     for statement in ast.walk(ast.parse(inspect.getsource(sys.modules[module]))):
         if isinstance(statement, ast.Import | ast.ImportFrom):
             for alias in statement.names:

@@ -130,6 +130,7 @@ def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict
 
 
 def _words(declared: Any) -> str:
+    """Return what the entries of a list are called: "lists of numbers"."""
     if isinstance(declared, list):
         return f"lists of {_words(declared[0])}"
     return "numbers" if isinstance(declared, Number) else "names in quotes"

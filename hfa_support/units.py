@@ -90,8 +90,8 @@ def si_unit(unit: str) -> str:
 
     Words that are no unit of a fixed size (%, rpm, °C) remain.
     """
-    found = coherent_unit(unit, SI_BASES)
-    return "W" if found == "N m/s" else found
+    coherent = coherent_unit(unit, SI_BASES)
+    return "W" if coherent == "N m/s" else coherent
 
 
 def si_factor(unit: str) -> float:
@@ -113,17 +113,25 @@ def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:
         return unit
     others = {**measured.powers}
     m, kg, s, rad = (others.pop(base, 0) for base in ("m", "kg", "s", "rad"))
-    force = int(kg == 1 and s <= -2)
-    in_force, in_length, in_mass = bases
-    powers = {in_force: force, in_mass: kg - force, in_length: m - force, **others}
-    powers |= {"rad": rad, "s": s + 2 * force}
+    has_force = kg == 1 and s <= -2
+    if has_force:  # 1 N = 1 kg m/s²
+        kg, m, s = kg - 1, m - 1, s + 2
+    force_unit, length_unit, mass_unit = bases
+    powers = {
+        force_unit: int(has_force),
+        mass_unit: kg,
+        length_unit: m,
+        **others,
+        "rad": rad,
+        "s": s,
+    }
     words = {name: f"{name}^{abs(power)}".removesuffix("^1") for name, power in powers.items()}
     above = " ".join(words[name] for name, power in powers.items() if power > 0) or "1"
     below = " ".join(words[name] for name, power in powers.items() if power < 0)
-    found = f"{above}/{below}" if below else above
+    coherent = f"{above}/{below}" if below else above
     # Equal units differ by roundings of at most a dozen factors, others by 1e-4 and more.
-    factor = conversion_factor(unit, found) or 1.0
-    return unit if math.isclose(factor, 1.0, rel_tol=1e-12) else found
+    factor = conversion_factor(unit, coherent) or 1.0
+    return unit if math.isclose(factor, 1.0, rel_tol=1e-12) else coherent
 
 
 def conversion_factor(stated: str, unit: str) -> float | None:
@@ -152,11 +160,12 @@ def units_like(unit: str) -> list[str]:
     measured = _measured(unit)
     if measured is None:
         return []
-    found = {measured.size: unit}
+    spelling_of = {measured.size: unit}
     for name, each in _UNITS.items():
         if each.powers == measured.powers:
-            found.setdefault(each.size, name)
-    return [*found.values()][1:]
+            spelling_of.setdefault(each.size, name)
+    _, *others = spelling_of.values()
+    return others
 
 
 def split_unit(text: str) -> tuple[str, str]:
@@ -174,8 +183,8 @@ def split_unit(text: str) -> tuple[str, str]:
     digits = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
     unit = r"(?![eE][-+]?\d)[a-zA-Z°µμ].*"  # a text that begins with a letter, but is no exponent
     gap = rf"(?:\s*(?={unit})|\s+)"  # before another unit, at least one blank
-    found = re.fullmatch(rf"({digits}){gap}(\S.*)", text.strip())
-    return (found[1], found[2]) if found else (text, "")
+    parts = re.fullmatch(rf"({digits}){gap}(\S.*)", text.strip())
+    return (parts[1], parts[2]) if parts else (text, "")
 
 
 @lru_cache(maxsize=256)
@@ -196,11 +205,15 @@ def _measured(unit: str) -> _Unit | None:
 def _powers(unit: str) -> Counter[str]:
     """Return name -> exponent of each unit in a product of units such as (ft/s^2)/(rad)."""
     plain = unit.replace("²", "^2").replace("³", "^3")
-    return _product(iter(re.findall(r"\(|\)|/|\^-?\d+|[^\s()/^*·]+", plain)))
+    bracket_slash_exponent_or_name = r"\(|\)|/|\^-?\d+|[^\s()/^*·]+"
+    return _product(iter(re.findall(bracket_slash_exponent_or_name, plain)))
 
 
 def _product(words: Iterator[str]) -> Counter[str]:
-    """Return name -> exponent of the units in a product."""
+    """Return name -> exponent of the units in a product, up to its closing bracket.
+
+    words: brackets, slashes, exponents "^2" and names, from which the product is taken
+    """
     product: Counter[str] = Counter()
     factors: list[tuple[Counter[str], int]] = []
     sign = 1

@@ -1,19 +1,16 @@
-"""Child process of `mat_file` that writes the entries of a .mat file to standard output, as .npz.
+"""Child process of `mat_file` that writes the content of a .mat file to standard output, pickled.
 
-A damaged file can crash or hang the process in which SciPy reads it. The arguments are the file and
-the largest permitted size of its content in bytes. In the output, the arrays are named "0", "1" and
-so on. The array "paths" is a JSON list. For each array it contains the list of the names that lead
-through the structures to the array.
+SciPy 1.17 crashes on 36 of 6,000 files of which up to eight bytes were changed, and hangs on one.
+This program imports nothing of the project, so that it also runs where only the parent finds it.
+The arguments are the file and the largest permitted size of its content in bytes.
 """
 
 from __future__ import annotations
 
-import io
-import json
 import math
+import pickle
 import sys
 import warnings
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -24,37 +21,38 @@ from scipy.sparse import issparse
 _BYTES = {"double": 8, "single": 4, "int64": 8, "uint64": 8, "int32": 4, "uint32": 4}
 
 
-def leaves(
-    value: Any, path: tuple[str, ...], largest: int
-) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-    """Yield (names, array) for each array of numbers or text in a .mat file.
+def content(value: Any, largest: int) -> Any:
+    """Return what a value of a .mat file contains: an array of numbers or texts, name -> content
+    for a structure, or None for other kinds and for a structure without arrays.
 
-    The names are those of the structures that contain the array, from the outermost, then the name
-    of the array. Values of other kinds are omitted. A sparse matrix is returned as a full matrix.
+    A sparse matrix is returned as a full matrix.
 
-    value: content of the file, or of a structure in it
-    path: names that lead to the value
+    value: value as SciPy reads it, or name -> value
     largest: largest permitted size of a full matrix made from a sparse one, bytes
 
     Raises ValueError if a sparse matrix exceeds this size.
     """
     if isinstance(value, dict):
-        for name, each in value.items():
-            yield from leaves(each, (*path, name), largest)
-    elif issparse(value):
-        if 8 * value.shape[0] * value.shape[1] > largest:
-            raise ValueError(
-                f"a sparse {value.shape[0]} x {value.shape[1]} matrix exceeds the limit"
-            )
-        yield path, value.toarray()
-    elif isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
-        yield from leaves({name: value[name].item() for name in value.dtype.names}, path, largest)
-    elif isinstance(value, np.ndarray) and value.dtype.kind == "O":
-        texts = ["".join(each.ravel()) if _is_text(each) else None for each in value.ravel()]
-        if texts and None not in texts:
-            yield path, np.array(texts)
-    elif isinstance(value, np.ndarray) and value.dtype.kind in "iufcbU":
-        yield path, value
+        entries = {name: content(entry, largest) for name, entry in value.items()}
+        return {name: entry for name, entry in entries.items() if entry is not None} or None
+    if issparse(value):
+        rows, columns = value.shape
+        if 8 * rows * columns > largest:
+            raise ValueError(f"a sparse {rows} x {columns} matrix exceeds the limit")
+        return value.toarray()
+    if not isinstance(value, np.ndarray):
+        return None
+    if value.dtype.names and value.size == 1:  # a structure
+        return content({name: value[name].item() for name in value.dtype.names}, largest)
+    if value.dtype.kind == "O":  # a cell array
+        return _texts(value)
+    return value if value.dtype.kind in "iufcbU" else None
+
+
+def _texts(cells: np.ndarray) -> np.ndarray | None:
+    """Return the texts of a cell array, or None unless all its cells are texts."""
+    texts = ["".join(cell.ravel()) for cell in cells.ravel() if _is_text(cell)]
+    return np.array(texts) if texts and len(texts) == cells.size else None
 
 
 def _is_text(cell: Any) -> bool:
@@ -68,24 +66,21 @@ def _refuse_larger(size: int, largest: int) -> None:
 
 
 def main(path: str, largest: int) -> None:
-    """Read a .mat file and write its entries to standard output, as .npz.
+    """Read a .mat file and write its content to standard output, pickled.
 
-    Raises ValueError if the entries need more than `largest` bytes.
+    Raises ValueError if the content needs more than `largest` bytes.
     """
     warnings.simplefilter("ignore")
     declared = [_BYTES.get(kind, 0) * math.prod(shape) for _, shape, kind in whosmat(path)]
     _refuse_larger(sum(declared), largest)  # before any number is read
-    content = {
+    variables = {
         name: value
         for name, value in loadmat(path, appendmat=False).items()
         if not name.startswith("__")
     }
-    found = list(leaves(content, (), largest))
-    _refuse_larger(sum(array.nbytes for _, array in found), largest)
-    stream = io.BytesIO()
-    arrays: Any = {str(place): array for place, (_, array) in enumerate(found)}
-    np.savez(stream, allow_pickle=False, paths=json.dumps([names for names, _ in found]), **arrays)
-    sys.stdout.buffer.write(stream.getbuffer())
+    pickled = pickle.dumps(content(variables, largest) or {})
+    _refuse_larger(len(pickled), largest)
+    sys.stdout.buffer.write(pickled)
 
 
 if __name__ == "__main__":

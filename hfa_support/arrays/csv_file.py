@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,8 +13,12 @@ import numpy as np
 from hfa_support.errors import file_faults, shortened
 from hfa_support.files import regular_file
 
-#: Matrix -> sides that belong to the states: 0 for its rows, 1 for its columns.
-_STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,)}
+#: Matrix -> its sides that belong to the states.
+_SIDES_OF_STATES = {
+    **dict.fromkeys("AQP", ("rows", "columns")),
+    **dict.fromkeys("BE", ("rows",)),
+    "K": ("columns",),
+}
 
 
 def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
@@ -34,8 +38,16 @@ def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
     return _names_and_units(tables) | {name: table.matrix for name, table in tables.items()}
 
 
-#: First columns of the table of P and K that `hfa solve` and `hfa learn` write.
-_OF_ENTRIES = ["matrix", "row", "column", "value", "unit"]
+class _Entry(NamedTuple):
+    """Row of the table of P and K that `hfa solve` and `hfa learn` write."""
+
+    matrix: str
+    row: str
+    column: str
+    value: str
+    unit: str
+
+
 #: Unit of an entry of K: unit of the input, unit of the state.
 _UNIT_OF_GAIN = re.compile(r"\((.*)\)/\((.*)\)")
 
@@ -43,28 +55,46 @@ _UNIT_OF_GAIN = re.compile(r"\((.*)\)/\((.*)\)")
 def matrices_of_entries(path: Path) -> dict[str, Any] | None:
     """Return the matrices of a table with a row for each entry, or None for another file.
 
-    The names and units of states and inputs are those of K.
+    The columns of the table are the fields of `_Entry`. The names and units of states and inputs, by name as in `matrices_and_names`, are those of K.
 
     Raises ValueError for a faulty file.
     """
     with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
-        header, *rows = [*csv.reader(stream)] or [[]]
-    if header[: len(_OF_ENTRIES)] != _OF_ENTRIES:
+        header, *lines = [*csv.reader(stream)] or [[]]
+    width = len(_Entry._fields)  # a column with the provenance follows
+    if header[:width] != [*_Entry._fields]:
         return None
+    by_matrix: dict[str, list[_Entry]] = {}
+    for line in lines:
+        if len(line) < width:
+            raise ValueError(f"a row has {len(line)} cells; give {', '.join(_Entry._fields)}")
+        entry = _Entry(*line[:width])
+        by_matrix.setdefault(entry.matrix, []).append(entry)
     stored: dict[str, Any] = {}
-    for matrix in dict.fromkeys(row[0] for row in rows):
-        entries = {(row[1], row[2]): (float(row[3]), row[4]) for row in rows if row[0] == matrix}
-        inputs, states = (list(dict.fromkeys(place[axis] for place in entries)) for axis in (0, 1))
-        if len(entries) != len(inputs) * len(states):
+    for matrix, entries in by_matrix.items():
+        rows = list(dict.fromkeys(entry.row for entry in entries))
+        columns = list(dict.fromkeys(entry.column for entry in entries))
+        entry_at = {(entry.row, entry.column): entry for entry in entries}
+        if len(entry_at) != len(rows) * len(columns):
             raise ValueError(f"{matrix} lacks an entry; give a row for each")
-        stored[matrix] = np.array([[entries[row, state][0] for state in states] for row in inputs])
-        units = {place: _UNIT_OF_GAIN.fullmatch(unit) for place, (_, unit) in entries.items()}
+        stored[matrix] = np.array(
+            [[float(entry_at[row, column].value) for column in columns] for row in rows]
+        )
         if matrix == "K":
-            stored |= {"inputs": inputs, "states": states}
-        if matrix == "K" and all(units.values()):
-            stored["input_units"] = [units[name, states[0]][1] for name in inputs]  # type: ignore[index]
-            stored["state_units"] = [units[inputs[0], name][2] for name in states]  # type: ignore[index]
+            stored |= {"inputs": rows, "states": columns} | _units_of_gain(entries)
     return stored
+
+
+def _units_of_gain(entries: Sequence[_Entry]) -> dict[str, list[str]]:
+    """Return "input_units" and "state_units" of K, or {} unless each entry states both."""
+    of_input: dict[str, str] = {}
+    of_state: dict[str, str] = {}
+    for entry in entries:
+        units = _UNIT_OF_GAIN.fullmatch(entry.unit)
+        if units is None:
+            return {}
+        of_input[entry.row], of_state[entry.column] = units.groups()
+    return {"input_units": [*of_input.values()], "state_units": [*of_state.values()]}
 
 
 class _Table(NamedTuple):
@@ -76,9 +106,10 @@ class _Table(NamedTuple):
 
 
 def _table(name: str, path: Path) -> _Table:
-    """Return the matrix in a .csv file, with the names of its rows and columns."""
-    # A first row without a number contains the names of the columns. A first column without a
-    # number contains the names of the rows. A list of names is empty if the file has none.
+    """Return the matrix in a .csv file, with the names of its rows and columns.
+
+    A first row, or a first column, without a number contains the names.
+    """
     # Raises ValueError for rows of different lengths, a file without rows of numbers, and a cell
     # that is not a number.
     with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
@@ -108,9 +139,10 @@ def _table(name: str, path: Path) -> _Table:
 def _refuse_separators(name: str, rows: list[list[str]]) -> None:
     """Raise ValueError if the numbers in a .csv file are not separated by commas."""
     for cell in (cell for row in rows for cell in row):
-        of_table, by_blanks = re.split(r"[;\t]", cell), cell.split()
-        is_table = len(of_table) > 1 and any(map(_is_number, of_table))
-        if is_table or (len(by_blanks) > 1 and all(map(_is_number, by_blanks))):
+        parts, words = re.split(r"[;\t]", cell), cell.split()
+        has_separator = len(parts) > 1 and any(map(_is_number, parts))
+        has_blanks = len(words) > 1 and all(map(_is_number, words))
+        if has_separator or has_blanks:
             raise ValueError(
                 f"{name} has the cell {shortened(cell)!r}; separate numbers by commas, and write "
                 "decimals with a point"
@@ -130,6 +162,13 @@ class _Label(NamedTuple):
         return cls(name, unit)
 
 
+class _Sides(NamedTuple):
+    """Labels of the rows and of the columns of a matrix, [] where the file has none."""
+
+    rows: list[_Label]
+    columns: list[_Label]
+
+
 def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
     """Return the names and units of the states and inputs that .csv files contain.
 
@@ -139,35 +178,29 @@ def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
 
     Raises ValueError if another matrix names the states in another order.
     """
-    labels = {
-        matrix: [[_Label.of(text) for text in texts] for texts in (table.rows, table.columns)]
+    sides = {
+        matrix: _Sides([*map(_Label.of, table.rows)], [*map(_Label.of, table.columns)])
         for matrix, table in tables.items()
     }
-    rows_of_A, columns_of_A = labels.get("A", [[], []])
-    rows_of_P, columns_of_P = labels.get("P", [[], []])
-    rows_of_K, columns_of_K = labels.get("K", [[], []])
-    _, columns_of_B = labels.get("B", [[], []])
-    states_of_critic = rows_of_P or columns_of_P or columns_of_K
-    found = {}
-    for kind, signals in (
-        ("state", rows_of_A or columns_of_A or states_of_critic),
-        ("input", columns_of_B or rows_of_K),
-    ):
-        if signals:
-            found[f"{kind}s"] = [label.name for label in signals]
-        if signals and all(label.unit for label in signals):
-            found[f"{kind}_units"] = [label.unit for label in signals]
-    states = found.get("states", [])
-    for matrix, both in labels.items():
-        for side in _STATES.get(matrix, ()):
-            names = [label.name for label in both[side]]
-            if names != states and sorted(names) == sorted(states):
-                where = f"the {('rows', 'columns')[side]} of {matrix}"
+    A, B, P, K = (sides.get(matrix, _Sides([], [])) for matrix in "ABPK")
+    states = A.rows or A.columns or P.rows or P.columns or K.columns
+    inputs = B.columns or K.rows
+    stored = {}
+    for kind, labels in (("state", states), ("input", inputs)):
+        if labels:
+            stored[f"{kind}s"] = [label.name for label in labels]
+        if labels and all(label.unit for label in labels):
+            stored[f"{kind}_units"] = [label.unit for label in labels]
+    state_names = stored.get("states", [])
+    for matrix, of_matrix in sides.items():
+        for side in _SIDES_OF_STATES.get(matrix, ()):
+            names = [label.name for label in getattr(of_matrix, side)]
+            if names != state_names and sorted(names) == sorted(state_names):
                 raise ValueError(
-                    f"{where} are {', '.join(names)}, but the states are {', '.join(states)}; give "
-                    "them in this order"
+                    f"the {side} of {matrix} are {', '.join(names)}, but the states are "
+                    f"{', '.join(state_names)}; give them in this order"
                 )
-    return found
+    return stored
 
 
 def _is_number(text: str) -> bool:

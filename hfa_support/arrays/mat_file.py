@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import io
-import json
+import pickle
 import subprocess
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from hfa_support.files import LARGEST, regular_file
 
@@ -28,26 +24,15 @@ def structures(path: Path) -> dict[str, Any]:
     """
     command = [sys.executable, "-P", str(_CHILD), str(regular_file(path).absolute()), str(LARGEST)]
     try:
-        done = subprocess.run(command, capture_output=True, timeout=_LONGEST)
+        child = subprocess.run(command, capture_output=True, timeout=_LONGEST)
     except subprocess.TimeoutExpired as error:
         raise ValueError(
             f"reading takes longer than {_LONGEST:g} s; save the file as .npz"
         ) from error
-    if done.returncode:
+    if child.returncode:
         message = ""
-        if done.returncode == 1:
-            message = done.stderr.decode("utf-8", "replace").strip()
+        if child.returncode == 1:
+            message = child.stderr.decode("utf-8", "replace").strip()
         raise ValueError(message or "the file is damaged: SciPy crashes on it")
-    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
-        return _nested(arrays)
-
-
-def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Return name -> array for the output of the child process. A structure is a nested mapping."""
-    entries: dict[str, Any] = {}
-    for number, (*outer, name) in enumerate(json.loads(str(arrays["paths"]))):
-        inside = entries
-        for structure in outer:
-            inside = inside.setdefault(structure, {})
-        inside[name] = arrays[str(number)]
-    return entries
+    content: dict[str, Any] = pickle.loads(child.stdout)  # of `_loadmat.py`, not of the file
+    return content

@@ -44,9 +44,11 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _matrix_files(path: Path) -> dict[str, Path]:
-    """Return matrix name -> path for a matrix and its plant's other matrices."""
-    # Only a file named A has other matrices of its plant: those in the same folder.
-    if path.stem not in (*PLANT[:1], *CRITIC):
+    """Return matrix name -> path, of a file named A also of the other matrices of its plant.
+
+    Raises BadInputError for a file that is named after no matrix of a plant or critic.
+    """
+    if path.stem not in ("A", *CRITIC):
         raise BadInputError(
             f"{path}: a plant is read from A{path.suffix} (with B in the same folder), a critic "
             "from K, P or W; give such a file, or use .json, .npz or .mat"

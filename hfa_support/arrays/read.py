@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hfa_support.errors import BadInputError, shortened
-from hfa_support.files import LARGEST, MATRIX_FILES, read_json, regular_file
+from hfa_support.files import LARGEST, read_json, regular_file
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
@@ -21,7 +21,7 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
     - With A.csv or A.npy, the other matrices of the plant (B, ...) in the same folder are also
       read.
     - The matrix of a .npy file that is not named after a matrix of a plant or critic is stored
-      under `one_matrix_files.UNKNOWN`.
+      under `one_matrix.UNKNOWN`.
     - In a .csv file, the first row and the first column may contain names, with units as in "speed
       [ft/s]".
 
@@ -83,6 +83,11 @@ def _named_by_file(path: Path) -> dict[str, Any]:
     return matrices(path)
 
 
-_READERS: Mapping[str, Callable[[Path], dict[str, Any]]] = dict(
-    zip(MATRIX_FILES, (_json, _npz, _named_by_file, _mat, _named_by_file), strict=True)
-)
+#: Suffix of `MATRIX_FILES` -> function from a path to the entries of the file.
+_READERS: Mapping[str, Callable[[Path], dict[str, Any]]] = {
+    ".json": _json,
+    ".npz": _npz,
+    ".npy": _named_by_file,
+    ".mat": _mat,
+    ".csv": _named_by_file,
+}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -53,13 +53,18 @@ class BoundFunction:
 #: Lock: expressions are built and compiled by one thread at a time.
 MAKING = threading.RLock()
 #: Numbers of rows in a block. The largest that is at most twice the number of rows is used.
-_TOGETHER = (250, 16)
+_BLOCK_SIZES = (250, 16)
 #: Number of rows, in all calls, above which `by_columns` is worthwhile. It takes 9 µs for an
 #: operation and saves 4 ns for an operation and row.
 _MANY = 2000
 
-#: Bound Function for several rows, with views (rows, size) of its arguments and results.
-Block = tuple[BoundFunction, list[np.ndarray], list[np.ndarray]]
+
+class _Block(NamedTuple):
+    """Bound Function of several rows, with views (rows, entries) of its arguments and results."""
+
+    evaluate: BoundFunction
+    inputs: list[np.ndarray]
+    results: list[np.ndarray]
 
 
 class RowFunction(threading.local):
@@ -73,7 +78,7 @@ class RowFunction(threading.local):
     def __init__(self, function: ca.Function) -> None:
         self.function = function
         self._rows = 0
-        self._blocks: dict[int, Block] = {}
+        self._blocks: dict[int, _Block] = {}
 
     def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
         """Return the constructor and the Function, from which pickle restores the object without
@@ -88,44 +93,42 @@ class RowFunction(threading.local):
         tables: for each argument, an array (N, entries of the argument)
         """
         count = len(tables[0])
-        together = self._together(count) if count > 1 else 1
-        evaluate, inputs, results = self._blocks.get(together) or self._bind(together)
-        if count == together:
+        block_size = self._block_size(count) if count > 1 else 1
+        evaluate, inputs, results = self._blocks.get(block_size) or self._bind(block_size)
+        if count == block_size:
             for memory, table in zip(inputs, tables, strict=True):
                 memory[:] = table
             evaluate()
             return [rows.copy() for rows in results]
         tables_out = [np.empty((count, rows.shape[1])) for rows in results]
-        for first in range(0, count, together):
-            last = min(first + together, count)
+        for first in range(0, count, block_size):
+            last = min(first + block_size, count)
             for memory, table in zip(inputs, tables, strict=True):
                 memory[: last - first] = table[first:last]
-                memory[last - first :] = table[last - 1]
+                memory[last - first :] = table[last - 1]  # a last block is filled up
             evaluate()
             for memory, table in zip(results, tables_out, strict=True):
                 table[first:last] = memory[: last - first]
         return tables_out
 
-    def _together(self, count: int) -> int:
-        """Return the number of rows that are evaluated together, in a call with `count` rows."""
+    def _block_size(self, count: int) -> int:
+        """Count the rows of a call, and return the number of rows that are evaluated together."""
         # When `_MANY` rows have been evaluated in all calls, the stored blocks are discarded. New
         # blocks are made more slowly and evaluated faster.
         before = self._rows
         self._rows += count
         if before < _MANY <= self._rows:
             self._blocks.clear()
-        return next((size for size in _TOGETHER if size <= 2 * count), 1)
+        return next((size for size in _BLOCK_SIZES if size <= 2 * count), 1)
 
-    def _bind(self, together: int) -> Block:
-        """Return the bound Function for several rows, its arguments and its results."""
-        # An argument or result is an array (together, entries). The block is stored for later
-        # calls.
+    def _bind(self, rows: int) -> _Block:
+        """Return a block of rows, which is stored for later calls."""
         with MAKING:
-            function, order = of_rows(self.function, together, self._rows >= _MANY)
+            function, order = of_rows(self.function, rows, self._rows >= _MANY)
             bound = BoundFunction(function)
             inputs, results = (
-                [memory.reshape(together, -1, order=order) for memory in part]
+                [memory.reshape(rows, -1, order=order) for memory in part]
                 for part in (bound.inputs, bound.results)
             )
-            block = self._blocks[together] = bound, inputs, results
+            block = self._blocks[rows] = _Block(bound, inputs, results)
         return block

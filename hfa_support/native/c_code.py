@@ -90,8 +90,8 @@ def c_function(
 
     Raises BadInputError if an operation or a called Function cannot be written as C.
     """
-    inner = function.find_functions(0)
-    for called in inner:
+    called_functions = function.find_functions(0)
+    for called in called_functions:
         if not called.is_a("SXFunction"):
             raise BadInputError(
                 f"{name}: the function {called.name()} of the model, compiled or interpolated, as "
@@ -99,32 +99,36 @@ def c_function(
             )
     of_called = "".join(
         c_function(called, f"{name}_{called.name()}", ("x",), ("y",), real, operations)
-        for called in inner
+        for called in called_functions
     )
     inputs = [f"const {real} *{argument}" for argument in arguments]
     pointers = ", ".join(inputs + [f"{real} *{result}" for result in results])
     lines = []
     for index in range(function.n_instructions()):
-        code = function.instruction_id(index)
-        out = function.instruction_output(index)
-        source = function.instruction_input(index)
-        operands = [f"w{number}" for number in source]
-        if code == ca.OP_CONST:
+        # An instruction reads and writes numbered variables w, an entry of an argument or of a
+        # result, which are given by two numbers, or a constant.
+        operation = function.instruction_id(index)
+        sources = function.instruction_input(index)
+        targets = function.instruction_output(index)
+        operands = [f"w{number}" for number in sources]
+        if operation == ca.OP_CONST:
             number = repr(function.instruction_constant(index))
             operands = [number.replace("inf", "HUGE_VAL").replace("nan", "NAN")]
-        elif code == ca.OP_INPUT:
-            operands = [f"{arguments[source[0]]}[{source[1]}]"]
-        if code == ca.OP_OUTPUT:
-            lines.append(f"{results[out[0]]}[{out[1]}] = w{source[0]};")
-        elif code == ca.OP_CALL and len(inner) == 1:
-            lines.append(_call(f"{name}_{inner[0].name()}", operands, out, real))
-        elif code in operations:
-            lines.append(f"w{out[0]} = {operations[code].format(*operands)};")
+        elif operation == ca.OP_INPUT:
+            argument, entry = sources
+            operands = [f"{arguments[argument]}[{entry}]"]
+        if operation == ca.OP_OUTPUT:
+            result, entry = targets
+            lines.append(f"{results[result]}[{entry}] = w{sources[0]};")
+        elif operation == ca.OP_CALL and len(called_functions) == 1:
+            callee = f"{name}_{called_functions[0].name()}"
+            lines.append(_call(callee, operands, targets, real))
+        elif operation in operations:
+            lines.append(f"w{targets[0]} = {operations[operation].format(*operands)};")
         else:
-            words = [word for word in dir(ca) if word[:3] == "OP_" and getattr(ca, word) == code]
             raise BadInputError(
-                f"{name}: the operation {words[0]} cannot be written as C; write the equations "
-                "without this operation"
+                f"{name}: the operation {_name_of(operation)} cannot be written as C; write the "
+                "equations without this operation"
             )
     variables = dict.fromkeys(re.findall(r"\bw\d+", " ".join(lines)))
     if variables:
@@ -139,11 +143,18 @@ def c_function(
     return f"{of_called}static void {name}({pointers})\n{{\n{body}{unused}}}\n"
 
 
-def _call(callee: str, operands: Sequence[str], out: Sequence[int], real: str) -> str:
+def _name_of(operation: int) -> str:
+    """Return the name of an operation of CasADi, "OP_ERFINV"."""
+    names = (name for name in dir(ca) if name.startswith("OP_"))
+    return next(name for name in names if getattr(ca, name) == operation)
+
+
+def _call(callee: str, operands: Sequence[str], targets: Sequence[int], real: str) -> str:
     """Return the C block that calls a function and stores its results.
 
-    out: number of the variable w of each result, negative for a result that is not used
+    targets: number of the variable w of each result, negative for a result that is not used
     """
-    inputs = ", ".join(operands)
-    stores = " ".join(f"w{each} = y[{place}];" for place, each in enumerate(out) if each >= 0)
-    return f"{{ const {real} x[] = {{{inputs}}}; {real} y[{len(out)}]; {callee}(x, y); {stores} }}"
+    values = ", ".join(operands)
+    count = len(targets)
+    stores = " ".join(f"w{each} = y[{place}];" for place, each in enumerate(targets) if each >= 0)
+    return f"{{ const {real} x[] = {{{values}}}; {real} y[{count}]; {callee}(x, y); {stores} }}"

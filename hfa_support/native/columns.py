@@ -68,7 +68,6 @@ def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
 
 
 def _side_by_side(columns: Sequence[ca.MX], rows: int) -> ca.MX:
-    """Return the dense matrix (rows, k) that consists of k columns."""
-    # columns (rows, 1)
+    """Return the dense matrix (rows, k) of k columns, each (rows, 1), or (1, 1) if constant."""
     full = [ca.repmat(column, rows // column.numel(), 1) for column in columns]
     return ca.densify(ca.horzcat(ca.MX(rows, 0), *full))

@@ -47,7 +47,7 @@ def machine_code(function: ca.Function) -> ca.Function:
     function that calls an FMU, which is compiled already, or erfinv, which C does not have, is
     returned unchanged.
     """
-    if any(_has_no_c(each) for each in (function, *function.find_functions())):
+    if any(not _has_c(each) for each in (function, *function.find_functions())):
         return function
     loaded = compiled(
         lambda symbol: _c_text(function, symbol),
@@ -104,6 +104,7 @@ def cache_folder() -> Path:
 
 
 def _c_text(function: ca.Function, symbol: str) -> str:
+    """Return CasADi's C code of a function under the name `symbol`, with `_FAST_PRODUCT`."""
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
     arguments: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
     generator.add(ca.Function(symbol, arguments, function.call(arguments)))
@@ -111,12 +112,12 @@ def _c_text(function: ca.Function, symbol: str) -> str:
     return text.replace(_PRODUCT, _FAST_PRODUCT).replace(_BY_ROWS, _SIDE_BY_SIDE)
 
 
-def _has_no_c(function: ca.Function) -> bool:
+def _has_c(function: ca.Function) -> bool:
+    """Return whether CasADi has C code of a function: of no callback of Python and of no erfinv."""
     if function.class_name() != "SXFunction":
-        return bool(function.class_name() == "CallbackInternal")
-    return any(
-        function.instruction_id(place) == ca.OP_ERFINV for place in range(function.n_instructions())
-    )
+        return bool(function.class_name() != "CallbackInternal")
+    operations = {function.instruction_id(place) for place in range(function.n_instructions())}
+    return ca.OP_ERFINV not in operations
 
 
 def _own_folder(folder: Path) -> Path:

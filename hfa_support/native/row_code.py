@@ -17,14 +17,15 @@ from hfa_support.native.bound import MAKING, RowFunction
 from hfa_support.native.c_code import OPERATIONS, c_function
 from hfa_support.native.machine_code import compiled, machine_code
 
-#: Number of rows per register: two for any 64-bit processor, four with AVX2. The results have
-#: identical bits.
+#: Number of rows per register, its lanes: two for any 64-bit processor, four with AVX2. The results
+#: have identical bits.
 _LANES = 2
 _LANES_OF_AVX2 = 4
-_EXACT = ("sqrt", "fabs", "floor", "ceil")
+#: Functions of math.h of one and of two arguments, which are called lane by lane.
 _OF_ONE = (
-    *(*_EXACT, "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "tanh"),
-    *("sinh", "cosh", "asinh", "acosh", "atanh", "expm1", "log1p", "erf"),
+    *("sqrt", "fabs", "floor", "ceil", "exp", "log", "expm1", "log1p", "erf"),
+    *("sin", "cos", "tan", "asin", "acos", "atan"),
+    *("sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
 )
 _OF_TWO = ("pow", "atan2", "hypot", "fmod", "remainder", "copysign")
 #: Operation -> C expression for operands with one number for each row. A condition is 1.0 or 0.0.
@@ -42,6 +43,7 @@ _ON_LANES = {
     ca.OP_SIGN: "chosen({0} == {0}, truth({0} > 0.0) - truth({0} < 0.0), {0})",
     ca.OP_IF_ELSE_ZERO: "(real)(({0} != 0.0) & (mask){1})",
 }
+#: Operation that calls a function of math.h -> C expression for operands with several lanes.
 _FROM_MATH = {
     operation: f"lanes_{text}"
     for operation, text in OPERATIONS.items()
@@ -49,7 +51,7 @@ _FROM_MATH = {
 }
 _OPERATIONS = {**OPERATIONS, **_FROM_MATH, **_ON_LANES}
 
-#: Expressions for one row, with scalar operands.
+#: Operation -> C expression for one row, with scalar operands.
 _ON_ONE = {
     **OPERATIONS,
     ca.OP_FMIN: "lanes_fmin({0}, {1})",
@@ -183,7 +185,7 @@ def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunct
 
 
 def _text(function: ca.Function, one_row: bool) -> str:
-    """Return the C source of a function."""
+    """Return the C source of a function of many rows, whose name is SYMBOL."""
     # Raises RuntimeError if CasADi cannot expand the function to scalars, and BadInputError if
     # `c_function` does not support an operation.
     scalars = function if function.is_a("SXFunction") else function.expand()
