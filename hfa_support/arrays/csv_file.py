@@ -55,7 +55,8 @@ _UNIT_OF_GAIN = re.compile(r"\((.*)\)/\((.*)\)")
 def matrices_of_entries(path: Path) -> dict[str, Any] | None:
     """Return the matrices of a table with a row for each entry, or None for another file.
 
-    The columns of the table are the fields of `_Entry`. The names and units of states and inputs, by name as in `matrices_and_names`, are those of K.
+    The columns of the table are the fields of `_Entry`. The names and units of states and inputs,
+    stored as in `matrices_and_names`, are those of K.
 
     Raises ValueError for a faulty file.
     """

@@ -24,7 +24,7 @@ def jsonable(value: Any) -> Any:
     Mappings, lists, tuples, arrays, texts and numbers are converted. Numbers that are not finite
     become None, because JSON has none.
     """
-    if isinstance(value, (float, np.floating)):  # tested first: most values are floats
+    if isinstance(value, (float, np.floating)):  # tested first, because most values are floats
         return float(value) if math.isfinite(value) else None
     if isinstance(value, (list, tuple)):
         return [jsonable(item) for item in value]
@@ -83,18 +83,23 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
         )
 
 
-def _leaves(data: Any, prefix: str = "") -> dict[str, Any]:
-    if isinstance(data, Mapping):
-        parts = (
-            _leaves(value, f"{prefix}.{key}" if prefix else key) for key, value in data.items()
-        )
-        return {name: leaf for part in parts for name, leaf in part.items()}
+def _leaves(data: Any, name: str = "") -> dict[str, np.ndarray]:
+    """Return name -> array for nested mappings and lists of mappings: "modes.0.zeta".
+
+    name: name of `data` itself
+    """
     if isinstance(data, list) and data and isinstance(data[0], Mapping):
-        return _leaves({str(index): item for index, item in enumerate(data)}, prefix)
-    return {prefix: np.asarray(_numbers(data))}
+        data = {str(index): item for index, item in enumerate(data)}
+    if not isinstance(data, Mapping):
+        return {name: np.asarray(_numbers(data))}
+    leaves: dict[str, np.ndarray] = {}
+    for key, value in data.items():
+        leaves |= _leaves(value, f"{name}.{key}" if name else key)
+    return leaves
 
 
 def _mat(data: Mapping[str, Any]) -> bytes:
+    """Return the content of a .mat file."""
     from scipy.io import savemat
 
     stream = io.BytesIO()
@@ -105,25 +110,23 @@ def _mat(data: Mapping[str, Any]) -> bytes:
 
 
 def _for_matlab(data: Any) -> Any:
+    """Return data as SciPy writes them to structs, cell arrays, and arrays, of N matrices with N as
+    the last axis.
+    """
     if isinstance(data, Mapping):
         return {_field_name(key): _for_matlab(value) for key, value in data.items()}
-    if isinstance(data, list):
-        if data and isinstance(data[0], (Mapping, str)):
-            cells = np.empty(len(data), dtype=object)
-            cells[:] = [_for_matlab(item) for item in data]
-            return cells
-        return _stacked(np.asarray(_numbers(data)))
-    return _stacked(data) if isinstance(data, np.ndarray) else _numbers(data)
-
-
-def _stacked(array: np.ndarray) -> np.ndarray:
-    """Return an array (N, rows, columns) as (rows, columns, N)."""
-    # Other arrays are returned unchanged.
+    if isinstance(data, list) and data and isinstance(data[0], (Mapping, str)):
+        cells = np.empty(len(data), dtype=object)
+        cells[:] = [_for_matlab(item) for item in data]
+        return cells
+    if not isinstance(data, list | np.ndarray):
+        return _numbers(data)
+    array = np.asarray(_numbers(data))
     return np.moveaxis(array, 0, -1) if array.ndim == 3 else array
 
 
 def _numbers(data: Any) -> Any:
-    """Return nested lists with None replaced by nan."""
+    """Return nested lists, or a single value, with None replaced by nan."""
     if isinstance(data, list):
         return [_numbers(item) for item in data]
     return np.nan if data is None else data

@@ -54,11 +54,10 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
 
 def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any]) -> None:
     """Write a figure to a stream."""
-    # For a PNG, the layout is computed before saving. Otherwise matplotlib would draw the figure
-    # twice.
     _take_literally(figure)
     engine = figure.get_layout_engine()
     if kind == "png" and figure.axes and engine is not None:
+        # Without a layout of its own, matplotlib would draw the figure twice.
         figure.dpi = _DPI
         engine.execute(figure)
         figure.set_layout_engine(None)
@@ -67,9 +66,10 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
 
 
 def _take_literally(figure: Figure) -> None:
-    """Turn off formula typesetting, except powers of ten on logarithmic axes."""
-    # matplotlib would otherwise typeset text between two dollar signs, for example in a state's
-    # name.
+    """Print text between dollar signs, as in a state's name, as it is and not as a formula.
+
+    The powers of ten on logarithmic axes remain formulas.
+    """
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
 

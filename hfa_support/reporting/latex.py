@@ -56,12 +56,14 @@ def _paragraph(text: str) -> str:
 
 
 def _tabular(table: Table) -> str:
+    """Return a table, with columns of words aligned left and others right."""
     imported("jinja2", "LaTeX files require")
     pandas = imported("pandas", "LaTeX files require")
     cells = [[str(cell) for cell in row] for row in table.rows]
     style = pandas.DataFrame(cells, columns=list(table.header)).style.hide(axis="index")
     style = style.format(escape="latex").format_index(escape="latex", axis=1)
     columns = zip(*cells, strict=True) if cells else ((),) * len(table.header)
-    words = [index == 0 or are_words(column) for index, column in enumerate(columns)]
-    alignment = "".join("l" if each else "r" for each in words)
+    alignment = "".join(
+        "l" if index == 0 or are_words(column) else "r" for index, column in enumerate(columns)
+    )
     return str(style.to_latex(hrules=True, column_format=alignment))

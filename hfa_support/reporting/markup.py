@@ -89,13 +89,15 @@ def html_of(report: Contents, level: int, in_book: bool = False) -> str:
     shown += ['<div class="part">'] * in_book
     if report.head:
         shown.append(_cover(report.head) if report.is_book else _signed_head(report.head, in_book))
+    style_class = {Group: "sheet"} | ({tuple: "matrix"} if report.is_book else {})
     for kind, parts in groupby(report.parts, key=type):
-        made = [
+        fragments = [
             html_of(part, level + 1, report.is_book) if isinstance(part, Contents) else _html(part)
             for part in parts
         ]
-        name = "sheet" if kind is Group else "matrix" if report.is_book and kind is tuple else ""
-        shown += [f'<div class="{name}">', *made, "</div>"] if name else made
+        if kind in style_class:
+            fragments = [f'<div class="{style_class[kind]}">', *fragments, "</div>"]
+        shown += fragments
     shown += ["</div>"] * in_book
     shown += [_paragraph(f"Note: {note}") for note in report.notes]
     shown += [_paragraph(line) for line in filter(None, report.source.split("\n"))]
@@ -193,11 +195,13 @@ def _linked(cell: Any) -> str:
 
 
 def _td(cell: Any, column: list[str]) -> str:
+    """Return a cell as HTML, with its tone as a class beside those of its column."""
     tone = [cell.tone] if isinstance(cell, Cell) and cell.tone else []
     return f"<td{_class([*column, *tone])}>{_escaped(cell)}</td>"
 
 
 def _class(names: list[str]) -> str:
+    """Return the attribute `class` of an element, or "" without a name."""
     return f' class="{" ".join(names)}"' if names else ""
 
 

@@ -116,12 +116,10 @@ class ByName(tuple[Named, ...]):
     def to_pandas(self) -> pandas.DataFrame:
         """Return a `pandas.DataFrame` with one row for each entry, indexed by its name."""
         pandas = imported("pandas", "data frames require")
-        rows = [
-            {name: value for name, value in fields.items() if not isinstance(value, dict)}
-            for fields in (
-                entry._asdict() if hasattr(entry, "_asdict") else vars(entry) for entry in self
-            )
-        ]
+        rows = []
+        for entry in self:
+            fields = entry._asdict() if hasattr(entry, "_asdict") else vars(entry)
+            rows.append({n: value for n, value in fields.items() if not isinstance(value, dict)})
         return pandas.DataFrame(rows).set_index("name")
 
     def _repr_html_(self) -> str | None:

@@ -78,6 +78,7 @@ def write_pdf(report: Contents, path: Path) -> None:
 
 
 def _page_template(name: str) -> PageTemplate:
+    """Return the layout of a page of `_PAGES`, one frame within its margins."""
     frame = Frame(_MARGIN, _MARGIN, *_area(name), *(0.0,) * 4, id=name)
     return PageTemplate(name, [frame], pagesize=_PAGES[name])
 
@@ -122,11 +123,11 @@ def _story(report: Contents, level: int) -> Iterator[Flowable]:
     level: 0 for the document, 1 for a report in it
     """
     yield from _heading(report, level)
-    after = (*(f"Note: {note}" for note in report.notes), *report.source.split("\n"))
+    notes = (*(f"Note: {note}" for note in report.notes), *report.source.split("\n"))
     nested = [part for part in report.parts if isinstance(part, Contents)]
     others = [part for part in report.parts if not isinstance(part, Contents)]
     if nested:
-        yield from _book(report.head, others, after)
+        yield from _book(report.head, others, notes)
         for each in nested:
             yield PageBreak()
             yield from _story(each, level + 1)
@@ -137,11 +138,11 @@ def _story(report: Contents, level: int) -> Iterator[Flowable]:
             yield _framed(dict.fromkeys(BLANKS, ""), _LINE)
         yield Spacer(0.0, 6.0)
     if any(isinstance(part, Group) for part in others):
-        yield from _sheet(others, after, with_pictures=level == 0)
+        yield from _sheet(others, notes, with_pictures=level == 0)
     else:
         for part in others:
             yield from _part(part, "high")
-        yield from _small(after)
+        yield from _small(notes)
 
 
 def _heading(report: Contents, level: int) -> Iterator[Flowable]:
@@ -171,12 +172,14 @@ class _Entry(Flowable):
 
 
 def _lines(text: str) -> Iterator[Flowable]:
+    """Yield the lines of a text, warnings in bold."""
     for line in filter(str.strip, text.split("\n")):
         font, color = (BOLD, BAD) if is_warning(line) else (SANS, "black")
         yield paragraph(line, TEXT, font, textColor=color, spaceAfter=2.0)
 
 
 def _small(lines: Sequence[str]) -> Iterator[Flowable]:
+    """Yield lines in the size and color of notes."""
     for line in filter(None, lines):
         yield paragraph(line, CELL, textColor=NOTE, spaceBefore=3.0)
 
@@ -190,11 +193,11 @@ def _framed(entries: Mapping[str, str], height: float | None = None) -> Grid:
 
 
 def _book(
-    head: Mapping[str, str], parts: Sequence[Any], after: Sequence[str]
+    head: Mapping[str, str], parts: Sequence[Any], notes: Sequence[str]
 ) -> Iterator[Flowable]:
     """Yield the first pages of a report of reports: the cover, and the other parts on wide pages.
 
-    after: notes and provenance, which are on the cover
+    notes: notes and provenance, which are on the cover
     """
     if head:
         yield Spacer(0.0, 12.0)
@@ -208,7 +211,7 @@ def _book(
         bold = [*_IN_FRAMES, ("FONT", (0, 0), (-1, -1), BOLD, 8.0)]
         yield Grid(signed, [_LABEL, *[columns] * len(BLANKS)], heights, style=bold)
         yield Spacer(0.0, 12.0)
-    yield from _small(after)
+    yield from _small(notes)
     if parts:
         yield NextPageTemplate("wide")
         if head:
@@ -234,13 +237,14 @@ def _part(part: Any, page: str) -> Iterator[Flowable]:
             yield from _part(each, page)
 
 
-def _sheet(parts: Sequence[Any], after: Sequence[str], with_pictures: bool) -> Iterator[Flowable]:
+def _sheet(parts: Sequence[Any], notes: Sequence[str], with_pictures: bool) -> Iterator[Flowable]:
     """Yield a sheet: its rows and sentences in two columns, then other tables and pictures.
 
-    after: notes and provenance
+    notes: notes and provenance
+    with_pictures: whether pictures are drawn, which sheets in a book leave out
     """
     columns: list[Flowable] = []
-    rest = []
+    below = []
     for part in parts:
         lines = part if isinstance(part, tuple) and not isinstance(part, Table) else (part,)
         if isinstance(part, Group):
@@ -248,9 +252,9 @@ def _sheet(parts: Sequence[Any], after: Sequence[str], with_pictures: bool) -> I
         elif all(isinstance(line, str) for line in lines):
             columns += _small(lines)
         elif with_pictures or not isinstance(part, Picture):
-            rest.append(part)
-    columns += _small(after)
+            below.append(part)
+    columns += _small(notes)
     none = dict.fromkeys(("leftPadding", "rightPadding", "topPadding", "bottomPadding"), 0.0)
     yield BalancedColumns(columns, innerPadding=_GAP, spaceAfter=6.0, **none)
-    for part in rest:
+    for part in below:
         yield from _part(part, "high")

@@ -133,20 +133,23 @@ def _column(heading: str, cells: Sequence[Any], is_label: bool) -> _Column:
     side = TA_LEFT if is_words else TA_RIGHT
     shown = [paragraph(heading, CELL, BOLD, alignment=side)]
     for cell in cells:
-        tone, link = (getattr(cell, kind, "") for kind in ("tone", "link"))
+        tone, link = getattr(cell, "tone", ""), getattr(cell, "link", "")
         color = _COLORS.get(tone, "black")
         shown.append(paragraph(str(cell), CELL, link=link, alignment=side, textColor=color))
-    natural = max(pdfmetrics.stringWidth(str(cell), SANS, CELL) for cell in ("", *cells)) + 0.01
+    longest_cell = max(pdfmetrics.stringWidth(str(cell), SANS, CELL) for cell in ("", *cells))
+    longest_cell += 0.01  # above its rounding
     least = max(each.minWidth() for each in shown)
-    least = least if is_words else max(natural, least)
-    return _Column(shown, max(natural, least) + 2.0 * _BESIDE, least + 2.0 * _BESIDE)
+    if not is_words:
+        least = max(longest_cell, least)
+    natural = max(longest_cell, least)
+    return _Column(shown, natural + 2.0 * _BESIDE, least + 2.0 * _BESIDE)
 
 
 def _widths(columns: Sequence[_Column], room: float) -> list[float]:
     """Return the widths of columns that fill a room as far as their contents need it, points."""
     least = sum(column.least for column in columns)
-    wanted = sum(column.natural for column in columns) - least
-    share = min(1.0, max(0.0, room - least) / wanted) if wanted else 0.0
+    more = sum(column.natural for column in columns) - least
+    share = min(1.0, max(0.0, room - least) / more) if more else 0.0
     return [column.least + share * (column.natural - column.least) for column in columns]
 
 
@@ -181,7 +184,7 @@ def _grid(rows: list[list[Any]], widths: Sequence[Any], *rules: Any) -> Rows:
 
 
 def rows_of_group(group: Group) -> Iterator[Flowable]:
-    """Yield rows below the title of their group: name, value, unit and note; and sentences."""
+    """Yield a table of the rows of a group, name, value, unit and note, and its sentences."""
     if group.rows:
         rows: list[list[Any]] = [[paragraph(group.title, CELL, BOLD), "", "", ""]]
         for row in group.rows:
@@ -204,8 +207,8 @@ def drawing(picture: Picture, width: float, height: float) -> Iterator[Flowable]
 
     width, height: of a page, points
     """
-    natural = [72.0 * inches for inches in picture.figure.get_size_inches()]
-    room = [min(*pair) for pair in zip(natural, (width, height), strict=True)]
+    natural_width, natural_height = 72.0 * picture.figure.get_size_inches()
+    room = min(natural_width, width), min(natural_height, height)
     image = Image(io.BytesIO(picture.png), *room, kind="proportional")
     yield CondPageBreak(_LEAST_PICTURE * image.drawHeight)
     yield KeepInFrame(width, 0, [image])

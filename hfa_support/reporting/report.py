@@ -180,6 +180,7 @@ class Reported:
 
 
 def _text(part: Any, color: bool, width: int | None) -> str:
+    """Return a part of a report as text (`Report.text`)."""
     if isinstance(part, Report | Group):
         return part.text(color, width)
     if isinstance(part, Table):
@@ -230,6 +231,6 @@ def _on_one_line(value: Any) -> str:
         text = type(value).__name__
     else:
         text = str(value)
-    if "array(" in text or " object at 0x" in text:
+    if "array(" in text or " object at 0x" in text:  # a repr that says nothing to a reader
         text = type(value).__name__
     return shortened(" ".join(text.split()) or "-", _LONGEST)

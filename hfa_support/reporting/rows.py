@@ -88,6 +88,7 @@ class Row(Result):
         return "" if unit == "1" else unit
 
     def _value_text(self) -> str:
+        """Return the value as a sheet prints it."""
         if isinstance(self.value, (str, int)):
             return str(self.value)
         if isinstance(self.value, complex):
@@ -150,14 +151,14 @@ def _with_note(line: str, row: Row, color: bool, width: int | None) -> Iterator[
     begin = len(line) + len(_GAP)
     is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE)
     indent = begin if is_beside else len(_GAP)
-    parts = [note] if width is None else textwrap.wrap(note, width - indent)
-    tone = TONES.get(row.tone) if color else None
-    below = [f"\033[{tone}m{part}\033[0m" if tone else part for part in parts]
-    if is_beside and below:
-        first, *below = below
+    note_lines = [note] if width is None else textwrap.wrap(note, width - indent)
+    if color and row.tone:
+        note_lines = [f"\033[{TONES[row.tone]}m{each}\033[0m" for each in note_lines]
+    if is_beside and note_lines:
+        first, *note_lines = note_lines
         line += _GAP + first
     yield line.rstrip()
-    yield from (" " * indent + part for part in below)
+    yield from (" " * indent + each for each in note_lines)
 
 
 class Sheet(ByName[Row]):
@@ -180,27 +181,28 @@ class Sheet(ByName[Row]):
 
         first: title of the group that keeps its names
         """
-        given = [*groups]
-        taken = {row.name for title, rows, _ in given if title == first for row in rows}
+        stated = [*groups]
+        taken_names = {
+            figure.name for title, rows, _ in stated if title == first for figure in rows
+        }
         lacking: dict[str, str] = {}
         completed = []
-        for title, figures, lines in given:
+        for title, figures, lines in stated:
             rows = []
-            missing: dict[str, list[str]] = {}
+            names_lacking: dict[str, list[str]] = {}  # reason -> names
             for figure in figures:
                 name = figure.name
-                if name in taken and title != first:
+                if name in taken_names and title != first:
                     name = f"{name} ({title})"
                 if isinstance(figure, Lacking):
                     lacking[name] = figure.reason
-                    missing.setdefault(figure.reason, []).append(figure.name)
-                    continue
-                figure = replace(figure, name=name)
-                taken.add(name)
-                rows.append(figure)
+                    names_lacking.setdefault(figure.reason, []).append(figure.name)
+                else:
+                    taken_names.add(name)
+                    rows.append(replace(figure, name=name))
             not_in_model = [
-                f"{', '.join(names)}: not in this model" + f": {reason}" * bool(reason)
-                for reason, names in missing.items()
+                ": ".join(filter(None, (", ".join(names), "not in this model", reason)))
+                for reason, names in names_lacking.items()
             ]
             if rows or not_in_model or lines:
                 completed.append(Group(title, tuple(rows), (*lines, *not_in_model)))
@@ -242,23 +244,26 @@ def matrix_of(sheets: Sequence[Sheet]) -> Table:
     Angles are in degrees, as a sheet prints them. A figure without a unit has a column "NAME", and
     a level one of its own, "NAME level". A column that a sheet adds follows its neighbor there.
     """
-    columns: list[str] = []
-    entries: list[dict[str, Any]] = []
-    for sheet in sheets:
-        entry: dict[str, Any] = {}
-        for row in sheet:
-            for name, value in numbers_of(row):
-                is_angle = isinstance(value, float) and row.in_degrees
-                shown = float(shown_values(value, row.unit)) + 0.0 if is_angle else value  # not -0
-                entry[f"{name} [{row.printed_unit}]" if row.printed_unit else name] = shown
-            if row.level is not None:
-                entry[f"{row.name} level"] = row.stated_level
-        entries.append(entry)
+    headings: list[str] = []
+    cells_of_sheets = [_cells_by_heading(sheet) for sheet in sheets]
+    for cells in cells_of_sheets:
         place = 0
-        for name in entry:
-            if name not in columns:
-                columns.insert(place, name)
-            place = columns.index(name) + 1
-    return Table(
-        tuple(columns), [tuple(entry.get(name, "") for name in columns) for entry in entries]
-    )
+        for heading in cells:
+            if heading not in headings:
+                headings.insert(place, heading)
+            place = headings.index(heading) + 1
+    rows = [tuple(cells.get(heading, "") for heading in headings) for cells in cells_of_sheets]
+    return Table(tuple(headings), rows)
+
+
+def _cells_by_heading(sheet: Sheet) -> dict[str, Any]:
+    """Return heading -> cell of the row of a sheet in `matrix_of`."""
+    cells: dict[str, Any] = {}
+    for row in sheet:
+        for name, value in numbers_of(row):
+            if isinstance(value, float) and row.in_degrees:
+                value = float(shown_values(value, row.unit)) + 0.0  # 0 in place of -0
+            cells[f"{name} [{row.printed_unit}]" if row.printed_unit else name] = value
+        if row.level is not None:
+            cells[f"{row.name} level"] = row.stated_level
+    return cells

@@ -264,9 +264,7 @@ def eigenvalue_text(value: complex) -> str:
 
 
 def _entry_text(value: float) -> str:
-    """Return the entry of a matrix as text with four decimals."""
-    # An entry that would be printed as 0 has an exponent instead, unless it is only a rounding
-    # error.
+    """Return the entry of a matrix with four decimals, or an exponent where these show only 0."""
     text = four_decimals(value)
     return f"{value:.1e}" if text == "0.0000" and not is_zero(value) else text
 
@@ -294,14 +292,14 @@ def columns(
     texts = [[printable(str(cell), lines=False) for cell in row] for row in cells]
     widths = [max(len(row[i]) for row in texts) for i in range(len(header))]
     blocks = []
-    for shown in blocks_that_fit(widths, labels, width, len(_GAP)):
+    for block in blocks_that_fit(widths, labels, width, len(_GAP)):
         lines = []
         for row, row_cells in zip(texts, cells, strict=True):
             aligned = []
-            for i in shown:
-                cell = row[i].rjust(widths[i]) if i else row[i].ljust(widths[i])
+            for i in block:
+                text = row[i].rjust(widths[i]) if i else row[i].ljust(widths[i])
                 tone = TONES.get(getattr(row_cells[i], "tone", ""))
-                aligned.append(f"\033[{tone}m{cell}\033[0m" if color and tone else cell)
+                aligned.append(f"\033[{tone}m{text}\033[0m" if color and tone else text)
             lines.append(_GAP.join(aligned).rstrip())
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks)
@@ -328,11 +326,13 @@ def blocks_that_fit(
 
 
 def are_words(cells: Sequence[Any]) -> bool:
-    """Return whether a table column consists of words rather than numbers."""
-    # The result is True if fewer than half of the nonempty cells begin with a digit, sign, point or
-    # ∞.
+    """Return whether a table column consists of words rather than numbers.
+
+    It does if fewer than half of the nonempty cells begin with a digit, sign, point or ∞.
+    """
     texts = [text for cell in cells if (text := str(cell)) not in ("", "-")]
-    return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in texts) * 2 < len(texts)
+    numbers = [text for text in texts if text[0].isdigit() or text[0] in "+-.±∞"]
+    return 2 * len(numbers) < len(texts)
 
 
 def is_warning(line: str) -> bool:
@@ -361,7 +361,7 @@ def wrapped(text: str, width: int | None) -> str:
 
 
 class RowsMade(Sequence[tuple[Any, ...]]):
-    """Sequence of the rows of a table, each computed when it is accessed."""
+    """Sequence of the rows of a table, each computed when it is accessed: number -> row."""
 
     def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
         self._count = count

@@ -186,8 +186,7 @@ def _write(path: Path, rows: slice, results: Mapping[str, Any]) -> None:
 
 
 def _zarr() -> ModuleType:
-    """Return Zarr, imported without its environment variables."""
-    # The variables could change the format of a store. All of them are removed from the process.
+    """Return Zarr, after removing its environment variables, which could change the format."""
     for name in [name for name in os.environ if name.startswith("ZARR_")]:
         del os.environ[name]
     import zarr
@@ -196,6 +195,7 @@ def _zarr() -> ModuleType:
 
 
 def _opened(path: Path, mode: Literal["r", "r+"]) -> Any:
+    """Return the Zarr group of a store, opened for reading or also for writing."""
     return _zarr().open_group(str(path), mode=mode, zarr_format=3)
 
 
@@ -252,13 +252,13 @@ def _refuse_another(path: Path, job: RowJob) -> None:
         for name, content in files.items()
         if name.endswith(_METADATA)
     }
-    own = expected[_METADATA]["attributes"]
+    attributes_of_job = expected[_METADATA]["attributes"]
     try:
         attributes = read_json(path / _METADATA)["attributes"]
-        if attributes["schema"] != own["schema"]:
+        if attributes["schema"] != attributes_of_job["schema"]:
             raise ValueError("another schema")
         begun = str(attributes["toolchain"])
-        same_job = _deciding(attributes) == _deciding(own)
+        same_job = _deciding(attributes) == _deciding(attributes_of_job)
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise BadInputError(
             f"{path} is not a {job.what} store of this version, or is damaged; give another path, "
@@ -296,7 +296,7 @@ def _deciding(attributes: Mapping[str, Any]) -> str:
 
 
 def _of_the_job(metadata: dict[str, Any]) -> dict[str, Any]:
-    """Return metadata without the attributes that differ between runs of a job."""
+    """Return the metadata of a store without the attributes that belong to one run of the job."""
     attributes = metadata["attributes"]
     kept = {key: attributes[key] for key in attributes if key not in _OF_ONE_RUN}
     return metadata | {"attributes": kept}
@@ -335,6 +335,7 @@ def _labels(store: Any, row: str) -> dict[str, list[Any]]:
 
 
 def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> bool:
+    """Return whether the names and units in a store can be read and are as expected."""
     try:
         return _labels(path, row) == expected
     except (OSError, ValueError, RuntimeError, MemoryError):  # a damaged chunk
@@ -342,8 +343,9 @@ def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> boo
 
 
 def _missing_chunks(path: Path, job: RowJob) -> list[int]:
-    """Return the numbers of the chunks that are damaged or missing in at least one array."""
-    # A warning states the number of damaged chunks.
+    """Return the numbers of the chunks that are damaged or missing in at least one array, and warn
+    of damaged ones.
+    """
     group = _opened(path, "r")
     missing = []
     damaged = 0
@@ -375,6 +377,7 @@ def _is_written(folder: Path, array: Any, number: int) -> bool:
 
 
 def _require_xarray() -> None:
+    """Raise BadInputError if xarray or Zarr is not installed."""
     try:
         import xarray  # noqa: F401
 

@@ -23,7 +23,7 @@ from typing import Any
 
 from hfa_support.errors import BadInputError, NoSolutionError, missing_package
 
-#: Submitted tasks per worker: enough to keep the worker busy without using more memory.
+#: Submitted tasks per worker of a cluster: one is computed while the next is sent.
 _AHEAD = 2
 #: Number of times Dask repeats a task whose worker was lost.
 _RETRIES = 3
@@ -61,6 +61,7 @@ def open_workers(workers: int | str) -> Iterator[Run]:
 
 
 def _run_in_process(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any]]:
+    """Run tasks one after the other in this process, and yield (key, result) of each."""
     for key, arguments in tasks:
         yield key, function(*arguments)
 
@@ -151,9 +152,10 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _cluster(address: str) -> Iterator[Run]:
-    """Context manager that provides an executor of a Dask cluster."""
-    # `address` is the address of the scheduler. Raises BadInputError if Dask is missing, the
-    # scheduler does not respond or it has no workers.
+    """Context manager that provides an executor of the Dask cluster with this scheduler.
+
+    Raises BadInputError if Dask is missing, the scheduler does not respond or it has no workers.
+    """
     try:
         from dask.distributed import Client
         from distributed.comm import CommClosedError
