@@ -482,14 +482,17 @@ class Model(Reported):
     def time_unit(self) -> str:
         """Unit of time of the model: "s", "min", "h" or "day".
 
-        The result is "s" if a declared unit contains "s", and otherwise the first of "min", "h" and
-        "day" that a declared unit contains. Without any of them, the result is "s".
+        The result is the first of these that a declared unit contains, and "s" if none does.
         """
-        bases = set()
-        for signal in self.signals.values():
-            bases.update(re.findall("[a-z]+", signal.unit))
-        longer = [unit for unit in ("min", "h", "day") if unit in bases]
-        return longer[0] if longer and "s" not in bases else "s"
+        return self._stated_time_unit or "s"
+
+    @cached_property
+    def _stated_time_unit(self) -> str:
+        """Unit of time that a declared unit contains, or "" if none does."""
+        words = {
+            word for each in self.signals.values() for word in re.findall("[a-z]+", each.unit)
+        }
+        return next((unit for unit in ("s", "min", "h", "day") if unit in words), "")
 
     def rate_unit(self, name: str) -> str:
         """Return the unit of a state's rate, such as ft/s for ft, and ft/s^2 for ft/s."""
@@ -500,10 +503,33 @@ class Model(Reported):
         return f"{self.unit(name)}{per_time}"
 
     def rate_scale(self, name: str) -> float:
-        """Return the typical magnitude of a state's rate, by default the nominal magnitude of the
-        state.
+        """Return the typical magnitude of a state's rate, by default its nominal magnitude in 1 s.
+
+        A model whose units contain no time may have any unit of time. There it is the largest
+        change of the rate due to a nominal change of one state or input, at the start values.
         """
-        return self.states[name].rate or self.states[name].nominal
+        state = self.states[name]
+        if state.rate:
+            return state.rate
+        if self._stated_time_unit:
+            per_time = conversion_factor("1/s", f"1/{self._stated_time_unit}") or 1.0
+            return state.nominal * per_time
+        return self._rates_by_nominal_changes.get(name) or state.nominal
+
+    @cached_property
+    def _rates_by_nominal_changes(self) -> dict[str, float]:
+        """State -> largest change of its rate due to a nominal change of one state or input, at the
+        start values; empty if the equations have no derivatives there.
+        """
+        start = {name: signal.start for name, signal in self.signals.items()} | self.trim
+        x, u = ([start[name] for name in names] for names in (self.states, self.inputs))
+        try:
+            slopes = self.at(x, u)
+        except (BadInputError, ArithmeticError):
+            return {}
+        signals = (*self.states.values(), *self.inputs.values())
+        changes = np.hstack([slopes.A, slopes.B]) * [signal.nominal for signal in signals]
+        return dict(zip(self.states, np.abs(changes).max(axis=1).tolist(), strict=True))
 
     def factor_of(self, name: str, text: str, unit: str) -> float:
         """Return the factor from a stated unit to the unit of a signal, an airspeed or a rate.

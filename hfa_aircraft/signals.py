@@ -21,7 +21,7 @@ class Signal(NamedTuple):
     nominal: typical magnitude, > 0, which scales unknowns and residuals of different units
     min, max: domain of the equations, and limits of a trim
     start: value of a parameter, or initial value of a state or an input in a trim search
-    rate: typical magnitude of a state's rate, by default the nominal
+    rate: typical magnitude of a state's rate, by default the nominal in 1 s (`Model.rate_scale`)
     omitted_dynamics: note on dynamics between an input and the motion that the equations omit
     assumed: whether min and max are assumptions of a reader, which the aircraft's data do not state
     full: angle of what a lever without a unit moves, at the value 1 of the lever, rad; 0 if unknown

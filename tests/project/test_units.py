@@ -11,7 +11,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
-from twins import SI, STATES, named, scaled
+from twins import KINDS, SI, STATES, in_units, named, scaled
 
 import controller
 import hfa
@@ -529,6 +529,13 @@ def test_an_answer_does_not_depend_on_units(name, twin):
     """The answer about the aircraft in other units is that in SI."""
     answers = ANSWERS[name]
     assert differences(answers(TWINS[twin](name in SECONDS)), answers(SI)) == []
+
+
+@pytest.mark.parametrize("power", [-18, 20])
+def test_a_trim_does_not_depend_on_the_unit_of_time(power):
+    """Equations per 2^-18 s and per 2^20 s, whose rates have no stated size, have the trims per second."""
+    words, sizes = dict.fromkeys(KINDS, "1"), dict.fromkeys(KINDS, 1.0)
+    assert differences(of_trim(in_units(sizes, words, 2.0**power)), of_trim(SI)) == []
 
 
 class Floored:
