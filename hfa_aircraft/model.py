@@ -489,9 +489,7 @@ class Model(Reported):
     @cached_property
     def _stated_time_unit(self) -> str:
         """Unit of time that a declared unit contains, or "" if none does."""
-        words = {
-            word for each in self.signals.values() for word in re.findall("[a-z]+", each.unit)
-        }
+        words = {word for each in self.signals.values() for word in re.findall("[a-z]+", each.unit)}
         return next((unit for unit in ("s", "min", "h", "day") if unit in words), "")
 
     def rate_unit(self, name: str) -> str:
@@ -521,7 +519,7 @@ class Model(Reported):
         """State -> largest change of its rate due to a nominal change of one state or input, at the
         start values; empty if the equations have no derivatives there.
         """
-        start = {name: signal.start for name, signal in self.signals.items()} | self.trim
+        start = {name: signal.start for name, signal in self.signals.items()} | {**self.trim}
         x, u = ([start[name] for name in names] for names in (self.states, self.inputs))
         try:
             slopes = self.at(x, u)

@@ -39,13 +39,13 @@ class LinearizeRequest(Request, TrimOptions):
         listed_names,
         rare=True,
     )
-    bode: bool = option("add transmission zeros and transfer functions")
+    bode: bool = option("add the frequency responses at the modes")
 
 
 @command(LinearizeRequest, scheduled_trim)
 def linearize(request: LinearizeRequest, given: GivenTrim) -> Outcome:
     """Linearize exactly at a trim, and report matrices, modes and handling qualities. --bode adds
-    transfer functions. Error bands and differences from printed matrices are added where known."""
+    frequency responses. Error bands and differences from printed matrices are added where known."""
     point = trimmed(given)
     name_of = given.model.about.name_of
     states = request.states and tuple(map(name_of, request.states))
@@ -55,7 +55,7 @@ def linearize(request: LinearizeRequest, given: GivenTrim) -> Outcome:
         outputs=request.outputs and tuple(map(name_of, request.outputs)),
         disturbances=direct_disturbances(point, states or given.model.linear),
     )
-    report = linear_model_report(linear, transfer_functions=request.bode)
+    report = linear_model_report(linear, responses=request.bode)
 
     def figure() -> Figure:
         from trim.linear.frequency import draw_bode

@@ -153,7 +153,7 @@ def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed):
     linear, linear_twin = point.linearize(), of_twin.linearize()
     np.testing.assert_allclose(linear.A, linear_twin.A, atol=1e-9)
     np.testing.assert_allclose(linear.B, linear_twin.B, atol=1e-9)
-    np.testing.assert_allclose(linear.poles(), linear_twin.poles(), rtol=1e-7)
+    np.testing.assert_allclose(linear.eigenvalues, linear_twin.eigenvalues, rtol=1e-7)
     for row, row_of_twin in zip(point.sheet, of_twin.sheet, strict=True):
         assert (row.name, row.unit) == (row_of_twin.name, row_of_twin.unit)
         if not isinstance(row.value, str):  # a bound of rounding

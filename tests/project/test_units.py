@@ -119,18 +119,9 @@ def of_linear(twin):
         "A": linear.A * rates / twin.z,
         "B": linear.B * rates / twin.u,
         "E": linear.E * rates / updraft,
-        "poles": np.sort_complex(linear.poles()) / twin.second,
+        "poles": np.sort_complex(linear.eigenvalues) / twin.second,
         "damping": [mode.damping for mode in linear.modes],
         "modes": ",".join(mode.name for mode in linear.modes),
-    }
-
-
-def of_transfers(twin):
-    found = trim.transfers(linear_of(twin))
-    static = np.array([each.static for each in found]).reshape(4, 2)
-    return {
-        "zeros": np.concatenate([np.sort_complex(each.zeros) for each in found]) / twin.second,
-        "static": static * twin.z[:, None] / twin.u,
     }
 
 
@@ -429,7 +420,6 @@ ANSWERS = {
     "hfa.keep_inside": of_inside,
     "hfa.predictive": of_predictive,
     "hfa.optimize": of_best_flight,
-    "trim.transfers": of_transfers,
     "trim.modes_of": of_modes,
     "trim.trim_points": of_points,
     "trim.release": of_condition,

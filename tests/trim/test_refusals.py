@@ -127,8 +127,7 @@ CALLS = {
     "bands exist only for the identified parameters": lambda _: entry_bands(
         heavier(1.0 + 1e-6), LEVEL, linear()
     ),
-    "output y2 is named twice": lambda _: TWO.zeros(outputs=("y2", "y1", "y2")),
-    "not 2 and 1": lambda _: TWO.transfer_function(("f", "g"), "y1"),
+    "output y2 is named twice": lambda _: TWO[("y2", "y1", "y2"), "f"],
     "shape (2, 3); give shape (2, 2)": lambda _: modes_of(np.ones((2, 3)), ("a", "b")),
     "1 units for 6 names": lambda path: loaded_with(path, state_units=["ft/s"]),
     "error bands exist only for the states": lambda _: entry_bands(

@@ -6,7 +6,6 @@ import pickle
 from dataclasses import replace
 from functools import cache
 
-import control
 import numpy as np
 import pytest
 from matplotlib import pyplot
@@ -31,25 +30,6 @@ def test_names_index_matrices():
     assert json.loads(json.dumps(linear.A.sum())) == float(np.sum(np.array(linear.A)))
     for again in (pickle.loads(pickle.dumps(linear.A)), copy.deepcopy(linear).A):
         assert again["pitch_rate", "alpha"] == linear.A[3, 1]
-
-
-def test_modes_that_inputs_or_outputs_miss_are_zeros():
-    """`zeros` returns the eigenvalue of a mode that no input or no output affects."""
-    linear = _linear()
-    assert linear.is_stable == (np.linalg.eigvals(np.array(linear.A)).real.max() < 0.0)
-    # A change of coordinates hides that no input affects the mode of -3.
-    basis = np.random.default_rng(0).normal(size=(6, 6))
-    inverse = np.linalg.inv(basis)
-    A = basis @ np.diag([-3.0, -1.0, -2.0, -4.0, -5.0, -6.0]) @ inverse
-    B = basis @ np.vstack([np.zeros(5), np.ones((5, 5))])
-    hidden = replace(linear, A=A, B=B)
-    assert hidden.zeros(outputs=()) == pytest.approx([-3.0])
-    # The outputs are orthogonal to the eigenvector of -3.
-    seen = replace(linear, A=A, C=inverse[1:], outputs=linear.outputs[1:], D=0.0 * linear.D[1:])
-    assert seen.zeros(inputs=()) == pytest.approx([-3.0])
-    loop = control.ss(linear.A, linear.B[:, [3]], linear.C[[2]], linear.D[[2]][:, [3]])
-    found = linear.zeros("elevator_center", "pitch")
-    assert np.sort_complex(found) == pytest.approx(np.sort_complex(loop.zeros()), abs=1e-6)
 
 
 def test_a_sweep_is_a_sequence_of_linear_models():

@@ -21,18 +21,17 @@ from trim.linear.linear_model import LinearModel
 from trim.reports.linear_report import Beside, report_of_linear
 
 
-def linear_model_report(model: LinearModel, *, transfer_functions: bool = False) -> Report:
+def linear_model_report(model: LinearModel, *, responses: bool = False) -> Report:
     """Return a report of a linear model: A, B, the offsets, the modes and the handling qualities.
 
     C and D are included if the outputs are not the states. The data of the report also contain E
     and F. For the paper's flexible aircraft, the error bands of the entries, the differences from
     other dynamics and from the printed matrices are added where they are known.
 
-    transfer_functions: whether to add the transmission zeros and the transfer functions that are
-        not 0
+    responses: whether to add the frequency responses at the natural frequencies of the modes
     """
     beside = _beside(model) if is_hfa(model.model) else None
-    return report_of_linear(model, transfer_functions=transfer_functions, beside=beside)
+    return report_of_linear(model, responses=responses, beside=beside)
 
 
 def _beside(model: LinearModel) -> Beside:

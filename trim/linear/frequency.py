@@ -1,16 +1,16 @@
-"""Transfer functions of a linear model, and its Bode plot by python-control."""
+"""Frequency responses of a linear model, computed and drawn by python-control."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+import cmath
+import math
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.text import Table, eigenvalue_text
+from hfa_support.reporting.text import Table
 from trim.linear.modes import spectrum
-from trim.linear.transfer import StateSpace, Transfer, gain_and_roots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,21 +35,20 @@ def draw_bode(linear: LinearModel, figure: Figure) -> Figure:
         raise BadInputError(
             "the model has no inputs, so no Bode plot exists; choose at least one input"
         )
-    gains = np.array([each.gain for each in transfers(linear)])
-    reaches = gains.reshape(len(linear.outputs), len(linear.inputs)) != 0.0
-    drawn = np.flatnonzero(reaches.any(axis=1)).tolist()
+    affected = affected_outputs(linear)
+    drawn = np.flatnonzero(affected.any(axis=1)).tolist()
     if not drawn:
         raise BadInputError(
             "no chosen input affects any chosen output; choose other inputs or outputs"
         )
     frequencies = bode_frequencies(linear.A)
-    values = linear.to_control(balance=True).frequency_response(frequencies).frdata
+    values = frequency_responses(linear, frequencies)
     labels = [
         name if unit == "1" else f"{name}, {unit}"
         for name, unit in zip(linear.inputs, linear.input_units, strict=True)
     ]
     response = control.frd(
-        np.where(reaches[..., None], values, np.nan)[drawn], frequencies, inputs=labels
+        np.where(affected[..., None], values, np.nan)[drawn], frequencies, inputs=labels
     )
     figure.set_size_inches(8.0, 3.0 * len(drawn) + 1.0)
     axes = figure.subplots(2 * len(drawn), 1, sharex=True, squeeze=False)
@@ -87,49 +86,64 @@ def bode_frequencies(A: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([even, np.outer(moving, around).ravel()]))
 
 
-def transfers(linear: LinearModel) -> list[Transfer]:
-    """Return the transfer functions of a linear model from each input to each output.
+def frequency_responses(linear: LinearModel, frequencies: np.ndarray) -> np.ndarray:
+    """Return C (jω - A)⁻¹ B + D at N frequencies, (outputs, inputs, N) complex.
 
-    All inputs of the first output come first, then those of the second output, and so on.
+    frequencies: ω, (N,), rad per unit of time
     """
-    system = StateSpace(*linear)
-    functions = []
-    for i, output in enumerate(linear.outputs):
-        for j, name in enumerate(linear.inputs):
-            unit = f"({linear.output_units[i]})/({linear.input_units[j]})"
-            functions.append(Transfer(output, name, unit, *gain_and_roots(system.channel(i, j))))
-    return functions
+    return np.asarray(linear.to_control(balance=True).frequency_response(frequencies).frdata)
 
 
-def transfers_table(functions: Iterable[Transfer], time: str) -> Table:
-    """Return a table of transfer functions without those that are 0.
+def affected_outputs(linear: LinearModel) -> np.ndarray:
+    """Return whether each input affects each output, (outputs, inputs), by the nonzero entries of
+    the matrices: directly, or through a chain of states.
+    """
+    A, B, C, D = (matrix != 0.0 for matrix in linear)
+    n = len(A)
+    chains = np.linalg.matrix_power(A | np.eye(n, dtype=bool), n)  # of at most n states
+    return np.asarray(D | (C @ chains @ B))
+
+
+class Responses(NamedTuple):
+    """Frequency responses of a linear model.
+
+    frequencies: ω, (N,), rad per unit of time
+    by_channel: "output / input" -> C (jω - A)⁻¹ B + D of this channel, (N,) complex, without the
+        channels in which the input does not affect the output
+    """
+
+    frequencies: np.ndarray
+    by_channel: dict[str, np.ndarray]
+
+
+def responses_at_modes(linear: LinearModel) -> Responses:
+    """Return the frequency responses at the natural frequencies of the damped and the unstable
+    modes, slowest first. At an undamped mode, they are infinite.
+    """
+    frequencies = np.unique([mode.frequency for mode in linear.modes if mode.damping])
+    values = frequency_responses(linear, frequencies)
+    by_channel = {
+        f"{linear.outputs[i]} / {linear.inputs[j]}": values[i, j]
+        for i, j in np.argwhere(affected_outputs(linear)).tolist()
+    }
+    return Responses(frequencies, by_channel)
+
+
+def responses_table(responses: Responses, time: str) -> Table:
+    """Return a table of the magnitude (dB) and the phase (deg) of each frequency response.
 
     time: unit of time
     """
+    header = ("response", *(f"{each:.4g} rad/{time}" for each in responses.frequencies))
     rows = [
-        (
-            f"{transfer.output} / {transfer.input}",
-            f"{transfer.gain:.6g}",
-            f"{transfer.static:.6g}",
-            _pairs_text(transfer.zeros),
-            _pairs_text(transfer.poles),
-        )
-        for transfer in functions
-        if transfer.gain
+        (channel, *map(_response_text, values.tolist()))
+        for channel, values in responses.by_channel.items()
     ]
-    header = ("transfer function", "gain", "at s = 0", f"zeros 1/{time}", f"poles 1/{time}")
     return Table(header, rows)
 
 
-def zeros_in_words(linear: LinearModel, zeros: np.ndarray) -> str:
-    """Return a sentence on the transmission zeros of a linear model."""
-    return (
-        f"Transmission zeros from {', '.join(linear.inputs)} to {', '.join(linear.outputs)}, "
-        f"1/{linear.model.time_unit}: {_pairs_text(zeros)}"
-    )
-
-
-def _pairs_text(roots: np.ndarray) -> str:
-    """Return poles or zeros as text, or "none". A conjugate pair is printed once."""
-    words = [eigenvalue_text(root) for root in roots.tolist() if root.imag >= 0]
-    return ", ".join(words) or "none"
+def _response_text(value: complex) -> str:
+    """Return a response as text: "-12.3 dB, 45 deg"."""
+    if not value:
+        return "0"
+    return f"{20.0 * math.log10(abs(value)):.1f} dB, {math.degrees(cmath.phase(value)):.0f} deg"

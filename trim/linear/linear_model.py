@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import xarray
 
     from hfa_aircraft.model import Model
-    from trim.linear.reduction import Matrices, Names
+    from trim.linear.reduction import Matrices
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -262,18 +262,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         kept = reduced(self.matrices, states, inputs, residualize)
         return replace(self, **kept._asdict())
 
-    def between(self, inputs: Names = None, outputs: Names = None) -> LinearModel:
-        """Return the linear model from named inputs to named outputs.
-
-        inputs, outputs: a name or several; by default all
-
-        Raises BadInputError if the model does not have such a name, or a name is repeated.
-        """
-        from trim.linear.reduction import with_outputs
-
-        shown = with_outputs(self.matrices, outputs)
-        return replace(self, **shown._asdict()).select(inputs=inputs)
-
     def __getitem__(self, names: tuple[Any, Any]) -> LinearModel:
         """Return the linear model from named inputs to named outputs.
 
@@ -283,9 +271,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         Raises BadInputError if the index is not a pair, the model does not have such a name, or a
         name is repeated.
         """
+        from trim.linear.reduction import with_outputs
+
         match names:
             case (str() | list() | tuple() as outputs, str() | list() | tuple() as inputs):
-                return self.between(inputs, outputs)
+                shown = with_outputs(self.matrices, outputs)
+                return replace(self, **shown._asdict()).select(inputs=inputs)
         raise BadInputError("the index is not a pair of names; write linear[outputs, inputs]")
 
     def _ipython_key_completions_(self) -> list[tuple[str, str]]:
@@ -308,50 +299,13 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """Eigenvalues of A, (n,) complex, 1/s, fastest first."""
         return fastest_first(np.linalg.eigvals(self.A))
 
-    def poles(self) -> np.ndarray:
-        """Return the eigenvalues of A, (n,) complex, as python-control does (`eigenvalues`)."""
-        return self.eigenvalues
-
     @property
     def is_stable(self) -> bool:
         """True if every mode of A is stable."""
         return all(mode.stable for mode in self.modes)
 
-    def zeros(self, inputs: Names = None, outputs: Names = None) -> np.ndarray:
-        """Return the transmission zeros from named inputs to named outputs, complex, 1/s.
-
-        By default all inputs and outputs are used. With outputs=(), the zeros are the eigenvalues
-        of the modes that no input affects. With inputs=(), the zeros are the eigenvalues of the
-        modes that no output shows.
-        """
-        from trim.linear.transfer import StateSpace, transmission_zeros
-
-        return transmission_zeros(StateSpace(*self.between(inputs, outputs)))
-
-    def transfer_function(self, inputs: str, outputs: str) -> control.TransferFunction:
-        """Return the python-control transfer function from one input to one output.
-
-        Common poles and zeros are canceled. Raises BadInputError for several inputs or outputs.
-        """
-        import control
-
-        import trim
-
-        if inputs in self.outputs and outputs in self.inputs:
-            raise BadInputError(f"write transfer_function({outputs!r}, {inputs!r}): input first")
-        loop = self.between(inputs, outputs)
-        if len(loop.inputs) != 1 or len(loop.outputs) != 1:
-            raise BadInputError(
-                f"a transfer function has one input and one output, not {len(loop.inputs)} and "
-                f"{len(loop.outputs)}; name one of each"
-            )
-        (found,) = trim.transfers(loop)
-        return control.zpk(
-            found.zeros, found.poles, found.gain, inputs=[*loop.inputs], outputs=[*loop.outputs]
-        )
-
-    def bode(self, inputs: Names = None, outputs: Names = None) -> np.ndarray:
-        """Draw the Bode plots of the named inputs and outputs with pyplot, and return the Axes.
+    def bode(self) -> np.ndarray:
+        """Draw the Bode plots from all inputs to all outputs with pyplot, and return the Axes.
 
         Raises BadInputError if no input affects an output.
         """
@@ -359,8 +313,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
         import trim
 
-        figure = pyplot.figure(layout="constrained")
-        return np.array(trim.draw_bode(self.between(inputs, outputs), figure).axes)
+        return np.array(trim.draw_bode(self, pyplot.figure(layout="constrained")).axes)
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

@@ -175,50 +175,36 @@ def spectrum(A: np.ndarray) -> Spectrum:
 
     scaled, units = balanced(A)
     values, left, right = eig(scaled, left=True, right=True)
-    errors = errors_of_roots(scaled, values, left, right)
-    return Spectrum(
-        without_roundings(values, errors),
-        errors,
-        right * units[:, None],
-        left.conj().T / units,
-    )
+    errors = _errors_of_eigenvalues(scaled, values, left, right)
+    values = np.where(np.abs(values) <= errors, 0.0, values).astype(complex)
+    values.real[np.abs(values.real) <= errors] = 0.0
+    return Spectrum(values, errors, right * units[:, None], left.conj().T / units)
 
 
-def errors_of_roots(
-    matrix: np.ndarray, values: np.ndarray, left: np.ndarray, right: np.ndarray
+def _errors_of_eigenvalues(
+    A: np.ndarray, values: np.ndarray, left: np.ndarray, right: np.ndarray
 ) -> np.ndarray:
-    """Return bounds on the errors of the roots s of a matrix M - s diag(I, 0), (k,), from its
-    rounding.
+    """Return bounds on the errors of the eigenvalues of A, (n,), due to the rounding of A.
 
-    The error of a simple root is the rounding error of M divided by |w'v| (Wilkinson). That of a
-    root that coincides with another one is the distance at which the smallest singular value of
-    the matrix exceeds the rounding error.
+    The error of a simple eigenvalue is the rounding error of A divided by |w'v| (Wilkinson). That
+    of an eigenvalue that coincides with another one is the distance at which the smallest singular
+    value of A - s I exceeds the rounding error.
 
-    matrix: M
-    values: the roots, (k,)
-    left, right: parts w and v, (n, k) in columns, that belong to I, of null vectors of length 1
+    values: the eigenvalues, (n,)
+    left, right: eigenvectors w and v of length 1 as columns, (n, n) each
     """
     eps = np.finfo(float).eps
-    size = float(np.linalg.norm(matrix))
+    size = float(np.linalg.norm(A))
     rounding = ROUNDING * size
     cosines = np.abs(np.sum(left.conj() * right, axis=0))
     errors = rounding / np.maximum(cosines, eps)
-    identity = np.zeros(matrix.shape)
-    identity[: len(left), : len(left)] = np.eye(len(left))
     distances = rounding * 4.0 ** np.arange(np.log(1.0 / ROUNDING) / np.log(4.0) + 1.0)
     for i in np.flatnonzero(cosines < np.sqrt(eps)):
         points = values[i] + np.outer(distances, [1.0, 1.0j])
-        singular = np.linalg.svd(matrix - points[..., None, None] * identity, compute_uv=False)
+        singular = np.linalg.svd(A - points[..., None, None] * np.eye(len(A)), compute_uv=False)
         outside = (singular[..., -1] > rounding).all(axis=1)
         errors[i] = distances[np.argmax(outside)] if outside.any() else size
     return np.asarray(errors)
-
-
-def without_roundings(values: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Return roots (k,), in which a root or a real part that is not larger than its error is 0."""
-    values = np.where(np.abs(values) <= errors, 0.0, values).astype(complex)
-    values.real[np.abs(values.real) <= errors] = 0.0
-    return values
 
 
 def _distinguished(names: list[str]) -> list[str]:

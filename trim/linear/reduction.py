@@ -75,13 +75,10 @@ class _Kept(NamedTuple):
     outputs: list[int]  # outputs that are kept
 
 
-Names = str | tuple[str, ...] | list[str] | None
-
-
-def with_outputs(whole: Matrices, outputs: Names) -> Matrices:
+def with_outputs(whole: Matrices, outputs: str | Sequence[str]) -> Matrices:
     """Return the matrices of a system with only the named outputs.
 
-    outputs: a name or several; None for all
+    outputs: a name or several
 
     Raises BadInputError if the system does not have such a name, or a name is repeated.
     """

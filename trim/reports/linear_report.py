@@ -13,7 +13,7 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import storable
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import WIDTH, Table, degrees, matrix_table, wrapped
-from trim.linear.frequency import transfers, transfers_table, zeros_in_words
+from trim.linear.frequency import responses_at_modes, responses_table
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
 from trim.reports.first_lines import first_line, mode_lines, without_lines
@@ -59,15 +59,14 @@ class Beside(NamedTuple):
 
 
 def report_of_linear(
-    model: LinearModel, *, transfer_functions: bool = False, beside: Beside | None = None
+    model: LinearModel, *, responses: bool = False, beside: Beside | None = None
 ) -> Report:
     """Return a report of a linear model: A, B, the offsets, the modes and the handling qualities.
 
     C and D are included if the outputs are not the states. The data of the report also contain E
     and F.
 
-    transfer_functions: whether to add the transmission zeros and the transfer functions that are
-        not 0
+    responses: whether to add the frequency responses at the natural frequencies of the modes
     beside: what is known from elsewhere
     """
     point = model.point
@@ -111,10 +110,10 @@ def report_of_linear(
         of_all = f", all {len(signals.linear)} states" * (len(model.states) < len(signals.linear))
         parts.append(Group(f"handling qualities{of_all}", qualities))
         data["handling_qualities"] = {row.name: row for row in qualities}
-    if transfer_functions:
-        zeros, functions = model.zeros(), transfers(model)
-        parts += [zeros_in_words(model, zeros), transfers_table(functions, signals.time_unit)]
-        data |= {"zeros": zeros, "transfers": functions}
+    if responses:
+        at_modes = responses_at_modes(model)
+        parts.append(responses_table(at_modes, signals.time_unit))
+        data |= {"frequencies": at_modes.frequencies, "responses": at_modes.by_channel}
     if beside is not None:
         parts += beside.printed
     records = _records(model, blocks, None if beside is None else beside.bands)

@@ -264,7 +264,7 @@ def test_an_estimate_returns_after_minutes_without_a_sample():
     """
     model = hfa.load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     linear = hfa.trim(model).linearize()
-    assert linear.poles().real.max() > 1.0
+    assert linear.eigenvalues.real.max() > 1.0
     policy = hfa.filter(linear, {"angle": 0.002, "rate": 0.01}, dt=0.1).policy(np.zeros((1, 2)))
     policy(0.0, [0.01, 0.0])
     for _ in range(3000):

@@ -1,4 +1,4 @@
-"""Transfer functions, zeros and reduced models, compared with python-control and SLICOT."""
+"""Frequency responses and reduced models of linear models."""
 
 import control
 import numpy as np
@@ -8,7 +8,7 @@ from own_models import F16, NAVION, trimmed
 
 from hfa import LinearModel, aircraft, linearize
 from hfa.paper import level_model
-from trim import transfers
+from trim import linear_model_report
 
 
 @pytest.fixture(scope="module", params=["hfa", "f16", "navion"])
@@ -18,56 +18,6 @@ def model(request):
         return linearize(aircraft(), point, outputs=("gamma", "speed", "dihedral"))
     foreign = F16.with_parameters(xcg=0.3) if request.param == "f16" else NAVION
     return linearize(foreign, trimmed(foreign), outputs=("gamma", "speed", "roll_rate"))
-
-
-def channel(A, B, C, D):
-    (found,) = transfers(LinearModel.of(A, B, C, D))
-    return found
-
-
-def test_a_known_zero_is_found_and_cancels():
-    """The zero of (s - 3) / ((s + 1) (s + 2)) is 3; an uncontrollable state at -5 cancels."""
-    A = np.diag([-1.0, -2.0, -5.0])
-    B = np.array([[1.0], [1.0], [0.0]])
-    C = np.array([[-4.0, 5.0, 1.0]])
-    found = channel(A, B, C, np.zeros((1, 1)))
-    np.testing.assert_allclose(found.zeros, [3.0], atol=1e-12)
-    np.testing.assert_allclose(np.sort(found.poles), [-2.0, -1.0], atol=1e-12)
-    assert found.gain == pytest.approx(1.0)
-    assert channel(A, np.zeros((3, 1)), C, np.zeros((1, 1))).gain == 0.0
-
-
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("slow", [0.0, -1e-3])
-def test_a_free_body_has_no_static_gain(seed, slow):
-    """A free body with a lag of 0.5 s has an infinite static gain. With a spring, the gain is
-    finite.
-
-    The coordinates are random, with rounded entries.
-    """
-    rng = np.random.default_rng(seed)
-    T = rng.normal(size=(3, 3))
-    A = T @ np.array([[0.0, 1.0, 0.0], [slow, slow, 1.0], [0.0, 0.0, -2.0]]) @ np.linalg.inv(T)
-    B = T @ np.array([[0.0], [0.0], [1.0]])
-    for row, held in (([1.0, 0.0, 0.0], 500.0), ([0.0, 1.0, 0.0], 0.0)):
-        C = np.array([row]) @ np.linalg.inv(T)
-        static = channel(A, B, C, np.zeros((1, 1))).static
-        assert static == pytest.approx(held if slow else np.inf, rel=1e-6)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_the_gains_of_a_random_system_are_those_of_its_matrices(seed):
-    """The static gain is D - C A⁻¹ B, with its sign, for any number of zeros and poles."""
-    rng = np.random.default_rng(seed)
-    n = 1 + seed % 4
-    A = rng.normal(size=(n, n)) - 0.5 * np.eye(n)
-    B, C = rng.normal(size=(n, 1)), rng.normal(size=(1, n))
-    D = np.zeros((1, 1)) if seed % 2 else rng.normal(size=(1, 1))
-    found = channel(A, B, C, D)
-    exact = D - C @ np.linalg.solve(A, B)
-    assert found.static == pytest.approx(exact.item(), rel=1e-8)
-    at = found.gain * np.prod(2j - found.zeros) / np.prod(2j - found.poles)
-    assert at == pytest.approx(control.ss(A, B, C, D)(2j), rel=1e-8)
 
 
 # Models of fewer states.
@@ -122,15 +72,22 @@ def test_a_bode_plot_shows_the_response_of_each_channel():
     assert len(panels) == 4
 
 
-def test_transfer_functions_that_are_0_are_not_shown(folder):
-    """The printed table contains exactly the transfer functions with a gain."""
-    linear = LinearModel.of(np.array([[-1.0, 0.0], [0.5, -2.0]]), np.eye(2))
-    found = transfers(linear)
-    shown = {f"{each.output} / {each.input}" for each in found if each.gain}
-    assert shown == {"x1 / u1", "x2 / u1", "x2 / u2"}
+def test_responses_at_the_modes_are_those_of_the_matrices(folder):
+    """C (jω - A)⁻¹ B + D at |λ| of the damped modes, of the channels with an effect alone; the
+    command prints them.
+    """
+    A = np.array(
+        [[-1.0, 0.0, 0.0, 0.0], [0.5, -2.0, 0.0, 0.0], [0.0, 0.0, 0.0, 3.0], [0.0, 0.0, -3.0, 0.0]]
+    )
+    linear = LinearModel.of(A, np.eye(4)[:, :2])
+    found = linear_model_report(linear, responses=True).data
+    assert found["frequencies"] == pytest.approx([1.0, 2.0])
+    assert [*found["responses"]] == ["x1 / u1", "x2 / u1", "x2 / u2"]
+    for name, values in found["responses"].items():
+        row, column = (int(word[1]) - 1 for word in name.split(" / "))
+        exact = [np.linalg.inv(1j * w * np.eye(4) - A)[row, column] for w in (1.0, 2.0)]
+        np.testing.assert_allclose(values, exact, rtol=1e-12)
     np.savez(folder / "plant.npz", A=linear.A, B=linear.B)
-    text = hfa("linearize", "--aircraft", "plant.npz", "--bode").out
-    for each in found:
-        assert (f"{each.output} / {each.input}" in text) == bool(each.gain)
-    (coupled,) = (line for line in text.splitlines() if line.startswith("x2 / u1"))
-    assert coupled.split("none")[1].split() == ["-2.0000,", "-1.0000"]
+    lines = hfa("linearize", "--aircraft", "plant.npz", "--bode").out.splitlines()
+    (coupled,) = (line for line in lines if line.startswith("x2 / u1"))
+    assert coupled.split(maxsplit=3)[3] == "-16.0 dB, -72 deg   -22.0 dB, -108 deg"
