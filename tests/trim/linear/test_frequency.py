@@ -86,8 +86,8 @@ def test_responses_at_the_modes_are_those_of_the_matrices(folder):
     for name, values in found["responses"].items():
         row, column = (int(word[1]) - 1 for word in name.split(" / "))
         exact = [np.linalg.inv(1j * w * np.eye(4) - A)[row, column] for w in (1.0, 2.0)]
-        np.testing.assert_allclose(values, exact, rtol=1e-12)
+        np.testing.assert_allclose(values @ np.array([1.0, 1.0j]), exact, rtol=1e-12)
     np.savez(folder / "plant.npz", A=linear.A, B=linear.B)
     lines = hfa("linearize", "--aircraft", "plant.npz", "--bode").out.splitlines()
     (coupled,) = (line for line in lines if line.startswith("x2 / u1"))
-    assert coupled.split(maxsplit=3)[3] == "-16.0 dB, -72 deg   -22.0 dB, -108 deg"
+    assert coupled.split()[3:] == ["-16.0", "dB,", "-72", "deg", "-22.0", "dB,", "-108", "deg"]
