@@ -97,6 +97,7 @@ def missing_states(model: Model, component: str) -> list[str]:
     return [name for name in _NEEDED[component] if name not in _states(model)]
 
 
+@lru_cache(maxsize=16)
 def _states(model: Model) -> dict[str, tuple[str, float]]:
     """Return standard name -> state of the model, and its unit in rad or rad/s; 1 for the speed."""
     found = {}

@@ -120,10 +120,13 @@ def behind_a_filter(model: Model, policy: FilteredPolicy) -> Steering:
     return Steering(GivenInputs("held", U - ca.DM(policy.point.u)), arguments, v, filtered=policy)
 
 
-def _sampled(policy: FilteredPolicy, states: int, winds: int, v: ca.SX) -> Sampled:
-    """Return the sampled policy of a loop with some numbers of states and winds."""
+def _sampled(policy: FilteredPolicy, y: ca.SX, w: ca.SX, v: ca.SX) -> Sampled:
+    """Return a policy behind a filter as the sampled policy of a loop.
+
+    y: symbols of the states of the loop, whose measured values have noise
+    w, v: symbols of the winds, and of the noise and the held commands
+    """
     sensors = policy.filter.sensors
-    y, w = ca.SX.sym("y", states), ca.SX.sym("w", winds)
     memory = ca.SX.sym("memory", memory_size(policy.filter))
     measured = y[policy.point.model.state_places(sensors)] + v[: len(sensors)]
     results = filter_sample(policy).call([memory, measured])
@@ -190,11 +193,11 @@ def exported_loop(
     scenario = Scenario(air=air, reference=reference, actuators=actuators)
     loop = ClosedLoop(NonlinearPlant(model, point), steering.policy, scenario)
     t, Y, held = loop.symbols()
-    values = np.zeros(held.numel())
-    loop.hold(0, values)
-    offsets = np.zeros(Y.numel())
-    offsets[: len(point.states)] = point.states
-    now = loop.at(t, Y - ca.DM(offsets), ca.SX(ca.DM(values)))
+    held_values = np.zeros(held.numel())
+    loop.hold(0, held_values)
+    trim_of_Y = np.zeros(Y.numel())  # actuator states are deviations already
+    trim_of_Y[: len(point.states)] = point.states
+    now = loop.at(t, Y - ca.DM(trim_of_Y), ca.SX(ca.DM(held_values)))
     U = now.inputs + ca.DM(point.u)
     X = ca.vertsplit(Y[: len(point.states)])
     vectors = X, components(U), model.p.tolist()
@@ -209,7 +212,7 @@ def exported_loop(
     winds = [Channel(name, model.unit(name)) for name in model.disturbances]
     sampled = None
     if steering.filtered is not None:
-        sampled = _sampled(steering.filtered, Y.numel(), w.numel(), steering.v)
+        sampled = _sampled(steering.filtered, Y, w, steering.v)
     return ExportedLoop(
         function=ca.Function(
             "loop", arguments, [ca.densify(now.rate), ca.densify(h)], {"cse": True}

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from datetime import datetime
 from importlib.resources import files
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree as xml
 
 import casadi as ca
@@ -112,10 +113,13 @@ def _sample_source(loop: ExportedLoop) -> str:
 
 
 def _settings(loop: ExportedLoop, guid: str) -> str:
+    """Return the C header with the sizes and initial values of a loop for the wrapper."""
     defined = {
         "GUID": f'"{guid}"',
         "LONGEST_STEP": repr(LONGEST_STEP),
-        **{"STATES": len(loop.states), "OUTPUTS": len(loop.outputs), "INPUTS": len(loop.inputs)},
+        "STATES": len(loop.states),
+        "OUTPUTS": len(loop.outputs),
+        "INPUTS": len(loop.inputs),
         "STATE_STARTS": braced([one.start for one in loop.states]),
         "INPUT_STARTS": braced([one.start for one in loop.inputs]),
         "NOMINALS": braced([one.size for one in loop.states]),
@@ -140,6 +144,7 @@ def _settings(loop: ExportedLoop, guid: str) -> str:
 
 
 def _heading(origin: Provenance) -> str:
+    """Return the provenance and the command as text, for comments."""
     return f"{origin.text()}\n{origin.command}"
 
 
@@ -174,50 +179,78 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
             xml.SubElement(listed, "File", name=name)
     units = xml.SubElement(root, "UnitDefinitions")
     xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
-    variables = xml.SubElement(root, "ModelVariables")
+    listed_variables = xml.SubElement(root, "ModelVariables")
     structure = xml.SubElement(root, "ModelStructure")
-    unknown = {
-        kind: xml.SubElement(structure, kind)
-        for kind in ("Outputs", "Derivatives", "InitialUnknowns")
-    }
-    # Name, unit, causality, initial value (None if it is computed), and number of the state of
-    # which it is the rate.
-    channels: list[tuple[str, str | None, str, float | None, int]] = [
-        (one.name, one.unit, "output" if number < loop.flown else "local", one.start, 0)
-        for number, one in enumerate(loop.states)
-    ]
-    channels += [
-        (f"der({one.name})", one.rate_unit, "local", None, i)
-        for i, one in enumerate(loop.states, start=1)
-    ]
-    channels += [(one.name, one.unit, "output", None, 0) for one in loop.outputs]
-    channels += [(one.name, one.unit, "input", one.start, 0) for one in loop.inputs]
-    for place, (name, unit, causality, start, rate_of) in enumerate(channels):
-        about = {
-            "name": name,
-            "valueReference": str(place),
-            "causality": causality,
-            "variability": "continuous",
-        }
-        if causality != "input":
-            about["initial"] = "calculated" if start is None else "exact"
-        real = {} if unit is None else {"unit": unit}
-        real |= {} if start is None else {"start": repr(float(start))}
-        real |= {"derivative": str(rate_of)} if rate_of else {}
-        xml.SubElement(xml.SubElement(variables, "ScalarVariable", about), "Real", real)
-        kinds = {
-            "Outputs": causality == "output",
-            "Derivatives": rate_of,
-            "InitialUnknowns": start is None,
-        }
-        for kind in (kind for kind, holds in kinds.items() if holds):
-            xml.SubElement(unknown[kind], "Unknown", index=str(place + 1))
-    for unit in dict.fromkeys(unit for _, unit, *_ in channels if unit is not None):
+    outputs = xml.SubElement(structure, "Outputs")
+    derivatives = xml.SubElement(structure, "Derivatives")
+    computed = xml.SubElement(structure, "InitialUnknowns")
+    variables = _variables(loop)
+    for number, variable in enumerate(variables):
+        _add_variable(listed_variables, number, variable)
+        index = str(number + 1)
+        if variable.causality == "output":
+            xml.SubElement(outputs, "Unknown", index=index)
+        if variable.rate_of:
+            xml.SubElement(derivatives, "Unknown", index=index)
+        if variable.start is None:
+            xml.SubElement(computed, "Unknown", index=index)
+    for unit in dict.fromkeys(variable.unit for variable in variables):
+        if unit is None:
+            continue
         defined = xml.SubElement(units, "Unit", name=unit)
         if unit in _BASE:
             xml.SubElement(defined, "BaseUnit", _BASE[unit])
     xml.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + xml.tostring(root, "unicode") + "\n"
+
+
+class _Variable(NamedTuple):
+    """Variable of an FMU.
+
+    causality: "output", "local" or "input"
+    start: initial value, or None if it is computed
+    rate_of: number of the state of which it is the rate, from 1, or 0
+    """
+
+    name: str
+    unit: str | None
+    causality: str
+    start: float | None = None
+    rate_of: int = 0
+
+
+def _variables(loop: ExportedLoop) -> list[_Variable]:
+    """Return the states of a loop, their rates, its outputs and its inputs."""
+    return [
+        *(_Variable(y.name, y.unit, "output", y.start) for y in loop.states[: loop.flown]),
+        *(_Variable(y.name, y.unit, "local", y.start) for y in loop.states[loop.flown :]),
+        *(
+            _Variable(f"der({y.name})", y.rate_unit, "local", rate_of=number)
+            for number, y in enumerate(loop.states, start=1)
+        ),
+        *(_Variable(h.name, h.unit, "output") for h in loop.outputs),
+        *(_Variable(v.name, v.unit, "input", v.start) for v in loop.inputs),
+    ]
+
+
+def _add_variable(listed: xml.Element, number: int, variable: _Variable) -> None:
+    """Add a variable to the element ModelVariables."""
+    about = {
+        "name": variable.name,
+        "valueReference": str(number),
+        "causality": variable.causality,
+        "variability": "continuous",
+    }
+    if variable.causality != "input":
+        about["initial"] = "calculated" if variable.start is None else "exact"
+    real = {}
+    if variable.unit is not None:
+        real["unit"] = variable.unit
+    if variable.start is not None:
+        real["start"] = repr(float(variable.start))
+    if variable.rate_of:
+        real["derivative"] = str(variable.rate_of)
+    xml.SubElement(xml.SubElement(listed, "ScalarVariable", about), "Real", real)
 
 
 def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
@@ -226,18 +259,8 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
         folder = Path(temporary)
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")
-        words = [
-            compiler,
-            "-std=c99",
-            "-O2",
-            "-fPIC",
-            "-shared",
-            SOURCE,
-            WRAPPER,
-            "-o",
-            "library",
-            "-lm",
-        ]
+        options = ["-std=c99", "-O2", "-fPIC", "-shared"]
+        words = [compiler, *options, SOURCE, WRAPPER, "-o", "library", "-lm"]
         done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
         if done.returncode:
             messages = done.stderr.strip().splitlines() or ["no message"]

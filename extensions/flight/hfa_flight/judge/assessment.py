@@ -63,9 +63,9 @@ class Assessment(Result, Reported):
         for name, need in self.needs.items():
             wrong = [point for point in self.points if not _meets(point, name, need)]
             if wrong:
-                where = f" at {len(wrong)} of {len(self.points)} trims"
-                if len(self.points) == 1:
-                    where = ""
+                where = ""
+                if len(self.points) > 1:
+                    where = f" at {len(wrong)} of {len(self.points)} trims"
                 sentences.append(f"{NEEDS[name].format(need)}{where}")
         return sentences
 
@@ -107,9 +107,9 @@ class Assessment(Result, Reported):
         """Verdict, the trims at which the policy holds or the worst failure, and the cost ratio."""
         is_linear = LINEAR in self.deployed.model.about.notes
         verdict = verdict_text(self.ok) + (" on the linear plant" if is_linear else "")
-        return f"{verdict}: {self._held()}; {self._cost_ratio()}"
+        return f"{verdict}: {self._where_it_holds()}; {self._cost_ratio()}"
 
-    def _held(self) -> str:
+    def _where_it_holds(self) -> str:
         """Return the trims at which the policy holds, or the worst failure."""
         if self.holds and not self.ok:
             return self.findings[0].text
@@ -157,22 +157,19 @@ class Assessment(Result, Reported):
 
     def _further(self) -> list[str]:
         """Return what the first line leaves out: costs, findings worst first, the assumed trim."""
-        first_line = self.first_line
         lines = []
         dearest = self._dearest()
         if dearest is not None and dearest.costs is not None:
-            place = ""
-            if len(self.points) > 1:
-                place = f"{where_text([dearest], self.points)}: "
-            sentences = [each for each in dearest.costs.sentences() if each not in first_line]
-            lines += [f"{place}{sentence}" for sentence in sentences]
+            where = f"{where_text([dearest], self.points)}: " if len(self.points) > 1 else ""
+            lines += [where + sentence for sentence in dearest.costs.sentences()]
+        first_line = self.first_line
         lines += [each.text for each in self.findings if each.text not in first_line]
-        return [*lines, *filter(None, [self.assumed])]
+        return [*lines, self.assumed] if self.assumed else lines
 
     def _dearest(self) -> AssessedPoint | None:
         """Return the trim with the largest median ratio of costs, or None without costs."""
         priced = [point for point in self.points if point.costs is not None]
-        return max(priced, key=lambda at: at.costs.median if at.costs else 0.0, default=None)
+        return max(priced, key=_median_ratio, default=None)
 
     def _cost_ratio(self) -> str:
         """Return a phrase on the ratio of the policy's costs."""
@@ -186,6 +183,11 @@ class Assessment(Result, Reported):
             return "no flight was simulated"
         ratio = f"{1.0 + max(linear) / 100.0:.3g}x the linear optimum"
         return f"cost {ratio}, no flight was simulated"
+
+
+def _median_ratio(point: AssessedPoint) -> float:
+    """Return the median ratio of the costs at a trim, or 0 without costs."""
+    return 0.0 if point.costs is None else point.costs.median
 
 
 def _meets(point: AssessedPoint, name: str, need: float) -> bool:

@@ -25,8 +25,8 @@ _CONVERGES = (
 def report_parts(deployed: Deployed, points: Sequence[AssessedPoint]) -> list[Any]:
     """Return the parts of the report of an assessment, in reading order."""
     actor = deployed.deployment.actor
-    unused = [note for note in actor.stated.notes if note not in actor.notes]  # those are findings
-    parts: list[Any] = ["; ".join([actor.chain, *unused])]
+    other_notes = [note for note in actor.stated.notes if note not in actor.notes]  # not findings
+    parts: list[Any] = ["; ".join([actor.chain, *other_notes])]
     if any(point.costs is not None for point in points):
         parts += [_weights_text(deployed, points[0]), f"{_CONVERGES} {RULE}"]
     elif any(point.flights is not None for point in points):
@@ -67,6 +67,7 @@ def loop_rows(point: AssessedPoint) -> list[Row]:
 
 
 def _exists(value: Any) -> bool:
+    """Return whether a figure is there, and no number that is not finite."""
     return value is not None and not (isinstance(value, float) and not math.isfinite(value))
 
 
@@ -115,7 +116,7 @@ def _actions(points: Sequence[AssessedPoint]) -> list[Group]:
     with_actions = [point for point in points if point.actions]
     if not with_actions:
         return []
-    worst = min(with_actions, key=_most_reversed)
+    worst = min(with_actions, key=_least_relative_effect)
     rows = tuple(
         Row(each.action, each.effect, "1/s", f"exact gain {each.exact_effect:+.3g}", digits=3)
         for each in worst.actions
@@ -124,7 +125,7 @@ def _actions(points: Sequence[AssessedPoint]) -> list[Group]:
     return [Group(f"actions {where_text([worst], points)}", rows, (effect,))]
 
 
-def _most_reversed(point: AssessedPoint) -> float:
+def _least_relative_effect(point: AssessedPoint) -> float:
     """Return the least effect of an action relative to that of the exact gain, 0 if both are 0."""
     effects = [(each.effect, each.exact_effect) for each in point.actions]
     return min(effect / exact if exact else 0.0 for effect, exact in effects)

@@ -14,8 +14,8 @@ from hfa_aircraft.march.march import History
 BALL = 0.05
 #: Function from states (..., s) to the lowest and the highest states of a step, (..., n) each.
 Extremes = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-#: Number of windows before the end in which the distance of a flight about an unstable equilibrium
-#: must not grow by this factor.
+#: A flight about an unstable equilibrium leaves it in the end. It has converged only if its
+#: distance has not grown by the factor `_GROWN` in the last `_GROWTH` windows.
 _GROWTH = 10
 _GROWN = 1.02
 
@@ -67,8 +67,8 @@ class Endings:
     def over(self, flown: History) -> np.ndarray:
         """Return a mask (F, T + 1), True at the end of a window in which a flight ends."""
         flying = flown.flights
-        number = flown.first // (flown.states.shape[1] - 1)
-        if number == self._windows - _GROWTH:
+        window = flown.first // (flown.states.shape[1] - 1)
+        if window == self._windows - _GROWTH:
             self._earlier[flying] = self.nearest[flying]
         self.nearest[flying] = self._distance(flown)
         left = self._mark_departures(flown)
@@ -80,8 +80,8 @@ class Endings:
     def close(self) -> None:
         """Decide the flights of the full duration: those that end in the ball have converged."""
         grows = self.nearest > _GROWN * self._earlier
-        back = (self.nearest <= 1.0) & (self._stable | ~grows)
-        self.outcomes[(self.outcomes == Outcome.UNDECIDED) & back] = Outcome.CONVERGED
+        in_ball = (self.nearest <= 1.0) & (self._stable | ~grows)
+        self.outcomes[(self.outcomes == Outcome.UNDECIDED) & in_ball] = Outcome.CONVERGED
 
     def _mark_departures(self, flown: History) -> np.ndarray:
         """Return a mask of the flights that left their limits, and store when and with what.

@@ -39,12 +39,12 @@ class Finding(NamedTuple):
     text: str
 
 
-class _Found(NamedTuple):
-    """Finding at one trim."""
+class _AtTrim(NamedTuple):
+    """Finding at one trim. Of those of the same kind, that with the largest size is the worst."""
 
     severity: Severity
     text: str
-    size: float = 0.0  # comparable among findings of the same kind. The largest is the worst
+    size: float = 0.0
 
 
 def findings_at_trims(points: Sequence[AssessedPoint]) -> list[Finding]:
@@ -54,22 +54,25 @@ def findings_at_trims(points: Sequence[AssessedPoint]) -> list[Finding]:
     """
     findings: list[Finding] = []
     for kind in _KINDS:
-        found = [(each, point) for point in points if (each := kind(point)) is not None]
-        if not found:
+        by_trim = [(point, kind(point)) for point in points]
+        of_kind = [finding for _, finding in by_trim if finding is not None]
+        if not of_kind:
             continue
-        worst = max((each for each, _ in found), key=lambda each: each.size)
-        where = [point for each, point in found if each.text == worst.text]
-        text = worst.text
-        if len(where) < len(points):
-            text = f"{where_text(where, points)}: {text}"
-        if len(found) > len(where):
-            text += f" (worst of {len(found)} trims)"
+        worst = max(of_kind, key=lambda finding: finding.size)
+        alike = [point for point, finding in by_trim if finding and finding.text == worst.text]
+        text = _with_trims(worst.text, alike, points)
+        if len(of_kind) > len(alike):
+            text += f" (worst of {len(of_kind)} trims)"
         findings.append(Finding(worst.severity, text))
-    for text in dict.fromkeys(remark for point in points for remark in point.remarks):
-        where = [point for point in points if text in point.remarks]
-        place = f"{where_text(where, points)}: " if len(where) < len(points) else ""
-        findings.append(Finding(Severity.NOTE, place + text))
+    for remark in dict.fromkeys(remark for point in points for remark in point.remarks):
+        alike = [point for point in points if remark in point.remarks]
+        findings.append(Finding(Severity.NOTE, _with_trims(remark, alike, points)))
     return worst_first(findings)
+
+
+def _with_trims(text: str, points: Sequence[AssessedPoint], among: Sequence[AssessedPoint]) -> str:
+    """Return a finding with the trims that it concerns, unless it concerns all."""
+    return text if len(points) == len(among) else f"{where_text(points, among)}: {text}"
 
 
 def worst_first(findings: Sequence[Finding]) -> list[Finding]:
@@ -105,34 +108,34 @@ def where_text(points: Sequence[AssessedPoint], among: Sequence[AssessedPoint]) 
 # Kinds of findings. Each function returns the finding of its kind at one trim, or None.
 
 
-def _no_equilibrium(point: AssessedPoint) -> _Found | None:
+def _no_equilibrium(point: AssessedPoint) -> _AtTrim | None:
     if point.equilibrium is not None:
         return None
-    return _Found(Severity.FAILURE, "no equilibrium near the trim")
+    return _AtTrim(Severity.FAILURE, "no equilibrium near the trim")
 
 
-def _saturation(point: AssessedPoint) -> _Found | None:
+def _saturation(point: AssessedPoint) -> _AtTrim | None:
     if point.equilibrium is None or not point.equilibrium.clips:
         return None
     what = " and ".join(point.equilibrium.clips)
     text = f"saturated at the equilibrium, not judged as stable: {what}"
-    return _Found(Severity.FAILURE, text)
+    return _AtTrim(Severity.FAILURE, text)
 
 
-def _beyond_limits(point: AssessedPoint) -> _Found | None:
+def _beyond_limits(point: AssessedPoint) -> _AtTrim | None:
     if not point.beyond:
         return None
-    return _Found(Severity.FAILURE, f"at the equilibrium, {point.beyond[0]}")
+    return _AtTrim(Severity.FAILURE, f"at the equilibrium, {point.beyond[0]}")
 
 
-def _instability(point: AssessedPoint) -> _Found | None:
+def _instability(point: AssessedPoint) -> _AtTrim | None:
     if not point.radius >= 1.0:
         return None
     text = f"unstable at its equilibrium (spectral radius {point.radius:.5f})"
-    return _Found(Severity.FAILURE, text, point.radius)
+    return _AtTrim(Severity.FAILURE, text, point.radius)
 
 
-def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) -> _Found | None:
+def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) -> _AtTrim | None:
     """Return the finding on the flights that leave the envelope."""
     if flown is None or not flown.left_envelope:
         return None
@@ -141,22 +144,22 @@ def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) ->
     if flown.departure is not None:
         text += f" (first: {flown.departure.cause()})"
     severity = Severity.WARNING if point.holds else Severity.FAILURE
-    return _Found(severity, text, flown.left_envelope / flown.starts)
+    return _AtTrim(severity, text, flown.left_envelope / flown.starts)
 
 
-def _convergence(point: AssessedPoint) -> _Found | None:
+def _convergence(point: AssessedPoint) -> _AtTrim | None:
     flown = point.flights
     if flown is None:
-        return _Found(Severity.NOTE, "no flight was simulated")
+        return _AtTrim(Severity.NOTE, "no flight was simulated")
     staying = flown.starts - flown.left_envelope - flown.converged
     if staying:
         text = f"{staying} of {flown.starts} flights do not converge within {flown.seconds:.3g} s"
         severity = Severity.WARNING if point.holds else Severity.FAILURE
-        return _Found(severity, text, staying / flown.starts)
-    return None if flown.left_envelope else _Found(Severity.NOTE, "every flight converges")
+        return _AtTrim(severity, text, staying / flown.starts)
+    return None if flown.left_envelope else _AtTrim(Severity.NOTE, "every flight converges")
 
 
-def _not_returned(point: AssessedPoint) -> _Found | None:
+def _not_returned(point: AssessedPoint) -> _AtTrim | None:
     """Return the finding on the flights with a cost that leave or do not return to the trim."""
     costs = point.costs
     if costs is None or not costs.lost:
@@ -167,29 +170,29 @@ def _not_returned(point: AssessedPoint) -> _Found | None:
         f"after {costs.seconds:.3g} s"
     )
     severity = Severity.FAILURE if point.costs_refute(point.share) else Severity.WARNING
-    return _Found(severity, text, lost_fraction)
+    return _AtTrim(severity, text, lost_fraction)
 
 
-def _delay(point: AssessedPoint) -> _Found | None:
+def _delay(point: AssessedPoint) -> _AtTrim | None:
     """Return the delay at which the loop becomes unstable. The least one is the worst."""
     if point.delays is None or not point.holds:
         return None
     limit = point.delays.limit
     if limit is None:
         longest = point.delays.searched
-        return _Found(Severity.NOTE, f"stable with delays up to {1e3 * longest:.4g} ms", -longest)
-    return _Found(Severity.NOTE, f"unstable with {1e3 * limit:.4g} ms of delay", -limit)
+        return _AtTrim(Severity.NOTE, f"stable with delays up to {1e3 * longest:.4g} ms", -longest)
+    return _AtTrim(Severity.NOTE, f"unstable with {1e3 * limit:.4g} ms of delay", -limit)
 
 
-def _steady_state_error(point: AssessedPoint) -> _Found | None:
+def _steady_state_error(point: AssessedPoint) -> _AtTrim | None:
     """Return the finding on the steady-state error at a stable equilibrium."""
     if point.equilibrium is None or not point.radius < 1.0:
         return None
     model = point.point.model
-    shares = np.abs(point.offset) / point.case.box
+    shares = np.abs(point.offset) / point.case.box  # of the half-width in each linear state
     index = int(np.argmax(shares))
     if shares[index] < _AT_TRIM:
-        return _Found(Severity.NOTE, "no steady-state error") if point.holds else None
+        return _AtTrim(Severity.NOTE, "no steady-state error") if point.holds else None
     name = model.linear[index]
     unit = model.unit(name)
     sign = "+" if point.offset[index] > 0.0 else "-"
@@ -198,10 +201,10 @@ def _steady_state_error(point: AssessedPoint) -> _Found | None:
     rate = 0.0 if point.costs is None else point.costs.offset_rate or 0.0
     if rate > 0.0:
         text += f", which costs {rate:.2g} per second"
-    return _Found(Severity.NOTE, text, float(shares[index]))
+    return _AtTrim(Severity.NOTE, text, float(shares[index]))
 
 
-def _linear_cost(point: AssessedPoint) -> _Found | None:
+def _linear_cost(point: AssessedPoint) -> _AtTrim | None:
     if point.cost is None or not point.holds:
         return None
     worst = point.cost.worst
@@ -209,25 +212,25 @@ def _linear_cost(point: AssessedPoint) -> _Found | None:
         text = "linear cost of the optimum"
     else:
         text = f"linear cost up to {percent(worst, up=True)} above the optimum"
-    return _Found(Severity.NOTE, text, worst)
+    return _AtTrim(Severity.NOTE, text, worst)
 
 
-def _clipped_observations(point: AssessedPoint) -> _Found | None:
+def _clipped_observations(point: AssessedPoint) -> _AtTrim | None:
     if point.equilibrium is None or not point.equilibrium.clipped_observations:
         return None
     names = ", ".join(point.equilibrium.clipped_observations)
-    return _Found(Severity.WARNING, f"the normalizer clips {names} at the equilibrium")
+    return _AtTrim(Severity.WARNING, f"the normalizer clips {names} at the equilibrium")
 
 
-def _integration(point: AssessedPoint) -> _Found | None:
+def _integration(point: AssessedPoint) -> _AtTrim | None:
     error = point.integration
     if error is None or error.is_resolved:
         return None
-    return _Found(Severity.WARNING, error.text())
+    return _AtTrim(Severity.WARNING, error.text())
 
 
 #: Kinds of findings, in the order of the report.
-_KINDS: tuple[Callable[[AssessedPoint], _Found | None], ...] = (
+_KINDS: tuple[Callable[[AssessedPoint], _AtTrim | None], ...] = (
     *(_no_equilibrium, _saturation, _beyond_limits),
     lambda point: _leaving_flights(point, point.flights, ""),
     *(_instability, _convergence, _not_returned),

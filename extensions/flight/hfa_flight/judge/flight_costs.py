@@ -109,9 +109,10 @@ class FlightCosts(Result):
         """Return sentences on the mean costs and on the range of the ratios."""
         sentences = []
         if self.cost is not None and self.lqr_cost is not None:
-            some = f" where both return ({self.both} of {self.starts})"
-            some = "" if self.both == self.starts else some
-            sentences.append(f"mean cost {self.cost.text()}, LQR {self.lqr_cost.text()}{some}")
+            where = ""
+            if self.both < self.starts:
+                where = f" where both return ({self.both} of {self.starts})"
+            sentences.append(f"mean cost {self.cost.text()}, LQR {self.lqr_cost.text()}{where}")
         if self.ratios is not None:
             least, _, worst = self.ratios
             between = f"{_number(least)} to {_number(worst)}"
@@ -164,30 +165,28 @@ def flight_costs(
     loop = flights.of("policy", policy_about(deployed, point, "policy"))
     starts = drawn_starts(problem, count, seed, case.box)
     _refuse_slow(flights, starts)
-    flown: list[SimulatedFlight] = []
+    own: list[SimulatedFlight] = []
     linear: list[SimulatedFlight] = []
     for start in with_progress([*starts], progress):
         seconds = (1.0 + AFTER) * flights.horizon(start)
         linear.append(flights.linear(start, seconds))
-        flown.append(flights.fly(loop, start, seconds))
-    held, lqr_held = ([each for each in some if each.converges] for some in (flown, linear))
-    both = [
-        (one.cost, other.cost)
-        for one, other in zip(flown, linear, strict=True)
-        if one.converges and other.converges
-    ]
+        own.append(flights.fly(loop, start, seconds))
+    held = [flight for flight in own if flight.converges]
+    lqr_held = [flight for flight in linear if flight.converges]
+    pairs = zip(own, linear, strict=True)
+    both = [(one, other) for one, other in pairs if one.converges and other.converges]
     rate = None
     if case.equilibrium is not None:
         rate = offset_rate(deployed, point, case.equilibrium)
     return FlightCosts(
         starts=count,
         lost=count - len(held),
-        seconds=max(each.seconds for each in flown),
+        seconds=max(flight.seconds for flight in own),
         lqr_lost=count - len(lqr_held),
         both=len(both),
-        unresolved=sum(not each.resolved for each in (*held, *lqr_held)),
-        ratios=Ratios.of([one / other for one, other in both]),
-        cost=MeanCost.of([one for one, _ in both]),
-        lqr_cost=MeanCost.of([other for _, other in both]),
+        unresolved=sum(not flight.resolved for flight in (*held, *lqr_held)),
+        ratios=Ratios.of([one.cost / other.cost for one, other in both]),
+        cost=MeanCost.of([one.cost for one, _ in both]),
+        lqr_cost=MeanCost.of([other.cost for _, other in both]),
         offset_rate=rate,
     )

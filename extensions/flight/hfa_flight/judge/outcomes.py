@@ -177,7 +177,7 @@ class CaseFlights:
         self.seconds = max(case.seconds for case in cases)
         self.pushes = pushes
         nowhere = np.full(len(model.states), np.nan)
-        equilibria = [each.equilibrium.states if each.equilibrium else nowhere for each in cases]
+        equilibria = [case.equilibrium.states if case.equilibrium else nowhere for case in cases]
         self._centres = np.array(equilibria)[owners][:, self.linear]
         self._balls = np.array([BALL * case.box for case in cases])[owners]
         envelopes = [flight_envelope(model, case.point) for case in cases]
@@ -197,7 +197,8 @@ class CaseFlights:
         window = self.flight.samples_in_window
         windows = self.flight.windows(self.seconds)
 
-        def work(numbers: np.ndarray) -> None:
+        def fly_some(numbers: np.ndarray) -> None:
+            """Simulate the flights with these numbers; those of flight 0 show the progress."""
             shown = progress if progress is not None and 0 in numbers else None
 
             def over(flown: History) -> np.ndarray:
@@ -215,18 +216,21 @@ class CaseFlights:
                 keep=False,
             )
 
-        in_threads(work, len(self.owners), (window + 1) * self.first.shape[1])
+        in_threads(fly_some, len(self.owners), (window + 1) * self.first.shape[1])
         if progress is not None:
             progress(windows, windows)
         self.endings.close()
 
     def distance(self, flown: History) -> np.ndarray:
-        """Return the distance of each flight from its equilibrium in a window, in balls, (N,)."""
-        flying = flown.flights
-        z = flown.states[:, :, self.linear]
-        lowest, highest = np.fmin.reduce(z, axis=1), np.fmax.reduce(z, axis=1)
-        centre = self._centres[flying]
-        farthest = np.maximum(highest - centre, centre - lowest) / self._balls[flying]
+        """Return the largest distance of each flight from its equilibrium in a window, (N,).
+
+        The distance is that of the farthest linear state, in half-widths of the ball, and inf
+        without an equilibrium.
+        """
+        linear = flown.states[:, :, self.linear]
+        lowest, highest = np.fmin.reduce(linear, axis=1), np.fmax.reduce(linear, axis=1)
+        centre = self._centres[flown.flights]
+        farthest = np.maximum(highest - centre, centre - lowest) / self._balls[flown.flights]
         return np.asarray(np.nan_to_num(farthest.max(axis=1), nan=np.inf))
 
     def outcomes(self, owner: int) -> Outcomes:
@@ -235,18 +239,18 @@ class CaseFlights:
         owner: index of the trim
         """
         case = self.cases[owner]
-        mine = np.flatnonzero(self.owners == owner)
-        ends = self.endings.outcomes[mine]
-        lost = mine[ends == Outcome.LEFT]
+        flights = np.flatnonzero(self.owners == owner)
+        ends = self.endings.outcomes[flights]
+        lost = flights[ends == Outcome.LEFT]
         converged = int((ends == Outcome.CONVERGED).sum())
         first_departure = None
-        worst = int(mine[np.argmax(self.endings.nearest[mine])])
+        worst = int(flights[np.argmax(self.endings.nearest[flights])])
         if lost.size:
             worst = int(lost[np.argmin(self.endings.left_at[lost])])
             first_departure = self._departure(worst, case)
         at_start = self.first[worst][self.linear]
         return Outcomes(
-            starts=len(mine),
+            starts=len(flights),
             converged=converged,
             left_envelope=len(lost),
             worst_initial=dict(zip(case.point.model.linear, at_start.tolist(), strict=True)),
@@ -279,9 +283,9 @@ def fly_cases(
         for with_pulse in (False, True)
         for case in cases
     ]
-    starts, pushes = (np.vstack(each) for each in zip(*drawn, strict=True))
+    starts, pulses = map(np.vstack, zip(*drawn, strict=True))
     owners = np.repeat(np.arange(2 * len(cases)), samples)
-    flown = CaseFlights(flight, cases + cases, owners, starts, pushes)
+    flown = CaseFlights(flight, cases + cases, owners, starts, pulses)
     flown.fly(progress)
     outcomes = [flown.outcomes(owner) for owner in range(len(flown.cases))]
     return outcomes[: len(cases)], outcomes[len(cases) :]

@@ -69,8 +69,9 @@ def _largest_deviations(flight: SampledFlight, cases: Sequence[TrimCase], seed: 
     flown, _ = samples.fly(flight.start(starts, trims), trims, ticks)
     lowest, highest = flight.extremes(flown.states)
     envelopes = [flight_envelope(deployed.model, case.point) for case in cases]
-    least = np.array([each.least for each in envelopes])[owners, None]
-    most = np.array([each.most for each in envelopes])[owners, None]
+    least = np.array([envelope.least for envelope in envelopes])[owners, None]
+    most = np.array([envelope.most for envelope in envelopes])[owners, None]
+    # Of each flight, the samples before its first one outside; the initial condition counts.
     inside = np.logical_and.accumulate(flight.stays(flown.states, least, most), axis=1)
     inside[:, 0] = True
     trim = trims[:, None, : lowest.shape[2]]

@@ -81,13 +81,17 @@ def environment(
     from hfa_flight.learn.gymnasium_environment import AircraftEnvironment
 
     trims = training_trims(model, points)
-    used = _deployment(model, trims, deployment, {"dt": dt, "Q": Q, "R": R})
-    if all("box" in entry for entry in used.action.values()):
-        used = used.changed(policy={})  # its file may be what is trained here
+    if deployment is None:
+        trained = _usual_deployment(model, trims, dt, Q, R)
+    else:
+        _refuse_given_twice({"timing.dt": dt, "cost.Q": Q, "cost.R": R})
+        trained = Deployment.of(deployment)
+    if all("box" in entry for entry in trained.action.values()):
+        trained = trained.changed(policy={})  # its file may be what is trained here
     if turbulence is not None:
-        for sentence in turbulence.air(trims[0], used.dt, 1, 0).left_out(model):
+        for sentence in turbulence.air(trims[0], trained.dt, 1, 0).left_out(model):
             warn(sentence)
-    episode = Episode(Deployed(used, model), trims, seconds, turbulence, vary)
+    episode = Episode(Deployed(trained, model), trims, seconds, turbulence, vary)
     return AircraftEnvironment(episode)
 
 
@@ -98,28 +102,27 @@ def training_trims(model: Model, points: Iterable[Any] | None) -> tuple[Operatin
     return trims_of(model, points)
 
 
-def _deployment(
-    model: Model,
-    trims: Sequence[OperatingPoint],
-    given: Deployment | str | Path | None,
-    default: Mapping[str, Any],
+def _refuse_given_twice(arguments: Mapping[str, Any]) -> None:
+    """Raise BadInputError if an argument is given that a deployment contains.
+
+    arguments: entry of a deployment -> value of the argument, or None
+    """
+    for entry, value in arguments.items():
+        if value is not None:
+            raise BadInputError(
+                f"{entry.partition('.')[2]} cannot be combined with a deployment; change {entry} "
+                "of the deployment instead"
+            )
+
+
+def _usual_deployment(
+    model: Model, trims: Sequence[OperatingPoint], dt: float | None, Q: Any, R: Any
 ) -> Deployment:
-    """Return the given deployment, or the default one of a model with given dt, Q and R."""
-    dt, Q, R = default.values()
-    if given is not None:
-        for name, value in default.items():
-            if value is not None:
-                entry = "timing.dt" if name == "dt" else f"cost.{name}"
-                raise BadInputError(
-                    f"{name} cannot be combined with a deployment; change {entry} of the "
-                    "deployment instead"
-                )
-        return Deployment.of(given)
+    """Return the default deployment of a model, with the given sample time and weights."""
     usual = Deployment.usual(model, sample_time(model, trims) if dt is None else dt)
     if Q is None and R is None:
         return usual
-    cost = {"Q": _weights("Q", model, Q), "R": _weights("R", model, R)}
-    return usual.changed(cost=cost)
+    return usual.changed(cost={"Q": _weights("Q", model, Q), "R": _weights("R", model, R)})
 
 
 def _weights(matrix: str, model: Model, given: Any) -> dict[str, float]:

@@ -98,11 +98,11 @@ class Episode:
             dt,
             deployed.deployment.delay,
             parts_of_a_sample(self.points, dt, [*boxes]),
-            commands_of=_moved_by_actions(deployed, self.low, self.high),
+            commands_of=_commands_of_actions(deployed, self.low, self.high),
             winds=() if turbulence is None else turbulence.air(self.points[0], dt, 1, 0).names,
         )
-        nothing = np.clip(np.zeros(len(self.low)), self.low, self.high)
-        self._boxes = surviving_boxes(self._flight, self.points, boxes, nothing)
+        no_action = np.clip(0.0, self.low, self.high)
+        self._boxes = surviving_boxes(self._flight, self.points, boxes, no_action)
         self._envelopes = [flight_envelope(deployed.model, point) for point in points]
         self._trims = np.array([deployed.trim_vector(point) for point in points])
         self._linear = deployed.model.state_places(deployed.model.linear)
@@ -242,12 +242,12 @@ class Episode:
             lowest, highest = np.array(list(self.varied.values())).T
             trim[self._places_of_varied] = random.uniform(lowest, highest)
         self.owner = owner
-        begun = self._flight.start(start[None], trim[None])
-        self._state[:] = np.append(begun, self.samples)
+        state = self._flight.start(start[None], trim[None])
+        self._state[:] = np.append(state, self.samples)
         actions, _, push = self._flight.held_sizes
         limits = (self.envelope.least, self.envelope.most)
         self._held[:] = np.concatenate([np.zeros(actions), trim, np.zeros(push), *limits])
-        self._observed[:] = np.asarray(self._observe(begun, trim[None])[0])
+        self._observed[:] = np.asarray(self._observe(state, trim[None])[0])
 
     def advance(self, action: np.ndarray) -> tuple[float, bool, bool]:
         """Advance by one sample; return the reward, and whether the aircraft left or time is over.
@@ -300,13 +300,13 @@ class Episode:
         return after[: len(self._X)]
 
     def _sample(self) -> ca.Function:
-        """Return the CasADi Function that advances one episode by a sample."""
+        """Return the function (state, held) -> (state, outcome, observations) of one sample."""
         flight = self._flight
         flown, of_flight = sum(flight.sizes), sum(flight.held_sizes)
         n, m = len(flight.deployed.model.states), len(flight.deployed.model.inputs)
         state = ca.MX.sym("state", flown + 1)
         held = ca.MX.sym("held", of_flight + 2 * n)
-        now, left = ca.vertsplit(state, [0, flown, flown + 1])
+        now, remaining = ca.vertsplit(state, [0, flown, flown + 1])
         flying, limits = ca.vertsplit(held, [0, of_flight, of_flight + 2 * n])
         actions, trim, _ = (flying[part] for part in flight.held_slices)
         memory = flight.slices[1]
@@ -316,9 +316,9 @@ class Episode:
         U = flight.commands_of(actions, X, before, trim)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
         after = flight.tick()(now, flying)
-        kept, left, outcome = _outcome(flown, n)(now, after, cost, left, limits)
+        kept, later, outcome = _outcome(flown, n)(now, after, cost, remaining, limits)
         o = self.deployed.observe(kept[:n], kept[inputs], trim)
-        return ca.Function("episode", [state, held], [ca.vertcat(kept, left), outcome, o])
+        return ca.Function("episode", [state, held], [ca.vertcat(kept, later), outcome, o])
 
     def _observation(self) -> ca.Function:
         """Return the CasADi Function (state of a flight, trim) -> observations."""
@@ -358,28 +358,32 @@ def _departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
 
 
 def _outcome(size: int, n: int) -> ca.Function:
-    """Return the function (before, after, cost, left, limits) -> (kept state, left, outcome)."""
-    # - before, after: state before and after the sample
-    # - cost: cost of the sample, replaced by `_DEAREST` if not finite
-    # - left: number of remaining samples, before including and after excluding this one
-    # - limits: lowest X and highest X, for the extremes at the end of a state
-    # - accepted state: `after` if all its entries are finite, else `before`
-    # - outcome: reward, whether the aircraft left the limits, whether no samples remain
-    # An entry of `after` that is not finite counts as leaving the limits. The reward is -cost. If
-    # the aircraft leaves the limits, the cost of the sample is also counted for each later sample.
+    """Return (before, after, cost, remaining, limits) -> (kept state, later, outcome).
+
+    before, after: state before and after the sample, (size,), with the lowest and the highest X of
+        the sample at its end; kept is `after` if all its entries are finite, else `before`
+    cost: cost of the sample, replaced by `_DEAREST` if it is not finite
+    remaining, later: number of remaining samples with and without this one
+    limits: lowest X and highest X, (2 n,); an entry of `after` that is not finite is outside
+    outcome: reward, whether the aircraft left the limits, whether no samples remain
+
+    The reward is -cost. If the aircraft leaves the limits, the cost of the sample is also counted
+    for each later sample.
+    """
     before, after = ca.SX.sym("before", size), ca.SX.sym("after", size)
-    cost, left = ca.SX.sym("cost"), ca.SX.sym("left")
+    cost, remaining = ca.SX.sym("cost"), ca.SX.sym("remaining")
     limits = ca.SX.sym("limits", 2 * n)
-    numbers = all_finite(after)
-    kept = ca.if_else(numbers, after, before)
+    is_number = all_finite(after)
+    kept = ca.if_else(is_number, after, before)
     lowest, highest = kept[size - 2 * n : size - n], kept[size - n :]
-    inside = (is_within(each, limits[:n], limits[n:]) for each in (lowest, highest))
-    lost = ca.logic_not(ca.logic_and(numbers, ca.logic_and(*inside)))
-    later = ca.fmax(left - 1.0, 0.0)
+    inside = (is_within(extreme, limits[:n], limits[n:]) for extreme in (lowest, highest))
+    lost = ca.logic_not(ca.logic_and(is_number, ca.logic_and(*inside)))
+    later = ca.fmax(remaining - 1.0, 0.0)
     paid = ca.if_else(all_finite(cost), cost, _DEAREST)
     reward = -paid * ca.if_else(lost, 1.0 + later, 1.0)
     outcome = ca.vertcat(reward, lost, later <= 0.0)
-    return ca.Function("outcome", [before, after, cost, left, limits], [kept, later, outcome])
+    arguments = [before, after, cost, remaining, limits]
+    return ca.Function("outcome", arguments, [kept, later, outcome])
 
 
 def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
@@ -394,7 +398,7 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> ca.Function:
+def _commands_of_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> ca.Function:
     """Return the function (action, X, U before, trim) -> U of actions limited to the box."""
     arguments = deployed.symbols()
     action = ca.SX.sym("a", len(low))

@@ -82,31 +82,37 @@ def surviving_boxes(
         network=lambda rows: np.tile(action, (len(rows), 1)),
         stepper=Ticks(flight.tick(), dt, is_long=True),
     )
-    found = []
+    reduced = []
     for point, box in zip(points, boxes, strict=True):
-        shares = _stay(held, point, box, sides)
-        alone = np.minimum(shares[:k], shares[k:])
-        joint = _stay(held, point, alone * box, np.vstack([corners, inside]))
-        found.append(_MARGIN * joint.min() * alone * box)
-    return np.array(found)
+        of_sides = _surviving_shares(held, point, box, sides)
+        alone = np.minimum(of_sides[:k], of_sides[k:]) * box
+        joint = _surviving_shares(held, point, alone, np.vstack([corners, inside]))
+        reduced.append(_MARGIN * joint.min() * alone)
+    return np.array(reduced)
 
 
-def _stay(
+def _surviving_shares(
     samples: CompiledSamples, point: OperatingPoint, box: np.ndarray, directions: np.ndarray
 ) -> np.ndarray:
-    """Return the largest share of each direction (D, k) up to which flights stay, (D,)."""
+    """Return the largest of the `_SHARES` of a box up to which flights stay, by direction, (D,).
+
+    If none stays, the share is the smallest.
+
+    box: half-widths about the trim, (k,)
+    directions: (D, k), in half-widths
+    """
     model, flight = point.model, samples.flight
     rows = model.state_places(model.linear)
     count = len(directions) * len(_SHARES)
     starts = np.tile(point.x, (count, 1))
-    starts[:, rows] += np.repeat(directions, len(_SHARES), axis=0) * np.outer(
-        np.tile(_SHARES, len(directions)), box
-    )
+    deviations = directions[:, None, :] * _SHARES[:, None] * box
+    starts[:, rows] += deviations.reshape(count, len(box))
     trims = np.tile(flight.deployed.trim_vector(point), (count, 1))
     ticks = steps_of(_SURVIVED, flight.dt)
     flown, _ = samples.fly(flight.start(starts, trims), trims, ticks)
     envelope = flight_envelope(model, point)
     stays = flight.stays(flown.states, envelope.least, envelope.most).all(axis=1)
-    shares = stays.reshape(len(directions), len(_SHARES))
-    all_smaller = np.logical_and.accumulate(shares[:, ::-1], axis=1)[:, ::-1]
-    return np.where(all_smaller.any(axis=1), _SHARES[all_smaller.argmax(axis=1)], _SHARES[-1])
+    stays = stays.reshape(len(directions), len(_SHARES))
+    # True where the flights of this share, and of all smaller ones, stay.
+    up_to_share = np.logical_and.accumulate(stays[:, ::-1], axis=1)[:, ::-1]
+    return np.where(up_to_share.any(axis=1), _SHARES[up_to_share.argmax(axis=1)], _SHARES[-1])

@@ -71,9 +71,9 @@ def flights_in_air(
 
 
 def uncontrolled(plan: MonteCarlo) -> Mapping[str, np.ndarray] | None:
-    """Return the results of the same flights without control beside those with a filter."""
+    """Return the results of the same flights with the inputs at trim, or None without a filter."""
     if not isinstance(plan.policy, FilteredPolicy):
         return None
     policy, scenario = policy_and_scenario(None, plan.point, plan.scenario)
-    free = replace(plan, policy=policy, scenario=scenario)
-    return run_monte_carlo(free, 1, ProgressLine("simulate without control"))
+    inputs_at_trim = replace(plan, policy=policy, scenario=scenario)
+    return run_monte_carlo(inputs_at_trim, 1, ProgressLine("simulate without control"))

@@ -133,8 +133,8 @@ def fly(
         )
     if weights is not None:
         raise BadInputError("fly: weights are of the cost of a single flight; remove samples")
-    happens = scenario_of_flight(model, scenario or Scenario(), duration, initial)
-    flown, happens = policy_and_scenario(policy, point, happens)
-    within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
-    plan = MonteCarlo(samples, seed, model, point, flown, happens, within, share=share)
+    undrawn = scenario_of_flight(model, scenario or Scenario(), duration, initial)
+    flown_policy, undrawn = policy_and_scenario(policy, point, undrawn)
+    limits = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
+    plan = MonteCarlo(samples, seed, model, point, flown_policy, undrawn, limits, share=share)
     return flights_in_air(plan, progress=progress)

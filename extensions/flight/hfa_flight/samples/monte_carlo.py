@@ -8,7 +8,7 @@ import threading
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -33,26 +33,35 @@ from trim.point.operating_point import OperatingPoint
 
 #: Compiled loops of each thread. Threads must not share a loop, whose memory each call overwrites.
 _OF_THREAD = threading.local()
-#: Stored result of a member -> its meaning, and its axis or, for a single number, its unit.
-KEPT = {
-    "left": ("number in the attribute left; -1: stayed inside", ""),
-    "cycle": (
-        "number of the input or state that still oscillates at the end; -1: none",
-        "",
-    ),
-    "factors": ("factor on a parameter", "error"),
-    "flown": ("time inside the envelope", "s"),
-    "rms_error": (
+
+
+class StoredResult(NamedTuple):
+    """Meaning of a stored result of a member, with its axis, or the unit of a single number."""
+
+    meaning: str
+    axis: str = ""
+    unit: str = ""
+
+
+#: Stored results of a member, by name.
+STORED = {
+    "left": StoredResult("number in the attribute left; -1: stayed inside"),
+    "cycle": StoredResult("number of the input or state that oscillates at the end; -1: none"),
+    "factors": StoredResult("factor on a parameter", "error"),
+    "flown": StoredResult("time inside the envelope", unit="s"),
+    "rms_error": StoredResult(
         "root mean square error over that time, in turbulence its second half, without noise",
         "error_state",
     ),
-    "peak_error": ("largest error, over ground", "error_state"),
-    "peak_angle_of_attack": ("largest angle of attack relative to the air, from trim", "rad"),
-    "effort": ("root mean square from trim, over the same time as rms_error", "input"),
-    "at_limit": ("share of that time at or beyond a control limit", "input"),
-    "lowest_input": ("lowest value inside the envelope", "input"),
-    "highest_input": ("highest value inside the envelope", "input"),
-    "final": ("at the end", "state"),
+    "peak_error": StoredResult("largest error, over ground", "error_state"),
+    "peak_angle_of_attack": StoredResult(
+        "largest angle of attack relative to the air, from trim", unit="rad"
+    ),
+    "effort": StoredResult("root mean square from trim, over the same time as rms_error", "input"),
+    "at_limit": StoredResult("share of that time at or beyond a control limit", "input"),
+    "lowest_input": StoredResult("lowest value inside the envelope", "input"),
+    "highest_input": StoredResult("highest value inside the envelope", "input"),
+    "final": StoredResult("at the end", "state"),
 }
 
 
@@ -179,6 +188,7 @@ def member_loop(plan: MonteCarlo) -> CompiledLoop:
 
 
 def _compiled(plan: MonteCarlo) -> CompiledLoop:
+    """Return the compiled closed loop of a plan; threads compile one after the other."""
     with MAKING:
         return CompiledLoop(plan.loop(), plan.members)
 
@@ -194,10 +204,10 @@ def fly_member(plan: MonteCarlo, member: int) -> Flight:
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
     """Return the results of members `start` to `stop` - 1: name -> array, one row for each member.
 
-    The names are those in `KEPT`.
+    The names are those in `STORED`.
     """
     rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
-    return {name: np.array([row[name] for row in rows]) for name in KEPT}
+    return {name: np.array([row[name] for row in rows]) for name in STORED}
 
 
 def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
@@ -205,22 +215,21 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
 
     Errors and inputs are evaluated at the steps inside the envelope. The final states
     are those after the last of these steps. Root mean squares leave out the first half in
-    turbulence, which begins in calm. `left` and `cycle` are the places of the states or signals
-    that left the envelope or cycle in lists of names, -1 for none.
+    turbulence, which begins in calm.
     """
     scenario = result.loop.scenario
-    rows = result.deviations
+    deviations = result.deviations
     states = list(plan.model.states)
     trim = plan.point.u
     time_flown = scenario.duration if result.departure is None else result.departure.time
     end = round(time_flown / scenario.step)  # 0 if turbulence exceeds the envelope at the start
     begin = end // 2 if scenario.gust is not None and scenario.gust.rises else 0
-    errors = rows.errors[:end]
-    inputs = rows.inputs[:end]
-    angles = rows.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
+    errors = deviations.errors[:end]
+    inputs = deviations.inputs[:end]
+    angles = deviations.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
     return {
-        "left": _place_of_departure(result),
-        "cycle": _place_of_cycle(result),
+        "left": _index_of_departure(result),
+        "cycle": _index_of_cycle(result),
         "factors": [scenario.errors[name] for name in plan.scenario.uncertainty.errors],
         "flown": time_flown,
         "rms_error": _rms(errors[begin:]),
@@ -234,21 +243,21 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     }
 
 
-def _place_of_departure(result: Flight) -> int:
-    """Return the place of the state that left the envelope in the limited states, or -1."""
+def _index_of_departure(result: Flight) -> int:
+    """Return the index of the state that left, among `limited_names`, or -1 for a flight inside."""
     if result.departure is None:
         return -1
     limited = limited_names(result.model, result.loop.scenario.moving_air)
     return limited.index(result.departure.state)
 
 
-def _place_of_cycle(result: Flight) -> int:
-    """Return the place of the signal in a limit cycle in the inputs and states, or -1."""
+def _index_of_cycle(result: Flight) -> int:
+    """Return the index of the signal in a limit cycle, among inputs and states, or -1 for none."""
     if result.cycle is None:
         return -1
     return [*result.model.inputs, *result.model.states].index(result.cycle.name)
 
 
 def _rms(rows: np.ndarray) -> np.ndarray:
-    """Return the root mean square of each column of (N, k), or 0 if N is 0."""
+    """Return the root mean square of each column of (N, k), (k,), which is 0 if N is 0."""
     return np.asarray(np.sqrt(np.square(rows).sum(axis=0) / max(len(rows), 1)))

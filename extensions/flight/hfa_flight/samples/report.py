@@ -50,25 +50,25 @@ def member_report(
     where: where the flights are stored, for the title
     uncontrolled: results of the same flights without control, by name, or None
     """
-    found = _outcomes(plan, flown)
+    outcomes = _outcomes(plan, flown)
     planned = (
         f"Monte Carlo, {plan.point.model.title}, law {plan.policy.name}: {plan.members} flights of "
         f"{plan.scenario.duration:g} s, seed {plan.seed}, {where}"
     )
     advice = [] if is_limited(plan.envelope) else [GIVE_LIMIT]
     if uncontrolled is not None and isinstance(plan.policy, FilteredPolicy):
-        found |= _compared(plan, plan.policy, flown, uncontrolled)
+        outcomes |= _rms_figures(plan, plan.policy, flown, uncontrolled)
     title = "\n".join(
-        [_verdict(plan, found) + _far_text(found.get("rms_far_above", {})), planned, *advice]
+        [_verdict(plan, outcomes) + _far_text(outcomes.get("rms_far_above", {})), planned, *advice]
     )
-    rows = _rows(found)
+    rows = _rows(outcomes)
     parts: list[Part] = [Group("flights", rows)] if rows else []
-    if "drawn" in found:
+    if "drawn" in outcomes:
         parts.append("flights are of aircraft with drawn parameters, from the trim of the model")
-    if "rms" in found:
-        parts.append(_compared_table(plan, found))
-    if found["held"]:
-        parts.append(_quantile_table(plan, found))
+    if "rms" in outcomes:
+        parts.append(_rms_table(plan, outcomes))
+    if outcomes["held"]:
+        parts.append(_quantile_table(plan, outcomes))
         if plan.scenario.moving_air and has_angle_of_attack(plan.model):
             parts.append(OVER_GROUND)
     gust = plan.member(0).gust
@@ -76,71 +76,71 @@ def member_report(
         parts += [gust.text(plan.model), *gust.left_out(plan.model)]
     if isinstance(plan.policy, FilteredPolicy):
         parts += plan.policy.texts()
-    notes = [_ALIKE] if _alike(plan) and plan.members > 1 else []
+    notes = [_ALIKE] if _all_same(plan) and plan.members > 1 else []
     is_unfiltered = not isinstance(plan.policy, (FilteredPolicy, OpenLoop))
-    if plan.scenario.uncertainty.noise and is_unfiltered and found["first_left"] is not None:
+    if plan.scenario.uncertainty.noise and is_unfiltered and outcomes["first_left"] is not None:
         notes.append(_UNFILTERED)
-    return Report(title, parts, notes, found)
+    return Report(title, parts, notes, outcomes)
 
 
-def _verdict(plan: MonteCarlo, found: Mapping[str, Any]) -> str:
+def _verdict(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> str:
     """Return the first line: flights within limits, and the share that is lost."""
-    within, members = found["within_limits"], plan.members
-    is_input = any(found["exceeded"].values()) or any(found["limit_cycle"].values())
+    within, members = outcomes["within_limits"], plan.members
     has_envelope = is_limited(plan.envelope)
-    inside = "stay inside" if has_envelope else "do not diverge"
-    if is_input:
-        inside = "stay within limits"
+    if any(outcomes["exceeded"].values()) or any(outcomes["limit_cycle"].values()):
+        stay = "stay within limits"
+    else:
+        stay = "stay inside" if has_envelope else "do not diverge"
     line = (
-        f"{verdict_text(found['ok'])}: {within} of {members} flights of "
-        f"{plan.scenario.duration:g} s {inside}{_air_text(plan.scenario)}{need_text(plan.share)}"
+        f"{verdict_text(outcomes['ok'])}: {within} of {members} flights of "
+        f"{plan.scenario.duration:g} s {stay}{_air_text(plan.scenario)}{need_text(plan.share)}"
     )
     lost = members - within
     if not has_envelope:
         line = f"{line}; {NO_LIMIT}"
-    band = "" if _alike(plan) else band_text(lost, members)
+    band = "" if _all_same(plan) else band_text(lost, members)
     if not lost:
         return f"{line}; {band}" if band else line
-    left = {name: count for name, count in found["left"].items() if count}
+    left = {name: count for name, count in outcomes["left"].items() if count}
     by = f" by {next(iter(left)) if len(left) == 1 else _listed(left)}" if left else ""
     return f"{line}; {lost} lost{by}" + (f" ({band})" if band else "")
 
 
-def _far_text(found: Mapping[str, Mapping[str, float]]) -> str:
+def _far_text(far: Mapping[str, Mapping[str, float]]) -> str:
     """Return which rms of a state is far above its prediction or that of no control, or "".
 
-    found: as returned by `_far_above`
+    far: as returned by `_far_above`
     """
     names = {"linear": "the linear prediction", "no_control": "that without control"}
     text = ""
-    for of, name in names.items():
-        far = [(ratios[of], state) for state, ratios in found.items() if of in ratios]
-        if far:
-            each = ", ".join(f"{state} {ratio:.2g}" for ratio, state in sorted(far, reverse=True))
-            text += f"; rms {each} times {name}"
+    for reference, name in names.items():
+        ratios = [(far[state][reference], state) for state in far if reference in far[state]]
+        if ratios:
+            listed = ", ".join(f"{state} {ratio:.2g}" for ratio, state in sorted(ratios)[::-1])
+            text += f"; rms {listed} times {name}"
     return text
 
 
-def _far_above(plan: MonteCarlo, entries: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """Return state -> ratios of its rms to its linear prediction and to that of no control, those
-    above `_FAR`.
+def _far_above(plan: MonteCarlo, figures: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Return state -> "linear" or "no_control" -> ratio of its rms to that one, if above `_FAR`.
 
-    Without control, nothing moves in still air, and flights that left the envelope have no rms to
-    compare with.
+    "linear" is the linear prediction. "no_control" is compared in moving air only, if no flight
+    without control is lost.
+
+    figures: as returned by `_rms_figures`
     """
-    others = {"linear": entries.get("linear_rms", {})}
-    if plan.scenario.moving_air and not entries["uncontrolled_lost"]:
-        others["no_control"] = entries["uncontrolled_rms"]
-    far = {}
-    for name in plan.model.linear:
-        value = entries["rms"][name]
-        ratios = {of: value / rms[name] for of, rms in others.items() if rms.get(name)}
-        if above := {of: ratio for of, ratio in ratios.items() if ratio > _FAR}:
-            far[name] = above
+    references = {"linear": figures.get("linear_rms", {})}
+    if plan.scenario.moving_air and not figures["uncontrolled_lost"]:
+        references["no_control"] = figures["uncontrolled_rms"]
+    far: dict[str, dict[str, float]] = {}
+    for state in plan.model.linear:
+        for reference, rms in references.items():
+            if rms.get(state) and (ratio := figures["rms"][state] / rms[state]) > _FAR:
+                far.setdefault(state, {})[reference] = ratio
     return far
 
 
-def _alike(plan: MonteCarlo) -> bool:
+def _all_same(plan: MonteCarlo) -> bool:
     """Return whether all flights of a plan are the same."""
     return plan.scenario.uncertainty == Uncertainty() and plan.spread is None
 
@@ -155,17 +155,17 @@ def _air_text(scenario: Scenario) -> str:
     return words + " with noise" * any(scenario.uncertainty.noise.values())
 
 
-def _compared(
+def _rms_figures(
     plan: MonteCarlo, policy: FilteredPolicy, flown: Flown, uncontrolled: Flown
 ) -> dict[str, Any]:
-    """Return the figures of flights with a filter beside those without control and linear ones.
+    """Return the root mean squares of flights with a filter, without control, and linear ones.
 
-    The root mean squares are over all flights inside the envelope.
+    They are over all flights inside the envelope.
     """
     names = (*plan.model.linear, *plan.model.inputs)
-    entries: dict[str, Any] = {
-        "rms": dict(zip(names, _pooled(flown), strict=True)),
-        "uncontrolled_rms": dict(zip(names, _pooled(uncontrolled), strict=True)),
+    figures: dict[str, Any] = {
+        "rms": dict(zip(names, _rms_of_all(flown), strict=True)),
+        "uncontrolled_rms": dict(zip(names, _rms_of_all(uncontrolled), strict=True)),
         "uncontrolled_lost": int((uncontrolled["left"] >= 0).sum()),
         "at_limit": dict(
             zip(plan.model.inputs, flown["at_limit"].mean(axis=0).tolist(), strict=True)
@@ -177,25 +177,25 @@ def _compared(
     if gain is not None:
         samples = round(plan.scenario.duration / policy.dt)
         linear = policy.filter.loop(gain).rms(samples).tolist()
-        entries["linear_rms"] = dict(zip(names, linear, strict=True))
-    return entries | {"rms_far_above": _far_above(plan, entries)}
+        figures["linear_rms"] = dict(zip(names, linear, strict=True))
+    return figures | {"rms_far_above": _far_above(plan, figures)}
 
 
-def _pooled(flown: Flown) -> list[float]:
-    """Return the root mean squares of states and inputs over all flights."""
+def _rms_of_all(flown: Flown) -> list[float]:
+    """Return the root mean squares of states and inputs over the time of all flights, (k + m,)."""
     seconds = flown["flown"]
     squares = np.hstack([flown["rms_error"], flown["effort"]]) ** 2
     return np.sqrt(seconds @ squares / max(float(seconds.sum()), 1e-9)).tolist()
 
 
-def _compared_table(plan: MonteCarlo, found: Mapping[str, Any]) -> Table:
-    """Return the table of flights with a filter beside those without control and linear ones."""
+def _rms_table(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> Table:
+    """Return the table of `_rms_figures`, with a row for each linear state and input."""
     rows = []
-    for name, value in found["rms"].items():
+    for name, value in outcomes["rms"].items():
         unit = plan.model.unit(name)
-        others = (found["uncontrolled_rms"][name], found.get("linear_rms", {}).get(name))
+        others = (outcomes["uncontrolled_rms"][name], outcomes.get("linear_rms", {}).get(name))
         cells = ["-" if each is None else short_number(each, unit) for each in (value, *others)]
-        share = found["at_limit"].get(name)
+        share = outcomes["at_limit"].get(name)
         at = "-" if share is None else f"{100 * share:.2g}"
         rows.append((f"rms {name}", *cells, at, shown_unit(unit)))
     return Table(("all flights", "policy", "no control", "linear", "% at limit", "unit"), rows)
@@ -208,11 +208,11 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
     cycle = flown["cycle"]
     inside = left < 0
     limits = control_limits(model)
-    within = limits.within(flown["lowest_input"]) & limits.within(flown["highest_input"])
-    states = limited_names(model, plan.scenario.moving_air)
+    obeyed = limits.within(flown["lowest_input"]) & limits.within(flown["highest_input"])
+    limited = limited_names(model, plan.scenario.moving_air)
     oscillating = (*model.inputs, *model.states)
-    count = int((inside & within.all(axis=1) & (cycle < 0)).sum())
-    found = {
+    count = int((inside & obeyed.all(axis=1) & (cycle < 0)).sum())
+    outcomes = {
         "schema": "hfa.monte-carlo-summary/1",
         "ok": is_enough(count, plan.members, plan.share),
         "dynamics": model.name,
@@ -224,31 +224,31 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
         "held": int(inside.sum()),
         "first_left": None if inside.all() else float(flown["flown"][~inside].min()),
         "left_an_hour": 3600.0 * int((~inside).sum()) / max(float(flown["flown"].sum()), 1e-9),
-        "left": {name: int((left == index).sum()) for index, name in enumerate(states)},
+        "left": {name: int((left == index).sum()) for index, name in enumerate(limited)},
         "lost_95": lost_band(int((~inside).sum()), plan.members),
-        "exceeded": dict(zip(model.inputs, (~within).sum(axis=0).tolist(), strict=True)),
+        "exceeded": dict(zip(model.inputs, (~obeyed).sum(axis=0).tolist(), strict=True)),
         "limit_cycle": {name: int((cycle == at).sum()) for at, name in enumerate(oscillating)},
         "quantiles": np.array(_QUANTILES),
         **_quantiles(model, flown, inside),
     }
-    return found if plan.spread is None else found | {"drawn": list(plan.spread.values)}
+    return outcomes if plan.spread is None else outcomes | {"drawn": list(plan.spread.values)}
 
 
-def _rows(found: Mapping[str, Any]) -> tuple[Row, ...]:
-    """Return rows on the flights without control, and on each kind of failure that occurred."""
+def _rows(outcomes: Mapping[str, Any]) -> tuple[Row, ...]:
+    """Return rows on each kind of failure that occurred, and on the flights without control."""
     rows = []
-    if found["first_left"] is not None:
+    if outcomes["first_left"] is not None:
         rows += [
-            Row("departures", found["members"] - found["held"], note=_listed(found["left"])),
-            Row("first departure", found["first_left"], "s", digits=3),
-            Row("departures an hour", found["left_an_hour"], "1/h", digits=3),
+            Row("departures", sum(outcomes["left"].values()), note=_listed(outcomes["left"])),
+            Row("first departure", outcomes["first_left"], "s", digits=3),
+            Row("departures an hour", outcomes["left_an_hour"], "1/h", digits=3),
         ]
     for name, entry in (("beyond limits of", "exceeded"), ("limit cycle of", "limit_cycle")):
-        counts = found[entry].items()
+        counts = outcomes[entry].items()
         rows += [Row(f"{name} {signal}", count) for signal, count in counts if count]
-    if "uncontrolled_lost" in found:
+    if "uncontrolled_lost" in outcomes:
         rows.append(
-            Row("lost without control", found["uncontrolled_lost"], note="of the same flights")
+            Row("lost without control", outcomes["uncontrolled_lost"], note="of the same flights")
         )
     return tuple(rows)
 
@@ -279,14 +279,14 @@ def _quantiles(model: Model, flown: Flown, inside: np.ndarray) -> dict[str, Any]
     }
 
 
-def _quantile_table(plan: MonteCarlo, found: Mapping[str, Any]) -> Table:
+def _quantile_table(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> Table:
     """Return a table with one row for each variable of each quantity."""
     shown = ["rms_error", "peak_error", "effort"]
-    if plan.scenario.moving_air and "peak_deviation" in found:
+    if plan.scenario.moving_air and "peak_deviation" in outcomes:
         shown.append("peak_deviation")
     rows = []
     for quantity in shown:
-        for variable, values in found[quantity].items():
+        for variable, values in outcomes[quantity].items():
             unit = plan.model.unit(variable)
             cells = [short_number(value, unit) for value in values]
             name = f"{quantity.replace('_', ' ')} {variable}"

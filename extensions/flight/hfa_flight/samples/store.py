@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hfa_flight.air.names import limited_names
-from hfa_flight.samples.monte_carlo import KEPT, MonteCarlo, fly_members
+from hfa_flight.samples.monte_carlo import STORED, MonteCarlo, fly_members
 from hfa_support.progress import Progress
 from hfa_support.rows.store import RowJob, fill_store, template_variable
 from hfa_support.rows.workers import open_workers
@@ -32,7 +32,7 @@ def run_monte_carlo(
 ) -> Mapping[str, np.ndarray]:
     """Return the results of all members: name -> array, one row for each member.
 
-    The names are those in `KEPT`. The results are kept in memory.
+    The names are those in `STORED`. The results are kept in memory.
 
     workers: as for `open_workers`. The number has no effect on the results
     progress: called with (chunks done, number of chunks), first at the start
@@ -49,7 +49,7 @@ def run_monte_carlo(
             if progress is not None:
                 progress(len(chunks), len(tasks))
     in_order = [chunks[number] for number in sorted(chunks)]
-    return {name: np.concatenate([rows[name] for rows in in_order]) for name in KEPT}
+    return {name: np.concatenate([rows[name] for rows in in_order]) for name in STORED}
 
 
 def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
@@ -72,30 +72,29 @@ def _template(plan: MonteCarlo) -> Any:
     states = tuple(model.states)
     inputs = tuple(model.inputs)
     names = {"error": errors, "error_state": model.linear, "state": states, "input": inputs}
-    sizes = {axis: len(members) for axis, members in names.items()}
+    lengths = {_MEMBER: plan.members} | {axis: len(signals) for axis, signals in names.items()}
 
     coordinates: dict[str, Any] = {}
-    for axis, members in names.items():
-        if members:
-            coordinates[axis] = (axis, np.array(members, dtype=object))
-        if members and axis != "error":  # factors have no unit
-            units = np.array(model.units(members), dtype=object)
+    for axis, signals in names.items():
+        if signals:
+            coordinates[axis] = (axis, np.array(signals, dtype=object))
+        if signals and axis != "error":  # factors have no unit
+            units = np.array(model.units(signals), dtype=object)
             coordinates[f"{axis}_unit"] = (axis, units)
 
     arrays = {}
-    for name, (meaning, axis_or_unit) in KEPT.items():
+    for name, result in STORED.items():
+        if result.axis and not names[result.axis]:
+            continue  # no parameter is drawn
         fill: Any = np.int8(-1) if name in ("left", "cycle") else np.nan
-        attributes = {"long_name": meaning}
-        axes: tuple[str, ...] = (_MEMBER,)
-        if axis_or_unit in sizes:
-            axes = (_MEMBER, axis_or_unit)
-            if f"{axis_or_unit}_unit" in coordinates:
-                attributes["units_of"] = f"{axis_or_unit}_unit"
-        elif axis_or_unit:
-            attributes["units"] = axis_or_unit
-        shape = (plan.members, *(sizes[axis] for axis in axes[1:]))
-        if 0 not in shape:  # empty if nothing is drawn
-            arrays[name] = template_variable(axes, shape, fill, chunk_of(plan), attributes)
+        attributes = {"long_name": result.meaning}
+        if result.unit:
+            attributes["units"] = result.unit
+        if f"{result.axis}_unit" in coordinates:
+            attributes["units_of"] = f"{result.axis}_unit"
+        axes = (_MEMBER, result.axis) if result.axis else (_MEMBER,)
+        shape = tuple(lengths[axis] for axis in axes)
+        arrays[name] = template_variable(axes, shape, fill, chunk_of(plan), attributes)
 
     import xarray
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,16 +14,17 @@ from controller.critic.critic_file import refuse_other_step
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
-from hfa_aircraft.readers.matrices_file import file_scales
+from hfa_aircraft.readers.matrices_file import FileScales, file_scales
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors
 from hfa_support.linear_table import LinearTable
-from hfa_support.matrices import checked_matrix
+from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.report import Reported
 
-#: Scheduling values within this distance of an end of the schedule are permitted.
-_AT_THE_END = 1e-9
-#: Decimals to which breakpoints in degrees are exact after conversion from radians.
+#: Share of the range of breakpoints by which a value may be beyond an end, where the gain is that
+#: of the end: a trim at the end is not found more exactly, and angles in files are rounded.
+_ROUNDING = 1e-9
+#: Decimals of breakpoints in files, in degrees.
 _DIGITS = 10
 
 
@@ -82,11 +85,12 @@ class GainSchedule(Reported):
 
         lowest, highest: ends of the interval
         """
-        first = float(self.breakpoints[0])
-        last = float(self.breakpoints[-1])
         if len(self.breakpoints) == 1:
             return
-        if lowest < first - _AT_THE_END or highest > last + _AT_THE_END:
+        first = float(self.breakpoints[0])
+        last = float(self.breakpoints[-1])
+        rounding = _ROUNDING * (last - first)
+        if lowest < first - rounding or highest > last + rounding:
             name = self.model.schedule
             covered = f"{self.model.describe(name, first)} to {self.model.describe(name, last)}"
             flown = f"{self.model.describe(name, lowest)} to {self.model.describe(name, highest)}"
@@ -110,47 +114,58 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     be converted or is not known, or if the gains are for a sample time.
     """
     stored = read_arrays(path)
-    inputs, m, n = tuple(model.inputs), len(model.inputs), len(model.linear)
-    key = model.schedule_key
-    plant = PlantNames(model.linear, inputs, model.units(model.linear), model.units(inputs))
+    states, inputs = model.linear, tuple(model.inputs)
+    plant = PlantNames(states, inputs, model.units(states), model.units(inputs))
     with prefix_errors(path):
         refuse_other_step(stored, None)
         if "K" not in stored:
             raise BadInputError(
-                f"K is missing; add a K of {m} x {n}, or one for each value of {key}"
+                f"K is missing; add a K of {len(model.inputs)} x {len(model.linear)}, or one for "
+                f"each value of {model.schedule_key}"
             )
         K = numbers_in("K", stored["K"])
         scales = file_scales(stored, plant)
         if K.ndim != 3:
-            if K.shape != (m, n):
-                shape = " x ".join(map(str, K.shape)) or "a number"
-                raise BadInputError(
-                    f"K is {shape}; give a K of {m} x {n}, or one for each value of {key}"
-                )
-            gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * scales.gain
-            return GainSchedule(np.zeros(1), gain[None], model)
+            return _single_gain(K, scales, model)
+        return _gain_table(K, stored, scales, model)
 
-        if key not in stored:
-            raise BadInputError(f"{key} is missing; give one value for each gain K of the table")
-        breakpoints = np.ravel(numbers_in(key, stored[key]))
-        if breakpoints.size < 2:
-            raise BadInputError(
-                f"{key} has fewer than two values; give at least two, in increasing order"
-            )
-        count = breakpoints.size
-        is_matlab_stack = K.shape[0] == m and K.shape[2] == count
-        is_stack = K.shape[:2] == (count, m)
-        if is_matlab_stack and not is_stack:
-            K = np.moveaxis(K, -1, 0)
-        if model.is_typed_in_degrees:
-            breakpoints = np.radians(breakpoints)
-        elif model.schedule in model.linear:
-            breakpoints = breakpoints / scales.states[model.linear.index(model.schedule)]
-        elif np.any(scales.gain != 1.0):
-            raise BadInputError(
-                f"the gains are in other units than the model, and the unit of {key} is not known; "
-                f"convert K and {key} to the units of the model"
-            )
-        if K.shape[1:] == (m, n):
-            K = K * scales.gain
-        return GainSchedule(breakpoints, K, model)
+
+def _single_gain(K: np.ndarray, scales: FileScales, model: Model) -> GainSchedule:
+    """Return the schedule of one gain K (m, n) of a file."""
+    m, n = len(model.inputs), len(model.linear)
+    if K.shape != (m, n):
+        raise BadInputError(
+            f"K is {shape_text(K.shape)}; give a K of {m} x {n}, or one for each value of "
+            f"{model.schedule_key}"
+        )
+    gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * scales.gain
+    return GainSchedule(np.zeros(1), gain[None], model)
+
+
+def _gain_table(
+    K: np.ndarray, stored: Mapping[str, Any], scales: FileScales, model: Model
+) -> GainSchedule:
+    """Return the schedule of a stack of gains of a file, (G, m, n), or (m, n, G) of MATLAB."""
+    m, key = len(model.inputs), model.schedule_key
+    if key not in stored:
+        raise BadInputError(f"{key} is missing; give one value for each gain K of the table")
+    breakpoints = np.ravel(numbers_in(key, stored[key]))
+    count = breakpoints.size
+    if count < 2:
+        raise BadInputError(
+            f"{key} has fewer than two values; give at least two, in increasing order"
+        )
+    if K.shape[:2] != (count, m) and (K.shape[0], K.shape[2]) == (m, count):
+        K = np.moveaxis(K, -1, 0)
+    if model.is_typed_in_degrees:
+        breakpoints = np.radians(breakpoints)
+    elif model.schedule in model.linear:
+        breakpoints = breakpoints / scales.states[model.linear.index(model.schedule)]
+    elif np.any(scales.gain != 1.0):
+        raise BadInputError(
+            f"the gains are in other units than the model, and the unit of {key} is not known; "
+            f"convert K and {key} to the units of the model"
+        )
+    if K.shape[1:] == scales.gain.shape:
+        K = K * scales.gain
+    return GainSchedule(breakpoints, K, model)
