@@ -80,7 +80,7 @@ def verdict_report(
         data={
             "state_units": list(names.state_units),
             "input_units": list(names.input_units),
-            **verdict.data(limit_cost),
+            **verdict.file_entries(limit_cost),
         },
         records=records,
     )
@@ -400,7 +400,9 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
         data={
             "schema": "hfa.critic-checks/1",
             "ok": ok,
-            "critics": {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
+            "critics": {
+                name: verdict.file_entries(limit_cost) for name, verdict in verdicts.items()
+            },
         },
         records=Table(header, rows),
     )

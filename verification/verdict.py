@@ -173,8 +173,8 @@ class Verdict(Checked, Result, Reported):
         is_near = self.cost_lost <= NEAR and self.rests_within(NEAR)
         return "near" if is_near else "fail"
 
-    def data(self, limit_cost: float | None = None) -> dict[str, Any]:
-        """Return the data of the verdict for files.
+    def file_entries(self, limit_cost: float | None = None) -> dict[str, Any]:
+        """Return the entries of the verdict for files, name -> value.
 
         limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the entry
             `graded` also contains the limit and the verdict on the cost.

@@ -1,7 +1,13 @@
 """Matrices of balls, which contain the exact result of each operation.
 
-`Balls` has as many bits as `precision` gives it, and `DoubleBalls` is as fast as a few products of
-doubles; the `Pairs` of `pairs.py` have twice its digits. Bounds are numbers of FLINT, which round
+A ball is an interval, given by its midpoint and its radius. The sum or product of two balls is a
+ball that contains the sums or products of all their numbers: its radius also covers the rounding.
+What is true of all matrices in a ball is thereby proved of the exact one.
+
+There are three arithmetics. `Balls` has as many bits as `precision` gives it, in numbers of FLINT
+(`arb`, and `arb_mat` for matrices). `DoubleBalls` is as fast as a few products of doubles, and the
+`Pairs` of `pairs.py` have twice its digits. Residuals, whose digits cancel, are computed in `Balls`
+or `Pairs`, and bounds in `Balls` or `DoubleBalls`. Bounds are numbers of FLINT, which round
 outward: a bound that is compared proves what it says, and a number that is not finite proves
 nothing.
 
@@ -17,18 +23,21 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias
 
 import numpy as np
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
+#: What becomes a matrix of balls: exact doubles, balls of FLINT, `Balls` or `Pairs`.
+Exact: TypeAlias = "np.ndarray | arb_mat | ExactMatrix"
 #: Bits of the first attempt of each proof.
 BITS = 128
 #: Unit roundoff of doubles.
 ROUNDOFF = 2.0**-53
-#: Sums and products of up to a million nonnegative doubles round by less than this factor.
+#: Sums and products of up to a million nonnegative doubles round by less than this factor, since
+#: each rounds by at most 2^-53.
 UP = 1.0 + 1e-9
 #: More than the sum of a million underflows, of less than 2^-1074 each.
 UNDERFLOW = 1e-290
@@ -64,7 +73,7 @@ class BallMatrix(Protocol):
     """Matrix whose entries are balls. All operations contain the exact result."""
 
     @classmethod
-    def of(cls, matrix: np.ndarray | arb_mat | BallMatrix) -> Self:
+    def of(cls, matrix: Exact) -> Self:
         """Return a matrix that contains the given one, itself if it is of this kind."""
 
     @property
@@ -101,8 +110,8 @@ class BoundMatrix(BallMatrix, Protocol):
     """Matrix of balls in which bounds are computed."""
 
     @classmethod
-    def around(cls, middle: arb_mat | BallMatrix, spread: Sequence[arb]) -> Self:
-        """Return the symmetric matrix with the radius s_i s_j about each entry of a middle.
+    def around(cls, middle: Exact, spread: Sequence[arb]) -> Self:
+        """Return the symmetric matrix with the radius s_i s_j about each entry ij of a middle.
 
         middle: (n, n), exact, or a matrix that contains it
         spread: s, (n,)
@@ -126,7 +135,7 @@ class ExactMatrix(BallMatrix, Protocol):
         """The matrix in the arithmetic of FLINT."""
 
     def mid(self) -> Self:
-        """Return the exact midpoints."""
+        """Return the exact midpoints, with the radius 0."""
 
     def symmetric(self) -> Self:
         """Return the exact midpoints of the symmetric part."""
@@ -140,7 +149,7 @@ class ExactMatrix(BallMatrix, Protocol):
     def wider(self, columns: Sequence[arb]) -> Self:
         """Return the matrix with a larger radius in each column.
 
-        columns: (m,), what is added
+        columns: (m,), what is added to the radii of each column
         """
 
 
@@ -151,7 +160,7 @@ class Balls:
     matrix: arb_mat
 
     @classmethod
-    def of(cls, matrix: np.ndarray | arb_mat | BallMatrix) -> Balls:
+    def of(cls, matrix: Exact) -> Balls:
         """Return a matrix that contains the given one, itself if it is of this kind."""
         from flint import arb_mat
 
@@ -159,14 +168,13 @@ class Balls:
             return matrix
         if isinstance(matrix, np.ndarray):
             return cls(ball_matrix(matrix))
-        exact: Any = matrix
-        return cls(exact if isinstance(matrix, arb_mat) else exact.matrix)
+        return cls(matrix if isinstance(matrix, arb_mat) else matrix.matrix)
 
     @classmethod
-    def around(cls, middle: arb_mat | BallMatrix, spread: Sequence[arb]) -> Balls:
-        """Return the symmetric matrix with the radius s_i s_j about each entry of a middle."""
-        column = ball_matrix([[each] for each in spread])
-        return cls(cls.of(middle).matrix + _centered(column * column.transpose()))
+    def around(cls, middle: Exact, spread: Sequence[arb]) -> Balls:
+        """Return the symmetric matrix with the radius s_i s_j about each entry ij of a middle."""
+        errors = ball_matrix([[_about_zero(row * column) for column in spread] for row in spread])
+        return cls(cls.of(middle).matrix + errors)
 
     @cached_property
     def midpoint(self) -> np.ndarray:
@@ -227,7 +235,7 @@ class Balls:
 
     def wider(self, columns: Sequence[arb]) -> Balls:
         """Return the matrix with a larger radius in each column."""
-        changes = [_ball(each) for each in columns]
+        changes = [_about_zero(radius) for radius in columns]
         return type(self)(self.matrix + ball_matrix([changes] * self.rows))
 
     def norm(self) -> arb:
@@ -260,23 +268,22 @@ class DoubleBalls:
     radius: np.ndarray
 
     @classmethod
-    def of(cls, matrix: np.ndarray | arb_mat | BallMatrix) -> DoubleBalls:
-        """Return a matrix that contains the given one, itself if it is of this kind."""
+    def of(cls, matrix: Exact) -> DoubleBalls:
+        """Return a matrix that contains the given one; an array is exact."""
         from flint import arb_mat
 
-        if isinstance(matrix, DoubleBalls):
-            return matrix
         if isinstance(matrix, np.ndarray):
             return cls(matrix, np.zeros_like(matrix))
-        balls: Any = Balls(matrix) if isinstance(matrix, arb_mat) else matrix
-        middle = balls.midpoint
-        return cls(middle, UP * (balls.radius + 2.0 * ROUNDOFF * np.abs(middle)) + UNDERFLOW)
+        exact = Balls(matrix) if isinstance(matrix, arb_mat) else matrix
+        middle = exact.midpoint
+        rounding = 2.0 * ROUNDOFF * np.abs(middle)  # of the midpoints
+        return cls(middle, UP * (exact.radius + rounding) + UNDERFLOW)
 
     @classmethod
-    def around(cls, middle: arb_mat | BallMatrix, spread: Sequence[arb]) -> DoubleBalls:
-        """Return the symmetric matrix with the radius s_i s_j about each entry of a middle."""
+    def around(cls, middle: Exact, spread: Sequence[arb]) -> DoubleBalls:
+        """Return the symmetric matrix with the radius s_i s_j about each entry ij of a middle."""
         inner = cls.of(middle)
-        sizes = UP * np.array([float(each.upper()) for each in spread]) + UNDERFLOW**0.5
+        sizes = UP * upper_ends(spread) + UNDERFLOW**0.5
         return cls(inner.midpoint, UP * (inner.radius + np.outer(sizes, sizes)))
 
     @property
@@ -302,17 +309,18 @@ class DoubleBalls:
         return type(self)(-self.midpoint, self.radius)
 
     def __add__(self, other: DoubleBalls) -> DoubleBalls:
-        return self._rounded(self.midpoint + other.midpoint, other)
+        return self._sum(self.midpoint + other.midpoint, other)
 
     def __sub__(self, other: DoubleBalls) -> DoubleBalls:
-        return self._rounded(self.midpoint - other.midpoint, other)
+        return self._sum(self.midpoint - other.midpoint, other)
 
-    def _rounded(self, middle: np.ndarray, other: DoubleBalls) -> DoubleBalls:
-        return type(self)(
-            middle, UP * (self.radius + other.radius + ROUNDOFF * np.abs(middle)) + UNDERFLOW
-        )
+    def _sum(self, middle: np.ndarray, other: DoubleBalls) -> DoubleBalls:
+        """Return the sum or difference whose rounded midpoint is given: the radii add up."""
+        radius = self.radius + other.radius + ROUNDOFF * np.abs(middle)
+        return type(self)(middle, UP * radius + UNDERFLOW)
 
     def __matmul__(self, other: DoubleBalls) -> DoubleBalls:
+        # A product of n terms rounds by at most (n + 2) ROUNDOFF |left| |right| in each entry.
         terms = self.midpoint.shape[1] + 2
         left, right = np.abs(self.midpoint), np.abs(other.midpoint)
         with np.errstate(over="ignore", invalid="ignore"):  # a bound of inf or nan proves nothing
@@ -322,14 +330,14 @@ class DoubleBalls:
 
     def times(self, factor: arb) -> DoubleBalls:
         """Return the product with a ball."""
-        by = DoubleBalls.of(ball_matrix([[factor]]))
-        value, spread = by.midpoint[0, 0], by.radius[0, 0]
+        in_doubles = DoubleBalls.of(ball_matrix([[factor]]))
+        value, spread = in_doubles.midpoint[0, 0], in_doubles.radius[0, 0]
         middle = self.midpoint * value
-        size = np.abs(self.midpoint) * spread + self.radius * (abs(value) + spread)
-        return type(self)(middle, UP * (size + ROUNDOFF * np.abs(middle)) + UNDERFLOW)
+        radius = np.abs(self.midpoint) * spread + self.radius * (abs(value) + spread)
+        return type(self)(middle, UP * (radius + ROUNDOFF * np.abs(middle)) + UNDERFLOW)
 
     def norm(self) -> arb:
-        """Return an upper bound of the spectral norm."""
+        """Return an upper bound of the spectral norm, as `norm` does."""
         from flint import arb
 
         sizes = np.abs(self.midpoint) + self.radius
@@ -340,7 +348,7 @@ class DoubleBalls:
     def column_norms(self, factor: arb) -> list[arb]:
         """Return upper bounds of the norms of the columns, times a factor."""
         sizes = (np.abs(self.midpoint) + self.radius).sum(0)
-        return [factor * each * UP for each in sizes.tolist()]
+        return [factor * size * UP for size in sizes.tolist()]
 
     def inverse(self) -> tuple[np.ndarray, arb]:
         """Return an approximate inverse M~ and a bound of |M⁻¹|, |M~| / (1 - |M M~ - I|).
@@ -369,8 +377,9 @@ class DoubleBalls:
     def is_positive_definite(self) -> bool:
         """Return whether all symmetric matrices in the balls are proved positive definite.
 
-        Cholesky's method succeeds in doubles, even after more than its rounding and the radii are
-        subtracted (Rump 2010, Section 10.8).
+        The diagonal is scaled to about 1 by powers of two. Then Cholesky's method succeeds in
+        doubles after more than its rounding and the radii is subtracted from the diagonal
+        (Rump 2010, Section 10.8).
         """
         from flint import arb
         from scipy.linalg.lapack import dpotrf
@@ -380,13 +389,14 @@ class DoubleBalls:
             return False
         units = np.exp2(-np.round(0.5 * np.log2(diagonal)))
         scales = np.outer(units, units)
-        matrix, spread = self.midpoint * scales, self.radius * scales
-        rounding = 8.0 * (len(matrix) + 2) * ROUNDOFF * np.trace(matrix)
+        scaled, spread = self.midpoint * scales, self.radius * scales
+        rounding = 8.0 * (len(scaled) + 2) * ROUNDOFF * np.trace(scaled)
         shift = arb(float(rounding)) + DoubleBalls(0.0 * spread, spread).norm() + arb(UNDERFLOW)
         if not shift.is_finite():
             return False
-        matrix[np.diag_indices_from(matrix)] -= float(shift) * UP
-        return bool(np.isfinite(matrix).all() and dpotrf(matrix, lower=1)[1] == 0)
+        scaled[np.diag_indices_from(scaled)] -= float(shift) * UP
+        _, failed = dpotrf(scaled, lower=1)
+        return bool(np.isfinite(scaled).all() and not failed)
 
 
 def ball_matrix(matrix: np.ndarray | list[list[arb]]) -> arb_mat:
@@ -419,18 +429,23 @@ def radii(matrix: arb_mat) -> np.ndarray:
     return np.nextafter(np.reshape(entries, shape) * UP, np.inf)
 
 
-def stacked(rows: list[list[arb_mat]]) -> arb_mat:
-    """Return the matrix of these blocks."""
-    return ball_matrix(joined(rows))
+def upper_ends(numbers: Sequence[arb]) -> np.ndarray:
+    """Return the upper ends of balls, rounded to doubles, (n,); times `UP`, they are bounds."""
+    return np.array([float(number.upper()) for number in numbers])
 
 
-def joined(rows: list[list[Any]]) -> list[list[Any]]:
-    """Return the entries of the matrix of these blocks, row by row."""
-    lines = []
-    for blocks in rows:
-        tables = [block.tolist() for block in blocks]
-        lines += [[*chain.from_iterable(parts)] for parts in zip(*tables, strict=True)]
-    return lines
+def stacked(blocks: list[list[arb_mat]]) -> arb_mat:
+    """Return the matrix [[a, b], [c, d]] of blocks a, b, c and d."""
+    return ball_matrix(block_entries(blocks))
+
+
+def block_entries(blocks: list[list[Any]]) -> list[list[Any]]:
+    """Return the entries of the matrix of these blocks of FLINT, row by row."""
+    rows = []
+    for blocks_beside in blocks:
+        tables = [block.tolist() for block in blocks_beside]
+        rows += [[*chain.from_iterable(parts)] for parts in zip(*tables, strict=True)]
+    return rows
 
 
 def part(matrix: arb_mat, rows: slice, columns: slice) -> arb_mat:
@@ -438,33 +453,30 @@ def part(matrix: arb_mat, rows: slice, columns: slice) -> arb_mat:
     return ball_matrix([row[columns] for row in matrix.tolist()[rows]])
 
 
-def _centered(sizes: arb_mat) -> arb_mat:
-    """Return balls about 0 with the radii |M_ij|."""
-    return ball_matrix([[_ball(entry) for entry in row] for row in sizes.tolist()])
-
-
-def _ball(radius: arb) -> arb:
+def _about_zero(radius: arb) -> arb:
+    """Return a ball about 0 that contains ± the radius, itself a ball."""
     return radius.union(-radius)
 
 
 def symmetric(matrix: arb_mat) -> arb_mat:
-    """Return the exact midpoint of the symmetric part."""
+    """Return the exact midpoints of the symmetric part (M + M')/2."""
     from flint import arb
 
     mirrored = matrix.transpose()
-    if matrix == mirrored:  # only if both are exact
+    if matrix == mirrored:  # balls with a radius are not equal
         return matrix
     return ((matrix.mid() + mirrored.mid()) * arb(0.5)).mid()
 
 
 def symmetric_part(matrix: arb_mat) -> arb_mat:
-    """Return the balls of the symmetric part."""
+    """Return balls that contain the symmetric part (M + M')/2."""
     return (matrix + matrix.transpose()) * 0.5
 
 
 def norm(matrix: arb_mat) -> arb:
-    """Return an upper bound of the spectral norm, the root of the largest sums of a row and of a
-    column; of a symmetric matrix both are the same.
+    """Return an upper bound of the spectral norm, √(|M|₁ |M|∞).
+
+    |M|₁ and |M|∞ are the largest sums of magnitudes in a column and in a row.
     """
     from flint import arb
 
@@ -477,6 +489,7 @@ def norm(matrix: arb_mat) -> arb:
 
 
 def _largest(sums: arb_mat) -> arb:
+    """Return an upper bound of the largest entry, infinite if one is not finite."""
     from flint import arb
 
     most = arb(0)
@@ -490,7 +503,7 @@ def _largest(sums: arb_mat) -> arb:
 def is_positive_definite(matrix: arb_mat) -> bool:
     """Return whether all symmetric matrices in the balls are proved positive definite.
 
-    The pivots of their decomposition L D L' are positive.
+    All pivots of Gaussian elimination, D of their decomposition L D L', are positive.
     """
     n = matrix.nrows()
     rows = matrix.tolist()

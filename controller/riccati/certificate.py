@@ -16,7 +16,7 @@ from controller.riccati.enclosure import (
     RAISED,
     Enclosure,
     relative_change,
-    uncertainty,
+    relative_radius,
 )
 from controller.riccati.equation import StepEquation, scaled_balls
 from controller.riccati.lyapunov import Lyapunov
@@ -47,7 +47,7 @@ class Certificate(Result):
     def radius(self) -> float:
         """Largest radius of the balls of P and K, relative to the sizes of their rows."""
         with precision(self.bits):
-            return uncertainty(self.enclosure.proved, zeros=True)
+            return relative_radius(self.enclosure.proved, with_zeros=False)
 
     @cached_property
     def proved(self) -> tuple[str, ...]:
@@ -150,10 +150,10 @@ def _gain_change(enclosure: Enclosure) -> float:
     # Bounds are not needed: doubles, or balls for their bits.
     plain: Callable[[Any], Any] = _doubles if equation.arithmetic is DoubleBalls else Balls.of
     n, m, k = equation.n, equation.R.rows, 0
-    A, E, Q, X = map(plain, (equation.A, equation.E, equation.Q, found.middle))
-    gains = plain(found.all_gains.mid())
+    A, E, Q, X = map(plain, (equation.A, equation.E, equation.Q, found.X))
+    gains = plain(found.gains.mid())
     of_bounds = equation.arithmetic.of
-    F = plain(equation.loop(of_bounds(found.middle), of_bounds(found.all_gains)))
+    F = plain(equation.loop(of_bounds(found.X), of_bounds(found.gains)))
     if isinstance(equation, StepEquation):
         G, C, W = map(plain, (equation.G, equation.C, equation.W))
         k = len(equation.units.disturbances) if equation.is_disturbed else 0
@@ -176,7 +176,7 @@ def _gain_change(enclosure: Enclosure) -> float:
     dW = changed(W, of_W)
     pushed = dA - dG @ gains
     if equation.is_disturbed and not equation.is_discrete:
-        L = (equation.E.T @ of_bounds(found.middle)).times(equation.w)
+        L = (equation.E.T @ of_bounds(found.X)).times(equation.w)
         pushed = pushed + changed(E, of_E) @ plain(L)
     crossed = dC @ gains
     moved = dQ - crossed - crossed.T + gains.T @ (dW @ gains)

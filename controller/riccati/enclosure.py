@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +20,6 @@ from controller.riccati.balls import (
     ball_matrix,
     bits,
     midpoints,
-    part,
     precision,
 )
 from controller.riccati.equation import Bound, Equation, equation_of, scaled_balls
@@ -36,13 +35,14 @@ from controller.riccati.proof import (
 from controller.riccati.proposal import (
     FailedError,
     Proposal,
-    corrected,
+    corrected_in_bits,
+    corrected_in_doubles,
     first_units,
-    in_doubles,
     loop_units,
     lyapunov_in_bits,
-    of_control_loop,
+    lyapunov_of_control_loop,
     proposal_in_bits,
+    proposal_in_doubles,
     proposal_of,
 )
 from controller.riccati.rationals import is_semidefinite
@@ -62,7 +62,8 @@ GAIN_CHANGE = 0.01
 #: Largest number of states for which an eigenvalue on the boundary of stability is decided in
 #: rationals, which takes a second.
 MOST_STATES = 16
-#: Relative radius of an enclosure whose midpoints are right to the last digit of doubles.
+#: Relative radius of an enclosure whose midpoints are right to the last digit of doubles: an eighth
+#: of their roundoff 2^-53.
 DIGITS = 2.0**-56
 
 
@@ -89,25 +90,21 @@ class Enclosure:
     @property
     def game(self) -> Game:
         """The game, with its exact entries."""
-        return self.proved.exactly.game
+        return self.proved.bounds.game
 
     @cached_property
     def P(self) -> arb_mat:
         """P of the value z'P z, (n, n)."""
-        states = self.proved.equation.units.states
+        states = self.proved.bounds.units.states
         with precision(self.bits):
-            return scaled_balls(
-                Balls.around(self.proved.X, self.proved.spread).matrix, -states, -states
-            )
+            return scaled_balls(self.proved.P_in_balls.matrix, -states, -states)
 
     @cached_property
     def K(self) -> arb_mat:
         """K of the policy u = -K z, (m, n)."""
-        units, gains = self.proved.equation.units, self.proved.gains
+        units = self.proved.bounds.units
         with precision(self.bits):
-            return scaled_balls(
-                part(gains, slice(len(units.inputs)), slice(None)), units.inputs, -units.states
-            )
+            return scaled_balls(self.proved.K.matrix, units.inputs, -units.states)
 
     @cached_property
     def L(self) -> arb_mat:
@@ -120,10 +117,10 @@ class Enclosure:
             if not equation.is_discrete:
                 return ball_matrix(game.E).transpose() * self.P * equation.w
             # (δ² - E'P E) L = E'P (A - B K) keeps the digits of a small L.
-            P = Balls.around(self.proved.X, self.proved.spread)
+            P = self.proved.P_in_balls
             price = equation.disturbance_price(P)
             assert price is not None
-            ahead = P @ equation.control_loop(P, Balls(self.proved.gains))
+            ahead = P @ equation.control_loop(P, Balls.of(self.proved.gains))
             L = price.matrix.solve((equation.E.T @ ahead).matrix)
             return scaled_balls(L, units.disturbances, -units.states)
 
@@ -132,38 +129,42 @@ class UndecidedError(NoSolutionError):
     """Raised if neither a value nor that there is none is proved with 1024 bits."""
 
 
-def enclosed(game: Game, delta: float | None = None) -> Enclosure:
-    """Return the proved enclosure of the value and the policies of a game.
-
-    delta: in place of that of the game
-
-    Raises NoSolutionError with a proved reason if the game has no value, and UndecidedError if
-    neither is proved.
-    """
-    outcome = decided(game, game.delta if delta is None else delta)
-    if isinstance(outcome, str):
-        raise NoSolutionError(outcome)
-    return outcome
-
-
 def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str:
     """Return the enclosure of the solution of a game, or the reason, proved, why it has no value.
 
     Weights that are positive semidefinite only up to rounding have a value if P > 0, or else if
     the weights raised by `RAISED` have one.
 
+    delta: in place of that of the game
     digits: whether P and K must be right to the last digit of doubles
 
     Raises UndecidedError.
     """
     if has_exact_weights(game):
         return _decided(game, delta, digits=digits)
+    return _with_positive_P(game, delta, digits=digits) or _raised_decided(
+        game, delta, digits=digits
+    )
+
+
+def _with_positive_P(game: Game, delta: float, *, digits: bool) -> Enclosure | None:
+    """Return the enclosure of a game by doubles alone if P > 0 is proved, whatever the weights."""
     with suppress(FailedError, NotProvedError), precision(BITS), np.errstate(all="ignore"):
-        proposal = in_doubles(game, delta)
+        proposal = proposal_in_doubles(game, delta)
         ball = stabilizing(proposal.equation, proposal.X, proposal.Y, DoubleBalls)
         prove_value(ball)
-        if ball.P.is_positive_definite() and not (digits and uncertain(ball, zeros=False)):
+        has_digits = not digits or relative_radius(ball, with_zeros=True) < DIGITS
+        if ball.P.is_positive_definite() and has_digits:
             return Enclosure(ball, BITS, lyapunov=proposal.lyapunov)
+    return None
+
+
+def _raised_decided(game: Game, delta: float, *, digits: bool) -> Enclosure | str:
+    """Return the enclosure of a game with raised weights, or the reason why it has no value.
+
+    It is that of the weights as they are if it is proved, too. K must not depend on how much they
+    are raised.
+    """
     outcome = _decided(raised(game), delta, digits=digits)
     if isinstance(outcome, str):
         if outcome == why_never(game):
@@ -183,8 +184,9 @@ def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str
 
 
 def decided_in_doubles(equation: Equation[DoubleBalls], frequency: float | None) -> Enclosure | str:
-    """Return what a proposal of LAPACK proves of an equation with semidefinite weights, or "".
+    """Return the enclosure, or why there is no value, that a proposal of LAPACK proves, or "".
 
+    equation: of a game with semidefinite weights
     frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
     """
     with np.errstate(all="ignore"):
@@ -195,18 +197,17 @@ def decided_in_doubles(equation: Equation[DoubleBalls], frequency: float | None)
         try:
             proposal = proposal_of(equation)
             outcome = _outcome(proposal, DoubleBalls, digits=False, in_bits=False)
-            return outcome or _outcome(corrected(proposal), Balls, digits=False, in_bits=False)
+            return outcome or _outcome(
+                corrected_in_bits(proposal), Balls, digits=False, in_bits=False
+            )
         except FailedError:
             return ""
 
 
 def _have_same_gains(first: Enclosure, second: Enclosure) -> bool:
-    """Return whether the gains of two enclosures move the plant alike, within 1 %.
-
-    A sets the rounding floor (`relative_change`).
-    """
+    """Return whether B K of two enclosures differ by at most 1 % (`relative_change`)."""
     A, B = first.game.A, first.game.B
-    units = np.exp2(first.proved.equation.units.states.astype(float))
+    units = np.exp2(first.proved.bounds.units.states.astype(float))
     BK_first, BK_second, A_scaled = (
         matrix / units[:, None] * units
         for matrix in (B @ midpoints(first.K), B @ midpoints(second.K), A)
@@ -214,18 +215,18 @@ def _have_same_gains(first: Enclosure, second: Enclosure) -> bool:
     return relative_change(BK_second - BK_first, BK_first, A_scaled) <= GAIN_CHANGE
 
 
-def relative_change(change: np.ndarray, pushed: np.ndarray, plant: np.ndarray) -> float:
+def relative_change(BK_change: np.ndarray, BK: np.ndarray, A: np.ndarray) -> float:
     """Return |change of B K| / |B K|, inf if it is not known.
 
     It is at most `GAIN_CHANGE` where the change is smaller than the last digits of A.
 
-    change, pushed, plant: change of B K, B K and A, (n, n), in units in which P is nearly 1
+    BK_change, BK, A: (n, n), in units in which P is nearly 1
     """
-    moved, size, rounding = (float(np.linalg.norm(each)) for each in (change, pushed, plant))
-    if moved == 0.0:
+    change, size, size_of_A = (float(np.linalg.norm(matrix)) for matrix in (BK_change, BK, A))
+    if change == 0.0:
         return 0.0
-    size = max(size, np.finfo(float).eps * rounding / GAIN_CHANGE)
-    return moved / size if math.isfinite(moved) and size > 0.0 else math.inf
+    size = max(size, np.finfo(float).eps * size_of_A / GAIN_CHANGE)
+    return change / size if math.isfinite(change) and size > 0.0 else math.inf
 
 
 def _decided(game: Game, delta: float, *, digits: bool) -> Enclosure | str:
@@ -240,67 +241,62 @@ def _decided(game: Game, delta: float, *, digits: bool) -> Enclosure | str:
 
 
 def _outcomes(game: Game, delta: float, *, digits: bool) -> Iterator[Enclosure | str]:
-    """Yield what proposals prove with more and more bits, and what rationals decide, or ""."""
-
-    def in_lapack() -> Proposal:
-        return in_doubles(game, delta)
-
-    def refined() -> Proposal:
-        return corrected(in_lapack())
-
-    def with_bits() -> Proposal:
-        return proposal_in_bits(game, delta)
-
-    def proved(n_bits: int, propose: Callable[[], Proposal], arithmetic: Any) -> Enclosure | str:
-        in_bits = propose is with_bits
-        with precision(n_bits), np.errstate(all="ignore"):  # what is not finite proves nothing
-            try:
-                proposal = propose()
-            except FailedError:
-                equation = equation_of(game, first_units(game, delta), Balls, delta)
-                return why_no_value(equation, None, in_bits=in_bits)
-            return _outcome(proposal, arithmetic, digits=digits, in_bits=in_bits)
-
-    yield proved(BITS, in_lapack, DoubleBalls)
-    yield proved(BITS, refined, Balls)
-    yield proved(2 * BITS, refined, Balls)
+    """Yield what proposals prove, with more and more bits, and what rationals decide, or ""."""
+    attempt = partial(_attempt, game, delta, digits=digits)
+    yield attempt(BITS, proposal_in_doubles, DoubleBalls)
+    yield attempt(BITS, corrected_in_doubles, Balls)
+    yield attempt(2 * BITS, corrected_in_doubles, Balls)
     yield why_never(game)
     for n_bits in ATTEMPTS:
-        yield proved(n_bits, with_bits, Balls)
+        yield attempt(n_bits, proposal_in_bits, Balls)
         if n_bits == 2 * BITS and len(game.A) <= MOST_STATES:
             yield why_never_at(game, delta)
+
+
+def _attempt(
+    game: Game,
+    delta: float,
+    n_bits: int,
+    propose: Callable[[Game, float], Proposal],
+    arithmetic: type[Bound],
+    *,
+    digits: bool,
+) -> Enclosure | str:
+    """Return what a proposal proves, or why there is no value if none can be made, or "".
+
+    propose: function (game, delta) -> proposal, which may raise FailedError
+    arithmetic: of the bounds
+    """
+    in_bits = propose is proposal_in_bits
+    with precision(n_bits), np.errstate(all="ignore"):  # what is not finite proves nothing
+        try:
+            proposal = propose(game, delta)
+        except FailedError:
+            equation = equation_of(game, first_units(game, delta), Balls, delta)
+            return why_no_value(equation, None, in_bits=in_bits)
+        return _outcome(proposal, arithmetic, digits=digits, in_bits=in_bits)
 
 
 def enclosed_in_bits(game: Game, n_bits: int) -> Enclosure:
     """Return the proved enclosure of a game with a number of bits.
 
-    Raises FailedError or NotProvedError.
+    Raises NotProvedError.
     """
-    with precision(n_bits):
-        try:
-            proposal = corrected(in_doubles(game, game.delta))
-            return Enclosure(_value(proposal, Balls), n_bits)
-        except (FailedError, NotProvedError):
-            return Enclosure(_value(proposal_in_bits(game, game.delta), Balls), n_bits)
-
-
-def _value(proposal: Proposal, arithmetic: type[Bound]) -> Stabilizing[Bound]:
-    """Return the ball of the stabilizing solution, which is proved to be the value.
-
-    Raises FailedError or NotProvedError.
-    """
-    ball = stabilizing(proposal.equation, proposal.X, proposal.Y, arithmetic)
-    try:
-        prove_value(ball)
-    except NotProvedError:
-        prove_value(ball, of_control_loop(ball))
-    return ball
+    for propose in (corrected_in_doubles, proposal_in_bits):
+        outcome = _attempt(game, game.delta, n_bits, propose, Balls, digits=False)
+        if isinstance(outcome, Enclosure):
+            return outcome
+    raise NotProvedError(f"the value with {n_bits} bits")
 
 
 def _outcome(
     proposal: Proposal, arithmetic: type[Bound], *, digits: bool, in_bits: bool
 ) -> Enclosure | str:
-    """Return what a proposal proves: an enclosure, a reason why there is no value, or ""."""
+    """Return what a proposal proves: an enclosure, a reason why there is no value, or "".
+
+    digits: whether P and K must be right to the last digit of doubles
+    in_bits: as for `why_no_value`
+    """
     ball = None
     try:
         ball = stabilizing(proposal.equation, proposal.X, proposal.Y, arithmetic)
@@ -309,11 +305,11 @@ def _outcome(
         except NotProvedError:
             if reason := why_no_value(ball.equation, ball, in_bits=in_bits):
                 return reason
-            prove_value(ball, of_control_loop(ball))
+            prove_value(ball, lyapunov_of_control_loop(ball))
     except (FailedError, NotProvedError):
         equation = proposal.equation.with_arithmetic(Balls)
         return why_no_value(equation, ball, in_bits=in_bits)
-    if digits and uncertain(ball, zeros=bits() > BITS):
+    if digits and not relative_radius(ball, with_zeros=bits() == BITS) < DIGITS:
         return ""
     return Enclosure(ball, bits(), lyapunov=proposal.lyapunov)
 
@@ -335,61 +331,57 @@ def is_exactly_semidefinite(matrix: np.ndarray) -> bool:
     diagonal = np.diag(matrix)
     if not matrix[~np.eye(len(matrix), dtype=bool)].any():
         return bool((diagonal >= 0.0).all())
-    weighed = diagonal != 0.0
-    if (diagonal < 0.0).any() or matrix[~weighed].any() or matrix[:, ~weighed].any():
+    has_weight = diagonal != 0.0
+    if (diagonal < 0.0).any() or matrix[~has_weight].any() or matrix[:, ~has_weight].any():
         return is_semidefinite(matrix)
-    part_with_weight = matrix[np.ix_(weighed, weighed)]
-    if np.array_equal(part_with_weight, part_with_weight.T):
-        exact = DoubleBalls.of(part_with_weight)
-        if exact.is_positive_definite():
-            return True
+    with_weight = matrix[np.ix_(has_weight, has_weight)]
+    is_symmetric = np.array_equal(with_weight, with_weight.T)
+    if is_symmetric and DoubleBalls.of(with_weight).is_positive_definite():
+        return True
     return is_semidefinite(matrix)
 
 
 def raised(game: Game, share: float = RAISED) -> Game:
     """Return the game with the diagonals of Q and R raised by a share of them."""
-    Q, R = ((each + each.T) / 2.0 + share * np.diag(np.diag(each)) for each in (game.Q, game.R))
+    Q, R = (
+        (weights + weights.T) / 2.0 + share * np.diag(np.diag(weights))
+        for weights in (game.Q, game.R)
+    )
     return replace(game, Q=Q, R=R)
 
 
-def uncertain(ball: Stabilizing[Bound], *, zeros: bool) -> bool:
-    """Return whether a digit of P or K is not proved (`uncertainty`)."""
-    return not uncertainty(ball, zeros=zeros) < DIGITS
-
-
 @lru_cache(maxsize=2)
-def uncertainty(ball: Stabilizing[Bound], *, zeros: bool) -> float:
+def relative_radius(ball: Stabilizing[Bound], *, with_zeros: bool) -> float:
     """Return the largest relative radius of P and K, rounded up; inf if a number is not known.
 
-    P_ij is compared with √(P_ii P_jj), and K_ij with the largest K_ij / √P_jj of its row.
+    The radius of P_ij is relative to √(P_ii P_jj), and that of K_ij to √P_jj times the largest
+    K_ik / √P_kk of its row.
 
-    zeros: whether entries that may be 0 count as known
+    with_zeros: whether states and inputs whose numbers may all be 0 count, as not known
     """
-    inputs = slice(len(ball.exactly.units.inputs))
-    gains = ball.all_gains.block(inputs, slice(None))
-    K, radius = np.abs(gains.midpoint), gains.radius
+    K, K_radius = np.abs(ball.K.midpoint), ball.K.radius
     spread = np.nextafter(np.array([float(radius) for radius in ball.spread]), np.inf)
     with np.errstate(all="ignore"):
-        sizes = np.sqrt(np.diag(ball.middle.midpoint))
-        known = sizes > UP * spread
-        if not (zeros or known.all()):
+        roots = np.sqrt(np.diag(ball.X.midpoint))
+        has_value = roots > UP * spread
+        if with_zeros and not has_value.all():
             return math.inf
-        of_P = (spread[known] / sizes[known]) ** 2
-        sizes, K, radius = sizes[known], K[:, known], radius[:, known]
-        if zeros:
-            known_rows = (UP * radius < K).any(1)
-            K, radius = K[known_rows], radius[known_rows]
-        largest = (K / sizes).max(1, keepdims=True, initial=0.0)
-        of_K = np.where(radius > 0.0, radius / sizes / largest, 0.0)
+        of_P = (spread[has_value] / roots[has_value]) ** 2
+        roots, K, K_radius = roots[has_value], K[:, has_value], K_radius[:, has_value]
+        if not with_zeros:
+            is_moved = (UP * K_radius < K).any(1)
+            K, K_radius = K[is_moved], K_radius[is_moved]
+        largest = (K / roots).max(1, keepdims=True, initial=0.0)
+        of_K = np.where(K_radius > 0.0, K_radius / roots / largest, 0.0)
     worst = UP * float(max(of_P.max(initial=0.0), of_K.max(initial=0.0)))
     return worst if math.isfinite(worst) else math.inf
 
 
 def lyapunov_enclosure(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat | None:
-    """Return balls that contain the solution D of F'D + D F + C = 0, or None if it is not proved.
+    """Return balls that contain the solution D of F'D + D F + C = 0, (n, n), or None.
 
     In discrete time, the equation is F'D F - D + C = 0. The number of bits is that of `precision`.
-    None also means that F is not proved to be stable.
+    None means that they do not prove it, as where F is not stable.
 
     loop: F, (n, n), balls
     C: (n, n), symmetric, balls

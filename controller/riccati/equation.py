@@ -1,4 +1,8 @@
-"""The Riccati equation of a game with the game's exact entries, in balls of any arithmetic."""
+"""The Riccati equation of a game with the game's exact entries, in balls of any arithmetic.
+
+All is in exact units of the states, inputs and disturbances, which are powers of two: no digit is
+lost where they change. In them, the entries of the solution have similar sizes.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -43,7 +47,7 @@ class Units(NamedTuple):
 
 
 def users_units(game: Game) -> Units:
-    """Return the units of a game as the user gave it."""
+    """Return the units in which the user gave a game: all exponents are 0."""
     return Units(*(np.zeros(size, dtype=int) for size in (*game.B.shape, game.E.shape[1])))
 
 
@@ -76,14 +80,17 @@ def scaled_balls(matrix: arb_mat, rows: np.ndarray, columns: np.ndarray) -> arb_
 
     if not rows.any() and not columns.any():
         return matrix
-    left, right = ([arb(2) ** int(power) for power in powers] for powers in (rows, columns))
+    of_rows, of_columns = ([arb(2) ** int(power) for power in powers] for powers in (rows, columns))
     entries = iter(matrix.entries())
-    return ball_matrix([[next(entries) * i * j for j in right] for i in left])
+    return ball_matrix([[next(entries) * i * j for j in of_columns] for i in of_rows])
 
 
 @dataclass(frozen=True, eq=False)
 class Entries:
-    """Matrices of a game in exact units, without discount, in balls where doubles overflow."""
+    """Matrices of a game in exact units, without discount, in balls where doubles overflow.
+
+    Q and R are exactly symmetric.
+    """
 
     A: np.ndarray | arb_mat
     B: np.ndarray | arb_mat
@@ -94,14 +101,14 @@ class Entries:
 
     @classmethod
     def of(cls, game: Game, units: Units) -> Entries:
-        """Return the matrices of a game."""
+        """Return the matrices of a game in exact units."""
         z, u, d = units
         return cls(
             scaled(game.A, -z, z),
             scaled(game.B, -z, u),
             scaled(game.E, -z, d),
-            _symmetric(game.Q, z),
-            _symmetric(game.R, u),
+            _symmetric_weights(game.Q, z),
+            _symmetric_weights(game.R, u),
             scaled(game.N, z, u),
         )
 
@@ -113,17 +120,22 @@ class Entries:
         Raises ZeroDivisionError if T may be singular with the bits of `precision`.
         """
         A, B, E, Q, N = map(_balls, (self.A, self.B, self.E, self.Q, self.N))
-        back = T.inv()
-        down = back.transpose()
+        T_inverse = T.inv()
+        transposed = T_inverse.transpose()
         return Entries(
-            T * A * back, T * B, T * E, symmetric_part(down * Q * back), self.R, down * N
+            T * A * T_inverse,
+            T * B,
+            T * E,
+            symmetric_part(transposed * Q * T_inverse),
+            self.R,
+            transposed * N,
         )
 
     @property
     def rounded(self) -> Entries:
         """The matrices in doubles."""
         exact = self.A, self.B, self.E, self.Q, self.R, self.N
-        return Entries(*(Balls.of(each).midpoint for each in exact))
+        return Entries(*(Balls.of(matrix).midpoint for matrix in exact))
 
     @cached_property
     def R_inverse(self) -> arb_mat:
@@ -135,12 +147,14 @@ class Entries:
 
 
 class Sensitivity(NamedTuple):
-    """Bounds of the changes if X is changed by a symmetric Z, (n, n), with price |Z| <= 1/2.
+    """Bounds of changes where X is changed by a symmetric Z, (n, n), with price |Z| <= 1/2.
+
+    The price of the players is W + G'X G in discrete time (`StepEquation`).
 
     loop: |change of the loop F of both players| <= loop |Z|
     gains: if |Z| <= Y and F'Y F <= Y, in discrete time, |change of column j of the gains| is at
         most gains |s| s_j, with the roots s of the diagonal of Y
-    price: in discrete time, relative change of the price W + G'X G <= price |Z|; otherwise 0
+    price: relative change of the price <= price |Z|; 0 in continuous time
     """
 
     loop: arb
@@ -155,8 +169,9 @@ class Equation(ABC, Generic[Matrix]):
     units: exact units
     arithmetic: `Balls`, `Pairs`, or, for bounds, `DoubleBalls`
     delta: in place of that of the game
+    entries: of the game in the units, if they are known
 
-    A, B, E, Q, R, N: of the arithmetic. The discount is taken into √α A, √α B and √α E.
+    A, B, E, Q, R, N: √α A, √α B, √α E with the discount α, and the weights, in the arithmetic
     w: 1 / delta², 0 without a disturbance
     """
 
@@ -172,64 +187,73 @@ class Equation(ABC, Generic[Matrix]):
     ) -> None:
         from flint import arb
 
-        self._others: dict[type[Any], Equation[Any]] = {arithmetic: self}
-        self._last: tuple[Matrix, Matrix, Matrix] | None = None
+        self._in_arithmetics: dict[type[Any], Equation[Any]] = {arithmetic: self}
+        self._last: _Evaluated[Matrix] | None = None
         self.game = game
         self.units = units
         self.arithmetic = arithmetic
         self.delta = game.delta if delta is None else delta
         self.entries = entries or Entries.of(game, units)
         exact = self.entries
-
-        def rates(matrix: np.ndarray | arb_mat) -> Matrix:
-            found = arithmetic.of(matrix)
-            return found if game.discount == 1.0 else found.times(arb(game.discount).sqrt())
-
         self.n = len(game.A)
         self.is_disturbed = math.isfinite(self.delta) and bool(game.E.any())
         self.w = 1 / arb(self.delta) ** 2 if self.is_disturbed else arb(0)
-        self.A, self.B, self.E = rates(exact.A), rates(exact.B), rates(exact.E)
+        self.A, self.B, self.E = map(self._discounted, (exact.A, exact.B, exact.E))
         self.Q, self.R, self.N = map(arithmetic.of, (exact.Q, exact.R, exact.N))
 
+    def _discounted(self, matrix: np.ndarray | arb_mat) -> Matrix:
+        """Return √α times a matrix, in the arithmetic."""
+        from flint import arb
+
+        exact = self.arithmetic.of(matrix)
+        discount = self.game.discount
+        return exact if discount == 1.0 else exact.times(arb(discount).sqrt())
+
     def with_arithmetic(self, arithmetic: type[Other]) -> Equation[Other]:
-        """Return the same equation in another arithmetic."""
-        if arithmetic not in self._others:
+        """Return the same equation in another arithmetic, each made once."""
+        if arithmetic not in self._in_arithmetics:
             other = equation_of(self.game, self.units, arithmetic, self.delta, self.entries)
-            other._others = self._others | other._others
-            self._others[arithmetic] = other
-        return self._others[arithmetic]
+            other._in_arithmetics = self._in_arithmetics | other._in_arithmetics
+            self._in_arithmetics[arithmetic] = other
+        return self._in_arithmetics[arithmetic]
 
     def gains_and_residual(self, X: Matrix) -> tuple[Matrix, Matrix]:
-        """Return the gains of X and the residual of the Riccati equation.
+        """Return the gains of X, (m, n), in discrete time (m + k, n), and the residual, (n, n).
 
-        Those of the last X are kept. The digits of the residual cancel: doubles do not suffice.
+        The residual is the left side of the Riccati equation at X. Its digits cancel: doubles do
+        not suffice. What is computed for the last X is kept.
 
         X: (n, n)
 
         Raises ZeroDivisionError if the price of the inputs or of the disturbances may be singular.
         """
-        last = self._last
-        if last is None or last[0] is not X:
-            self._last = last = (X, *self._gains_and_residual(X))
-        return last[1:]
+        if self._last is None or self._last.X is not X:
+            self._last = _Evaluated(X, *self._gains_and_residual(X))
+        return self._last.gains, self._last.residual
 
     @abstractmethod
     def _gains_and_residual(self, X: Matrix) -> tuple[Matrix, Matrix]: ...
 
     @abstractmethod
     def loop(self, X: Matrix, gains: Matrix) -> Matrix:
-        """Return the loop of both players, (n, n).
+        """Return the loop of both players, A - B K + E L, (n, n).
 
         gains: of X
         """
 
     @abstractmethod
     def control_loop(self, X: Matrix, gains: Matrix) -> Matrix:
-        """Return the loop without disturbance, (n, n)."""
+        """Return the loop without disturbance, A - B K, (n, n).
+
+        gains: of X
+        """
 
     @abstractmethod
     def disturbance_price(self, X: Matrix) -> Matrix | None:
-        """Return δ² - E'X E, (k, k), of discrete time, which must be positive definite."""
+        """Return δ² - E'X E, (k, k), of discrete time, which must be positive definite.
+
+        None in continuous time, where the price is δ², and without a disturbance.
+        """
 
     @abstractmethod
     def sensitivity(self, X: Matrix, loop: Matrix) -> Sensitivity:
@@ -238,17 +262,36 @@ class Equation(ABC, Generic[Matrix]):
         loop: of both players at X
         """
 
+    @abstractmethod
+    def half_plane_matrix(self) -> arb_mat:
+        """Return the matrix of states and costates, with the bits of `precision`, without radii.
+
+        Its eigenvalues with Re λ < 0 are those of the loop of both players, in discrete time
+        (z - 1) / (z + 1) for each z of the loop. Its stable subspace is spanned by [1; X]. The
+        equation must be in `Balls`.
+
+        Raises ZeroDivisionError in discrete time if z = -1 may be an eigenvalue.
+        """
+
+
+class _Evaluated(NamedTuple, Generic[Matrix]):
+    """A matrix X, (n, n), and the gains and the residual at X."""
+
+    X: Matrix
+    gains: Matrix
+    residual: Matrix
+
 
 def change_along(loop: Matrix, Y: Matrix, *, is_discrete: bool) -> Matrix:
-    """Return the change F'Y + Y F of z'Y z along a loop F, in discrete time F'Y F - Y."""
+    """Return the change of z'Y z along z' = F z, F'Y + Y F, in discrete time F'Y F - Y."""
     if is_discrete:
         return loop.T @ (Y @ loop) - Y
     product = Y @ loop
     return product + product.T
 
 
-def _symmetric(weights: np.ndarray, units: np.ndarray) -> np.ndarray | arb_mat:
-    """Return the exact symmetric part of weights in exact units."""
+def _symmetric_weights(weights: np.ndarray, units: np.ndarray) -> np.ndarray | arb_mat:
+    """Return the exact symmetric part of Q or R in exact units."""
     exact = scaled(weights, units, units)
     if np.array_equal(weights, weights.T):
         return exact
@@ -256,6 +299,7 @@ def _symmetric(weights: np.ndarray, units: np.ndarray) -> np.ndarray | arb_mat:
 
 
 def _balls(matrix: np.ndarray | arb_mat) -> arb_mat:
+    """Return an exact matrix in the arithmetic of FLINT."""
     return ball_matrix(matrix) if isinstance(matrix, np.ndarray) else matrix
 
 
@@ -330,13 +374,16 @@ class ContinuousEquation(Equation[Matrix]):
         """Return |S|, |R⁻¹ B'| and 0: the equation is quadratic."""
         from flint import arb
 
-        S, B_over_R = map(_bound, (self.S, self._B_over_R))
-        return Sensitivity(S.norm(), B_over_R.norm(), arb(0))
+        return Sensitivity(_norm(self.S), _norm(self._B_over_R), arb(0))
 
     def hamiltonian(self) -> arb_mat:
         """Return [[A - B R⁻¹N', -S], [-(Q - N R⁻¹N'), -(A - B R⁻¹N')']], (2n, 2n), in `Balls`."""
-        free, S, cost = (_of(each) for each in (self.free, self.S, self.cost))
+        free, S, cost = map(_in_flint, (self.free, self.S, self.cost))
         return stacked([[free, -S], [-cost, -free.transpose()]])
+
+    def half_plane_matrix(self) -> arb_mat:
+        """Return the Hamiltonian."""
+        return self.hamiltonian().mid()
 
 
 class StepEquation(Equation[Matrix]):
@@ -362,8 +409,9 @@ class StepEquation(Equation[Matrix]):
         m, k = self.R.rows, self.game.E.shape[1]
         d = self.units.disturbances
         price = self.arithmetic.of(np.ldexp(np.eye(k), np.add.outer(d, d))).times(-1 / self.w)
-        nothing = self.arithmetic.of(np.zeros((k, m)))
-        return self.R.beside(nothing.T).T.beside(nothing.beside(price).T).T
+        zeros = self.arithmetic.of(np.zeros((m, k)))
+        upper, lower = self.R.beside(zeros), zeros.T.beside(price)
+        return upper.T.beside(lower.T).T
 
     @cached_property
     def C(self) -> Matrix:
@@ -380,14 +428,14 @@ class StepEquation(Equation[Matrix]):
             right = right + self.C.T
         price: Any = self.price(X)
         gains = price.solve(right)
-        # right'V⁻¹ right = k'right + error'V⁻¹ right for any k, with error = right - V k: what is
-        # unknown of V⁻¹ right counts only with the error.
+        # With the price V, right'V⁻¹ right = k'right + error'V⁻¹ right for any k, with
+        # error = right - V k: what is unknown of V⁻¹ right counts only with the error.
         k = gains.mid()
         error = right - price @ k
         return gains, self.A.T @ ahead - X + self.Q - k.T @ right - error.T @ gains
 
     def price(self, X: Matrix) -> Matrix:
-        """Return W + G'X G, (m + k, m + k)."""
+        """Return the price of the players in one step, W + G'X G, (m + k, m + k)."""
         return self.W + self.G.T @ (X @ self.G)
 
     def loop(self, X: Matrix, gains: Matrix) -> Matrix:
@@ -402,47 +450,57 @@ class StepEquation(Equation[Matrix]):
         """Return δ² - E'X E, (k, k), or None without a disturbance."""
         if not self.is_disturbed:
             return None
-        own = slice(self.R.rows, None)
-        return -(self.W.block(own, own) + self.E.T @ (X @ self.E))
+        of_disturbance = slice(self.R.rows, None)
+        return -(self.W.block(of_disturbance, of_disturbance) + self.E.T @ (X @ self.E))
 
     def sensitivity(self, X: Matrix, loop: Matrix) -> Sensitivity:
         """Return bounds for |V⁻¹| |G'Z G| <= 1/2, with the price V = W + G'X G.
 
         The gains of X + Z are k + (V + G'Z G)⁻¹ G'Z F, and |(V + G'Z G)⁻¹| <= 2 |V⁻¹|.
         """
-        G = _bound(self.G).norm()
-        inverse = _bound(self.price(X)).inverse_norm()
+        G = _norm(self.G)
+        inverse = cast(BoundMatrix, self.price(X)).inverse_norm()
         gains = 2 * inverse * G
-        return Sensitivity(gains * G * _bound(loop).norm(), gains, inverse * G**2)
+        return Sensitivity(gains * G * _norm(loop), gains, inverse * G**2)
 
     def pencil(self) -> tuple[arb_mat, arb_mat]:
         """Return L and M, (2n + m + k, 2n + m + k), in `Balls`, whose pencil L - z M is singular at
-        the eigenvalues of the loop of both players and at their inverses.
+        the eigenvalues z of the loop of both players and at their inverses.
         """
-        A, G, Q, W, C = (_of(each) for each in (self.A, self.G, self.Q, self.W, self.C))
-        n, s = self.n, G.ncols()
-        one = identity(n)
-
-        def zeros(rows: int, columns: int) -> arb_mat:
-            return ball_matrix(np.zeros((rows, columns)))
-
-        L = stacked([[A, zeros(n, n), G], [-Q, one, -C], [C.transpose(), zeros(s, n), W]])
-        M = stacked(
-            [
-                [one, zeros(n, n), zeros(n, s)],
-                [zeros(n, n), A.transpose(), zeros(n, s)],
-                [zeros(s, n), -G.transpose(), zeros(s, s)],
-            ]
-        )
+        A, G, Q, W, C = map(_in_flint, (self.A, self.G, self.Q, self.W, self.C))
+        L, M = map(stacked, pencil_blocks(A, G, Q, W, C, identity(self.n)))
         return L, M
 
+    def half_plane_matrix(self) -> arb_mat:
+        """Return (L + M)⁻¹ (L - M) of the pencil."""
+        L, M = self.pencil()
+        return (L + M).mid().solve((L - M).mid()).mid()
 
-def _bound(matrix: Any) -> BoundMatrix:
-    """Return a matrix of an equation in the arithmetic of the bounds."""
-    return matrix
+
+def pencil_blocks(A: Any, G: Any, Q: Any, W: Any, C: Any, one: Any, growth: Any = 1) -> Any:
+    """Return the blocks of L and of M, whose pencil L - z M is singular at the eigenvalues z of the
+    loop of both players in discrete time, and at 1 / (growth z).
+
+    A, G, Q, W, C: of `StepEquation`, matrices of balls or of rationals of FLINT
+    one: the identity, (n, n)
+    growth: discount, if it is not in A and G
+    """
+    of_states, of_gains, of_inputs = 0 * A, 0 * G, 0 * W
+    L = [[A, of_states, G], [-1 * Q, one, -1 * C], [C.transpose(), of_gains.transpose(), W]]
+    M = [
+        [one, of_states, of_gains],
+        [of_states, A.transpose() * growth, of_gains],
+        [of_gains.transpose(), G.transpose() * -growth, of_inputs],
+    ]
+    return L, M
 
 
-def _of(matrix: BallMatrix) -> arb_mat:
+def _norm(matrix: BallMatrix) -> arb:
+    """Return the bound of the norm of a matrix in the arithmetic of the bounds."""
+    return cast(BoundMatrix, matrix).norm()
+
+
+def _in_flint(matrix: BallMatrix) -> arb_mat:
     """Return the matrix of FLINT of an equation in `Balls`."""
     assert isinstance(matrix, Balls)
     return matrix.matrix

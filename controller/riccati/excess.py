@@ -46,9 +46,9 @@ from controller.riccati.enclosure import (
     lyapunov_enclosure,
     raised,
 )
-from controller.riccati.equation import change_along, scaled_balls
+from controller.riccati.equation import Sensitivity, change_along, scaled_balls
 from controller.riccati.free_states import FreeStates, free_states
-from controller.riccati.proof import DEFECT, NotProvedError, proves_stable
+from controller.riccati.proof import NotProvedError, proved_zeta
 from controller.riccati.proposal import FailedError, loop_units, lyapunov_in_bits
 from controller.riccati.stability import discounted_loop, loop_with, stability_of
 
@@ -270,6 +270,21 @@ class ExcessEquation:
         """Return V - E'D E, (k, k), in continuous time V."""
         return self.V - self.E.transpose() * D * self.E if self.is_discrete else self.V
 
+    def sensitivity(self, slack: arb_mat, loop: Balls) -> Sensitivity:
+        """Return bounds of the change of the loop F + E M where D is changed by Z.
+
+        In continuous time, the change is E V⁻¹ E'Z. In discrete time, with the slack S of D, it is
+        E (S - E'Z E)⁻¹ E'Z (F + E M), and |(S - E'Z E)⁻¹| <= 2 |S⁻¹| if |S⁻¹| |E|² |Z| <= 1/2.
+
+        loop: F + E M at D, (n, n)
+        """
+        from flint import arb
+
+        through = Balls(slack).inverse_norm() * norm(self.E) ** 2
+        if not self.is_discrete:
+            return Sensitivity(through, arb(0), arb(0))
+        return Sensitivity(2 * through * loop.norm(), arb(0), through)
+
     def residual(self, D: arb_mat, gain: arb_mat) -> arb_mat:
         """Return the left side of the equation, with the gain of D."""
         change = change_along(Balls(self.F), Balls(D), is_discrete=self.is_discrete).matrix
@@ -328,9 +343,8 @@ class ExcessEquation:
 def excess_ball(equation: ExcessEquation, D: arb_mat, Y: arb_mat) -> arb_mat:
     """Return the ball about D that is proved to contain the stabilizing solution.
 
-    The proof is that of `controller.riccati.proof.stabilizing`: with the loop F of both players at
-    D, Z = D* - D solves F'Z + Z F + r + q(Z) = 0, q(Z) = Z E V⁻¹ E'Z, and |Z| <= ζ Y if the
-    right side is at most 3/4 ζ for all such Z.
+    The proof is that of `controller.riccati.proof`: with the loop F of both players at D,
+    Z = D* - D solves F'Z + Z F + r + q(Z) = 0, q(Z) = Z E V⁻¹ E'Z.
 
     D: (n, n), proposed solution; only the midpoint of its symmetric part counts
     Y: (n, n), proposed solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, likewise
@@ -340,28 +354,16 @@ def excess_ball(equation: ExcessEquation, D: arb_mat, Y: arb_mat) -> arb_mat:
     D, Y = symmetric(D), symmetric(Y)
     gain = equation.gain(D)
     loop = Balls(equation.F + equation.E * gain)
-    shape = Balls(Y)
-    if not proves_stable(loop, shape, DEFECT, is_discrete=equation.is_discrete):
-        raise NotProvedError("the loop of the worst disturbance")
     slack = equation.slack(D)
     if not is_positive_definite(slack):
         raise NotProvedError("the disturbance pays")
-    through = loop.norm() if equation.is_discrete else 1
-    size, rho = shape.norm(), norm(equation.residual(D, gain))
-    zeta = 4 * rho
-    farthest = zeta * size  # |Z| is at most this
-    E = norm(equation.E)
-    inverse = Balls(slack).inverse_norm()
-    if equation.is_discrete:  # |(slack - E'Z E)⁻¹| <= 2 |slack⁻¹|
-        if not inverse * E**2 * farthest < 0.5:
-            raise NotProvedError("the disturbance pays near D")
-        inverse = 2 * inverse
-    moved = inverse * E**2 * through * farthest  # bound of the change of the loop
-    twice = 2 * through + moved if equation.is_discrete else 2
-    # With the defect, less than 1. The quadratic term is then at most 1/4 ζ, and with |r| less than
-    # 3/4 ζ.
-    if not size * moved * twice < 0.5:
-        raise NotProvedError("the loop of the worst disturbance near D")
+    zeta = proved_zeta(
+        loop,
+        Balls(Y),
+        norm(equation.residual(D, gain)),
+        equation.sensitivity(slack, loop),
+        is_discrete=equation.is_discrete,
+    )
     spread = [(zeta * Y[i, i]).sqrt().upper() for i in range(Y.nrows())]
     return Balls.around(D, spread).matrix
 

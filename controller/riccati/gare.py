@@ -293,13 +293,12 @@ def solve(game: Game) -> Solution:
 def _value(enclosure: Enclosure) -> tuple[np.ndarray, np.ndarray]:
     """Return P, (n, n), and K, (m, n), read-only, 0 where their balls contain 0."""
     found = enclosure.proved
-    states, inputs, _ = found.exactly.units
+    states, inputs, _ = found.bounds.units
     spread = np.array([float(each) for each in found.spread])
-    X = found.middle.midpoint
-    gains = found.all_gains.block(slice(len(inputs)), slice(None))
-    K = gains.midpoint
+    X = found.X.midpoint
+    K = found.K.midpoint
     P = np.where(np.abs(X) <= np.outer(spread, spread), 0.0, X)
-    K = np.where(np.abs(K) <= gains.radius, 0.0, K)
+    K = np.where(np.abs(K) <= found.K.radius, 0.0, K)
     P, K = np.ldexp(P, -np.add.outer(states, states)), np.ldexp(K, np.add.outer(inputs, -states))
     for matrix in (P, K):
         matrix.setflags(write=False)

@@ -222,8 +222,7 @@ def _worst_loop(enclosure: Enclosure) -> arb_mat:
 
     found = enclosure.proved
     states = found.equation.units.states
-    P = Balls.around(found.X, found.spread)
-    loop = found.equation.loop(P, Balls(found.gains)).matrix
+    loop = found.equation.loop(found.P_in_balls, Balls.of(found.gains)).matrix
     return scaled_balls(loop, states, -states) * (1 / arb(enclosure.game.discount).sqrt())
 
 
@@ -233,8 +232,9 @@ def levelled(enclosure: Enclosure) -> Level:
     with precision(enclosure.bits), np.errstate(all="ignore"):
         to_level = from_level = identity(found.equation.n)
         spread = np.array([float(each) for each in found.spread])
+        exact = found.X.matrix
         for _ in range(TURNS):
-            X = midpoints(from_level.transpose() * found.X * from_level)
+            X = midpoints(from_level.transpose() * exact * from_level)
             values, vectors = np.linalg.eigh((X + X.T) / 2.0)
             largest = float(values[-1])
             if not largest > 0.0 or values[0] > MODERATE * largest:

@@ -232,10 +232,10 @@ def _above(
 
 
 def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
-    """Return the scaling D > 0, as log D, (m,), that minimizes σ_max(D M D⁻¹), by BFGS.
+    """Return the scaling D > 0, as log D, (m,), that minimizes σ_max(D M D⁻¹).
 
-    D is diagonal. The minimum is an upper bound of μ(M), exact for m <= 3. At the minimum the two
-    largest singular values are often equal, where BFGS still descends.
+    D is diagonal. The minimum is an upper bound of μ(M), exact for m <= 3. For m > 2 it is found by
+    BFGS: at the minimum the two largest singular values are often equal, where BFGS still descends.
 
     M: (m, m), complex
     start: initial log D, (m,); by default `_osborne_scaling`
@@ -243,11 +243,17 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
     Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton, Mathematical
     Programming 141 (2013), 135-163.
     """
-    from scipy.optimize import minimize
+    if len(M) == 1:
+        return np.zeros(1)
+    if len(M) == 2:
+        # σ_max grows with the Frobenius norm, as |det M| is the product of both singular values.
+        # The norm is least where |M12| D1/D2 = |M21| D2/D1; an entry counts at least as rounding.
+        rounding = np.finfo(float).eps * float(np.abs(M).max()) or 1.0
+        above, below = (max(abs(M[place]), rounding) for place in ((0, 1), (1, 0)))
+        return np.array([0.5 * math.log(below / above), 0.0])
+    from scipy.optimize import minimize  # here: loops with one or two inputs do without it
 
     start = _osborne_scaling(M) if start is None else start
-    if len(start) == 1:
-        return np.zeros(1)
     unit = float(scaled_norm(M, start)) or 1.0
 
     def relative(others: np.ndarray) -> tuple[float, np.ndarray]:

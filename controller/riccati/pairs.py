@@ -1,10 +1,10 @@
 """Matrices of balls whose midpoints are sums of two doubles, by products of doubles alone.
 
-The exact parts of a product are sums of integers (times powers of two) of so few bits that doubles
-hold them, in any order of summation.
+A product is the sum of products of slices: matrices of integers (times powers of two) of so few
+bits that doubles hold the sums of their products exactly, in any order of summation.
 
-Source: Ozaki, Ogita, Oishi and Rump, Numerical Algorithms 59 (2012), 95-118; Knuth, The Art of
-Computer Programming 2, Section 4.2.2 (`_sum`).
+Sources: Ozaki, Ogita, Oishi and Rump, Numerical Algorithms 59 (2012), 95-118; Knuth, The Art of
+Computer Programming 2, Section 4.2.2 (`_sum_and_error`).
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from controller.riccati.balls import (
     ROUNDOFF,
     UNDERFLOW,
     UP,
-    BallMatrix,
     Balls,
     DoubleBalls,
+    Exact,
     ball_matrix,
     midpoints,
     radii,
+    upper_ends,
 )
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class Pairs:
     radius: np.ndarray
 
     @classmethod
-    def of(cls, matrix: np.ndarray | arb_mat | BallMatrix) -> Pairs:
+    def of(cls, matrix: Exact) -> Pairs:
         """Return a matrix that contains the given one, itself if it is of this kind."""
         if isinstance(matrix, Pairs):
             return matrix
@@ -56,7 +57,7 @@ class Pairs:
             return cls(matrix, np.zeros_like(matrix), np.zeros_like(matrix))
         balls = Balls.of(matrix).matrix
         middle = midpoints(balls)
-        high, low = _sum(middle, midpoints(balls - ball_matrix(middle)))
+        high, low = _sum_and_error(middle, midpoints(balls - ball_matrix(middle)))
         rest = balls - ball_matrix(high) - ball_matrix(low)
         return cls(high, low, UP * (np.abs(midpoints(rest)) + radii(rest)) + UNDERFLOW)
 
@@ -84,13 +85,13 @@ class Pairs:
         return Pairs(self.high.T, self.low.T, self.radius.T)
 
     def mid(self) -> Pairs:
-        """Return the exact midpoints."""
+        """Return the exact midpoints, with the radius 0."""
         return Pairs(self.high, self.low, np.zeros_like(self.high))
 
     def symmetric(self) -> Pairs:
         """Return the exact midpoints of the symmetric part."""
-        if all((each == each.T).all() for each in (self.high, self.low)):
-            return self if not self.radius.any() else self.mid()
+        if (self.high == self.high.T).all() and (self.low == self.low.T).all():
+            return self.mid() if self.radius.any() else self
         both = self + self.T
         return Pairs(both.high / 2.0, both.low / 2.0, np.zeros_like(self.high))
 
@@ -104,8 +105,7 @@ class Pairs:
 
     def block(self, rows: slice, columns: slice) -> Pairs:
         """Return some rows and columns."""
-        place = rows, columns
-        return Pairs(self.high[place], self.low[place], self.radius[place])
+        return Pairs(self.high[rows, columns], self.low[rows, columns], self.radius[rows, columns])
 
     def __neg__(self) -> Pairs:
         return Pairs(-self.high, -self.low, self.radius)
@@ -114,26 +114,25 @@ class Pairs:
         return self + -other
 
     def __add__(self, other: Pairs) -> Pairs:
-        high, rest = _sum(self.high, other.high)
+        high, error = _sum_and_error(self.high, other.high)
         lows = self.low + other.low
-        low = rest + lows
+        low = error + lows
         rounding = ROUNDOFF * (np.abs(lows) + np.abs(low))
         radius = UP * (self.radius + other.radius + rounding) + UNDERFLOW
-        return Pairs(*_sum(high, low), radius)
+        return Pairs(*_sum_and_error(high, low), radius)
 
     def __matmul__(self, other: Pairs) -> Pairs:
         terms = self.high.shape[1]
         bits = (BITS_OF_A_DOUBLE - (terms - 1).bit_length()) // 2
-        left, right = _divided(self, 1, bits), _divided(other, 0, bits)
-        # These two are exact: sums of `terms` products below 2^(2 bits), and of twice as many of
-        # half the size, in units of the grids.
+        left, right = _sliced(self, 1, bits), _sliced(other, 0, bits)
+        # The first two products are exact: sums of `terms` products below 2^(2 bits), and of twice
+        # as many of half the size, in units of the grids.
         first = left.first @ right.first
-        parts = np.concatenate([left.first, left.second, left.rest], 1)
-        second = parts[:, : 2 * terms] @ np.concatenate([right.second, right.first])
-        others = [right.rest, right.second + right.rest, other.high]
-        third = parts @ np.concatenate(others)
-        high, rest = _sum(first, second)
-        low = rest + third
+        slices = np.concatenate([left.first, left.second, left.rest], 1)
+        second = slices[:, : 2 * terms] @ np.concatenate([right.second, right.first])
+        third = slices @ np.concatenate([right.rest, right.second + right.rest, other.high])
+        high, error = _sum_and_error(first, second)
+        low = error + third
         # With sizes a_i, b_j and t = 2^(-2 bits - 1) + ROUNDOFF: |first| <= a, |second| is at most
         # 2^(-bits - 1) a, and |rest| <= t a. The products of `third` are then below t times `sizes`
         # in sum. Their 3 terms sums and products round; both `rest` and second + rest round, and
@@ -145,39 +144,40 @@ class Pairs:
             radius = radius + self.radius @ (np.abs(other.high) + other.radius)
         if other.radius.any():
             radius = radius + np.abs(self.high) @ other.radius
-        return Pairs(*_sum(high, low), UP * radius + UNDERFLOW)
+        return Pairs(*_sum_and_error(high, low), UP * radius + UNDERFLOW)
 
     def times(self, factor: arb) -> Pairs:
-        """Return the product with a ball."""
-        diagonal = ball_matrix([[factor]])
-        one = Pairs.of(diagonal)
+        """Return the product with a ball, that of a matrix (1, 1) and all entries in one row."""
         row = Pairs(self.high.reshape(1, -1), self.low.reshape(1, -1), self.radius.reshape(1, -1))
-        found = one @ row
-        shape = self.high.shape
-        return Pairs(*(each.reshape(shape) for each in (found.high, found.low, found.radius)))
+        product = Pairs.of(ball_matrix([[factor]])) @ row
+        parts = product.high, product.low, product.radius
+        return Pairs(*(part.reshape(self.high.shape) for part in parts))
 
     def solve(self, right: Pairs) -> Pairs:
-        """Return M⁻¹ right."""
+        """Return M⁻¹ right.
+
+        A solution x in doubles is corrected once, and is then off by M⁻¹ (right - M x).
+        """
         inverse, norm_of_inverse = DoubleBalls.of(self).inverse()
-        found = Pairs.of(inverse @ right.high)
-        correction = Pairs.of(inverse @ (right - self @ found).high)
-        found = (found + correction).mid()
-        error = DoubleBalls.of(right - self @ found)
-        return found.wider(error.column_norms(norm_of_inverse))
+        x = Pairs.of(inverse @ right.high)
+        x = (x + Pairs.of(inverse @ (right - self @ x).high)).mid()
+        residual = DoubleBalls.of(right - self @ x)
+        return x.wider(residual.column_norms(norm_of_inverse))
 
     def wider(self, columns: Sequence[arb]) -> Pairs:
         """Return the matrix with a larger radius in each column."""
-        more = UP * np.array([float(each.upper()) for each in columns]) + UNDERFLOW
-        return Pairs(self.high, self.low, UP * (self.radius + more))
+        added = UP * upper_ends(columns) + UNDERFLOW
+        return Pairs(self.high, self.low, UP * (self.radius + added))
 
 
-class _Divided(NamedTuple):
-    """Matrix first + second + rest, whose rows, or columns, have a size.
+class _Slices(NamedTuple):
+    """Matrix as the sum first + second + rest, with the leading and the next bits of each entry.
 
-    Divided by its grid, `first` consists of integers of some bits, `second` likewise.
+    The entries of `first` are integers of some bits, times a power of two that each row, or each
+    column, has in common; those of `second` likewise.
 
-    size: power of two above the largest entry of a row or column
-    sum: of the magnitudes of a row or column
+    size: power of two above the largest entry of each row or column
+    sum: of the magnitudes of each row or column
     """
 
     size: np.ndarray
@@ -187,26 +187,26 @@ class _Divided(NamedTuple):
     rest: np.ndarray
 
 
-def _divided(matrix: Pairs, axis: int, bits: int) -> _Divided:
-    """Return the parts of a matrix; only `rest` is rounded.
+def _sliced(matrix: Pairs, axis: int, bits: int) -> _Slices:
+    """Return the slices of a matrix; only `rest` is rounded.
 
-    axis: 1 for rows, 0 for columns
+    axis: 1 if the entries of a row have a power of two in common, 0 for columns
     bits: of the integers
     """
     sizes = np.abs(matrix.high)
     size = np.ldexp(1.0, np.frexp(sizes.max(axis, keepdims=True))[1])
     # The last digit of 1.5 2^p is 2^(p - 52): the sum with it rounds to the grid 2^-bits size.
-    rounds = 1.5 * 2.0 ** (BITS_OF_A_DOUBLE - 1 - bits) * size
-    first = (matrix.high + rounds) - rounds
-    rest = matrix.high - first
-    rounds = rounds * 2.0**-bits
-    second = (rest + rounds) - rounds
-    rest = rest - second + matrix.low
-    return _Divided(size, sizes.sum(axis, keepdims=True), first, second, rest)
+    rounding = 1.5 * 2.0 ** (BITS_OF_A_DOUBLE - 1 - bits) * size
+    first = (matrix.high + rounding) - rounding
+    beyond_first = matrix.high - first
+    rounding = rounding * 2.0**-bits
+    second = (beyond_first + rounding) - rounding
+    rest = beyond_first - second + matrix.low
+    return _Slices(size, sizes.sum(axis, keepdims=True), first, second, rest)
 
 
-def _sum(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sum, rounded, and its rounding error, exactly."""
+def _sum_and_error(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sum, rounded, and its exact rounding error."""
     total = left + right
-    part = total - left
-    return total, (left - (total - part)) + (right - part)
+    of_right = total - left
+    return total, (left - (total - of_right)) + (right - of_right)

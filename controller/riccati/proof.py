@@ -1,11 +1,15 @@
 """Proof that a ball contains the stabilizing solution of a game, and that this is the value.
 
-The checker takes nothing of the proposal but X and Y, in exact units. With the loop F of both
-players at X, let F'Y + Y F ≈ -1 (in discrete time F'Y F - Y ≈ -1). If Y > 0 and the defect is below
-1/4, F is stable, and a symmetric Z with F'Z + Z F + C = 0 has |Z| <= ζ Y for |C| <= 3/4 ζ. The
-Riccati equation of X + Z is F'Z + Z F + r - q(Z) = 0, with the residual r of X. Thus, if
-|r| + max |q(Z)| over |Z| <= ζ Y is at most 3/4 ζ, a solution is in X ± ζ Y (Brouwer), and if the
-loop moves little, it is the stabilizing one.
+The checker takes nothing of the proposal but X and Y, in exact units.
+
+1. Stability. Let F be the loop of both players at X, and F'Y + Y F ≈ -1 (in discrete time
+   F'Y F - Y ≈ -1). If Y > 0 and the defect |F'Y + Y F + 1| is below 1/4, F is stable, as y'Y y is a
+   Lyapunov function.
+2. Existence. Of the linear equation F'Z + Z F + C = 0 with |C| <= 3/4 ζ, the solution has
+   -ζ Y <= Z <= ζ Y, written |Z| <= ζ Y. The Riccati equation of X + Z is the nonlinear one with
+   C = r - q(Z), of the residual r of X and of terms q(Z) of second order. If |r| + |q(Z)| <= 3/4 ζ
+   for all |Z| <= ζ Y, this set is mapped into itself, and contains a solution (Brouwer).
+3. If the loop changes little between X and X + Z, the solution is the stabilizing one.
 
 Sources: Kantorovich; Miyajima, Journal of Computational and Applied Mathematics 319 (2017),
 352-364; Haqiri and Poloni, the same 313 (2017), 515-535; Basar and Bernhard, H-infinity Optimal
@@ -21,7 +25,7 @@ from typing import TYPE_CHECKING, Any, Generic
 import numpy as np
 
 from controller.riccati.balls import Balls, ExactMatrix, symmetric
-from controller.riccati.equation import Bound, Equation, change_along
+from controller.riccati.equation import Bound, Equation, Sensitivity, change_along
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
@@ -38,38 +42,36 @@ class NotProvedError(Exception):
 class Stabilizing(Generic[Bound]):
     """Ball that contains the stabilizing solution P: the loop of both players is stable.
 
-    exactly: the Riccati equation in the arithmetic of the residual and in exact units
-    bounds: the same equation, in the arithmetic of the bounds
-    middle: X, (n, n), exact
+    bounds: the Riccati equation in exact units, in the arithmetic of the bounds
+    X: middle of the ball, (n, n), exact, in the arithmetic of the residual
     spread: s, (n,); |P_ij - X_ij| <= s_i s_j
-    all_gains: of P, (m, n), in discrete time (m + k, n), in the arithmetic of the residual
+    gains: of P, (m, n), in discrete time (m + k, n), in the arithmetic of the residual
     """
 
-    exactly: Equation[Any]
     bounds: Equation[Bound]
-    middle: ExactMatrix
+    X: ExactMatrix
     spread: tuple[arb, ...]
-    all_gains: ExactMatrix
+    gains: ExactMatrix
 
     @cached_property
     def P(self) -> Bound:
         """P, (n, n), in the arithmetic of the bounds."""
-        return self.bounds.arithmetic.around(self.middle, self.spread)
+        return self.bounds.arithmetic.around(self.X, self.spread)
+
+    @property
+    def P_in_balls(self) -> Balls:
+        """P, (n, n), in `Balls`, with the bits of `precision`."""
+        return Balls.around(self.X, self.spread)
+
+    @property
+    def K(self) -> ExactMatrix:
+        """K of the policy u = -K z, (m, n), in the arithmetic of the residual."""
+        return self.gains.block(slice(len(self.bounds.units.inputs)), slice(None))
 
     @property
     def equation(self) -> Equation[Balls]:
         """The equation in `Balls`."""
-        return self.exactly.with_arithmetic(Balls)
-
-    @cached_property
-    def X(self) -> arb_mat:
-        """X in the arithmetic of FLINT, (n, n)."""
-        return self.middle.matrix
-
-    @cached_property
-    def gains(self) -> arb_mat:
-        """Gains of P in the arithmetic of FLINT."""
-        return self.all_gains.matrix
+        return self.bounds.with_arithmetic(Balls)
 
 
 def stabilizing(
@@ -91,35 +93,55 @@ def stabilizing(
     except ZeroDivisionError:
         raise NotProvedError("the price at X may be singular") from None
     Y = (Y + Y.T) / 2.0 if isinstance(Y, np.ndarray) else symmetric(Y)
-    middle, shape = arithmetic.of(X), arithmetic.of(Y)
+    middle = arithmetic.of(X)
     loop = bounds.loop(middle, arithmetic.of(gains))
-    if not proves_stable(loop, shape, DEFECT, is_discrete=bounds.is_discrete):
-        raise NotProvedError("the loop of both players at X")
-    size, rho = shape.norm(), arithmetic.of(residual).norm()
-    zeta = 4 * rho
-    farthest = zeta * size  # |Z| is at most this
     sensitivity = bounds.sensitivity(middle, loop)
-    moved = sensitivity.loop * farthest  # bound of the change of the loop
-    through = loop.norm() if equation.is_discrete else 1
-    is_near = sensitivity.price * farthest <= 0.5
-    if not (is_near and rho + farthest * moved * through <= 0.75 * zeta):
-        raise NotProvedError("the residual of X")
-    twice = 2 * through + moved if equation.is_discrete else 2
-    if not size * moved * twice < 0.5:  # with the defect, less than 1
+    residual_norm = arithmetic.of(residual).norm()
+    zeta = proved_zeta(
+        loop, arithmetic.of(Y), residual_norm, sensitivity, is_discrete=bounds.is_discrete
+    )
+    spread = tuple((zeta * Y[i, i]).sqrt().upper() for i in range(bounds.n))
+    root_of_trace = sum((radius**2 for radius in spread), zeta * 0).sqrt()
+    of_gains = sensitivity.gains * root_of_trace
+    return Stabilizing(bounds, X, spread, gains.wider([of_gains * radius for radius in spread]))
+
+
+def proved_zeta(
+    loop: Bound, Y: Bound, residual_norm: arb, sensitivity: Sensitivity, *, is_discrete: bool
+) -> arb:
+    """Return ζ for which the stabilizing solution is proved to be X + Z with -ζ Y <= Z <= ζ Y.
+
+    loop: F of both players at X, (n, n)
+    Y: proposed solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, (n, n), symmetric
+    residual_norm: bound of the residual of X
+    sensitivity: of the loop to changes of X
+
+    Raises NotProvedError if the proposal does not prove it.
+    """
+    if not proves_stable(loop, Y, DEFECT, is_discrete=is_discrete):
+        raise NotProvedError("the loop of both players at X")
+    size = Y.norm()
+    zeta = 4 * residual_norm
+    largest_change = zeta * size  # of X
+    loop_change = sensitivity.loop * largest_change
+    if not sensitivity.price * largest_change <= 0.5:
+        raise NotProvedError("the price near X")
+    # The loop F + G of X + Z has the defect of F and |G'Y + Y G|, in discrete time
+    # |G'Y F + F'Y G + G'Y G|: less than 1 together. Half of the latter, times ζ, bounds q(Z), as
+    # |q(Z)| <= |Z| |G|, in discrete time |Z| |G| |F|: |r| + |q(Z)| is then at most 1/2 ζ.
+    twice_through = 2 * loop.norm() + loop_change if is_discrete else 2
+    if not size * loop_change * twice_through < 0.5:
         raise NotProvedError("the loop of both players near X")
-    spread = tuple((zeta * Y[i, i]).sqrt().upper() for i in range(equation.n))
-    of_gains = sensitivity.gains * sum((each**2 for each in spread), zeta * 0).sqrt()
-    changed = gains.wider([of_gains * each for each in spread])
-    return Stabilizing(equation, bounds, X, spread, changed)
+    return zeta
 
 
 def prove_value(found: Stabilizing[Bound], Y: arb_mat | None = None) -> None:
     """Prove that the stabilizing solution P is the value of the game.
 
-    The disturbance pays: in discrete time, δ² - E'P E > 0. The loop without disturbance is stable.
-    Then P >= 0, because P is a cost of this loop if the weights are positive semidefinite. If
-    P > 0, that loop is stable because the loop of both players is. The input pays in any case:
-    R + B'P B >= 0, and P has gains only if it is not singular.
+    First, the disturbance pays: in discrete time, δ² - E'P E > 0. Second, the loop without
+    disturbance is stable: P > 0 proves it, because the loop of both players is stable, otherwise
+    Y does. Then P >= 0, because P is a cost of this loop if the weights are positive semidefinite.
+    The input pays in any case: R + B'P B >= 0, and P has gains only if it is not singular.
 
     Y: as in `stabilizing`, for the loop without disturbance; needed if P is singular
 
@@ -134,7 +156,7 @@ def prove_value(found: Stabilizing[Bound], Y: arb_mat | None = None) -> None:
     if Y is None:
         raise NotProvedError("P > 0")
     arithmetic = bounds.arithmetic
-    control = bounds.control_loop(found.P, arithmetic.of(found.all_gains))
+    control = bounds.control_loop(found.P, arithmetic.of(found.gains))
     if not proves_stable(control, arithmetic.of(symmetric(Y)), 1, is_discrete=bounds.is_discrete):
         raise NotProvedError("the loop without disturbance")
 
@@ -152,7 +174,7 @@ def proves_stable(loop: Bound, Y: Bound, most: float = 1.0, *, is_discrete: bool
 def lyapunov_ball(
     loop: arb_mat, C: arb_mat, D: arb_mat, Y: arb_mat, *, is_discrete: bool
 ) -> arb_mat:
-    """Return the ball about D that contains the solution of F'D + D F + C = 0, (n, n).
+    """Return the ball about D that contains the solution of F'D + D F + C = 0, (n, n), proved.
 
     In discrete time, the equation is F'D F - D + C = 0.
 

@@ -1,4 +1,9 @@
-"""Proposals of solutions, in doubles or in many bits. `proof` decides what they prove."""
+"""Proposals of solutions, in doubles or in many bits. `proof` decides what they prove.
+
+In doubles, LAPACK solves the Riccati equation (`proposal_in_doubles`). Its X is corrected by
+Newton's method with residuals of more digits, there and in balls (`corrected_in_bits`). Where
+doubles do not suffice, the matrix sign function finds X in many bits (`proposal_in_bits`).
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
+from controller.riccati.balancing import hamiltonian
 from controller.riccati.balls import (
     Balls,
     DoubleBalls,
@@ -65,8 +71,9 @@ class Proposal(NamedTuple):
     """Proposed solution of a Riccati equation, for `proof`.
 
     equation: the equation, in the arithmetic of X
-    X: (n, n)
-    Y: (n, n), of the loop of both players
+    X: (n, n), its solution
+    Y: (n, n), solution of F'Y + Y F = -1 with the loop F of both players at X, in discrete time of
+        F'Y F - Y = -1
     lyapunov: solver of the Lyapunov equation of that loop in doubles, if there is one
     """
 
@@ -76,22 +83,30 @@ class Proposal(NamedTuple):
     lyapunov: Lyapunov | None = None
 
 
-def in_doubles(game: Game, delta: float) -> Proposal:
-    """Return a proposal by LAPACK, corrected by residuals.
+def proposal_in_doubles(game: Game, delta: float) -> Proposal:
+    """Return a proposal by LAPACK in units in which P is near 1, corrected by residuals.
 
     Raises FailedError.
     """
     with _failures():
-        return _corrected(*_uncorrected(game, delta))
+        return _corrected(*_solved_by_lapack(game, delta))
 
 
 def proposal_of(equation: Equation[DoubleBalls]) -> Proposal:
-    """Return a proposal by LAPACK in the given states, corrected by residuals.
+    """Return a proposal by LAPACK in the states of an equation, corrected by residuals.
 
     Raises FailedError.
     """
     with _failures():
         return _corrected(equation, stabilizing_in_doubles(equation))
+
+
+def corrected_in_doubles(game: Game, delta: float) -> Proposal:
+    """Return a proposal by LAPACK, corrected with the bits of `precision`.
+
+    Raises FailedError.
+    """
+    return corrected_in_bits(proposal_in_doubles(game, delta))
 
 
 def value_in_doubles(game: Game) -> np.ndarray:
@@ -100,7 +115,7 @@ def value_in_doubles(game: Game) -> np.ndarray:
     Raises FailedError.
     """
     with _failures():
-        equation, X = _uncorrected(game, game.delta)
+        equation, X = _solved_by_lapack(game, game.delta)
         states = equation.units.states
         return np.ldexp(X, -np.add.outer(states, states))
 
@@ -115,8 +130,19 @@ def _failures() -> Iterator[None]:
             raise FailedError(str(failure)) from None
 
 
-def _uncorrected(game: Game, delta: float) -> tuple[Equation[DoubleBalls], np.ndarray]:
-    """Return the equation in units in which P is near 1, and its X, (n, n), by LAPACK."""
+class _Solved(NamedTuple):
+    """Equation in some units, and its stabilizing solution X in doubles, (n, n)."""
+
+    equation: Equation[DoubleBalls]
+    X: np.ndarray
+
+
+def _solved_by_lapack(game: Game, delta: float) -> _Solved:
+    """Return the equation in units in which P is near 1, solved by LAPACK.
+
+    The units follow from a first solution. If they differ much from those in which it was computed,
+    the equation is solved again.
+    """
     equation = equation_of(game, first_units(game, delta), DoubleBalls, delta)
     X = stabilizing_in_doubles(equation)
     for _ in range(2):
@@ -130,27 +156,30 @@ def _uncorrected(game: Game, delta: float) -> tuple[Equation[DoubleBalls], np.nd
         if farthest <= NEAR:
             break
         X = stabilizing_in_doubles(equation)
-    return equation, X
+    return _Solved(equation, X)
 
 
-def _corrected(bounds: Equation[DoubleBalls], X: np.ndarray) -> Proposal:
-    """Return a proposal about X, (n, n), corrected by residuals."""
+def _corrected(in_doubles: Equation[DoubleBalls], X: np.ndarray) -> Proposal:
+    """Return a proposal about X, (n, n), corrected with residuals in `Balls` or `Pairs`.
+
+    Each correction Z solves F'Z + Z F + residual = 0 in doubles, with the loop F at X.
+    """
     arithmetic: type[Any] = Pairs if len(X) >= MANY_STATES else Balls
-    equation: Equation[Any] = bounds.with_arithmetic(arithmetic)
-    lyapunov = lyapunov_of(loop_in_doubles(bounds, X), is_discrete=equation.is_discrete)
-    exact, size = arithmetic.of(X).symmetric(), np.abs(X).max()
+    equation: Equation[Any] = in_doubles.with_arithmetic(arithmetic)
+    lyapunov = lyapunov_of(loop_in_doubles(in_doubles, X), is_discrete=equation.is_discrete)
+    corrected, size = arithmetic.of(X).symmetric(), np.abs(X).max()
     for _ in range(CORRECTIONS):
-        _, residual = equation.gains_and_residual(exact)
+        _, residual = equation.gains_and_residual(corrected)
         correction, _ = lyapunov.solve(-residual.midpoint)
         if not np.abs(correction).max() > SMALL * size:
             break
-        exact = (exact + arithmetic.of(correction)).mid()
+        corrected = (corrected + arithmetic.of(correction)).mid()
     Y, _ = lyapunov.solve(-np.eye(len(X)))
-    return Proposal(equation, exact, Y, lyapunov)
+    return Proposal(equation, corrected, Y, lyapunov)
 
 
 def lyapunov_of(F: np.ndarray, *, is_discrete: bool) -> Lyapunov:
-    """Return the solver of the Lyapunov equation of a loop, in discrete time of Stein's."""
+    """Return the solver of F'Z + Z F = C, in discrete time of F'Z F - Z = C."""
     return Lyapunov.of_steps(F) if is_discrete else Lyapunov(F)
 
 
@@ -158,15 +187,15 @@ def stabilizing_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
     """Return the stabilizing X, (n, n), by LAPACK."""
     if isinstance(equation, StepEquation):
         try:
-            X = by_doubling(equation)
+            X = riccati_by_doubling(equation)
         except np.linalg.LinAlgError:  # R is singular
-            X = by_deflation(equation)
+            X = riccati_by_deflation(equation)
         else:  # not the stabilizing X if an unstable mode has no cost
             if not spectral_radius(loop_in_doubles(equation, X)) < 1.0:
-                X = by_deflation(equation)
+                X = riccati_by_deflation(equation)
     else:
         assert isinstance(equation, ContinuousEquation)
-        X = by_schur_form(equation)
+        X = riccati_by_schur_form(equation)
     if not np.isfinite(X).all():
         raise FailedError("the proposal is not finite")
     return X
@@ -182,28 +211,35 @@ def loop_in_doubles(equation: Equation[DoubleBalls], X: np.ndarray) -> np.ndarra
     return equation.loop(DoubleBalls.of(X), DoubleBalls.of(gains)).midpoint
 
 
-def by_schur_form(equation: ContinuousEquation[DoubleBalls]) -> np.ndarray:
-    """Return X of the stable subspace of the Hamiltonian, (n, n)."""
+def riccati_by_schur_form(equation: ContinuousEquation[DoubleBalls]) -> np.ndarray:
+    """Return X of the stable subspace of the Hamiltonian, which [1; X] spans, (n, n)."""
     from scipy.linalg.lapack import dgees
 
     n = equation.n
-    free, S, cost = (each.midpoint for each in (equation.free, equation.S, equation.cost))
-    H = np.concatenate([np.concatenate([free, -S], 1), np.concatenate([-cost, -free.T], 1)])
+    H = hamiltonian(equation.free.midpoint, equation.S.midpoint, equation.cost.midpoint)
     _, stable, _, _, basis, _, _ = dgees(_is_stable, np.asarray_chkfinite(H), sort_t=1)
     if stable != n:
         raise FailedError(f"the Hamiltonian has {stable} stable eigenvalues instead of {n}")
-    X = np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T)
+    return _of_basis(basis[:n, :n], basis[n:, :n])
+
+
+def _of_basis(states: np.ndarray, costates: np.ndarray) -> np.ndarray:
+    """Return X, (n, n), of the subspace that the columns of [states; costates] span."""
+    X = np.linalg.solve(states.T, costates.T)
     return (X + X.T) / 2.0
 
 
 def _is_stable(real: float, imaginary: float) -> bool:
+    """Return whether an eigenvalue of the Hamiltonian comes first in its Schur form."""
     return real < 0.0
 
 
-def by_doubling(equation: StepEquation[DoubleBalls]) -> np.ndarray:
-    """Return the limit of 2^k steps, (n, n).
+def riccati_by_doubling(equation: StepEquation[DoubleBalls]) -> np.ndarray:
+    """Return X, (n, n), the limit of the value of games of 2^k steps.
 
     Source: Anderson, International Journal of Control 28 (1978), 295-306.
+
+    Raises LinAlgError if R is singular.
     """
     m = equation.R.rows
     W, C = equation.W.midpoint, equation.C.midpoint
@@ -223,7 +259,7 @@ def by_doubling(equation: StepEquation[DoubleBalls]) -> np.ndarray:
     raise FailedError("the doublings do not converge")
 
 
-def by_deflation(equation: StepEquation[DoubleBalls]) -> np.ndarray:
+def riccati_by_deflation(equation: StepEquation[DoubleBalls]) -> np.ndarray:
     """Return X of the stable subspace of the pencil, (n, n), also if R is singular.
 
     Source: Van Dooren, SIAM Journal on Scientific and Statistical Computing 2 (1981), 121-135.
@@ -238,8 +274,7 @@ def by_deflation(equation: StepEquation[DoubleBalls]) -> np.ndarray:
     stable = int((np.abs(above) < np.abs(below)).sum())
     if stable != n:
         raise FailedError(f"the pencil has {stable} stable eigenvalues instead of {n}")
-    X = np.linalg.solve(basis[:n, :n].T, basis[n : 2 * n, :n].T)
-    return (X + X.T) / 2.0
+    return _of_basis(basis[:n, :n], basis[n : 2 * n, :n])
 
 
 def first_units(game: Game, delta: float) -> Units:
@@ -247,14 +282,14 @@ def first_units(game: Game, delta: float) -> Units:
 
     Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001).
     """
-    entries = np.concatenate([each.ravel() for each in (game.A, game.B, game.E, game.Q, game.R)])
+    matrices = game.A, game.B, game.E, game.Q, game.R
+    entries = np.concatenate([matrix.ravel() for matrix in matrices])
     exponents = np.frexp(entries[entries != 0.0])[1]
     if np.abs(exponents).max(initial=0) <= MODERATE:
         return users_units(game)
     price = _prices(game, game.B, game.Q)
     S = (game.B / np.where(price > 0.0, price, 1.0)) @ game.B.T + game.E @ game.E.T / delta**2
-    H = np.concatenate([np.concatenate([game.A, S], 1), np.concatenate([game.Q, game.A.T], 1)])
-    of_states, of_costates = np.split(np.log2(balanced(H)[1]), 2)
+    of_states, of_costates = np.split(np.log2(balanced(hamiltonian(game.A, S, game.Q))[1]), 2)
     states = np.round(0.5 * (of_states - of_costates)).astype(int)
     return Units(states, -_half_exponents(price), disturbance_units(game, delta))
 
@@ -273,7 +308,7 @@ def units_of_solution(game: Game, units: Units, X: np.ndarray, delta: float) -> 
 
 
 def _prices(game: Game, B: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Return the diagonal of R, in discrete time of R + α B'X B, (m,)."""
+    """Return the price of each input, the diagonal of R, in discrete time of R + α B'X B, (m,)."""
     price = np.diag(game.R).astype(float)
     if game.is_discrete:
         price = price + game.discount * np.einsum("ij,ij->j", B, X @ B)
@@ -287,7 +322,7 @@ def disturbance_units(game: Game, delta: float) -> np.ndarray:
 
 
 def _half_exponents(values: np.ndarray) -> np.ndarray:
-    """Return the exponents of the roots of positive values, and 0 for others."""
+    """Return k with 2^k nearest to the root of each positive value, and 0 for others."""
     positive = np.where((values > 0.0) & np.isfinite(values), values, 1.0)
     return np.round(0.5 * np.log2(positive)).astype(int)
 
@@ -311,7 +346,7 @@ def lyapunov_in_bits(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat
             return D
     except (np.linalg.LinAlgError, ValueError):
         pass
-    return squared_steps(loop, C) if is_discrete else by_sign_function(loop, C)
+    return lyapunov_by_doubling(loop, C) if is_discrete else lyapunov_by_sign_function(loop, C)
 
 
 class _Refined(NamedTuple):
@@ -341,24 +376,26 @@ def _refined_lyapunov(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> _Refin
         D = (D + ball_matrix(solver.solve(-midpoints(residual))[0])).mid()
 
 
-def squared_steps(loop: arb_mat, C: arb_mat) -> arb_mat:
-    """Return the sum D of F'^k C F^k by doubling the number of steps, (n, n).
+def lyapunov_by_doubling(loop: arb_mat, C: arb_mat) -> arb_mat:
+    """Return D of F'D F - D + C = 0, (n, n), the sum of F'^k C F^k over all k, twice as many in turn.
 
     Raises FailedError if it does not converge.
     """
     F, D = loop.mid(), C.mid()
     for _ in range(DOUBLINGS):
-        more = (F.transpose() * D * F).mid()
-        D, F = (D + more).mid(), (F * F).mid()
-        if norm(more) <= norm(D) * _last_bits():
+        of_later_steps = (F.transpose() * D * F).mid()
+        D, F = (D + of_later_steps).mid(), (F * F).mid()
+        if norm(of_later_steps) <= norm(D) * _last_bits():
             return D
         if not norm(F).is_finite():
             break
     raise FailedError("the steps do not decay")
 
 
-def by_sign_function(loop: arb_mat, C: arb_mat) -> arb_mat:
+def lyapunov_by_sign_function(loop: arb_mat, C: arb_mat) -> arb_mat:
     """Return D of F'D + D F + C = 0 by Newton's method for the sign of [[F, 0], [C, -F']], (n, n).
+
+    The sign is [[-1, 0], [2 D, 1]].
 
     Source: Roberts, International Journal of Control 32 (1980), 677-687.
     Raises FailedError if it does not converge.
@@ -368,29 +405,33 @@ def by_sign_function(loop: arb_mat, C: arb_mat) -> arb_mat:
         inverse = _inverse(F)
         scale = _newton_scale(F, inverse, step)
         D = ((D * scale + inverse.transpose() * D * inverse * (1 / scale)) * 0.5).mid()
-        further = ((F * scale + inverse * (1 / scale)) * 0.5).mid()
-        if scale == 1 and norm(further - F) <= norm(further) * half_the_bits():
+        next_F = ((F * scale + inverse * (1 / scale)) * 0.5).mid()
+        if scale == 1 and norm(next_F - F) <= norm(next_F) * half_the_bits():
             return (D * 0.5).mid()
-        F = further
+        F = next_F
     raise FailedError("the loop may be on the axis")
 
 
 def sign_function(matrix: arb_mat) -> arb_mat:
-    """Return the matrix sign function by Newton's method.
+    """Return the matrix sign function, the limit of (M + M⁻¹)/2 in each step (Newton).
 
     Raises FailedError if it does not converge.
     """
     for step in range(NEWTON_STEPS):
         inverse = _inverse(matrix)
         scale = _newton_scale(matrix, inverse, step)
-        further = ((matrix * scale + inverse * (1 / scale)) * 0.5).mid()
-        if scale == 1 and norm(further - matrix) <= norm(further) * half_the_bits():
-            return ((further + _inverse(further)) * 0.5).mid()
-        matrix = further
+        next_matrix = ((matrix * scale + inverse * (1 / scale)) * 0.5).mid()
+        if scale == 1 and norm(next_matrix - matrix) <= norm(next_matrix) * half_the_bits():
+            return ((next_matrix + _inverse(next_matrix)) * 0.5).mid()
+        matrix = next_matrix
     raise FailedError("an eigenvalue may be on the axis")
 
 
 def _inverse(matrix: arb_mat) -> arb_mat:
+    """Return the inverse without radii.
+
+    Raises FailedError if the matrix may be singular.
+    """
     try:
         return matrix.inv().mid()
     except ZeroDivisionError:
@@ -398,7 +439,9 @@ def _inverse(matrix: arb_mat) -> arb_mat:
 
 
 def _newton_scale(matrix: arb_mat, inverse: arb_mat, step: int) -> arb:
-    """Return the factor of a Newton step that brings the eigenvalues near to 1 soon, or 1."""
+    """Return the factor c of a Newton step (c M + (c M)⁻¹)/2 that brings the eigenvalues near ±1
+    soon; 1 where they are near, and in late steps.
+    """
     from flint import arb
 
     factor = (norm(inverse) / norm(matrix)).sqrt().mid()
@@ -414,6 +457,7 @@ def half_the_bits() -> arb:
 
 
 def _last_bits() -> arb:
+    """Return 2^(10 - bits): smaller changes are in the last bits."""
     from flint import arb
 
     return arb(2) ** (10 - bits())
@@ -426,15 +470,15 @@ def proposal_in_bits(game: Game, delta: float) -> Proposal:
     """
     units = first_units(game, delta)
     with np.errstate(all="ignore"):
-        first = in_bits(equation_of(game, units, Balls, delta))
-        further = units_of_solution(game, units, first.X.midpoint, delta)
-        if all(map(np.array_equal, units, further)):
+        first = _by_sign_function(equation_of(game, units, Balls, delta))
+        better_units = units_of_solution(game, units, first.X.midpoint, delta)
+        if all(map(np.array_equal, units, better_units)):
             return first
-        return in_bits(equation_of(game, further, Balls, delta))
+        return _by_sign_function(equation_of(game, better_units, Balls, delta))
 
 
-def corrected(proposal: Proposal) -> Proposal:
-    """Return a proposal of LAPACK, corrected by residuals as long as they shrink.
+def corrected_in_bits(proposal: Proposal) -> Proposal:
+    """Return a proposal of LAPACK, corrected in `Balls` as long as each residual is half the last.
 
     Raises FailedError.
     """
@@ -444,25 +488,31 @@ def corrected(proposal: Proposal) -> Proposal:
             gains, residual = equation.gains_and_residual(X)
             F = equation.loop(X, gains).midpoint
             solver = lyapunov_of(F, is_discrete=equation.is_discrete)
-            before = None
+            size_before = None
             for _ in range(NEWTON_STEPS):
                 size = residual.mid().norm()
-                if before is not None and not size < 0.5 * before:
+                if size_before is not None and not size < 0.5 * size_before:
                     break
-                before = size
+                size_before = size
                 X = (X + Balls.of(solver.solve(-residual.midpoint)[0])).mid()
                 gains, residual = equation.gains_and_residual(X)
         except (np.linalg.LinAlgError, ValueError, ZeroDivisionError) as failure:
             raise FailedError(str(failure)) from None
+    return _with_Y(equation, X, gains)
+
+
+def _with_Y(equation: Equation[Balls], X: Balls, gains: Balls) -> Proposal:
+    """Return the proposal of X, whose gains are known, with Y of its loop.
+
+    Raises FailedError.
+    """
     loop = equation.loop(X, gains).matrix.mid()
     Y = lyapunov_in_bits(loop, identity(equation.n), is_discrete=equation.is_discrete)
     return Proposal(equation, X, Y)
 
 
-def in_bits(equation: Equation[Balls]) -> Proposal:
+def _by_sign_function(equation: Equation[Balls]) -> Proposal:
     """Return a proposal by the matrix sign function.
-
-    equation: in `Balls`
 
     Raises FailedError.
     """
@@ -471,35 +521,32 @@ def in_bits(equation: Equation[Balls]) -> Proposal:
         gains, _ = equation.gains_and_residual(X)
     except ZeroDivisionError:
         raise FailedError("a matrix is singular with these bits") from None
-    loop = equation.loop(X, gains).matrix.mid()
-    Y = lyapunov_in_bits(loop, identity(equation.n), is_discrete=equation.is_discrete)
-    return Proposal(equation, X, Y)
+    return _with_Y(equation, X, gains)
 
 
-def of_control_loop(found: Stabilizing[Any]) -> arb_mat:
-    """Return a proposal for Y of the loop without disturbance, (n, n).
+def lyapunov_of_control_loop(found: Stabilizing[Any]) -> arb_mat:
+    """Return a proposal for Y of the loop F without disturbance, F'Y + Y F = -1, (n, n).
+
+    In discrete time, F'Y F - Y = -1.
 
     Raises FailedError.
     """
     equation = found.equation
-    P = Balls.around(found.X, found.spread)
-    loop = equation.control_loop(P, Balls(found.gains)).matrix
+    loop = equation.control_loop(found.P_in_balls, Balls.of(found.gains)).matrix
     return lyapunov_in_bits(loop, identity(equation.n), is_discrete=equation.is_discrete)
 
 
 def _of_stable_subspace(equation: Equation[Balls]) -> arb_mat:
-    """Return X = X2 X1⁻¹ of the basis [X1; X2] of the stable subspace, (n, n)."""
+    """Return X = X2 X1⁻¹ of a basis [X1; X2] of the stable subspace, (n, n).
+
+    The columns of 1 - sign(M) span it, with the `half_plane_matrix` M.
+
+    Raises FailedError or ZeroDivisionError.
+    """
     n = equation.n
-    if isinstance(equation, StepEquation):
-        L, M = equation.pencil()
-        # The stable eigenvalues, |z| < 1, are those of (L + M)⁻¹ (L - M) with Re < 0.
-        matrix = (L + M).mid().solve((L - M).mid()).mid()
-    else:
-        assert isinstance(equation, ContinuousEquation)
-        matrix = equation.hamiltonian().mid()
-    sign = sign_function(matrix)
+    matrix = equation.half_plane_matrix()
     size = matrix.nrows()
-    stable = (identity(size) - sign).mid()
+    stable = (identity(size) - sign_function(matrix)).mid()
     dimension = sum((stable[i, i] for i in range(size)), 0 * stable[0, 0]) / 2
     if not abs(dimension - n) < 0.5:
         raise FailedError(f"{float(dimension):.0f} stable eigenvalues instead of {n}")

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import joined
+from controller.riccati.balls import block_entries
+from controller.riccati.equation import pencil_blocks
 
 if TYPE_CHECKING:
     from flint import acb, fmpq, fmpq_mat, fmpq_poly, fmpz_poly
@@ -237,30 +238,22 @@ def boundary_of(game: Game, delta: float) -> Boundary:
     A, B, E, Q, R, N = (rational(each) for each in (game.A, game.B, game.E, game.Q, game.R, game.N))
     Q, R = (Q + Q.transpose()) / 2, (R + R.transpose()) / 2
     is_disturbed = math.isfinite(delta)
-    price = _exact(delta) ** 2 if is_disturbed else fmpq(1)
+    price = exact_fraction(delta) ** 2 if is_disturbed else fmpq(1)
     if not game.is_discrete:
         S = B * R.solve(B.transpose())
         if is_disturbed:
             S = S - E * E.transpose() / price
         free, cost = A - B * R.solve(N.transpose()), Q - N * R.solve(N.transpose())
-        H = _stacked([[free, S * -1], [cost * -1, free.transpose() * -1]])
+        H = stacked_rationals([[free, S * -1], [cost * -1, free.transpose() * -1]])
         return Boundary.CROSSED if has_root_on_axis(H.charpoly()) else Boundary.CLEAR
     n, m, k = A.nrows(), B.ncols(), E.ncols() if is_disturbed else 0
-    one, growth = rational(np.eye(n)), _exact(game.discount)
-    G = _stacked([[B, E]]) if is_disturbed else B
-    C = _stacked([[N, _zeros(n, k)]])
-    W = _stacked([[R, _zeros(m, k)], [_zeros(k, m), rational(-np.eye(k)) * price]])
-    # The eigenvalues are √growth t.
-    L = _stacked(
-        [[A, _zeros(n, n), G], [Q * -1, one, C * -1], [C.transpose(), _zeros(m + k, n), W]]
-    )
-    M = _stacked(
-        [
-            [one, _zeros(n, n), _zeros(n, m + k)],
-            [_zeros(n, n), A.transpose() * growth, _zeros(n, m + k)],
-            [_zeros(m + k, n), G.transpose() * -growth, _zeros(m + k, m + k)],
-        ]
-    )
+    growth = exact_fraction(game.discount)
+    G = stacked_rationals([[B, E]]) if is_disturbed else B
+    C = stacked_rationals([[N, _zeros(n, k)]])
+    W = stacked_rationals([[R, _zeros(m, k)], [_zeros(k, m), rational(-np.eye(k)) * price]])
+    # The eigenvalues of √growth A are √growth z.
+    blocks = pencil_blocks(A, G, Q, W, C, rational(np.eye(n)), growth)
+    L, M = map(stacked_rationals, blocks)
     points = list(range(-n, n + 1))
     polynomial = _through(points, [(L - M * point).det() for point in points])
     if polynomial.degree() < 0:
@@ -268,7 +261,8 @@ def boundary_of(game: Game, delta: float) -> Boundary:
     return Boundary.CROSSED if has_root_on_circle(polynomial, growth) else Boundary.CLEAR
 
 
-def _exact(value: float) -> fmpq:
+def exact_fraction(value: float) -> fmpq:
+    """Return a double as the rational that it is."""
     from flint import fmpq
 
     fraction = Fraction(value)
@@ -290,11 +284,11 @@ def _through(points: list[int], values: list[fmpq]) -> fmpq_poly:
     return polynomial
 
 
-def _stacked(rows: list[list[fmpq_mat]]) -> fmpq_mat:
-    """Return the matrix of these blocks."""
+def stacked_rationals(blocks: list[list[fmpq_mat]]) -> fmpq_mat:
+    """Return the matrix [[a, b], [c, d]] of blocks a, b, c and d."""
     from flint import fmpq_mat
 
-    return fmpq_mat(joined(rows))
+    return fmpq_mat(block_entries(blocks))
 
 
 def _zeros(rows: int, columns: int) -> fmpq_mat:
@@ -310,7 +304,7 @@ def costs_nothing(game: Game) -> bool:
     """
     A, B, E, Q, R, N = (rational(each) for each in (game.A, game.B, game.E, game.Q, game.R, game.N))
     Q, R = (Q + Q.transpose()) / 2, (R + R.transpose()) / 2
-    cost = _stacked([[Q], [N.transpose()]])
+    cost = stacked_rationals([[Q], [N.transpose()]])
     if R.rank() == R.nrows():
         over_R = R.solve(N.transpose())
         A, cost = A - B * over_R, Q - N * over_R
@@ -331,7 +325,7 @@ def moves_nothing(game: Game, K: np.ndarray) -> bool:
     )
     RK = (R + R.transpose()) / 2 * K_exact
     # Half the gradient of the cost z'Q z + 2 z'N u + u'R u by z and by u, at u = -K z.
-    cost = _stacked([[(Q + Q.transpose()) / 2 - N * K_exact], [N.transpose() - RK]])
+    cost = stacked_rationals([[(Q + Q.transpose()) / 2 - N * K_exact], [N.transpose() - RK]])
     return _never_costs(A - B * K_exact, E, cost)
 
 

@@ -169,7 +169,7 @@ def _sign_of(value: acb) -> int:
 def _unpaid(found: Stabilizing[Bound]) -> str:
     """Return that the disturbance does not pay, proved by one disturbance, or ""."""
     equation = found.equation
-    price = equation.disturbance_price(Balls.around(found.X, found.spread))
+    price = equation.disturbance_price(found.P_in_balls)
     if price is not None and _is_negative(price.matrix):
         return (
             f"in one step, the disturbance gains more than {equation.delta:.6g} squared of its cost"
@@ -179,7 +179,7 @@ def _unpaid(found: Stabilizing[Bound]) -> str:
 
 def _indefinite(found: Stabilizing[Bound]) -> str:
     """Return that P is indefinite, proved by one direction, or ""."""
-    if _is_negative(Balls.around(found.X, found.spread).matrix):
+    if _is_negative(found.P_in_balls.matrix):
         return "P is indefinite"
     return ""
 

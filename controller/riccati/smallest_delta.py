@@ -257,13 +257,13 @@ class _Search:
         self.game = game
         self.has_exact_weights = has_exact_weights(game)
         found = undisturbed.proved
-        self.units = found.exactly.units
+        self.units = found.bounds.units
         with precision(2 * undisturbed.bits), np.errstate(all="ignore"):
             level = levelled(undisturbed)
-            self.entries = found.exactly.entries.in_states(level.to_level)
+            self.entries = found.bounds.entries.in_states(level.to_level)
             self.rounded = self.entries.rounded
             back = Balls(level.from_level)
-            self.P = (back.T @ Balls(found.X) @ back).symmetric().midpoint
+            self.P = (back.T @ Balls.of(found.X) @ back).symmetric().midpoint
 
     def equation(self, square: float, entries: Entries) -> Equation[DoubleBalls]:
         """Return the equation at 1/δ².

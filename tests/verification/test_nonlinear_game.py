@@ -75,7 +75,7 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order, basis):
     for aircraft, is_flown in ((None, False), (linear, True)):
         verdict = hfa.verify(game, critic, flights=QUICK, linear=aircraft, taylor=False)
         assert (verdict.ok, verdict.nonlinear) == (False, None)
-        assert (verdict.data()["network"]["reach_nonlinear"] is not None) == is_flown
+        assert (verdict.file_entries()["network"]["reach_nonlinear"] is not None) == is_flown
 
 
 def judged(expansion, game, linear, change, z):

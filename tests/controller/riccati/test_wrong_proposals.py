@@ -116,7 +116,7 @@ def proposed(equation, X, Y, arithmetics):
 
 
 def around(found):
-    return Balls.around(found.X, found.spread).matrix
+    return found.P_in_balls.matrix
 
 
 def contains(balls, exact):
@@ -165,7 +165,7 @@ def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetics
                     continue
                 accepted += 1
                 assert contains(around(found), truth)
-                assert contains(found.gains, gains)
+                assert contains(found.gains.matrix, gains)
     assert accepted >= 16
 
 

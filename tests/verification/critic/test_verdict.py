@@ -91,7 +91,7 @@ def test_each_kind_of_check_has_its_grade(kind, off, cost_lost, grade, holds):
     assert verdict.headline.startswith({"exact": "PASS", "near": "NEAR", "fail": "FAIL"}[grade])
     assert verdict.report(limit_cost=0.5).title.startswith("PASS" if holds else "FAIL")
     assert verdict.largest_error == (off if kind == "error" else 0.0)
-    assert verdict.data(0.5)["graded"]["ok"] is holds
+    assert verdict.file_entries(0.5)["graded"]["ok"] is holds
     assert ("not stabilizing" in str(verdict)) is (kind == "stability")
 
 
