@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from fractions import Fraction
 
 import numpy as np
 
@@ -41,18 +41,26 @@ def value_range(model: Model, name: str, text: str) -> Range:
         raise BadInputError(
             f"runs backwards from {start:g} to {stop:g}; give the lower number first"
         )
-    intervals = (stop - start) / step
-    if intervals >= MOST_POINTS:
-        points = f"{np.floor(intervals) + 1.0:,.15g}"
+    count = _count(start, stop, step)
+    if count > MOST_POINTS:
         raise BadInputError(
-            f"is a range of {points} points (maximum {MOST_POINTS:,}); choose a larger step"
+            f"is a range of {float(count):,.15g} points (maximum {MOST_POINTS:,}); choose a larger "
+            "step"
         )
     unit = quantity(model, name, "1") if factor is None else factor
-    count = math.floor(intervals + 1e-9) + 1
     spacing = min(step * unit, (stop - start) * unit / (count - 1)) if count > 1 else step * unit
     while start * unit + spacing * (count - 1) > stop * unit:  # stop may be a limit
         spacing = np.nextafter(spacing, 0.0)
     return Steps(start * unit, float(spacing), count)
+
+
+def _count(start: float, stop: float, step: float) -> int:
+    """Return the number of values start, start + step, ... up to stop, of the typed decimals.
+
+    Doubles would miss the last value of 35:35.3:0.1, because (35.3 - 35) / 0.1 is below 3 in them.
+    """
+    first, last, width = (Fraction(repr(value)) for value in (start, stop, step))
+    return (last - first) // width + 1
 
 
 def single_value(name: str, values: Range) -> float:
