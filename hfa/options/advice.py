@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from math import isclose
-
 from hfa.options.trims import GivenTrim, at_name
-from hfa_aircraft.model import recognized
+from hfa_aircraft.model import Model, recognized
 from hfa_support.errors import BadInputError, warn
 from hfa_support.reporting.text import shown_value
 from hfa_support.units import conversion_factor
@@ -58,44 +56,53 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
     """
     if failure.attempt._unmoved:
         return ""
-    if of_inputs := _free_inputs(given):
-        return of_inputs
+    if advice_on_inputs := _free_inputs(given):
+        return advice_on_inputs
     model, condition = given.model, given.condition
-    changing = [name for name in model.states if conversion_factor(model.unit(name), "m")]
-    if "load_factor" in condition.imposed:
-        changing.append(recognized(model.states).get("theta", ""))
-    rates = [f"{name}_dot" for name in changing if name in condition.rates]
+    usual = usual_condition(model).imposed
     weak = _too_weak(given, failure)
-    typed = "".join(
-        f"--hold {each}={shown_value(value, model.unit(each))} " for each, value in weak.items()
-    )
-    tried = sorted([*rates, *condition.imposed], key=lambda name: name in given.hold)
-    declared = usual_condition(model).imposed
-    found: list[str] = []
-    for name in tried:
-        is_swept = name == model.schedule and model.about.names_schedule
-        is_extra = name in given.hold and name not in declared  # without it: the default trim
-        if is_swept or len(found) == _MOST_ADVICE or (is_extra and found):
-            continue
+    options: list[str] = []
+    for name in _releasable(given):
         is_rate = name not in condition.imposed
+        is_extra = name in given.hold and name not in usual  # without it: the default trim
+        if is_extra and options:
+            continue
         freed = release(condition, free=(name,), hold={} if is_rate else weak)
         try:
             point = trim(model, freed, given.start)
         except TrimError as obstacle:
             if is_rate and obstacle.required and not failure.required:
                 return f"with --free {name}, balanced only beyond a limit: {obstacle.required}"
+            continue
         except BadInputError:
-            pass
-        else:
-            instead = " in place of --hold" if name in given.hold else ""
-            if is_rate:
-                found.append(f"--free {name}{instead}")
-            elif not (point._far_out or _is_equal(declared.get(name), point[name])):
-                value = model.describe(name, point[name])
-                found.append(f"{typed}--free {name}{instead} ({name} {value})")
-    if not found:
-        return ""
-    return f"a trim exists with {' or '.join(found)}"
+            continue
+        option = f"--free {name}" + " in place of --hold" * (name in given.hold)
+        if is_rate:
+            options.append(option)
+        elif not (point._far_out or _is_printed_alike(model, name, usual.get(name), point[name])):
+            held = "".join(
+                f"--hold {each}={shown_value(value, model.unit(each))} "
+                for each, value in weak.items()
+            )
+            options.append(f"{held}{option} ({name} {model.describe(name, point[name])})")
+        if len(options) == _MOST_ADVICE:
+            break
+    return f"a trim exists with {' or '.join(options)}" if options else ""
+
+
+def _releasable(given: GivenTrim) -> list[str]:
+    """Return the rates and imposed values of a condition that advice may set free, the user's last.
+
+    The rates are those of lengths and, with an imposed load factor, of pitch.
+    """
+    model, condition = given.model, given.condition
+    changing = [name for name in model.states if conversion_factor(model.unit(name), "m")]
+    if "load_factor" in condition.imposed:
+        changing.append(recognized(model.states).get("theta", ""))
+    rates = [f"{name}_dot" for name in changing if name in condition.rates]
+    scheduled = model.schedule if model.about.names_schedule else ""
+    names = [name for name in (*rates, *condition.imposed) if name != scheduled]
+    return sorted(names, key=lambda name: name in given.hold)
 
 
 def _free_inputs(given: GivenTrim) -> str:
@@ -103,11 +110,11 @@ def _free_inputs(given: GivenTrim) -> str:
     at their start values, or "": those that are not 0, else all, if a trim then exists.
     """
     model, condition = given.model, given.condition
-    declared = usual_condition(model).imposed
-    held = [name for name in model.inputs if name in declared and name not in given.hold]
-    if not held or any(name not in (*declared, *given.hold) for name in model.inputs):
+    usual = usual_condition(model).imposed
+    held = [name for name in model.inputs if name in usual and name not in given.hold]
+    if not held or any(name not in (*usual, *given.hold) for name in model.inputs):
         return ""
-    for names in ([name for name in held if declared[name]], held):
+    for names in ([name for name in held if usual[name]], held):
         try:
             trim(model, release(condition, free=[*names]), given.start)
         except (BadInputError, TrimError):
@@ -123,12 +130,12 @@ def _too_weak(given: GivenTrim, failure: TrimError) -> dict[str, float]:
     The result is {} if none or several are at a limit.
     """
     margins = failure.attempt.margins.values()
-    bound = [each for each in margins if each.at_limit and each.role == "free"]
-    if not failure.required or len(bound) != 1 or bound[0].name not in given.model.inputs:
+    at_limits = [each for each in margins if each.at_limit and each.role == "free"]
+    if not failure.required or len(at_limits) != 1 or at_limits[0].name not in given.model.inputs:
         return {}
-    return {bound[0].name: bound[0].nearer_limit}
+    return {at_limits[0].name: at_limits[0].nearer_limit}
 
 
-def _is_equal(declared: object, value: float) -> bool:
-    """Return whether a value is that of the default trim, which no option need set free."""
-    return isinstance(declared, float) and isclose(value, declared, abs_tol=1e-9)
+def _is_printed_alike(model: Model, name: str, usual: object, value: float) -> bool:
+    """Return whether a value is printed as that of the default trim, which advice need not free."""
+    return isinstance(usual, float) and model.describe(name, usual) == model.describe(name, value)

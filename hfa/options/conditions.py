@@ -79,8 +79,8 @@ def conditions(path: str | Path, model: Model) -> list[ListedCondition]:
         if not listed:
             for column in columns:
                 column.refuse_unknown(f"{path}: row {header}", model, row[column.name])
-        called = f" ({row[NAME]})" if row.get(NAME) else ""
-        listed.append(_condition(f"{path}: row {number}{called}", model, columns, row))
+        in_brackets = f" ({row[NAME]})" if row.get(NAME) else ""
+        listed.append(_condition(f"{path}: row {number}{in_brackets}", model, columns, row))
     return listed
 
 
@@ -173,10 +173,10 @@ class _Column(NamedTuple):
         if self.name in (NAME, FREE, LIMIT):
             return
         known = _imposable(model)
-        found = re.fullmatch(r"(\w+)[\s(]+([^()]+)\)?", self.title)
-        if found and not self.unit and model.about.name_of(found[1]) in known:
+        parts = re.fullmatch(r"(\w+)[\s(]+([^()]+)\)?", self.title)  # "speed kt", "speed (kt)"
+        if parts and not self.unit and model.about.name_of(parts[1]) in known:
             title = shown(self.title)
-            raise BadInputError(f"{where}: {title} has no brackets; write {found[1]} [{found[2]}]")
+            raise BadInputError(f"{where}: {title} has no brackets; write {parts[1]} [{parts[2]}]")
         if cell and self.name not in known and not re.match(r"[-+.\d]|FL\s*\d", cell):
             raise BadInputError(
                 f"{where}: the column {shown(self.title)} has labels ({shown(cell)}), which are "

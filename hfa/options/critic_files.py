@@ -35,6 +35,7 @@ def critic_path(text: str) -> Path:
 
 
 def _setting(name: str, text: str) -> Any:
+    """Return the value of --set NAME=TEXT."""
     if name not in _SETTINGS:
         raise BadInputError(f"is not a setting of a critic; {choice_of(name, _SETTINGS)}")
     return _SETTINGS[name](text)

@@ -40,6 +40,7 @@ CONTINUOUS_ONLY = (
 
 
 def _delta(text: str) -> float:
+    """Return the disturbance weight that a word states, which may be inf."""
     return math.inf if text.strip().lower() in ("inf", "infinity") else number(text)
 
 
@@ -163,17 +164,18 @@ def weighted_game(
         inputs = inputs or deployment.inputs
     used = {**cost, **weights}
     if inputs and isinstance(used.get("R"), Mapping):
-        used["R"] = {name: 1.0 for name in linear.inputs if name not in inputs} | used["R"]
+        not_moved = [name for name in linear.inputs if name not in inputs]
+        used["R"] = dict.fromkeys(not_moved, 1.0) | used["R"]  # any weight: it is not used
     game = replace(game_of(linear, **used), names=plant_names(linear))
     about = linear.model.about
     sources = _sources(weights, cost, about.weights if about.weights_source == "file" else ())
     notes: tuple[str, ...] = ()
-    if stored := [name for name, source in sources.items() if source == "file"]:
-        notes += (f"used: {' and '.join(stored)} of {linear.model.name}",)
+    if of_file := [name for name, source in sources.items() if source == "file"]:
+        notes += (f"used: {' and '.join(of_file)} of {linear.model.name}",)
     missing = [name for name, source in sources.items() if source == "default"]
     if is_own(linear.model) and missing:
-        taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
-        notes += (f"{' and '.join(missing)} not given; used: {', '.join(taken)}",)
+        usual = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
+        notes += (f"{' and '.join(missing)} not given; used: {', '.join(usual)}",)
     return NamedGame(game, notes, linear=linear, weights_from=sources).moved_by(inputs)
 
 

@@ -78,6 +78,7 @@ def option(
 
 
 def _text(_: str, text: str) -> str:
+    """Return the text of NAME=TEXT, the value of a `named` option without a kind."""
     return text
 
 
@@ -87,23 +88,27 @@ def options_of(request: type) -> dict[str, Option]:
     The order is that of the help: common options of the aircraft and the command, of the output, of
     other groups, and rare ones; in each group, required ones come first.
     """
-    found: dict[str, Option] = {}
+    options: dict[str, Option] = {}
     for each in fields(request):
         if declared := each.metadata.get("option"):
-            called = "--" + each.name.strip("_").replace("_", "-")
-            found[each.name] = replace(declared, names=declared.names or (called,))
+            usual_name = "--" + each.name.strip("_").replace("_", "-")
+            options[each.name] = replace(declared, names=declared.names or (usual_name,))
 
-    def place(name: str) -> tuple[bool, bool, bool, bool]:
-        of = found[name]
-        return of.rare, bool(of.group), not (of.required or of.first), name in _OUTPUT
+    def place(name: str) -> tuple[bool, ...]:
+        """Return the sort key of a field, of which False comes first."""
+        option = options[name]
+        is_first = option.required or option.first
+        return option.rare, bool(option.group), not is_first, name in _OUTPUT
 
-    return {name: found[name] for name in sorted(found, key=place)}
+    return {name: options[name] for name in sorted(options, key=place)}
 
 
 def is_given(request: Any, name: str) -> bool:
     """Return whether a field of a request differs from its default."""
-    each = type(request).__dataclass_fields__[name]
-    usual = each.default if each.default_factory is MISSING else each.default_factory()
+    declared = type(request).__dataclass_fields__[name]
+    usual = declared.default
+    if declared.default_factory is not MISSING:
+        usual = declared.default_factory()
     value = getattr(request, name)
     return value is not usual and (type(value) is not type(usual) or value != usual)
 

@@ -44,25 +44,26 @@ class Parser(argparse.ArgumentParser):
         for name, option in options.items():
             names = option.names
             kind = option.kind
-            how: dict[str, Any] = {"help": ""}
+            keywords: dict[str, Any] = {"help": ""}  # of argparse
             if names[0].startswith("-"):
-                how |= {"dest": name, "default": argparse.SUPPRESS, "required": option.required}
+                required = option.required
+                keywords |= {"dest": name, "default": argparse.SUPPRESS, "required": required}
             if option.named:
-                how |= {"action": _Named, "kind": kind, "metavar": option.form}
+                keywords |= {"action": _Named, "kind": kind, "metavar": option.form}
             elif option.form:
-                how |= {"type": kind, "metavar": option.form}
+                keywords |= {"type": kind, "metavar": option.form}
                 if option.repeated:
-                    how["action"] = "append"
+                    keywords["action"] = "append"
                 if option.count:
-                    how["nargs"] = option.count
+                    keywords["nargs"] = option.count
                 if option.alone is not None:
-                    how |= {"nargs": "?", "const": option.alone}
+                    keywords |= {"nargs": "?", "const": option.alone}
             else:
-                how["action"] = "store_true"
+                keywords["action"] = "store_true"
             heading = option.group or RARE * option.rare
             if heading not in groups:
                 groups[heading] = self.add_argument_group(heading)
-            groups[heading].add_argument(*names, **how)
+            groups[heading].add_argument(*names, **keywords)
         positional = [action for action in self._actions if not action.option_strings]
         words = "".join(f" [{action.metavar}]" for action in positional)
         self.usage = f"{self.prog}{words} [options]"
@@ -122,6 +123,7 @@ class Parser(argparse.ArgumentParser):
         }
 
     def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        """Return the value of a word, with the fault of its type in an error of argparse."""
         try:
             return self._registry_get("type", action.type, action.type)(arg_string)
         except BadInputError as error:
@@ -132,6 +134,7 @@ class Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, reason) from error
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        """Return the value of an option, and refuse another value of one that is given twice."""
         if action.option_strings and arg_strings == ["--"]:  # argparse converts it to an empty list
             raise argparse.ArgumentError(action, "is '--'; give a value")
         if action.option_strings and type(action) is argparse._StoreAction:

@@ -36,6 +36,7 @@ def aircraft_help() -> str:
 
 
 def _parameter_file(text: str) -> str:
+    """Return the name or path of --parameters. Raises BadInputError for NAME=VALUE."""
     if "=" in text and not Path(text).exists():
         raise BadInputError(f"is {text}, not a file; a parameter is set by --hold {text}")
     return text

@@ -13,6 +13,7 @@ from hfa.options.conditions import ListedCondition
 from hfa.options.option import option
 from hfa.options.ranges import Range, array_of
 from hfa.options.trims import SeveralTrims, TrimInput, conditions_option, trim_input
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import TrimCondition
 
@@ -91,8 +92,8 @@ def given_points(request: PointOptions) -> GivenPoints:
     Raises BadInputError for a variable that two of them give, and as `conditions` does.
     """
     given = trim_input(request)
-    model = given.model
-    of_options = given.hold if given.at is None else {model.schedule: given.at, **given.hold}
+    schedule = given.model.schedule
+    of_options = given.hold if given.at is None else {schedule: given.at, **given.hold}
     for row in given.rows:
         given.for_row(row)  # raises where an option gives the same variable
     several = [name for name, values in of_options.items() if len(values) > 1]
@@ -102,23 +103,13 @@ def given_points(request: PointOptions) -> GivenPoints:
             "one value"
         )
     constants = {name: values[0] for name, values in given.hold.items() if len(values) == 1}
-    columns: dict[str, Range] = {}
-    if _alike(given.rows):
-        listed = [row.values for row in given.rows]
-        columns = {name: tuple(values[name] for values in listed) for name in listed[0]}
+    columns = _columns(given.rows)
     if given.rows and not columns:
         if given.at is not None:
-            constants[model.schedule] = given.at[0]
+            constants[schedule] = given.at[0]
         return GivenPoints(given, constants, {}, listed=True)
-    swept = {*of_options, *columns} - {*constants}
-    # An axis would replace a constant of its group, such as the speed the Mach number.
-    beside_axes = {
-        name for group in model.alternatives if swept.intersection(group) for name in group
-    }
-    of_axes = {*swept, *beside_axes, *model.parameters}
-    axes: dict[str, Range] = {
-        name: values for name, values in of_options.items() if name in of_axes
-    }
+    axis_names = _axis_names(given.model, {*of_options, *columns} - {*constants})
+    axes = {name: values for name, values in of_options.items() if name in axis_names}
     if not columns:
         single_first = dict(sorted(axes.items(), key=lambda axis: len(axis[1]) > 1))
         return GivenPoints(given, constants, single_first, listed=False)
@@ -126,9 +117,22 @@ def given_points(request: PointOptions) -> GivenPoints:
     return GivenPoints(given, constants, columns | repeated, listed=True)
 
 
-def _alike(rows: Sequence[ListedCondition]) -> bool:
-    """Return whether all conditions hold the same names, and have neither free ones nor limits."""
-    if not rows:
-        return False
-    names = {*rows[0].values}
-    return all({*row.values} == names and not (row.free or row.limits) for row in rows)
+def _axis_names(model: Model, swept: set[str]) -> set[str]:
+    """Return the names whose values are axes even if they are constant: what is swept, the
+    parameters, and alternatives to what is swept, such as the Mach number to the speed, which an
+    axis would replace.
+    """
+    replaced = {name for group in model.alternatives if swept.intersection(group) for name in group}
+    return {*swept, *replaced, *model.parameters}
+
+
+def _columns(rows: Sequence[ListedCondition]) -> dict[str, Range]:
+    """Return name -> value of each condition, or {} unless all conditions hold the same names, and
+    have neither free variables nor limits.
+    """
+    if not rows or any(row.free or row.limits for row in rows):
+        return {}
+    names = [*rows[0].values]
+    if any({*row.values} != {*names} for row in rows):
+        return {}
+    return {name: tuple(row.values[name] for row in rows) for name in names}

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
 
 def _signal(model: Model, name: str, text: str) -> Waveform:
-    """Return the signal of a state, (1,), in the units of the model (typed in degrees)."""
-    return channel(text).through(np.array([[linear_state(model, name, "1")]]))
+    """Return the signal (1,) of a state, in the units of the model, of angles typed in degrees."""
+    typed_unit = linear_state(model, name, "1")
+    return channel(text).through(np.array([[typed_unit]]))
 
 
 def reference_of(texts: Mapping[str, str], named: NamedGame) -> dict[str, Waveform]:
