@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hfa.options.option import is_installed
 from hfa_support.entry_points import COMMANDS as GROUP, loaded, offered, package_of
-from hfa_support.errors import BadInputError, choice_of, shortened
+from hfa_support.errors import BadInputError, choice_of, shortened, warn
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -163,20 +163,18 @@ def commands() -> dict[str, CommandEntry]:
     A command of another package that cannot be loaded, or whose name is taken, is left out with a
     warning.
     """
-    found = dict(own_commands())
+    entries = dict(own_commands())
     for name, offer in _of_others().items():
         try:
-            if name in found:
+            if name in entries:
                 raise BadInputError(
                     f"{package_of(offer)} declares `hfa {name}`, a command of hfa; uninstall the "
                     "package"
                 )
-            found[name] = command_named(name)
+            entries[name] = command_named(name)
         except BadInputError as error:
-            from hfa_support.errors import warn
-
             warn(str(error))
-    return found
+    return entries
 
 
 def command_named(name: str) -> CommandEntry:
@@ -207,11 +205,11 @@ def words_after(name: str) -> Mapping[str, str]:
     """
     if _is_single(name):
         return {}
-    begin = f"{name} "
+    first = f"{name} "
     return {
-        each.removeprefix(begin): entry.about
-        for each, entry in commands().items()
-        if each.startswith(begin)
+        both_words.removeprefix(first): entry.about
+        for both_words, entry in commands().items()
+        if both_words.startswith(first)
     }
 
 
@@ -240,22 +238,24 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     two_words = " ".join(words[:2])
     if len(words) > 1 and two_words in names:  # prove schedule ...
         return two_words, words[2:]
-    parted = [f"{first} {word}" for word in words[2:] if f"{first} {word}" in names]
-    if parted and words[1].startswith("-"):  # prove -q schedule
+    separated = [f"{first} {word}" for word in words[2:] if f"{first} {word}" in names]
+    if separated and words[1].startswith("-"):  # prove -q schedule
         raise BadInputError(
-            f"give both words of the command first: hfa {parted[0]} {shortened(words[1])} ..."
+            f"give both words of the command first: hfa {separated[0]} {shortened(words[1])} ..."
         )
-    known = words_after(first)
-    if known and len(words) > 1 and not words[1].startswith("-"):  # prove schedules
+    second_words = words_after(first)
+    if second_words and len(words) > 1 and not words[1].startswith("-"):  # prove schedules
         what = f"unknown word {shortened(words[1])!r} after `hfa {first}`"
-        raise BadInputError(f"{what}; {choice_of(words[1].lower(), known)}")
+        raise BadInputError(f"{what}; {choice_of(words[1].lower(), second_words)}")
     if first in names:
         return first, words[1:]
-    if known:  # prove
-        raise BadInputError(f"`hfa {first}` requires a second word; choose from {', '.join(known)}")
-    behind = [word for word in words if word in names]
-    if first.startswith("-") and behind:  # -q trim
+    if second_words:  # prove
+        choices = ", ".join(second_words)
+        raise BadInputError(f"`hfa {first}` requires a second word; choose from {choices}")
+    commands_behind = [word for word in words if word in names]
+    if first.startswith("-") and commands_behind:  # -q trim
         raise BadInputError(
-            f"an option is given before the command; write hfa {behind[0]} {shortened(first)} ..."
+            "an option is given before the command; write "
+            f"hfa {commands_behind[0]} {shortened(first)} ..."
         )
     return "", words

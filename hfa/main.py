@@ -185,14 +185,14 @@ def _refuse_to_overwrite(request: Request) -> None:
 
 def _print_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     """Print the warnings of a successful run as notes, each distinct text once."""
-    caught = [each for each in caught if not issubclass(each.category, _FOR_PROGRAMMERS)]
-    notes = [str(warning.message) for warning in caught if warning.category is UserWarning]
-    others = [
-        f"while computing: {warning.message}; check the result"
-        for warning in caught
-        if warning.category is not UserWarning
-    ]
-    print_notes((*dict.fromkeys(notes), *list(dict.fromkeys(others))[:_MOST_NOTES]))
+    notes: list[str] = []
+    of_libraries: list[str] = []
+    for warning in caught:
+        if warning.category is UserWarning:
+            notes.append(str(warning.message))
+        elif not issubclass(warning.category, _FOR_PROGRAMMERS):
+            of_libraries.append(f"while computing: {warning.message}; check the result")
+    print_notes((*dict.fromkeys(notes), *list(dict.fromkeys(of_libraries))[:_MOST_NOTES]))
 
 
 def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:

@@ -24,11 +24,7 @@ from hfa.options.games import (
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.tracking import reference_of, reference_option, with_tracking
-from hfa.options.trims import (
-    SeveralTrims,
-    at_name,
-    given_trims,
-)
+from hfa.options.trims import SeveralTrims, at_name, given_trims
 from hfa_support.errors import BadInputError
 from hfa_support.progress import with_progress
 from hfa_support.reporting.report import Report
@@ -155,13 +151,14 @@ def _table_report(
     in_degrees = np.degrees(breakpoints)
     rows = []
     for value, solution in zip(breakpoints.tolist(), solutions, strict=True):
-        disk = solution.disk_margin
+        abscissa = solution.poles().real.max()
+        margin = solution.disk_margin
         rows.append(
             (
                 model.describe(by, value),
                 f"{solution.delta_min:.6g}",
-                f"{solution.poles().real.max():.4g}",
-                "none" if disk is None else f"{disk.disk:.4g}",
+                f"{abscissa:.4g}",
+                "none" if margin is None else f"{margin.disk:.4g}",
             )
         )
     columns = (

@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 class LinearizeRequest(Request, TrimOptions):
     """Options of `hfa linearize`."""
 
-    moved: ClassVar = {"--model": "type --aircraft"}
+    moved: ClassVar = {
+        "--model": "type --aircraft",
+        "--residualize": "use linear.select(residualize=NAMES) in Python",
+    }
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     picture: Path | None = picture_option("Bode plots from each input to each output")
     states: tuple[str, ...] | None = option(

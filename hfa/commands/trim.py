@@ -50,6 +50,7 @@ def _airplane_class(text: str) -> str:
 
 
 def _category(text: str) -> str:
+    """Return the flight phase category, in upper case."""
     return one_of(*(name.lower() for name in CATEGORIES))(text).upper()
 
 
@@ -86,37 +87,46 @@ def trim(request: TrimRequest, points: GivenPoints) -> Outcome:
     stability, modes and their levels by MIL-F-8785C. Several values give one sheet each."""
     if not points.listed:
         points.trims.refuse_unscheduled()
-    if points.trims.is_single and (request.row is not None or not points.listed):
-        row = next(points.conditions(1))
-        given = points.trims.single()
-        point = trimmed(given)
-        report = _documented(_named(_sheet(request, point), row.name), request)
-        records = matrix([_asked(points.trims, row)], [report.sheet])
-        report = replace(report, records=records)
-        return Outcome(
-            report=report,
-            printed=None if request.full else brief(report, point),
-            source=given.source,
-            figure=partial(trim_figure, point),
-        )
+    is_single = points.trims.is_single and (request.row is not None or not points.listed)
+    return _single(request, points) if is_single else _several(request, points)
+
+
+def _single(request: TrimRequest, points: GivenPoints) -> Outcome:
+    """Return the outcome of the only trim: its sheet."""
+    (row,) = points.conditions(1)
+    given = points.trims.single()
+    point = trimmed(given)
+    report = _with_document(_with_name(_sheet(request, point), row.name), request)
+    records = matrix([_stated(points.trims, row)], [report.sheet])
+    report = replace(report, records=records)
+    return Outcome(
+        report=report,
+        printed=None if request.full else brief(report, point),
+        source=given.source,
+        figure=partial(trim_figure, point),
+    )
+
+
+def _several(request: TrimRequest, points: GivenPoints) -> Outcome:
+    """Return the outcome of several trims: their overview, and a book of their sheets."""
     source = points.source()
     overview, conditions = _sheets(request, points)
     model = points.trims.model
-    book = book_of(overview, conditions, model, _read(request, model))
+    book = book_of(overview, conditions, model, _sources_of(request, model))
     return Outcome(
-        report=_documented(book, request),
-        printed=_documented(overview if request.full else brief_list(overview), request),
+        report=_with_document(book, request),
+        printed=_with_document(overview if request.full else brief_list(overview), request),
         source=source,
         figure=partial(matrix_figure, conditions),
     )
 
 
-def _documented(report: Report, request: TrimRequest) -> Report:
+def _with_document(report: Report, request: TrimRequest) -> Report:
     """Return a report with the text of --document."""
     return report.with_document(request.document) if request.document else report
 
 
-def _read(request: TrimRequest, model: Model) -> dict[str, str]:
+def _sources_of(request: TrimRequest, model: Model) -> dict[str, str]:
     """Return the files that a book was made of, with their digests."""
     files = {"data": revision(model)}
     if request.conditions is not None:
@@ -144,14 +154,14 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
     """
     model = points.trims.model
     conditions: list[Condition] = []
-    asked: list[Sheet] = []
+    stated: list[Sheet] = []
     refused: list[BadInputError] = []
     for row in points.conditions(_MOST_SHEETS):
-        asked.append(_asked(points.trims, row))
+        stated.append(_stated(points.trims, row))
         point: OperatingPoint | None
         try:
             point = trimmed(points.trims.of(row))
-            report = _named(_sheet(request, point), row.name)
+            report = _with_name(_sheet(request, point), row.name)
         except TrimError as error:
             point, report = None, _failed(model, row, error, error.found.data)
         except BadInputError as error:
@@ -166,11 +176,11 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
     failed = results.count(UNTRIMMED)
     overview = Report(
         title=_counts_in_words(results),
-        parts=[_overview(asked, results, reports), *reports],
+        parts=[_overview(stated, results, reports), *reports],
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
-        records=matrix(asked, sheets),
+        records=matrix(stated, sheets),
         failure=f"{failed} of {len(results)} conditions have no trim" if failed else "",
-        notes=(*_repeated(points), *_kept_cells(points)),
+        notes=(*_notes_on_repeated(points), *_notes_on_replaced(points)),
     )
     return overview, conditions
 
@@ -184,20 +194,18 @@ def _counts_in_words(results: Sequence[str]) -> str:
     return ", ".join(counts)
 
 
-def _repeated(points: GivenPoints) -> tuple[str, ...]:
+def _notes_on_repeated(points: GivenPoints) -> tuple[str, ...]:
     """Return notes on conditions of a file that are those of an earlier row."""
     notes = []
-    seen: list[ListedCondition] = []
-    for number, row in enumerate(points.trims.rows, start=1):
-        plain = row._replace(name="")
-        if plain in seen:
-            first = seen.index(plain) + 1
+    unnamed = [row._replace(name="") for row in points.trims.rows]
+    for number, (row, condition) in enumerate(zip(points.trims.rows, unnamed, strict=True), 1):
+        first = unnamed.index(condition) + 1
+        if first < number:
             notes.append(f"condition {row.name or number} is that of condition {first} again")
-        seen.append(plain)
     return tuple(notes)
 
 
-def _kept_cells(points: GivenPoints) -> list[str]:
+def _notes_on_replaced(points: GivenPoints) -> list[str]:
     """Return notes on cells that replace a value of --hold."""
     return [
         f"{name} of {', '.join(row.name or 'a condition' for row in rows)} is that of the file, "
@@ -206,7 +214,7 @@ def _kept_cells(points: GivenPoints) -> list[str]:
     ]
 
 
-def _named(report: Report, name: str) -> Report:
+def _with_name(report: Report, name: str) -> Report:
     """Return a report that begins with the name of its condition."""
     if not name:
         return report
@@ -214,14 +222,15 @@ def _named(report: Report, name: str) -> Report:
     return replace(report, title=f"{name}: {report.title}", data=data)
 
 
-def _asked(trims: TrimInput, row: ListedCondition) -> Sheet:
+def _stated(trims: TrimInput, row: ListedCondition) -> Sheet:
     """Return the rows that state a condition: name, values, free variables and limits."""
     model = trims.model
-    given, held = trims, row.values
-    if trims.rows:
-        given = trims.for_row(row)
-        at = {} if given.at is None else {model.schedule: given.at[0]}
-        held = {**at, **{name: each[0] for name, each in given.hold.items()}}
+    if not trims.rows:  # a point of a grid
+        return asked_sheet(model, row.values, trims.free, trims.limits, row.name)
+    given = trims.for_row(row)
+    held = {name: values[0] for name, values in given.hold.items()}
+    if given.at is not None:
+        held = {model.schedule: given.at[0], **held}
     return asked_sheet(model, held, given.free, given.limits, row.name)
 
 
@@ -235,18 +244,21 @@ _OVERVIEW = {
 }
 
 
-def _overview(asked: Sequence[Sheet], results: Sequence[str], reports: Sequence[Report]) -> Table:
-    """Return the table of conditions by name or number, as what each counts, with key figures."""
-    rows = []
-    for number, (sheet, result, report) in enumerate(zip(asked, results, reports, strict=True), 1):
-        names = {row.name: row for row in (*report.sheet, *sheet)}
-        cells = [
-            " ".join(names[name].cells()[1:3]).strip() if name in names else ""
-            for name in _OVERVIEW.values()
-        ]
-        called = str(names["name"].value) if "name" in names else str(number)
-        rows.append((called, result, *cells))
-    return Table(("condition", RESULTS, *_OVERVIEW), rows)
+def _overview(stated: Sequence[Sheet], results: Sequence[str], reports: Sequence[Report]) -> Table:
+    """Return the table of conditions by name or number, with the result and figures of each.
+
+    stated: rows that state each condition
+    """
+    lines = []
+    for number, (sheet, result, report) in enumerate(zip(stated, results, reports, strict=True), 1):
+        row_of = {row.name: row for row in (*report.sheet, *sheet)}
+        name = str(row_of["name"].value) if "name" in row_of else str(number)
+        figures = []
+        for figure in _OVERVIEW.values():
+            _, value, unit, _ = row_of[figure].cells() if figure in row_of else ("",) * 4
+            figures.append(f"{value} {unit}".strip())
+        lines.append((name, result, *figures))
+    return Table(("condition", RESULTS, *_OVERVIEW), lines)
 
 
 def _failed(
@@ -257,10 +269,11 @@ def _failed(
     data: data of the report
     """
     values = [f"{name} {model.describe(name, value)}" for name, value in row.values.items()]
-    words = ", ".join(filter(None, (row.name, *values)))
-    title = f"{words}: {error}"
-    named = {"name": row.name} if row.name else {}
+    condition = ", ".join(filter(None, (row.name, *values)))
+    title = f"{condition}: {error}"
     sheet = Sheet.of([("findings", [Row("failure", str(error))], ())])
+    entries: dict[str, Any] = {"name": row.name} if row.name else {}
+    entries |= data
+    entries["sheet"] = {**data.get("sheet", {}), **sheet.to_dict()}
     head = {"condition": ", ".join(values)}
-    rows = {"sheet": {**data.get("sheet", {}), **sheet.to_dict()}}
-    return Report(title, data={**named, **data, **rows}, failure=title, sheet=sheet, head=head)
+    return Report(title, data=entries, failure=title, sheet=sheet, head=head)

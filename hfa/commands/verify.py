@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from controller.critic.critic_file import critic_file, critic_suffixes
 from controller.critic.reading import CriticFile
@@ -38,7 +38,7 @@ _FEW_FLIGHTS = 10
 
 
 def _critics(text: str) -> list[Path]:
-    """Return the paths of the critic files given by --weights."""
+    """Return the path of a critic file, or of all in a folder, ordered by the numbers in names."""
     folder = Path(text)
     if not folder.is_dir():
         return [critic_path(text)]
@@ -66,6 +66,7 @@ def _about_weights() -> str:
 class VerifyRequest(Request, GameOptions, ReadingOptions):
     """Options of `hfa verify`."""
 
+    moved: ClassVar = {"--flights": "type `hfa optimize --policy FILE --starts N`"}
     picture: Path | None = picture_option(
         "P, the exact P and their difference, or errors of several critics"
     )
@@ -227,12 +228,12 @@ def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Ver
         ]
         report = replace(report, parts=(*report.parts, *notes))
     else:
-        ((source, verdict),) = verdicts.items()
-        lines = [named.weights_line()]
+        ((path, verdict),) = verdicts.items()
+        about = [named.weights_line()]
         is_near = verdict.linear_grade == "near" and verdict.nonlinear_holds()
         if request.limit_cost is None and is_near:
-            lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
+            about.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
         if verdict.critic.network and not verdict.critic.has_weights:
-            lines.append("Without sample time, delay and input limits; see hfa assess")
-        report = verdict_report(verdict, limit_cost=request.limit_cost, about=lines, source=source)
+            about.append("Without sample time, delay and input limits; see hfa assess")
+        report = verdict_report(verdict, limit_cost=request.limit_cost, about=about, source=path)
     return report.with_data(named, named.weights)
