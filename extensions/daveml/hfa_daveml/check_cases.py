@@ -51,7 +51,7 @@ def checked_outputs(document: Document) -> list[CheckedOutput]:
     Raises BadInputError if a case names an unknown variable, uses another unit than the variable,
     or contains an output that cannot be computed from the inputs.
     """
-    return [each for case in document.cases for each in _checked(document, case)]
+    return [output for case in document.cases for output in _checked(document, case)]
 
 
 def refuse_wrong(document: Document) -> None:
@@ -67,6 +67,7 @@ def refuse_wrong(document: Document) -> None:
 
 
 def _checked(document: Document, case: CheckCase) -> list[CheckedOutput]:
+    """Return the outputs of one check case."""
     inputs = {_variable(document, case, each).key: each.value for each in case.inputs}
     outputs = []
     for signal in case.outputs:
@@ -79,6 +80,7 @@ def _checked(document: Document, case: CheckCase) -> list[CheckedOutput]:
 
 
 def _variable(document: Document, case: CheckCase, signal: Signal) -> Variable:
+    """Return the variable of a signal. Raises BadInputError for an unknown one or another unit."""
     place = f"check case {case.name}"
     variable = document.by_name(signal.name)
     if variable is None:

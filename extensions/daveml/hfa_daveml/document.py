@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,7 +15,7 @@ from hfa_daveml.tables import GriddedTable
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import regular_file
 
-_T = TypeVar("_T")
+_Definition = TypeVar("_Definition")
 #: Elements that change the meaning of a variable and are not supported.
 _UNREAD = ("uncertainty", "array", "isState", "isStateDeriv")
 
@@ -174,10 +174,18 @@ def read_document(path: str) -> Document:
     return _Reader(path, root).document()
 
 
+class _Breakpoints(NamedTuple):
+    """Breakpoints of one argument of a table, with the bpID or varID that messages name."""
+
+    key: str
+    points: np.ndarray
+
+
 class _Reader:
     """Converts the XML elements of one file to a `Document`."""
 
     def __init__(self, path: str, root: ElementTree.Element) -> None:
+        """Read the breakpoints and the table elements that functions refer to by their IDs."""
         self._path = path
         self._root = root
         self._breakpoints = self._by_key(
@@ -193,7 +201,11 @@ class _Reader:
         )
 
     def document(self) -> Document:
-        """Return the content of the file."""
+        """Return the content of the file.
+
+        Raises BadInputError for a faulty element, a function of undefined variables, and a variable
+        with both a table and a formula.
+        """
         header = self._root.find("fileHeader")
         functions = [self._function(each) for each in self._root.iter("function")]
         variables = [self._variable(each) for each in self._root.iter("variableDef")]
@@ -219,18 +231,24 @@ class _Reader:
                 )
         return document
 
-    def _by_key(self, kind: str, values: Iterable[tuple[str, _T]]) -> dict[str, _T]:
-        """Return pairs (key, value) as a dictionary."""
-        by_key: dict[str, _T] = {}
-        for key, value in values:
+    def _by_key(
+        self, kind: str, definitions: Iterable[tuple[str, _Definition]]
+    ) -> dict[str, _Definition]:
+        """Return ID -> definition. Raises BadInputError for an ID with two definitions.
+
+        kind: what is defined, for the message
+        """
+        by_key: dict[str, _Definition] = {}
+        for key, definition in definitions:
             if key in by_key:
                 raise self._error(
                     f"{kind} {key}", "there are two definitions; remove one definition"
                 )
-            by_key[key] = value
+            by_key[key] = definition
         return by_key
 
     def _variable(self, element: ElementTree.Element) -> Variable:
+        """Return the variable of a <variableDef>."""
         key = self._attribute(element, "varID")
         place = f"variable {key}"
         for tag in _UNREAD:
@@ -276,14 +294,14 @@ class _Reader:
         key = self._attribute(result, "varID")
         axes = tuple(self._axis(each, key) for each in element.iter("independentVarRef"))
         definition = element.find("functionDefn")
-        found = None if definition is None else self._table_of(definition)
-        if found is None:
+        table_element = None if definition is None else self._table_of(definition)
+        if table_element is None:
             raise self._error(
                 f"function for {key}",
                 "the table of the function is missing, or ungridded, which is not supported; add "
                 "<griddedTableDef>",
             )
-        table = self._gridded(found, key)
+        table = self._gridded(table_element, key)
         if len(axes) != len(table.ends):
             raise self._error(
                 f"function for {key}",
@@ -295,8 +313,10 @@ class _Reader:
     def _function_of_points(
         self, points: list[ElementTree.Element], values: ElementTree.Element | None, name: str
     ) -> Function:
-        """Return the function whose breakpoints and values its own elements contain."""
-        # The values are in the order of a gridded table: those of the last argument vary fastest.
+        """Return the function whose breakpoints and values its own elements contain.
+
+        The values are in the order of a gridded table: the last argument varies fastest.
+        """
         if values is None or not points:
             tag = "independentVarPts" if values is not None else "dependentVarPts"
             raise self._error(f"function {name}", f"<{tag}> is missing; add <{tag}>")
@@ -304,13 +324,14 @@ class _Reader:
         place = f"function for {key}"
         axes = tuple(self._axis(each, key) for each in points)
         breakpoints = [
-            (axis.key, self._numbers_in(each, place))
+            _Breakpoints(axis.key, self._numbers_in(each, place))
             for axis, each in zip(axes, points, strict=True)
         ]
         table = self._table_on_grid(breakpoints, self._numbers_in(values, place), place)
         return Function(key, axes, table)
 
     def _axis(self, element: ElementTree.Element, result: str) -> Axis:
+        """Return an argument of the function for the variable `result`."""
         place = f"function for {result}"
         way = element.get("interpolate", "linear")
         if way != "linear":
@@ -329,17 +350,18 @@ class _Reader:
         )
 
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
-        """Return the table element of a function, or None if the function has no defined table."""
-        # The table is a child element or is referenced by its ID. Version 1 names the child element
-        # `griddedTable`.
-        for tag in ("griddedTableDef", "griddedTable"):
-            own = definition.find(tag)
-            if own is not None:
-                return own
+        """Return the table element of a function, a child or one that it refers to by its ID, or
+        None.
+        """
+        for tag in ("griddedTableDef", "griddedTable"):  # in version 2 and in version 1
+            child = definition.find(tag)
+            if child is not None:
+                return child
         reference = definition.find("griddedTableRef")
         return None if reference is None else self._tables.get(reference.get("gtID", ""))
 
     def _gridded(self, element: ElementTree.Element, result: str) -> GriddedTable:
+        """Return the table in an element of the function for the variable `result`."""
         place = f"function for {result}"
         keys = [self._attribute(each, "bpID") for each in element.iter("bpRef")]
         missing = [key for key in keys if key not in self._breakpoints]
@@ -351,12 +373,16 @@ class _Reader:
                 f"breakpoints {', '.join(missing)} are not defined; add a <breakpointDef> for each",
             )
         values = self._numbers(element, "dataTable")
-        return self._table_on_grid([(key, self._breakpoints[key]) for key in keys], values, place)
+        breakpoints = [_Breakpoints(key, self._breakpoints[key]) for key in keys]
+        return self._table_on_grid(breakpoints, values, place)
 
     def _table_on_grid(
-        self, breakpoints: Sequence[tuple[str, np.ndarray]], values: np.ndarray, place: str
+        self, breakpoints: Sequence[_Breakpoints], values: np.ndarray, place: str
     ) -> GriddedTable:
-        """Return a table on a grid."""
+        """Return a table of values (N,), of which the last argument varies fastest.
+
+        Raises BadInputError unless the breakpoints increase and there is a value for each point.
+        """
         for key, points in breakpoints:
             if points.size < 2 or not (np.diff(points) > 0.0).all():
                 raise self._error(
@@ -364,16 +390,17 @@ class _Reader:
                     "the breakpoints are not two or more increasing numbers; correct the "
                     "breakpoints",
                 )
-        shape = tuple(points.size for _, points in breakpoints)
+        shape = tuple(each.points.size for each in breakpoints)
         if values.size != math.prod(shape):
             raise self._error(
                 place,
                 f"the table has {values.size} values, but the breakpoints require "
                 f"{math.prod(shape)}; correct the table or the breakpoints",
             )
-        return GriddedTable(tuple(points for _, points in breakpoints), values.reshape(shape))
+        return GriddedTable(tuple(each.points for each in breakpoints), values.reshape(shape))
 
     def _case(self, element: ElementTree.Element) -> CheckCase:
+        """Return the check case of a <staticShot>."""
         name = element.get("name", "")
         inputs = tuple(self._signals(element, "checkInputs", name))
         outputs = tuple(self._signals(element, "checkOutputs", name))
@@ -384,6 +411,7 @@ class _Reader:
         return CheckCase(name, inputs, outputs)
 
     def _signals(self, shot: ElementTree.Element, tag: str, case: str) -> Iterator[Signal]:
+        """Yield the signals in <checkInputs> or <checkOutputs> of a check case."""
         group = shot.find(tag)
         if group is None:
             raise self._error(f"check case {case}", f"<{tag}> is missing; add <{tag}>")
@@ -398,9 +426,7 @@ class _Reader:
             yield Signal(name, texts.get("signalUnits", ""), value, tolerance)
 
     def _numbers(self, element: ElementTree.Element, tag: str) -> np.ndarray:
-        """Return the numbers in the child element `tag`, separated by commas or blanks."""
-        # XML comments are skipped. Raises BadInputError if there is no such child, or if a word in
-        # the child is not a finite number.
+        """Return the numbers in the child element `tag` (`_numbers_in`)."""
         child = element.find(tag)
         place = f"<{element.tag}> {element.get('bpID') or element.get('gtID') or ''}".rstrip()
         if child is None:
@@ -408,7 +434,10 @@ class _Reader:
         return self._numbers_in(child, place)
 
     def _numbers_in(self, child: ElementTree.Element, place: str) -> np.ndarray:
-        """Return the numbers in an element, separated by commas or blanks."""
+        """Return the numbers in an element, separated by commas or blanks, (N,).
+
+        Raises BadInputError for a word that is not a finite number.
+        """
         words = [word for word in re.split(r"[,\s]+", "".join(child.itertext())) if word]
         try:
             values = np.array([float(word) for word in words])
@@ -424,9 +453,11 @@ class _Reader:
         return values
 
     def _number_or(self, text: str | None, place: str, default: float) -> float:
+        """Return the number in a text, or the default without a text."""
         return default if text is None else self._number(text, place)
 
     def _number(self, text: str, place: str) -> float:
+        """Return the number in a text. Raises BadInputError unless it is finite."""
         try:
             value = float(text)
         except ValueError as error:
@@ -438,6 +469,7 @@ class _Reader:
         return value
 
     def _attribute(self, element: ElementTree.Element, name: str) -> str:
+        """Return an attribute of an element. Raises BadInputError if it is missing or empty."""
         value = element.get(name)
         if not value:
             raise self._error(
@@ -446,4 +478,5 @@ class _Reader:
         return value
 
     def _error(self, place: str, fault: str) -> BadInputError:
+        """Return the error of a fault at a place of the file, as `Document.error` does."""
         return BadInputError(f"{self._path}, {place}: {fault}")

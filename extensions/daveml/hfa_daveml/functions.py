@@ -36,7 +36,8 @@ class Expressions:
             for key, value in given.items()
         }
         self._table = table
-        self._asked: list[str] = []
+        #: Variables that are being computed, each by its varID; an earlier one requires the next.
+        self._pending: list[str] = []
 
     def __getitem__(self, key: str) -> Any:
         """Return the value of the variable with this varID, in the file's units.
@@ -47,19 +48,19 @@ class Expressions:
         if key in self._values:
             return self._values[key]
         variable = self._document.variables.get(key)
-        asked = self._asked[-1] if self._asked else key
         if variable is None:
+            requiring = self._pending[-1] if self._pending else key
             raise self._document.error(
-                f"variable {asked}", f"variable {key} is not defined; add a <variableDef>"
+                f"variable {requiring}", f"variable {key} is not defined; add a <variableDef>"
             )
-        if key in self._asked:
-            circle = ", ".join(self._asked[self._asked.index(key) :])
+        if key in self._pending:
+            circle = ", ".join(self._pending[self._pending.index(key) :])
             raise self._document.error(
                 f"variable {key}",
                 f"the definition of the variable is circular ({circle}); remove the circular "
                 "dependence",
             )
-        self._asked.append(key)
+        self._pending.append(key)
         try:
             self._values[key] = _between(self._value(variable), variable.least, variable.most)
         except RecursionError as error:
@@ -67,10 +68,11 @@ class Expressions:
                 f"variable {key}", "the formula is nested too deeply; use further variables"
             ) from error
         finally:
-            self._asked.pop()
+            self._pending.pop()
         return self._values[key]
 
     def _value(self, variable: Variable) -> Any:
+        """Return the value of the table, of the formula, or the initial value of a variable."""
         function = self._document.functions.get(variable.key)
         if function is not None:
             arguments = [_between(self[axis.key], axis.least, axis.most) for axis in function.axes]

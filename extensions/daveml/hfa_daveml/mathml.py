@@ -74,18 +74,22 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
     if element.tag == "piecewise":
         return _piecewise(element, value_of)
     if element.tag == "apply" and len(element):
-        if element[0].tag in ("apply", "piecewise", "ci", "cn") and len(element) == 1:
-            return expression(element[0], value_of)
-        return _finite(element[0], [expression(each, value_of) for each in element[1:]])
+        operator_element, *arguments = element
+        if not arguments and operator_element.tag in ("apply", "piecewise", "ci", "cn"):
+            return expression(operator_element, value_of)  # a formula in brackets
+        return _finite(operator_element, [expression(each, value_of) for each in arguments])
     raise BadInputError(
         f"<{shortened(element.tag)}> is not supported in a formula; rewrite the formula"
     )
 
 
-def _finite(operator: ElementTree.Element, arguments: list[Any]) -> Any:
-    """Return the result of an operator, which is finite for finite numbers (`_applied`)."""
+def _finite(element: ElementTree.Element, arguments: list[Any]) -> Any:
+    """Return the result of an operator (`_applied`), and refuse one of numbers that is not finite.
+
+    element: element that names the operator
+    """
     try:
-        result = _applied(operator, arguments)
+        result = _applied(element, arguments)
         is_finite = not isinstance(result, complex)
         if is_finite and all(isinstance(each, int | float) for each in arguments):
             is_finite = math.isfinite(result)
@@ -94,16 +98,16 @@ def _finite(operator: ElementTree.Element, arguments: list[Any]) -> Any:
     if not is_finite:
         numbers = ", ".join(f"{each:g}" for each in arguments)
         raise BadInputError(
-            f"<{shortened(operator.tag)}> of {numbers} is not a finite number; correct the formula"
+            f"<{shortened(element.tag)}> of {numbers} is not a finite number; correct the formula"
         )
     return result
 
 
-def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
-    """Return the result of an operator applied to arguments."""
-    name = operator.tag
+def _applied(element: ElementTree.Element, arguments: list[Any]) -> Any:
+    """Return the result of the operator that an element names, applied to arguments."""
+    name = element.tag
     if name == "csymbol":
-        name = (operator.text or "").strip()
+        name = (element.text or "").strip()
     count = len(arguments)
     if name == "minus" and count in (1, 2):
         return -arguments[0] if count == 1 else arguments[0] - arguments[1]
@@ -126,11 +130,9 @@ def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
 
 
 def _number(element: ElementTree.Element) -> float:
-    """Return the number in a <cn> element."""
-    # A number of the type `e-notation` consists of mantissa and exponent. Raises BadInputError if
-    # the text of the element is not a number.
+    """Return the number in a <cn> element. Raises BadInputError if its text is no number."""
     try:
-        if element.get("type") == "e-notation":
+        if element.get("type") == "e-notation":  # 1.5<sep/>-3
             mantissa = (element.text or "").strip()
             exponent = (element[0].tail or "").strip()
             return float(f"{float(mantissa)}e{int(exponent)}")
@@ -142,9 +144,10 @@ def _number(element: ElementTree.Element) -> float:
 
 
 def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
-    """Return the value of a <piecewise> element: the first piece whose condition is true."""
-    # If no condition is true, the value of <otherwise> is returned. Raises BadInputError if
-    # <otherwise>, or the value or condition of a piece, is missing.
+    """Return the value of the first piece whose condition is true, else that of <otherwise>.
+
+    Raises BadInputError if <otherwise>, or the value or condition of a piece, is missing.
+    """
     otherwise = element.find("otherwise")
     if otherwise is None or len(otherwise) != 1:
         raise BadInputError(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
-from hfa_support.units import FOOT, KNOT, conversion_factor, si_unit
+from hfa_support.units import conversion_factor
 
 _AXES = ("Roll", "Pitch", "Yaw")
 #: Unit as spelled in the standard or in older files -> spelling in reports.
@@ -34,12 +34,6 @@ _UNITS = (
     *("", "%", "rad", "rad/s", "ft", "ft/s", "ft^2", "slug", "slug ft^2", "lbf", "ft lbf"),
     *("lbf/ft^2", "slug/ft^3"),
 )
-#: Units that are neither units of the model nor SI -> unit of the model, and factor to it.
-_OTHERS = {
-    "deg": ("rad", math.pi / 180.0),
-    "deg/s": ("rad/s", math.pi / 180.0),
-    "nmi/h": ("ft/s", KNOT / FOOT),
-}
 
 #: Inputs that follow from the motion and the air -> name of their value in `aircraft.py`.
 MOTION: Mapping[str, str] = {
@@ -103,16 +97,19 @@ def spelled(units: str) -> str:
     return _SPELLINGS.get(units, units)
 
 
-def model_unit(units: str) -> tuple[str, float] | None:
-    """Return the model's unit for a unit in a file, and the factor from the file's unit to the
-    model's.
+class ModelUnit(NamedTuple):
+    """Unit of the model, and the factor to it from a unit of a file."""
 
-    Returns None if the unit is unknown.
+    unit: str
+    factor: float
+
+
+def model_unit(units: str) -> ModelUnit | None:
+    """Return the model's unit of the quantity that a unit of a file measures, or None for a unit
+    that is unknown or of a quantity that the model does not have.
     """
-    written = spelled(units)
-    if written in _OTHERS:
-        return _OTHERS[written]
     for unit in _UNITS:
-        if written in (unit, si_unit(unit)):
-            return unit, conversion_factor(written, unit) or 1.0
+        factor = conversion_factor(spelled(units), unit)
+        if factor is not None:
+            return ModelUnit(unit, factor)
     return None

@@ -23,7 +23,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 
@@ -79,47 +79,93 @@ def read_model(text: str) -> Model:
     return model
 
 
+class _FileVariable(NamedTuple):
+    """Variable of one of the files of an aircraft."""
+
+    document: Document
+    variable: Variable
+
+    @property
+    def unit(self) -> names.ModelUnit:
+        """The model's unit for the variable, and the factor to it.
+
+        Raises BadInputError for an unknown unit, and for one of another quantity than the standard
+        name says.
+        """
+        units, name = self.variable.units, self.variable.name
+        known = names.model_unit(units)
+        if known is None:
+            raise self.error(f"the unit {shortened(units)!r} is unknown; use a unit of S-119")
+        expected = names.UNIT_OF.get(name, known.unit)
+        if known.unit != expected:
+            raise self.error(
+                f"{name} is in {units!r}, which cannot be converted to {expected!r}; correct the "
+                "unit"
+            )
+        return known
+
+    @property
+    def start(self) -> float:
+        """The initial value in the unit of the model, by default 0."""
+        return self.unit.factor * (self.variable.initial or 0.0)
+
+    def signal(self) -> Signal:
+        """Return unit, nominal value, limits and initial value in the model's units.
+
+        The limits are the narrower of the variable's own and the ranges of the tables that depend
+        on it. The nominal value is 0.1 for an angle or a number without unit, and otherwise
+        max(|initial value|, 1).
+        """
+        unit, factor = self.unit
+        variable = self.variable
+        least, most = self.document.range_of_tables(variable)
+        low = factor * max(variable.least, least)
+        high = factor * min(variable.most, most)
+        nominal = 0.1 if unit in ("rad", "") else max(abs(self.start), 1.0)
+        return Signal(unit, nominal, low, high, self.start)
+
+    def error(self, fault: str) -> BadInputError:
+        """Return a BadInputError that names the file, the variable and the fault."""
+        return self.document.error(f"variable {self.variable.key}", fault)
+
+
 class _Files:
-    """The files of an aircraft, connected by the standard names of their variables."""
+    """The files of an aircraft, connected by the standard names of their variables.
+
+    inputs, parameters: standard name -> variable, of those that no file and no motion defines
+    """
 
     def __init__(self, documents: Sequence[Document]) -> None:
         self._documents = documents
-        self._outputs: dict[str, tuple[Document, Variable]] = {}
-        for document in documents:
-            for variable in document.variables.values():
-                if variable.is_output:
-                    self._add_output(document, variable)
-        self._refuse_missing_outputs()
-        free = [
-            (document, variable)
+        self._outputs: dict[str, _FileVariable] = {}
+        self.inputs: dict[str, _FileVariable] = {}
+        self.parameters: dict[str, _FileVariable] = {}
+        variables = [
+            _FileVariable(document, variable)
             for document in documents
             for variable in document.variables.values()
-            if variable.is_input
-            and variable.name not in names.MOTION
-            and variable.name not in self._outputs
         ]
-        self.inputs = {
-            each.name: (document, each) for document, each in free if self._is_command(each)
-        }
-        self.parameters = {
-            each.name: (document, each) for document, each in free if not self._is_command(each)
-        }
+        for each in variables:
+            if each.variable.is_output:
+                self._add_output(each)
+        self._refuse_missing_outputs()
+        for each in variables:
+            name = each.variable.name
+            if each.variable.is_input and name not in (*names.MOTION, *self._outputs):
+                group = self.inputs if _is_command(each.variable) else self.parameters
+                group[name] = each
 
-    def _add_output(self, document: Document, variable: Variable) -> None:
-        if variable.name in self._outputs:
-            other = self._outputs[variable.name][0].path
-            raise document.error(
-                f"variable {variable.key}",
-                f"this output is also an output of {other}; remove one of the two outputs",
+    def _add_output(self, output: _FileVariable) -> None:
+        """Store an output by its name. Raises BadInputError if it is that of another file, too."""
+        other = self._outputs.setdefault(output.variable.name, output)
+        if other is not output:
+            raise output.error(
+                f"this output is also an output of {other.document.path}; remove one of the two "
+                "outputs"
             )
-        self._outputs[variable.name] = (document, variable)
-
-    def _is_command(self, variable: Variable) -> bool:
-        if variable.initial is None:
-            return True
-        return any(word in variable.name.lower() for word in _COMMANDS)
 
     def _refuse_missing_outputs(self) -> None:
+        """Raise BadInputError unless the files have the outputs that every aircraft requires."""
         needed = [names.MASS, *names.INERTIA, names.AREA, names.SPAN, names.CHORD, *names.MOMENTS]
         needed.append(names.FORCES[1])
         if not {names.LIFT, names.DRAG} <= set(self._outputs):
@@ -135,9 +181,9 @@ class _Files:
     def model(self, source: Source) -> Model:
         """Return the aircraft as a `Model`, from paths joined by + and the hash of the files."""
         inputs = SimpleNamespace(**dict.fromkeys(self.inputs, 0.0))
-        parameters = {name: _start(*each) for name, each in self.parameters.items()}
-        value_at_rest = self._values(_motion_at_rest(), inputs, SimpleNamespace(**parameters))
-        self._refuse_not_positive(value_at_rest)
+        parameters = {name: each.start for name, each in self.parameters.items()}
+        nominal_value = self._values(_nominal_motion(), inputs, SimpleNamespace(**parameters))
+        self._refuse_not_positive(nominal_value)
         low, high = self._range("angleOfAttack", _WIDEST_ALPHA)
         sideslip = self._range("angleOfSideslip", _WIDEST_BETA)
         alpha = Signal("rad", 0.1, low, high, min(_ALPHA, high), assumed=high == _WIDEST_ALPHA)
@@ -146,64 +192,62 @@ class _Files:
             self._documents[0].title or Path(self._documents[0].path).stem,
             self._equations,
             system="english",
-            speed=self._usual_speed(value_at_rest),
+            speed=self._usual_speed(nominal_value),
             altitude=0.0,
             alpha=alpha,
             beta=beta,
-            inputs={name: self._signal(*each) for name, each in self.inputs.items()},
-            parameters={name: self._signal(*each) for name, each in self.parameters.items()},
+            inputs={name: each.signal() for name, each in self.inputs.items()},
+            parameters={name: each.signal() for name, each in self.parameters.items()},
             outputs={},
             holds_beta=True,
             source=source,
             about=About(
                 notes=("read from DAVE-ML over a flat Earth in standard air",),
-                doubts=self._doubts(value_at_rest),
+                doubts=self._doubts(nominal_value),
                 configuration=self._configuration,
             ),
             domain=Domain(self._table_ranges()),
         )
 
-    def _refuse_not_positive(self, value_at_rest: Callable[[str], Any]) -> None:
+    def _refuse_not_positive(self, nominal_value: Callable[[str], Any]) -> None:
         """Raise BadInputError if a mass, moment of inertia or reference length is not positive."""
         for name in names.POSITIVE:
-            size = _number(value_at_rest(name))
+            size = _number(nominal_value(name))
             if not size > 0.0:
-                document, variable = self._outputs[name]
-                raise document.error(
-                    f"variable {variable.key}", f"{name} is {size:g}; give a positive number"
-                )
+                raise self._outputs[name].error(f"{name} is {size:g}; give a positive number")
 
-    def _doubts(self, value_at_rest: Callable[[str], Any]) -> tuple[str, ...]:
+    def _doubts(self, nominal_value: Callable[[str], Any]) -> tuple[str, ...]:
         """Return a sentence if no rigid body has the inertias of the files."""
         inertia = inertia_matrix(
-            [_number(value_at_rest(name)) for name in names.INERTIA],
-            [_number(self._vector(value_at_rest, (name,))) for name in names.PRODUCTS],
+            [_number(nominal_value(name)) for name in names.INERTIA],
+            [_number(self._vector(nominal_value, (name,))) for name in names.PRODUCTS],
         )
         doubt = inertia_doubt(ca.DM(inertia).full())
         return (doubt,) if doubt else ()
 
-    def _usual_speed(self, value_at_rest: Callable[[str], Any]) -> float:
+    def _usual_speed(self, nominal_value: Callable[[str], Any]) -> float:
         """Return the speed, ft/s, of level flight at sea level and alpha = `_ALPHA`."""
-        upward = -_number(self._coefficients(value_at_rest, _ALPHA)[2])
+        upward = -_number(self._coefficients(nominal_value, _ALPHA)[2])
         if not upward > 0.0:
             files = "+".join(document.path for document in self._documents)
             raise BadInputError(
                 f"{files}: the aerodynamic force at alpha = 5 deg is not upward; check the signs "
                 "of the force coefficients"
             )
-        weight = _number(value_at_rest(names.MASS)) * _GRAVITY
-        area = _number(value_at_rest(names.AREA))
+        weight = _number(nominal_value(names.MASS)) * _GRAVITY
+        area = _number(nominal_value(names.AREA))
         return math.sqrt(2.0 * weight / (SEA_LEVEL.density * area * upward))
 
     def _range(self, name: str, widest: float) -> tuple[float, float]:
-        """Return the lower and upper limit of an angle in the model, rad."""
-        # The angle is within ± widest and within the range of every table that depends on it.
+        """Return the range of a variable within ± widest and every table that depends on it, in the
+        unit of the model.
+        """
         low = -widest
         high = widest
         for document in self._documents:
             variable = document.by_name(name)
             if variable is not None:
-                _, factor = _unit(document, variable)
+                factor = _FileVariable(document, variable).unit.factor
                 least, most = document.range_of_tables(variable)
                 low = max(low, factor * least)
                 high = min(high, factor * most)
@@ -212,24 +256,11 @@ class _Files:
     def _table_ranges(self) -> dict[str, tuple[float, float, str]]:
         """Return the ranges of tables over alpha, Mach number and dynamic pressure, by name."""
         ranges = {}
-        for own_name in ("angleOfAttack", "mach", "dynamicPressure"):
-            low, high = self._range(own_name, math.inf)
+        for standard_name in ("angleOfAttack", "mach", "dynamicPressure"):
+            low, high = self._range(standard_name, math.inf)
             if math.isfinite(high - low):
-                ranges[names.MOTION[own_name]] = (low, high, "the range of the tables")
+                ranges[names.MOTION[standard_name]] = (low, high, "the range of the tables")
         return ranges
-
-    def _signal(self, document: Document, variable: Variable) -> Signal:
-        """Return unit, nominal value, limits and initial value in the model's units."""
-        # The limits are the narrower of the variable's own limits and the ranges of the tables that
-        # depend on the variable. The nominal value is 0.1 for an angle or a number without unit,
-        # and max(|initial value|, 1) otherwise.
-        unit, factor = _unit(document, variable)
-        least, most = document.range_of_tables(variable)
-        low = factor * max(variable.least, least)
-        high = factor * min(variable.most, most)
-        start = _start(document, variable)
-        nominal = 0.1 if unit in ("rad", "") else max(abs(start), 1.0)
-        return Signal(unit, nominal, low, high, start)
 
     def _equations(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the rates of the states, and the outputs, each by name."""
@@ -270,64 +301,81 @@ class _Files:
         )
         motion = Motion(state, _GRAVITY, "english", parameters.isa)
         value = self._values(_motion_values(state, motion), inputs, parameters)
-        inertias = zip(("Ixx", "Iyy", "Izz"), names.INERTIA, strict=True)
-        of_file = {"mass": (names.MASS, "slug")} | {
-            name: (moment, "slug ft^2") for name, moment in inertias
+        outputs = {
+            "mass": names.MASS,
+            **dict(zip(("Ixx", "Iyy", "Izz"), names.INERTIA, strict=True)),
+            "Ixz": names.PRODUCTS[1],
+            "reference_area": names.AREA,
+            "reference_span": names.SPAN,
+            "reference_chord": names.CHORD,
+            **{
+                f"center_of_gravity_{axis}": name
+                for axis, name in zip("xyz", names.CENTER, strict=True)
+            },
         }
-        of_file |= {"Ixz": (names.PRODUCTS[1], "slug ft^2"), "reference_area": (names.AREA, "ft^2")}
-        of_file |= {"reference_span": (names.SPAN, "ft"), "reference_chord": (names.CHORD, "ft")}
-        for axis, name in zip("xyz", names.CENTER, strict=True):
-            of_file[f"center_of_gravity_{axis}"] = name, "ft"
         return {
-            name: (_number(self._vector(value, (own,))), unit)
-            for name, (own, unit) in of_file.items()
+            name: (_number(self._vector(value, (output,))), names.UNIT_OF[output])
+            for name, output in outputs.items()
         }
 
     def _coefficients(self, value: Callable[[str], Any], alpha: Any) -> Any:
-        """Return the coefficients (C_X, C_Y, C_Z) of the aerodynamic force in body axes, (3,)."""
-        # If no file defines C_X, C_X and C_Z are computed from lift and drag.
+        """Return the coefficients (C_X, C_Y, C_Z) of the aerodynamic force in body axes, (3,).
+
+        If no file defines C_X, C_X and C_Z are those of lift and drag.
+        """
         side = value(names.FORCES[1])
         if names.FORCES[0] in self._outputs:
             return ca.vertcat(value(names.FORCES[0]), side, value(names.FORCES[2]))
         along = ca.vertcat(-value(names.DRAG), side, -value(names.LIFT))
         return ca.mtimes(wind_axes(alpha, 0.0), along)
 
-    def _vector(self, value: Callable[[str], Any], three: Sequence[str]) -> Any:
-        """Return three outputs as a vector, (3,), with 0 for one that no file defines."""
-        return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in three))
+    def _vector(self, value: Callable[[str], Any], outputs: Sequence[str]) -> Any:
+        """Return outputs as a vector, (k,), with 0 for each that no file defines."""
+        return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in outputs))
 
     def _values(self, motion: Mapping[str, Any], u: Any, p: Any) -> Callable[[str], Any]:
         """Return a function from the name of an output to its value in the units of the model.
 
         A file is built when its first output is needed: its inputs may be outputs of other files,
         which are then built first.
+
+        motion: values of the motion by the names of `names.MOTION`
+        u, p: inputs and parameters, as attributes
         """
         table = Interpolator()
-        built: dict[str, Expressions] = {}
+        built: dict[str, Expressions] = {}  # path of a file -> its variables
 
         def value(name: str) -> Any:
-            document, variable = self._outputs[name]
-            if document.path not in built:
-                built[document.path] = Expressions(document, inputs_of(document), table)
-            _, factor = _unit(document, variable)
-            return factor * built[document.path][variable.key]
+            output = self._outputs[name]
+            path = output.document.path
+            if path not in built:
+                built[path] = Expressions(output.document, inputs_of(output.document), table)
+            return output.unit.factor * built[path][output.variable.key]
 
         def inputs_of(document: Document) -> dict[str, Any]:
-            values = {}
-            for variable in document.variables.values():
-                if variable.is_input:
-                    _, factor = _unit(document, variable)
-                    values[variable.key] = input_value(variable) / factor
-            return values
+            """Return varID -> value of each input of a file, in the units of the file."""
+            return {
+                variable.key: input_value(variable.name)
+                / _FileVariable(document, variable).unit.factor
+                for variable in document.variables.values()
+                if variable.is_input
+            }
 
-        def input_value(variable: Variable) -> Any:
-            if variable.name in names.MOTION:
-                return motion[names.MOTION[variable.name]]
-            if variable.name in self._outputs:
-                return value(variable.name)
-            return getattr(u if variable.name in self.inputs else p, variable.name)
+        def input_value(name: str) -> Any:
+            """Return the value of an input in the unit of the model."""
+            if name in names.MOTION:
+                return motion[names.MOTION[name]]
+            if name in self._outputs:
+                return value(name)
+            return getattr(u if name in self.inputs else p, name)
 
         return value
+
+
+def _is_command(variable: Variable) -> bool:
+    """Return whether an input of a file is an input of the model, and not a parameter."""
+    name = variable.name.lower()
+    return variable.initial is None or any(word in name for word in _COMMANDS)
 
 
 def _motion_values(x: Any, motion: Motion) -> dict[str, Any]:
@@ -346,33 +394,9 @@ def _number(expression: Any) -> float:
     return float(ca.evalf(ca.SX(expression)))
 
 
-def _motion_at_rest() -> dict[str, float]:
-    """Return the motion at which constant outputs, such as the mass, are evaluated."""
-    # The speed is 300 ft/s, the angle of attack is `_ALPHA`, and the air density is that of sea
-    # level. All other quantities of the motion are 0.
+def _nominal_motion() -> dict[str, float]:
+    """Return the motion at which outputs that are constant, such as the mass, are evaluated: that
+    of 300 ft/s at sea level and `_ALPHA`, with 0 for all other quantities.
+    """
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
     return motion | {"alpha": _ALPHA, "speed": 300.0, "density": float(SEA_LEVEL.density)}
-
-
-def _start(document: Document, variable: Variable) -> float:
-    """Return the initial value of a variable in the units of the model, by default 0."""
-    _, factor = _unit(document, variable)
-    return factor * (variable.initial or 0.0)
-
-
-def _unit(document: Document, variable: Variable) -> tuple[str, float]:
-    """Return the model's unit for a variable, and the factor to it."""
-    place = f"variable {variable.key}"
-    known = names.model_unit(variable.units)
-    if known is None:
-        raise document.error(
-            place, f"the unit {shortened(variable.units)!r} is unknown; use a unit of S-119"
-        )
-    expected = names.UNIT_OF.get(variable.name, known[0])
-    if known[0] != expected:
-        raise document.error(
-            place,
-            f"{variable.name} is in {variable.units!r}, which cannot be converted to {expected!r};"
-            " correct the unit",
-        )
-    return known
