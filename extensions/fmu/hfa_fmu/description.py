@@ -33,7 +33,15 @@ _MOST_NAMED = 6
 
 
 class Variable(NamedTuple):
-    """A variable of an FMU. `unit` is "" and `start`, `nominal` are 0 if they are not stated."""
+    """A variable of an FMU.
+
+    reference: value reference, by which FMI calls it
+    kind: FMI's type, "Float64" also for the Real of FMI 2.0, or "an array"
+    causality, variability: FMI's words, "input" or "parameter", "continuous" or "discrete"
+    unit: unit, "" if none is stated
+    nominal, start: nominal and start value, 0 if none is stated
+    low, high: limits, which may be infinite
+    """
 
     name: str
     reference: int
@@ -152,10 +160,10 @@ def _read(root: ElementTree.Element) -> Description:
     constants = [each for each in variables.values() if each.is_constant]
     outputs = [variables[name] for name in structure.outputs if name not in states]
     real_outputs = [each for each in outputs if each.is_real]
-    taken = [*(variables[name] for name in states), *inputs, *constants, *real_outputs]
-    names = _names_in_model([each.name for each in taken], states)
+    in_model = [*(variables[name] for name in states), *inputs, *constants, *real_outputs]
+    names = _names_in_model([each.name for each in in_model], states)
     settable = [each for each in variables.values() if each.causality in ("input", "parameter")]
-    left_out = [each for each in (*settable, *outputs) if each not in taken]
+    left_out = [each for each in (*settable, *outputs) if each not in in_model]
     unlisted = [
         variables[state]
         for rate, state in state_of.items()
@@ -174,7 +182,7 @@ def _read(root: ElementTree.Element) -> Description:
         tuple(constants),
         tuple(real_outputs),
         names,
-        tuple(_sentences(taken, states, names, left_out, unlisted)),
+        tuple(_sentences(in_model, states, names, left_out, unlisted)),
     )
 
 
@@ -229,7 +237,7 @@ def _refuse_states(rates: list[str], states: list[str], variables: Mapping[str, 
 
 
 def _sentences(
-    taken: list[Variable],
+    in_model: list[Variable],
     states: list[str],
     names: Mapping[str, str],
     left_out: list[Variable],
@@ -237,12 +245,12 @@ def _sentences(
 ) -> Iterator[str]:
     """Yield sentences on the variables that the model has and does not have.
 
-    taken: variables of the model, of which `states` are states
+    in_model: variables of the model, of which `states` are states
     names: name in the FMU -> name in the model
     left_out, unlisted: variables, and states of unlisted derivatives, that the model does not have
     """
-    constants = [each for each in taken if each.is_constant]
-    inputs = [each for each in taken if each.causality == "input" and each.is_real]
+    constants = [each for each in in_model if each.is_constant]
+    inputs = [each for each in in_model if each.causality == "input" and each.is_real]
     groups = {
         "parameters that --hold sets": constants,
         "parameters of whole numbers (1 is true, 0 false)": [
@@ -254,7 +262,7 @@ def _sentences(
         ],
         "no states, because ModelStructure does not list their derivatives": unlisted,
         "states without a unit, which the sheet of an aircraft requires": [
-            each for each in taken if each.name in states and not each.unit
+            each for each in in_model if each.name in states and not each.unit
         ],
     }
     for text, group in groups.items():
@@ -271,11 +279,11 @@ def _names_in_model(names: list[str], states: list[str]) -> dict[str, str]:
     part = states[0].rpartition(".")[0]
     while part and not all(name.startswith(f"{part}.") for name in states):
         part = part.rpartition(".")[0]
-    short = {name: name.removeprefix(f"{part}.") for name in names}
-    if len(set(short.values())) < len(names):
+    short_names = [name.removeprefix(f"{part}.") for name in names]
+    if len(set(short_names)) < len(names):
         return identifiers(names)
-    of_short = identifiers(list(short.values()))
-    return {name: of_short[short[name]] for name in names}
+    identifier_of = identifiers(short_names)
+    return {name: identifier_of[short] for name, short in zip(names, short_names, strict=True)}
 
 
 def _variables(
@@ -284,18 +292,18 @@ def _variables(
     """Return the variables by name, and derivative -> state."""
     types = {each.get("name"): each for each in root.findall("TypeDefinitions/*")}
     variables: dict[str, Variable] = {}
-    states: dict[str, str] = {}
+    key_of_state: dict[str, str] = {}  # derivative -> number or value reference of its state
     for element in root.findall("ModelVariables/*"):
         typed = element if version == 3 else next(iter(element))
         variable = _variable(element, typed, types.get(typed.get("declaredType")), version)
         variables[variable.name] = variable
         if "derivative" in typed.attrib:
-            states[variable.name] = typed.attrib["derivative"]
+            key_of_state[variable.name] = typed.attrib["derivative"]
     if version == 2:
-        names = list(variables)
-        return variables, {name: names[int(index) - 1] for name, index in states.items()}
-    of_reference = {str(each.reference): name for name, each in variables.items()}
-    return variables, {name: of_reference[reference] for name, reference in states.items()}
+        name_of = {str(number): name for number, name in enumerate(variables, start=1)}
+    else:
+        name_of = {str(each.reference): name for name, each in variables.items()}
+    return variables, {rate: name_of[key] for rate, key in key_of_state.items()}
 
 
 def _variable(
@@ -309,19 +317,19 @@ def _variable(
     typed: the element with the attributes of the type, a child in FMI 2.0
     declared: definition of its type, or None
     """
-    items = [] if declared is None else declared.findall(".//Item")
+    enumerated = [] if declared is None else declared.findall(".//Item")
     if declared is not None and version == 2:
         declared = next(iter(declared), None)
     attributes = {**(declared.attrib if declared is not None else {}), **typed.attrib}
     kind = "an array" if typed.find("Dimension") is not None else typed.tag
     kind = "Float64" if kind == "Real" else kind
     lowest, highest = _RANGES.get(kind, (0, 0))
-    if items:
-        values = [int(each.attrib["value"]) for each in items]
+    if enumerated:
+        values = [int(each.attrib["value"]) for each in enumerated]
         lowest, highest = min(values), max(values)
     usual = {"min": lowest, "max": highest, "nominal": 0, "start": 0}
-    given = attributes if kind in _RANGES else {}
-    low, high, nominal, start = (_number(given.get(key) or usual[key]) for key in usual)
+    stated = attributes if kind in _RANGES else {}
+    low, high, nominal, start = (_number(stated.get(key) or usual[key]) for key in usual)
     return Variable(
         name=element.attrib["name"],
         reference=int(element.attrib["valueReference"]),
@@ -337,9 +345,11 @@ def _variable(
 
 
 def _number(text: str | float) -> float:
+    """Return the number in a text, 1 for "true" and 0 for "false"."""
     return float(text == "true") if text in ("true", "false") else float(text)
 
 
 def _listed(names: list[str]) -> str:
+    """Return the first names, and how many more there are, as text."""
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     return ", ".join(shortened(name) for name in names[:_MOST_NAMED]) + more

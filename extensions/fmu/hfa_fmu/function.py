@@ -64,17 +64,19 @@ class Evaluator:
         return np.frombuffer(self.instance.values(v.tobytes(), time)).copy()
 
     def event_among(self, points: Iterable[np.ndarray]) -> str:
-        """Return the name and value of an event indicator that has not the sign of the first point
-        at all points, or "". Raises FmuError if a call fails.
+        """Return the name and value of an event indicator that changes its sign among some points,
+        or "". Raises FmuError if a call fails.
         """
-        first: list[bool] = []
+        first_signs: list[bool] = []
         for v in points if self.events else ():
             values = self.instance.indicators(v.tobytes())
             signs = [value > 0.0 for value in values]
-            for name, sign, before, value in zip(self.events, signs, first, values, strict=False):
-                if sign != before:
+            first_signs = first_signs or signs
+            for name, value, sign, first in zip(
+                self.events, values, signs, first_signs, strict=True
+            ):
+                if sign != first:
                     return f"{name} (now {value:.3g}) changes its sign"
-            first = first or signs
         return ""
 
     def along(self, v: np.ndarray, direction: np.ndarray) -> np.ndarray:
@@ -145,6 +147,7 @@ class Evaluator:
         return (-step / length, step / length) if length else ()
 
     def _fail(self, error: FmuError, v: memoryview) -> None:
+        """Store why a call at v failed; searches also ask at arguments that are not finite."""
         if np.isfinite(np.frombuffer(v)).all():
             self.fault, self._fault_at = str(error), v.tobytes()
 
@@ -165,6 +168,7 @@ class Evaluator:
         self._steady_at = v.tobytes()
 
     def _differ(self, values: np.ndarray, others: np.ndarray) -> bool:
+        """Return whether the rates in two values of f differ by more than `_STEADY`."""
         n = self._states
         tolerance = _STEADY * np.maximum(np.abs(others[:n]), self.nominals[:n])
         return bool((np.abs(values - others)[:n] > tolerance).any())

@@ -287,9 +287,11 @@ class Instance:
         raise FmuError(f"an event of the FMU takes more than {_MOST_ITERATIONS} iterations")
 
     def _signs_now(self) -> list[bool]:
+        """Return whether each event indicator is positive."""
         return [value > 0.0 for value in self._indicated()]
 
     def _indicated(self) -> list[float]:
+        """Return the event indicators at the variables that are set."""
         found = (c_double * self._interface.indicators)()
         self._call("GetEventIndicators", found, c_size_t(len(found)))
         return found[:]
@@ -313,6 +315,7 @@ class Instance:
         self._component = None
 
     def _function(self, name: str, result: Any) -> Any:
+        """Return a function of the library, whose result has a type of ctypes."""
         full_name = f"fmi{self._interface.version}{name}"
         try:
             function = getattr(self._library, full_name)
@@ -323,6 +326,7 @@ class Instance:
         return function
 
     def _reason(self) -> str:
+        """Return the last message of the FMU in brackets, or "", and forget it."""
         said, self._said = " ".join(self._said.split()), ""
         return f" ({said[:_LONGEST]})" if said else ""
 

@@ -267,42 +267,43 @@ def _why_no_derivatives(evaluator: Evaluator, description: Description, start: n
 
 def _error_of_differences(evaluator: Evaluator, start: np.ndarray) -> float:
     """Return the error of the central differences, relative to the largest entry of a row."""
-    (below, above), (far_below, far_above) = (
-        _sides(evaluator, start, step) for step in (STEP, 2.0 * STEP)
-    )
+    below, above = _one_sided(evaluator, start, STEP)
+    far_below, far_above = _one_sided(evaluator, start, 2.0 * STEP)
     slopes, nominals = 0.5 * (below + above), evaluator.nominals[: evaluator.of_dynamics]
     # The error of a step of h is c h^2: a third of the difference between those of h and 2 h.
     smooth = (0.5 * (far_below + far_above) - slopes) / 3.0
     # The gap between the sides doubles with the step, but at a kink.
     kinked = (above - below) - 0.5 * (far_above - far_below)
-    return max(_largest(each, slopes, nominals) for each in (smooth, kinked))
+    return max(_largest_error(each, slopes, nominals) for each in (smooth, kinked))
 
 
 def _doubts(evaluator: Evaluator, start: np.ndarray) -> tuple[str, ...]:
     """Return a doubt about derivatives of an FMU that are not those of its rates."""
-    below, above = _sides(evaluator, start, STEP)
+    below, above = _one_sided(evaluator, start, STEP)
     differences = 0.5 * (below + above)
-    given = np.array([evaluator.along(start, unit) for unit in _units(evaluator)]).T
+    given = np.array([evaluator.along(start, unit) for unit in _unit_vectors(evaluator)]).T
     nominals = evaluator.nominals[: evaluator.of_dynamics]
-    apart = _largest(given - differences, differences, nominals)
+    apart = _largest_error(given - differences, differences, nominals)
     if apart <= _DOUBTFUL:
         return ()
     return (f"the derivatives of the FMU differ from differences of its rates by {apart:.1g}",)
 
 
-def _units(evaluator: Evaluator) -> np.ndarray:
+def _unit_vectors(evaluator: Evaluator) -> np.ndarray:
     """Return the unit vectors of the states and inputs, (n + m, n + m + parameters)."""
     return np.eye(evaluator.of_dynamics, evaluator.nominals.size)
 
 
-def _sides(evaluator: Evaluator, start: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the Jacobians (m, n) of differences below and above the start values."""
-    columns = [evaluator.sided(start, unit, step) for unit in _units(evaluator)]
+def _one_sided(
+    evaluator: Evaluator, start: np.ndarray, step: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the Jacobians (m, n) by differences from below and from above the start values."""
+    columns = [evaluator.sided(start, unit, step) for unit in _unit_vectors(evaluator)]
     below, above = (np.array(side).T for side in zip(*columns, strict=True))
     return below, above
 
 
-def _largest(error: np.ndarray, slopes: np.ndarray, nominals: np.ndarray) -> float:
+def _largest_error(error: np.ndarray, slopes: np.ndarray, nominals: np.ndarray) -> float:
     """Return the largest error of a Jacobian (m, n), relative to the largest entry of its row.
 
     The entries are multiplied by the nominal values of the arguments.
