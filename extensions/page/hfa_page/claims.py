@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hfa_page.stored import Models, are_those, models_in, read_study
+from hfa_page.stored import Models, are_same_models, models_in, read_study
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
 from verification.regeneration import Regeneration
@@ -15,7 +15,7 @@ SCHEMA = "hfa.claims/1"
 _STORED = "studies/section5/results"
 #: The law that most claims concern, and the laws whose numbers are shown for comparison.
 _SUBJECT = "published, modified"
-_BESIDE = ("certified", "certified + feed-forward", "exact + feed-forward")
+_OTHER_LAWS = ("certified", "certified + feed-forward", "exact + feed-forward")
 _TITLE = "Claims of Section 5 of the paper"
 
 
@@ -41,7 +41,7 @@ class Claims(NamedTuple):
     def matches(self, regeneration: Regeneration) -> bool:
         """Return whether the stored flights used the same A and B as a regeneration."""
         pairs = regeneration.pairs
-        return are_those(
+        return are_same_models(
             self.models,
             {pair.published.dihedral_deg: (pair.model.A, pair.model.B) for pair in pairs},
         )
@@ -73,6 +73,7 @@ def load_claims(path: Path) -> Claims:
 
 
 def _claims(file: Path, data: dict[str, Any]) -> Claims:
+    """Return the claims in the data of a file."""
     setting = data["setting"]
     lost = len(data["lost_flights"])
     about = (
@@ -90,7 +91,7 @@ def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
         findings = claim["findings"]
         subject = claim["subject"]
         number = _cell(findings[subject], "" if subject == _SUBJECT else f"{subject}: ")
-        others = [_cell(findings[name]) if name in findings else "" for name in _BESIDE]
+        others = [_cell(findings[name]) if name in findings else "" for name in _OTHER_LAWS]
         rows.append(
             (
                 claim["number"],
@@ -103,11 +104,16 @@ def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
             )
         )
     return Table(
-        ("claim", "verdict", "the paper says", "measured", "required", _SUBJECT, *_BESIDE), rows
+        ("claim", "verdict", "the paper says", "measured", "required", _SUBJECT, *_OTHER_LAWS),
+        rows,
     )
 
 
 def _cell(finding: dict[str, Any], before: str = "") -> str:
+    """Return the cell of a measured number, green if it meets the criterion.
+
+    before: text before the number
+    """
     if finding["value"] is None:
         return before + ("lost" if finding["note"] else "∞")
     return Cell(f"{before}{finding['value']:.3g}", "good" if finding["holds"] else "")

@@ -37,10 +37,12 @@ from hfa_support.reporting.report import Report
 
 
 def _claims(text: str) -> Any:
+    """Return the claims of --claims."""
     return load_claims(Path(text))
 
 
 def _flights(text: str) -> Any:
+    """Return the flights of --flights."""
     return load_flights(Path(text))
 
 
@@ -162,17 +164,17 @@ def _written(html: str, report: Report, place: Path) -> str:
         write_text(place, html)
         return f"wrote {printable(place)}"
     pictures = list(report.pictures())
-    earlier = _pictures_of_angles(place / "numbers.json")
+    names = [picture.name for picture in pictures]
+    earlier_names = _pictures_of_angles(place / "numbers.json")
     numbers = json.dumps(jsonable(report.data), allow_nan=False) + "\n"
     place.mkdir(exist_ok=True)
     for picture in pictures:
         save(picture.figure, place / picture.name, report.source)
     write_text(place / "numbers.json", numbers)
     write_text(place / "report.html", html)
-    for name in earlier - {picture.name for picture in pictures}:
+    for name in earlier_names - {*names}:
         (place / name).unlink(missing_ok=True)
-    names = ", ".join(picture.name for picture in pictures)
-    return f"wrote {printable(place / 'report.html')}, numbers.json, {names}"
+    return f"wrote {printable(place / 'report.html')}, numbers.json, {', '.join(names)}"
 
 
 def _pictures_of_angles(numbers: Path) -> set[str]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_model import choice
-from hfa_page.stored import Models, are_those, models_in, read_study
+from hfa_page.stored import Models, are_same_models, models_in, read_study
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, beside_unit
 
@@ -53,7 +53,7 @@ def flights_section(
     """
     same = (
         "this page's aircraft"
-        if are_those(flights.models, A_and_B)
+        if are_same_models(flights.models, A_and_B)
         else "ANOTHER aircraft than this page's"
     )
     about = (
@@ -77,6 +77,7 @@ def load_flights(path: Path) -> StoredFlights:
 
 
 def _flights(_: Path, data: dict[str, Any]) -> StoredFlights:
+    """Return the flights in the data of a file."""
     table = flights_table(data["flights"])
     return StoredFlights(data, table, limits_in_words(data["limits"]), models_in(data["models"]))
 
@@ -91,7 +92,7 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
     rows = [
         (
             f"{flight['dihedral_deg']:g} deg, {flight['within']}",
-            *(_policy(flight[key]) for key in _POLICIES.values()),
+            *(_cost_cell(flight[key]) for key in _POLICIES.values()),
             Cell(f"{flight['best']['cost']:,.0f}"),
         )
         for flight in flights
@@ -99,8 +100,8 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
     return Table(header, rows)
 
 
-def _policy(flight: Mapping[str, Any]) -> Cell:
-    """Return the table cell for a policy's flight."""
+def _cost_cell(flight: Mapping[str, Any]) -> Cell:
+    """Return the cost of a policy's flight, its ratio to the best one, and when it leaves."""
     if flight["cost"] is None:
         return Cell("not at the trim" if flight["departure"] is None else _left(flight))
     cost = f"{flight['cost']:,.0f} ({flight['over_best']:.3g}x)"
@@ -131,6 +132,7 @@ def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
 
 
 def _limit(name: str, lowest: float, highest: float) -> str:
+    """Return the limits of a state or input of the paper's aircraft as text."""
     from hfa_flight.simulate.envelope import limits_text
 
     unit = choice.aircraft().unit(name)

@@ -242,37 +242,14 @@ def page(job: MainJob, sections: Sections, origin: Provenance) -> str:
     """
     pictures = main_report(job, sections).pictures()
     names = html.escape(json.dumps(sorted(picture.name for picture in pictures)))
-    provenance = Report("Provenance", (f"{origin.command}\n{origin.text()}",))
-    folded = {
-        f"part-{number}": section
-        for number, section in enumerate(
-            (*sections.angles, sections.claims, *sections.others, provenance)
-        )
-    }
-    links = "".join(_link(name, section.title) for name, section in folded.items())
     of_sliders = dict(zip(job.sliders, sections.of_sliders, strict=True))
-    links_of_tabs = "".join(_link(slider.key, drawn.title) for slider, drawn in of_sliders.items())
-    tabs = f'<nav aria-label="Aircraft" class="tabs"><ul>{links_of_tabs}</ul></nav>'
-    contents = f'<nav aria-label="Contents"><ul>{links}</ul></nav>'
-    flown = stored_flights_section(job)
-    checks = Report("Verdicts", (verdicts(job),)).html(3)
-    articles = [
-        f"<p>{verdict_sentence(job)}</p>{contents}",
-        any_value(
-            job.slider, of_sliders[job.slider], f'<section class="verdicts">{checks}</section>'
-        ),
-        *(
-            f"<section>{each.html(3)}</section>"
-            for each in (flown, *sections.in_air)
-            if each is not None
-        ),
-        f'<p class="paper">The paper: {_PAPER}.</p>',
-        *(_folded(name, section) for name, section in folded.items()),
-    ]
-    tabs_of = {job.slider.key: "\n".join(articles)}
+    links = "".join(_link(slider.key, drawn.title) for slider, drawn in of_sliders.items())
+    tabs = f'<nav aria-label="Aircraft" class="tabs"><ul>{links}</ul></nav>'
+    provenance = Report("Provenance", (f"{origin.command}\n{origin.text()}",))
+    article_of = {job.slider.key: _paper_article(job, sections, of_sliders[job.slider], provenance)}
     if job.beside is not None:
-        tabs_of[job.beside.key] = any_value(job.beside, of_sliders[job.beside])
-    shown = "\n".join(f'<article id="{key}">{tab}</article>' for key, tab in tabs_of.items())
+        article_of[job.beside.key] = slider_html(job.beside, of_sliders[job.beside])
+    shown = "\n".join(f'<article id="{key}">{text}</article>' for key, text in article_of.items())
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -283,6 +260,31 @@ def page(job: MainJob, sections: Sections, origin: Provenance) -> str:
 {shown}
 </main>{plotly_script()}<script type="module">{_file("page.js")}</script></body></html>
 """
+
+
+def _paper_article(job: MainJob, sections: Sections, drawn: Report, provenance: Report) -> str:
+    """Return the tab of the paper's aircraft as HTML: verdict, slider, flights, folded sections.
+
+    drawn: the pictures that follow the slider
+    """
+    folded = {
+        f"part-{number}": section
+        for number, section in enumerate(
+            (*sections.angles, sections.claims, *sections.others, provenance)
+        )
+    }
+    links = "".join(_link(name, section.title) for name, section in folded.items())
+    checks = Report("Verdicts", (verdicts(job),)).html(3)
+    stored_flights = stored_flights_section(job)
+    flights = [*([] if stored_flights is None else [stored_flights]), *sections.in_air]
+    parts = [
+        f'<p>{verdict_sentence(job)}</p><nav aria-label="Contents"><ul>{links}</ul></nav>',
+        slider_html(job.slider, drawn, f'<section class="verdicts">{checks}</section>'),
+        *(f"<section>{section.html(3)}</section>" for section in flights),
+        f'<p class="paper">The paper: {_PAPER}.</p>',
+        *(_folded(name, section) for name, section in folded.items()),
+    ]
+    return "\n".join(parts)
 
 
 def verdict_sentence(job: MainJob) -> str:
@@ -304,6 +306,7 @@ def verdict_sentence(job: MainJob) -> str:
 
 
 def _link(section: str, title: str) -> str:
+    """Return an entry of a list of contents, a link to a section."""
     return f'<li><a href="#{section}">{html.escape(title)}</a></li>'
 
 
@@ -315,7 +318,7 @@ def _folded(section: str, part: Report) -> str:
     )
 
 
-def any_value(slider: Slider, drawn: Report, verdicts: str = "") -> str:
+def slider_html(slider: Slider, drawn: Report, verdicts: str = "") -> str:
     """Return the part of the page that follows a slider, as HTML: the aircraft beside its modes, the
     root locus, the sheet and the linear model.
 
@@ -344,6 +347,7 @@ def any_value(slider: Slider, drawn: Report, verdicts: str = "") -> str:
 
 
 def _file(name: str) -> str:
+    """Return the text of a file of this package."""
     return files("hfa_page").joinpath(name).read_text(encoding="utf-8")
 
 
@@ -364,4 +368,5 @@ def plotly_script() -> str:
 
 
 def _toned(ok: bool, yes: str, no: str) -> str:
+    """Return the word for a verdict as HTML, green or red."""
     return f'<strong class="good">{yes}</strong>' if ok else f'<strong class="bad">{no}</strong>'

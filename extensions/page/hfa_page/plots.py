@@ -107,6 +107,7 @@ def in_script(value: Any) -> str:
 
 
 def _axis(title: str, **more: Any) -> dict[str, Any]:
+    """Return an axis of Plotly. `more` are further properties."""
     grid = {"gridcolor": "rgba(128,128,128,0.3)", "zerolinecolor": "rgba(128,128,128,0.8)"}
     return {"title": {"text": title}, **grid, **more}
 
@@ -171,6 +172,7 @@ def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interacti
         return None
 
     def shares(point: OperatingPoint | None) -> list[dict[str, Any]]:
+        """Return the trace of one trim, which is empty without a trim."""
         ranged = {} if point is None else {each.name: each for each in with_range(point)}
         drawn = [ranged[name] for name in names if name in ranged]
         texts = [
@@ -254,9 +256,9 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
         positions.append(hinge - [0.0, 0.1 * half])
         sides.append("bottom center")
     return [
-        _pieces([panel.ends for panel in panels]),
-        _pieces(_arrows(middles, lifts, scale)),
-        _pieces(_arrows(middles, weights, scale)),
+        _separate_lines([panel.ends for panel in panels]),
+        _separate_lines(_arrows(middles, lifts, scale)),
+        _separate_lines(_arrows(middles, weights, scale)),
         _line(hinges),
         {**_line(positions), "text": texts, "textposition": sides},
     ]
@@ -268,13 +270,14 @@ def _arrows(starts: list[np.ndarray], forces: list[np.ndarray], scale: float) ->
     return [np.array([start, start + scale * force]) for start, force in pairs]
 
 
-def _pieces(pieces: list[np.ndarray]) -> dict[str, Any]:
-    """Return one Plotly trace that draws several separate lines."""
+def _separate_lines(lines: list[np.ndarray]) -> dict[str, Any]:
+    """Return one Plotly trace that draws several lines (k, 2), with a gap after each."""
     gap = np.full((1, 2), np.nan)
-    return _line(np.concatenate([part for piece in pieces for part in (piece, gap)]))
+    return _line(np.concatenate([part for line in lines for part in (line, gap)]))
 
 
 def _line(positions: Any) -> dict[str, Any]:
+    """Return a Plotly trace of positions, (k, 2), which is drawn as a line, marks or texts."""
     x, y = np.round(np.asarray(positions), 3).T
     return {"type": "scatter", "x": x, "y": y, "hoverinfo": "skip"}
 

@@ -14,7 +14,8 @@ from hfa_support.files import read_json
 #: (dihedral angle in deg, A, B) of linear models.
 Models = list[tuple[float, np.ndarray, np.ndarray]]
 Content = TypeVar("Content")
-#: Relative and absolute tolerance for equal entries of linear models.
+#: Relative and absolute tolerance for equal entries of linear models: their trims balance to 1e-10
+#: on every machine.
 _SAME = 1e-9
 
 
@@ -49,14 +50,14 @@ def models_in(stored: Sequence[Mapping[str, Any]]) -> Models:
     ]
 
 
-def are_those(models: Models, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
+def are_same_models(models: Models, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
     """Return whether models equal the given ones at all common angles, of which there is one.
 
     A_and_B: dihedral angle, deg -> (A, B)
     """
     shared = [model for model in models if model[0] in A_and_B]
     return bool(shared) and all(
-        mine.shape == theirs.shape and np.allclose(mine, theirs, rtol=_SAME, atol=_SAME)
+        stored.shape == other.shape and np.allclose(stored, other, rtol=_SAME, atol=_SAME)
         for degrees, *pair in shared
-        for mine, theirs in zip(pair, A_and_B[degrees], strict=True)
+        for stored, other in zip(pair, A_and_B[degrees], strict=True)
     )
