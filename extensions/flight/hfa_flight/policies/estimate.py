@@ -101,44 +101,77 @@ def updated(
 
     is_extended: whether the nonlinear model predicts the states
     """
-    rows = [known.states.index(name) for name in known.sensors]
-    noise = np.diag(known.R)
-    is_finite, is_used, is_impossible = [], [], []
-    for place, row in enumerate(rows):
-        deviation = ca.sqrt(before.P[row, row] + float(noise[place]))
-        away = ca.fabs(y[place] - before.x[row])
-        finite = away <= ca.DM(1e300)
-        used = away <= IMPOSSIBLE * deviation
-        is_finite.append(finite)
-        is_used.append(used)
-        is_impossible.append(ca.logic_and(finite, ca.logic_not(used)))
-    seen = y if is_extended else y - _added_speed(known, y, winds_in(known, before.x), is_used)
-    x, P, G = before.x, before.P, before.P if is_extended else before.G
-    is_blind = ca.logic_not(ca.logic_or(sum(is_used, ca.SX(0)) > 0, is_extended))
-    largest = [np.inf] * len(rows) if is_extended else _own_gains(known, rows)
-    for place, (row, used) in enumerate(zip(rows, is_used, strict=True)):
-        variance = float(noise[place])
-        own_gain = G[row, row] / (G[row, row] + variance)
-        gain = ca.fmin(1.0, largest[place] / own_gain) / (G[row, row] + variance) * G[:, row]
-        x = x + gain * ca.if_else(used, seen[place] - x[row], 0.0)
-        P = _corrected(P, used * gain, row, variance)
-        G = _corrected(G, ca.logic_or(used, is_blind) * gain, row, variance)
-    impossible, finite = sum(is_impossible, ca.SX(0)), sum(is_finite, ca.SX(0))
+    gate = _gate(known, before, y)
+    seen = y
+    if not is_extended:
+        seen = y - _added_speed(known, y, winds_in(known, before.x), gate.is_used)
+    x, P, G = _corrected_by_values(known, before, seen, gate.is_used, is_extended=is_extended)
+    impossible, finite = sum(gate.is_impossible, ca.SX(0)), sum(gate.is_finite, ca.SX(0))
     missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(finite > 0, 0, before.missed))
     is_lost = ca.logic_and(missed >= LOST, 2 * impossible > finite)
     begins = ca.logic_and(impossible > 0, ca.logic_or(before.begun < 2, is_lost))
-    new_x, new_P = _at_values(before, rows, seen, noise, is_finite)
+    new_x, new_P = _at_values(known, before, seen, gate.is_finite)
     x, P = ca.if_else(begins, new_x, x), ca.if_else(begins, new_P, P)
     begun = ca.if_else(ca.logic_and(before.begun == 0, impossible > 0), 1, 2)
     estimate = Estimate(x, P, P if is_extended else G, ca.if_else(begins, 0, missed), begun)
-    left_out = ca.if_else(begins, 0, sum(is_used) < len(rows))
+    left_out = ca.if_else(begins, 0, sum(gate.is_used) < len(known.sensors))
     return Updated(estimate, left_out)
 
 
-def _own_gains(known: KalmanFilter, rows: list[int]) -> list[float]:
+class _Gate(NamedTuple):
+    """Of each measured value, 1 or 0: whether it is finite, used, or finite and impossible."""
+
+    is_finite: list[ca.SX]
+    is_used: list[ca.SX]
+    is_impossible: list[ca.SX]
+
+
+def _gate(known: KalmanFilter, before: Estimate, y: ca.SX) -> _Gate:
+    """Return which of the measured deviations y, (p,), are used."""
+    gate = _Gate([], [], [])
+    for place, (row, variance) in enumerate(_rows_and_variances(known)):
+        deviation = ca.sqrt(before.P[row, row] + variance)
+        innovation = ca.fabs(y[place] - before.x[row])
+        is_finite = innovation <= ca.DM(1e300)  # false for NaN
+        is_used = innovation <= IMPOSSIBLE * deviation
+        gate.is_finite.append(is_finite)
+        gate.is_used.append(is_used)
+        gate.is_impossible.append(ca.logic_and(is_finite, ca.logic_not(is_used)))
+    return gate
+
+
+def _rows_and_variances(known: KalmanFilter) -> list[tuple[int, float]]:
+    """Return the row of the state that each sensor measures, and the variance of its noise."""
+    rows = [known.states.index(name) for name in known.sensors]
+    return list(zip(rows, np.diag(known.R).tolist(), strict=True))
+
+
+def _corrected_by_values(
+    known: KalmanFilter, before: Estimate, y: ca.SX, is_used: list[ca.SX], *, is_extended: bool
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return x, P and G after the measured values that are used, one after the other.
+
+    Without any, G follows as if all were used, so that gains do not grow; that of an extended
+    filter is P.
+    """
+    x, P, G = before.x, before.P, before.P if is_extended else before.G
+    is_blind = ca.logic_not(ca.logic_or(sum(is_used, ca.SX(0)) > 0, is_extended))
+    rows_and_variances = _rows_and_variances(known)
+    largest = [np.inf] * len(rows_and_variances) if is_extended else _own_gains(known)
+    for place, (row, variance) in enumerate(rows_and_variances):
+        used = is_used[place]
+        own_gain = G[row, row] / (G[row, row] + variance)
+        gain = ca.fmin(1.0, largest[place] / own_gain) / (G[row, row] + variance) * G[:, row]
+        x = x + gain * ca.if_else(used, y[place] - x[row], 0.0)
+        P = _corrected(P, used * gain, row, variance)
+        G = _corrected(G, ca.logic_or(used, is_blind) * gain, row, variance)
+    return x, P, G
+
+
+def _own_gains(known: KalmanFilter) -> list[float]:
     """Return by how much each value corrects its own state in the stationary filter, in turn."""
     P, gains = ca.SX(ca.DM(known.P)), []
-    for row, variance in zip(rows, np.diag(known.R).tolist(), strict=True):
+    for row, variance in _rows_and_variances(known):
         gain = P[:, row] / (P[row, row] + variance)
         gains.append(float(gain[row]))
         P = _corrected(P, gain, row, variance)
@@ -162,15 +195,16 @@ def _mirrored(covariance: ca.SX) -> ca.SX:
 
 
 def _at_values(
-    before: Estimate, rows: list[int], y: ca.SX, noise: np.ndarray, is_finite: list[ca.SX]
+    known: KalmanFilter, before: Estimate, y: ca.SX, is_finite: list[ca.SX]
 ) -> tuple[ca.SX, ca.SX]:
     """Return x and P of an estimate that begins at the finite values."""
     x, P = ca.SX(before.x), ca.SX(before.P)
-    for place, (row, finite) in enumerate(zip(rows, is_finite, strict=True)):
+    for place, (row, variance) in enumerate(_rows_and_variances(known)):
+        finite = is_finite[place]
         x[row] = ca.if_else(finite, y[place], x[row])
         for other in range(x.numel()):
             P[row, other] = P[other, row] = ca.if_else(finite, 0.0, P[row, other])
-        P[row, row] = ca.if_else(finite, float(noise[place]), P[row, row])
+        P[row, row] = ca.if_else(finite, variance, P[row, row])
     return x, P
 
 
@@ -184,17 +218,17 @@ def _added_speed(known: KalmanFilter, y: ca.SX, winds: ca.SX, is_used: list[ca.S
     """Return what winds across the path add to the measured values, of the speed alone, (p,), or
     zero if a value on which it depends is not used.
     """
-    added, found = added_speed(known), ca.SX(y.numel(), 1)
+    added, of_sensors = added_speed(known), ca.SX(y.numel(), 1)
     if added is None:
-        return found
+        return of_sensors
     z, is_complete = ca.SX(len(known.states), 1), ca.SX(1)
     for row in added.needed:
         sensor = known.sensors.index(known.states[row])
         z[row] = y[sensor]
         is_complete = ca.logic_and(is_complete, is_used[sensor])
-    of_speed = known.sensors.index(known.states[added.row])
-    found[of_speed] = ca.if_else(is_complete, added.of(z, winds), 0.0)
-    return found
+    speed = known.sensors.index(known.states[added.row])
+    of_sensors[speed] = ca.if_else(is_complete, added.of(z, winds), 0.0)
+    return of_sensors
 
 
 def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX | ca.DM) -> Estimate:
@@ -206,13 +240,13 @@ def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX | ca.DM)
     x: predicted states, (n,)
     Phi: their derivatives by the states of the estimate, (n, n)
     """
-    P, is_known = _later(known, now.P, Phi)
-    G, _ = _later(known, now.G, Phi)
+    P, is_known = _predicted_covariance(known, now.P, Phi)
+    G, _ = _predicted_covariance(known, now.G, Phi)
     return now._replace(x=ca.if_else(is_known, x, now.x), P=P, G=G)
 
 
-def _later(known: KalmanFilter, P: ca.SX, Phi: ca.SX | ca.DM) -> tuple[ca.SX, ca.SX]:
-    """Return the covariance of the next sample, and 1 unless it stands still, being too large."""
+def _predicted_covariance(known: KalmanFilter, P: ca.SX, Phi: ca.SX | ca.DM) -> tuple[ca.SX, ca.SX]:
+    """Return Φ P Φ' + Q and 1, or P and 0 if a variance of the former is too large."""
     later = _mirrored(ca.mtimes(ca.mtimes(Phi, P), Phi.T) + known.Q)
     is_known = ca.SX(1)
     for place, variance in enumerate(np.diag(known.P).tolist()):

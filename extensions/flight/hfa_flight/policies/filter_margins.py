@@ -67,8 +67,8 @@ def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
     """
     n, k = len(known.Phi), len(known.states)
     gain = np.hstack([K, np.zeros((len(K), n - k))])
-    moved = known.Phi - known.Gamma @ gain
-    kept = np.eye(n) - known.L @ known.C
+    predicting = known.Phi - known.Gamma @ gain
+    correcting = np.eye(n) - known.L @ known.C
     loop = _delayed(known, gain, 0.0)
     if not loop.radius < 1.0:
         raise BadInputError(
@@ -77,12 +77,12 @@ def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
         )
     inputs = chain_margins(loop).inputs
     return FilterMargins(
-        compensator_radius=spectral_radius(moved @ kept),
+        compensator_radius=spectral_radius(predicting @ correcting),
         radius=loop.radius,
-        gain_low=max(each.gain_low for each in inputs),
-        gain_high=min(each.gain_high for each in inputs),
-        phase=min(each.phase for each in inputs),
-        delay=min(each.delay for each in inputs),
+        gain_low=max(margin.gain_low for margin in inputs),
+        gain_high=min(margin.gain_high for margin in inputs),
+        phase=min(margin.phase for margin in inputs),
+        delay=min(margin.delay for margin in inputs),
         unknown_delay=_unknown_delay(known, gain),
     )
 
@@ -90,8 +90,8 @@ def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
 def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
     """Return the loop in which all inputs are late, and the filter does not know.
 
-    Its states are those of aircraft and air, the commands under way, the latest first, and those of
-    the filter. G enters at the commands.
+    Its states are those of aircraft and air, the commands under way, the latest first, and the
+    predicted states of the filter. G enters at the commands.
 
     gain: -û / x̂, (m, n)
     delay: s
@@ -106,20 +106,19 @@ def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
     command[:, :n] = -gain @ L @ C
     command[:, filtered] = -gain @ (np.eye(n) - L @ C)
     F[:n, :n] = Phi
-    of_ages = ((whole, plant.late), (whole + 1, plant.early))  # Γ of commands, by age in samples
-    for samples, part in of_ages:
-        if samples:
-            if part.any():
-                begin = n + (samples - 1) * m
-                F[:n, begin : begin + m] += part
-        else:
-            G[:n] += part
+    if whole:
+        begin = n + (whole - 1) * m
+        F[:n, begin : begin + m] = plant.late
+    else:
+        G[:n] = plant.late
+    if rest:
+        F[:n, n + count - m : n + count] = plant.early
     if count:
         G[n : n + m] = np.eye(m)
-        F[n + m : n + count, n : n + count - m] = np.eye(count - m)
-    moved = Phi - Gamma @ gain
-    F[filtered, :n] = moved @ L @ C
-    F[filtered, filtered] = moved @ (np.eye(n) - L @ C)
+        F[n + m : n + count, n : n + count - m] = np.eye(count - m)  # commands are a sample older
+    predicting = Phi - Gamma @ gain
+    F[filtered, :n] = predicting @ L @ C
+    F[filtered, filtered] = predicting @ (np.eye(n) - L @ C)
     return Chain(F, G, command, n, known.dt, np.eye(size, n))
 
 

@@ -75,14 +75,14 @@ class _Estimated(NamedTuple):
     is_left_out: bool
 
 
-class _Moved(NamedTuple):
+class _Prediction(NamedTuple):
     """States of the filter after some seconds, (n,), and their slopes by those before, (n, n)."""
 
     x: np.ndarray
     Phi: np.ndarray
 
 
-class _Part(NamedTuple):
+class _Models(NamedTuple):
     """Models of a part of a sample with held inputs: x⁺ = Φ x + Γ u, and (x, u) -> (x⁺, slopes) of
     an extended filter, or None.
     """
@@ -111,17 +111,20 @@ def _functions_of(known: KalmanFilter, is_extended: bool) -> _Functions:
     x, Phi = ca.SX.sym("x", n), ca.SX.sym("Phi", n, n)
     before = unpacked(known, memory)
     now = updated(known, before, y, is_extended=is_extended)
-    results = {
-        "updated": ([memory, y], [now.estimate.packed(), now.is_left_out]),
-        "propagated": ([memory, x, Phi], [propagated(known, before, x, Phi).packed()]),
-        "seen": ([x], [seen_from_air(known, x[:k], winds_in(known, x))]),
-        "deviations": ([memory], [ca.sqrt(ca.diag(before.P)[:k])]),
-    }
-    made = (
-        BoundFunction(ca.Function(name, given, [ca.densify(each) for each in found], {"cse": True}))
-        for name, (given, found) in results.items()
+    later = propagated(known, before, x, Phi)
+    seen = seen_from_air(known, x[:k], winds_in(known, x))
+    return _Functions(
+        _bound("updated", [memory, y], [now.estimate.packed(), now.is_left_out]),
+        _bound("propagated", [memory, x, Phi], [later.packed()]),
+        _bound("seen", [x], [seen]),
+        _bound("deviations", [memory], [ca.sqrt(ca.diag(before.P)[:k])]),
     )
-    return _Functions(*made)
+
+
+def _bound(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> BoundFunction:
+    """Return the function of some expressions, called with arrays."""
+    dense = [ca.densify(result) for result in results]
+    return BoundFunction(ca.Function(name, arguments, dense, {"cse": True}))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -186,7 +189,7 @@ class FilteredPolicy(SampledPolicy):
 
     def reset(self) -> None:
         """Forget the samples of an earlier flight: the estimate is the trim."""
-        object.__setattr__(self, "_memory", self._new())
+        object.__setattr__(self, "_memory", self._memory_at_trim())
 
     def begin(self, X: Any, deviations: np.ndarray | None = None) -> None:
         """Begin a flight, and make the first plan of a law that plans before its first sample.
@@ -196,24 +199,25 @@ class FilteredPolicy(SampledPolicy):
         """
         self.reset()
         memory = self._memory
-        memory.law = self._made_law()
+        memory.law = self._prepared_law()
         if isinstance(self.law, SampledPolicy):
             rows = self.point.model.state_places(self.filter.sensors)
             expected = self._estimated(memory, deviations_of(self.point, X)[rows])
             self.law.begin(self.point.x + expected.x, expected.deviations)
 
-    def _made_law(self) -> _Law:
+    def _prepared_law(self) -> _Law:
         """Return the law of a flight. All functions of a sample are made before the flight."""
         if self._sample is None:
-            memory = self._new()
+            memory = self._memory_at_trim()
             self._functions.updated.at(memory.estimate, np.zeros(len(self.filter.sensors)))
-            self._later(memory.estimate, [*memory.waiting, memory.waiting[-1]])
+            self._next_memory(memory.estimate, [*memory.waiting, memory.waiting[-1]])
         return _law_of(self.law, self.point, self.dt)
 
-    def _new(self) -> _Memory:
+    def _memory_at_trim(self) -> _Memory:
+        """Return the memory before a flight: the estimate and the commands under way are trim."""
         late = in_samples(self.delay, self.dt).whole
-        still = [np.zeros(len(self.point.u)) for _ in range(late + 1)]
-        return _Memory(np.zeros(memory_size(self.filter)), still)
+        inputs_at_trim = [np.zeros(len(self.point.u)) for _ in range(late + 1)]
+        return _Memory(np.zeros(memory_size(self.filter)), inputs_at_trim)
 
     @property
     def is_extended(self) -> bool:
@@ -241,7 +245,7 @@ class FilteredPolicy(SampledPolicy):
                 f"({', '.join(sensors)})"
             )
         trim = np.array([getattr(self.point.states, name) for name in sensors])
-        return np.asarray(self.point.u + self._next(self._memory, measured - trim))
+        return np.asarray(self.point.u + self._command(self._memory, measured - trim))
 
     @property
     def estimate(self) -> dict[str, float]:
@@ -261,11 +265,11 @@ class FilteredPolicy(SampledPolicy):
         self._begin_flight()
         memory = self._memory
         if memory.law is None:
-            memory.law = self._made_law()
+            memory.law = self._prepared_law()
         rows = self.point.model.state_places(self.filter.sensors)
-        return self._held_between_samples(lambda _, measured: self._next(memory, measured[rows]))
+        return self._held_between_samples(lambda _, measured: self._command(memory, measured[rows]))
 
-    def _next(self, memory: _Memory, y: np.ndarray) -> np.ndarray:
+    def _command(self, memory: _Memory, y: np.ndarray) -> np.ndarray:
         """Return the command of the next sample, as deviations from trim, (m,).
 
         y: measured deviations from trim, (p,)
@@ -277,13 +281,13 @@ class FilteredPolicy(SampledPolicy):
             memory.unused += bool(is_left_out[0])
             return u
         if memory.law is None:
-            memory.law = self._made_law()
+            memory.law = self._prepared_law()
         estimated = self._estimated(memory, y)
         limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
         command = memory.law(memory.samples, estimated.x, estimated.deviations) + self.point.u
         u = np.clip(command, limits.lowest, limits.highest) - self.point.u
         memory.waiting.append(u)
-        memory.estimate = self._later(estimated.memory, memory.waiting)
+        memory.estimate = self._next_memory(estimated.memory, memory.waiting)
         memory.waiting.pop(0)
         memory.samples += 1
         memory.unused += estimated.is_left_out
@@ -299,8 +303,9 @@ class FilteredPolicy(SampledPolicy):
         places = self.point.model.state_places(known.states)
         if self.is_extended:
             (ahead,) = self._functions.seen.at(ahead)
-            likely = self._later(updated, [*memory.waiting, memory.waiting[-1]])
-            (deviations[places],) = self._functions.deviations.at(likely)
+            # The command of this sample is not known yet: about the one before.
+            following = self._next_memory(updated, [*memory.waiting, memory.waiting[-1]])
+            (deviations[places],) = self._functions.deviations.at(following)
         x[places] = ahead[: len(known.states)]
         return _Estimated(updated, x, deviations, bool(is_left_out[0]))
 
@@ -319,59 +324,58 @@ class FilteredPolicy(SampledPolicy):
         memory = ca.SX.sym("memory", memory_size(self.filter))
         y = ca.SX.sym("y", len(self.filter.sensors))
         u, later, is_left_out = sample_of(self, t, memory, y)
-        results = [ca.densify(each) for each in (u, later, is_left_out)]
-        return BoundFunction(ca.Function("sample", [t, memory, y], results, {"cse": True}))
+        return _bound("sample", [t, memory, y], [u, later, is_left_out])
 
-    def _later(self, updated: np.ndarray, commands: list[np.ndarray]) -> np.ndarray:
+    def _next_memory(self, updated: np.ndarray, commands: list[np.ndarray]) -> np.ndarray:
         """Return the memory of the filter at the next sample.
 
         updated: that of this sample
         commands: the commands of the samples until this one, the latest last, (m,) each
         """
-        moved = self._predicted(updated[: len(self.filter.Phi)], commands, self.dt)
-        (later,) = self._functions.propagated.at(updated, moved.x, moved.Phi.ravel("F"))
+        predicted = self._predicted(updated[: len(self.filter.Phi)], commands, self.dt)
+        (later,) = self._functions.propagated.at(updated, predicted.x, predicted.Phi.ravel("F"))
         return np.asarray(later)
 
-    def _predicted(self, x: np.ndarray, commands: list[np.ndarray], seconds: float) -> _Moved:
+    def _predicted(self, x: np.ndarray, commands: list[np.ndarray], seconds: float) -> _Prediction:
         """Return the states of the filter some seconds after a sample.
 
         x: states of the filter at the sample, (n,)
         commands: the commands of the samples until this one, the latest last, (m,) each
         """
-        moved = _Moved(x, np.eye(len(x)))
+        now = _Prediction(x, np.eye(len(x)))
         for since, duration in acting_commands(self.delay, self.dt, seconds):
-            part = self._moved(moved.x, commands[-1 - since], duration)
-            moved = _Moved(part.x, part.Phi @ moved.Phi)
-        return moved
+            after = self._after(now.x, commands[-1 - since], duration)
+            now = _Prediction(after.x, after.Phi @ now.Phi)
+        return now
 
-    def _moved(self, x: np.ndarray, u: np.ndarray, seconds: float) -> _Moved:
+    def _after(self, x: np.ndarray, u: np.ndarray, seconds: float) -> _Prediction:
         """Return the states of the filter after some seconds, at most a sample.
 
         x: states of the filter, (n,)
         u: deviations of the acting inputs from the trim, (m,)
         """
-        part = self._part(seconds)
-        linear = _Moved(part.Phi @ x + part.Gamma @ u, part.Phi)
-        if part.nonlinear is None:
+        models = self._models(seconds)
+        linear = _Prediction(models.Phi @ x + models.Gamma @ u, models.Phi)
+        if models.nonlinear is None:
             return linear
-        after, slopes = part.nonlinear.at(x, u)
-        extended = _Moved(after, slopes.reshape(len(x), -1, order="F"))
+        after, slopes = models.nonlinear.at(x, u)
+        extended = _Prediction(after, slopes.reshape(len(x), -1, order="F"))
         return extended if all(np.isfinite(each).all() for each in extended) else linear
 
-    def _part(self, seconds: float) -> _Part:
+    def _models(self, seconds: float) -> _Models:
         """Return the models of some seconds with held inputs, at most a sample."""
         key = round(seconds / self.dt, 6)
-        if key not in self._parts:
+        if key not in self._models_of_shares:
             known = self.filter
             matrices = (known.Phi, known.Gamma) if key == 1.0 else held(known.A, known.B, seconds)
             nonlinear = None
             if self.is_extended:
                 nonlinear = BoundFunction(extended_step(known, matrices[0], seconds))
-            self._parts[key] = _Part(*matrices, nonlinear)
-        return self._parts[key]
+            self._models_of_shares[key] = _Models(*matrices, nonlinear)
+        return self._models_of_shares[key]
 
     @cached_property
-    def _parts(self) -> dict[float, _Part]:
+    def _models_of_shares(self) -> dict[float, _Models]:
         """Share of a sample -> its models."""
         return {}
 
@@ -431,8 +435,9 @@ class FilteredPolicy(SampledPolicy):
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: those of its law, and the filter."""
-        found = {**self.law.data(model), "law": self.name, "filter": storable(self.filter)}
-        return {**found, "margins": self.margins, "unused_samples": self.unused}
+        of_filter = {"filter": storable(self.filter), "margins": self.margins}
+        named = {**self.law.data(model), "law": self.name}
+        return {**named, **of_filter, "unused_samples": self.unused}
 
     def notes(self) -> tuple[str, ...]:
         """Return the filter, and the number of samples that were not used."""
@@ -447,7 +452,7 @@ class FilteredPolicy(SampledPolicy):
         """Return the fields, without functions that are made at the next sample."""
         memory = replace(self._memory, law=None, waiting=[*self._memory.waiting])
         fields = {**self.__dict__, "_memory": memory}
-        for made in ("_parts", "_functions", "_sample"):
+        for made in ("_models_of_shares", "_functions", "_sample"):
             fields.pop(made, None)
         return fields
 

@@ -20,6 +20,7 @@ from hfa_support.errors import (
     refuse_unknown,
     refuse_unless_positive,
 )
+from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Result
 from trim.linear.kinks import linearization_at
 from trim.linear.linear_model import LinearModel
@@ -159,8 +160,8 @@ class KalmanFilter(Result):
         A = plant.A * plant.scale / plant.scale[:, None]
         C = plant.C * plant.scale / sigma[:, None]
         unobservable = _unobservable(plant, A, C, tuple(drift), tuple(noise))
-        both = np.outer(plant.scale, plant.scale)
-        balanced_Phi, air = held_noise(A, plant.noise / both, dt)
+        units = np.outer(plant.scale, plant.scale)
+        balanced_Phi, air = held_noise(A, plant.noise / units, dt)
         _, drifted = held_noise(A, np.diag((plant.drift / plant.scale) ** 2), dt)
         Q = air + drifted
         Q = 0.5 * (Q + Q.T)
@@ -177,10 +178,10 @@ class KalmanFilter(Result):
             Phi=Phi,
             Gamma=Gamma,
             C=plant.C,
-            Q=Q * both,
+            Q=Q * units,
             R=np.diag(sigma**2),
-            air=air * both,
-            P=P * both,
+            air=air * units,
+            P=P * units,
             L=L * plant.scale[:, None] / sigma,
             residual=residual,
             unobservable=unobservable,
@@ -203,7 +204,7 @@ class KalmanFilter(Result):
     def radius(self) -> float:
         """Spectral radius of the errors' dynamics Φ (I - L C)."""
         errors = self.Phi @ (np.eye(len(self.Phi)) - self.L @ self.C)
-        return float(np.abs(np.linalg.eigvals(errors)).max())
+        return spectral_radius(errors)
 
     @property
     def estimated(self) -> dict[str, float]:
@@ -214,6 +215,8 @@ class KalmanFilter(Result):
     def loop(self, K: np.ndarray) -> _Loop:
         """Return the loop of a gain u = -K x̂ and this filter.
 
+        The states are those of aircraft and air, x, and the errors of their prediction, x - x⁻.
+
         K: (m, k)
         """
         Phi, Gamma, C, L = self.Phi, self.Gamma, self.C, self.L
@@ -222,8 +225,8 @@ class KalmanFilter(Result):
         kept = np.eye(n) - L @ C
         F = np.block([[Phi - Gamma @ gain, Gamma @ gain @ kept], [np.zeros((n, n)), Phi @ kept]])
         of_noise = np.vstack([-Gamma @ gain @ L, -Phi @ L])
-        both = np.vstack([np.eye(n), np.eye(n)])
-        N = both @ self.air @ both.T + of_noise @ self.R @ of_noise.T
+        of_air = np.vstack([np.eye(n), np.eye(n)])
+        N = of_air @ self.air @ of_air.T + of_noise @ self.R @ of_noise.T
         states = np.eye(n)[:k]
         outputs = np.block([[states, np.zeros((k, n))], [-gain, gain @ kept]])
         feed = gain @ L @ self.R @ L.T @ gain.T
