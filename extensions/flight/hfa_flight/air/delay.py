@@ -38,22 +38,31 @@ def in_samples(delay: float, dt: float) -> Delay:
     return Delay(whole, delay - whole * dt)
 
 
-def acting_commands(delay: float, dt: float, seconds: float) -> list[tuple[int, float]]:
-    """Return which commands act in some seconds after a sample, with the duration of each, s.
+class ActingCommand(NamedTuple):
+    """A delayed command that acts for a time after a sample.
 
-    A command is named by the number of samples since its own: 0 is that of this sample.
+    samples_ago: number of samples since that of the command, 0 for the command of the sample
+    seconds: time for which it acts, s
+    """
+
+    samples_ago: int
+    seconds: float
+
+
+def acting_commands(delay: float, dt: float, seconds: float) -> list[ActingCommand]:
+    """Return the commands that act in some seconds after a sample, the earliest first.
 
     delay, dt: delay and sample time, s
     """
-    late, until = in_samples(delay, dt)
-    begin = 0.0
+    whole, ends = in_samples(delay, dt)
     acting = []
-    for since in range(late + 1, -1, -1):
-        end = min(until, seconds)
+    begin = 0.0
+    for samples_ago in range(whole + 1, -1, -1):
+        end = min(ends, seconds)
         if end - begin > WHOLE * dt:
-            acting.append((since, end - begin))
+            acting.append(ActingCommand(samples_ago, end - begin))
             begin = end
-        until += dt
+        ends += dt
     return acting
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -94,40 +94,54 @@ def missing_states(model: Model, component: str) -> list[str]:
 
     A state that the model has in a unit without a known size counts as missing.
     """
-    return [name for name in _NEEDED[component] if name not in _states(model)]
+    return [name for name in _NEEDED[component] if name not in _standard_states(model)]
+
+
+class _StandardState(NamedTuple):
+    """State of a model that has one of the standard names `_STATES`.
+
+    name: name of the state in the model
+    size: size of its unit in rad or rad/s; 1 for the speed, which keeps its unit
+    """
+
+    name: str
+    size: float
 
 
 @lru_cache(maxsize=16)
-def _states(model: Model) -> dict[str, tuple[str, float]]:
-    """Return standard name -> state of the model, and its unit in rad or rad/s; 1 for the speed."""
-    found = {}
-    for name in _STATES:
-        state = state_of(model, name)
-        if state not in model.states:
+def _standard_states(model: Model) -> dict[str, _StandardState]:
+    """Return standard name -> state of the model, for the states in units of known size."""
+    standard_states = {}
+    for standard_name in _STATES:
+        name = state_of(model, standard_name)
+        if name not in model.states:
             continue
-        unit = "rad/s" if name.endswith("_rate") else "rad"
-        size = 1.0 if name == "speed" else conversion_factor(model.unit(state), unit)
+        unit = "rad/s" if standard_name.endswith("_rate") else "rad"
+        size = 1.0 if standard_name == "speed" else conversion_factor(model.unit(name), unit)
         if size is not None:
-            found[name] = (state, size)
-    return found
+            standard_states[standard_name] = _StandardState(name, size)
+    return standard_states
 
 
-def other_kind(model: Model, disturbance: str) -> str:
-    """Return which signal of the model has this name: input, output, state, parameter or ""."""
+def kind_of_signal(model: Model, name: str) -> str:
+    """Return the kind of the model's signal with a name, such as "input", or "" without one."""
     kinds = (*VECTORS.values(), "outputs")
-    found = [kind for kind in kinds if disturbance in getattr(model, kind)]
-    return "".join(found).removesuffix("s")
+    return next((kind.removesuffix("s") for kind in kinds if name in getattr(model, kind)), "")
 
 
 def undeclared(model: Model, disturbance: str, what: str) -> str:
-    """Return the refusal of what requires a disturbance that `in_gusts(model)` does not have."""
-    kind = other_kind(model, disturbance)
+    """Return the message that `in_gusts(model)` lacks a disturbance, and what to change.
+
+    what: subject that requires the disturbance, such as "a gust"
+    """
+    kind = kind_of_signal(model, disturbance)
     change = f"rename its {kind} {disturbance}" if kind else "declare this disturbance"
     return f"{model.name} declares no disturbance {disturbance}, which {what} requires; {change}"
 
 
 def _can_be_added(model: Model, component: str) -> bool:
-    return not (missing_states(model, component) or other_kind(model, ADDED[component]))
+    """Return whether `in_gusts` can add the disturbance of a gust component to a model."""
+    return not (missing_states(model, component) or kind_of_signal(model, ADDED[component]))
 
 
 @lru_cache(maxsize=16)
@@ -169,7 +183,7 @@ def relative_to_crossing_air(
     values: state -> value over the ground, as number or expression, of all states
     winds: disturbance of `in_gusts(model)` -> value
     """
-    states = _states(model)
+    states = _standard_states(model)
     if not {"speed", "alpha", "pitch"} <= set(states):
         return {}
     across = {name: winds[ADDED[name]] for name in ("v", "w") if ADDED[name] in winds}
@@ -177,18 +191,17 @@ def relative_to_crossing_air(
         across.pop("v", None)
     if not across:
         return {}
-    unit = model.unit(states["speed"][0])
-    signals = in_gusts(model).disturbances
-    air = [0.0, 0.0, 0.0]
-    for name, wind in across.items():
-        factor = conversion_factor(signals[ADDED[name]].unit, unit) or 1.0
-        air["uvw".index(name)] = _SIGN.get(name, 1.0) * factor * wind
-    at = {name: values[state] * size for name, (state, size) in states.items()}
-    velocity = at["speed"] * wind_axes(at["alpha"], at.get("beta", 0.0))[:, 0]
-    to_ground = rotation(at.get("roll", 0.0), at["pitch"], 0.0)
-    in_air = velocity - ca.mtimes(to_ground.T, ca.vertcat(*air))
-    relative = _flow(in_air)
-    return {states[name][0]: relative[name] / states[name][1] for name in relative if name in at}
+    speed_unit = model.unit(states["speed"].name)
+    disturbances = in_gusts(model).disturbances
+    air = [0.0, 0.0, 0.0]  # forward, to the right and down, in the unit of the speed
+    for component, wind in across.items():
+        factor = conversion_factor(disturbances[ADDED[component]].unit, speed_unit) or 1.0
+        air["uvw".index(component)] = _SIGN.get(component, 1.0) * factor * wind
+    motion = {name: values[state.name] * state.size for name, state in states.items()}
+    velocity = motion["speed"] * wind_axes(motion["alpha"], motion.get("beta", 0.0))[:, 0]
+    to_ground = rotation(motion.get("roll", 0.0), motion["pitch"], 0.0)
+    flow = _flow(velocity - ca.mtimes(to_ground.T, ca.vertcat(*air)))
+    return {states[name].name: flow[name] / states[name].size for name in flow if name in states}
 
 
 def _flow(velocity: Any) -> dict[str, Any]:
@@ -209,51 +222,56 @@ class _InGusts:
     added: tuple[str, ...]  # gust components that the model does not declare
 
     @cached_property
-    def states(self) -> dict[str, tuple[str, float]]:
-        """Standard name -> state of the model, and its unit in rad or rad/s."""
-        return _states(self.model)
+    def states(self) -> dict[str, _StandardState]:
+        """Standard name -> state of the model."""
+        return _standard_states(self.model)
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
         """Return the rates by state and the outputs by name."""
-        states = {name: getattr(x, state) * size for name, (state, size) in self.states.items()}
         layout = self.model.layout
-        own = layout.record("w", [getattr(w, name) for name in self.model.disturbances])
+        declared = layout.record("w", [getattr(w, name) for name in self.model.disturbances])
         gust = {
             name: _SIGN.get(name, 1.0) * getattr(w, ADDED[name]) if name in self.added else 0.0
             for name in ADDED
         }
-        angles = states["alpha"], states.get("beta", 0.0)
-        velocity = states["speed"] * wind_axes(*angles)[:, 0]
-        to_ground = rotation(states.get("roll", 0.0), states.get("pitch", 0.0), 0.0)
+        motion = {name: getattr(x, state.name) * state.size for name, state in self.states.items()}
+        velocity = motion["speed"] * wind_axes(motion["alpha"], motion.get("beta", 0.0))[:, 0]
+        to_ground = rotation(motion.get("roll", 0.0), motion.get("pitch", 0.0), 0.0)
         air = ca.mtimes(to_ground.T, ca.vertcat(gust["u"], gust["v"], gust["w"]))
         in_air = velocity - air
-        rates = ca.vertcat(*(states.get(name, 0.0) for name in _RATES.values()))
+        rates = ca.vertcat(*(motion.get(name, 0.0) for name in _RATES.values()))
         rates_in_air = rates + ca.vertcat(gust["p"], gust["q"], gust["r"])
-        relative = {
-            **_flow(in_air),
-            **dict(zip(_RATES.values(), ca.vertsplit(rates_in_air), strict=True)),
-        }
-        seen = {name: relative.get(name, value) for name, value in states.items()}
-        vector = {name: getattr(x, name) for name in self.model.states}
-        vector |= {self.states[name][0]: seen[name] / self.states[name][1] for name in seen}
-        moved, outputs = self.model.equations(layout.record("x", vector.values()), u, p, own)
-        rates_of = {name: moved[state] * size for name, (state, size) in self.states.items()}
-        acceleration = _acceleration(seen, rates_of)
+        relative = _flow(in_air)
+        relative |= zip(_RATES.values(), ca.vertsplit(rates_in_air), strict=True)
+        motion_in_air = {name: relative.get(name, value) for name, value in motion.items()}
+        x_in_air = {name: getattr(x, name) for name in self.model.states}
+        for name, state in self.states.items():
+            x_in_air[state.name] = motion_in_air[name] / state.size
+        of_model, outputs = self.model.equations(
+            layout.record("x", x_in_air.values()), u, p, declared
+        )
+        of_motion = {name: of_model[state.name] * state.size for name, state in self.states.items()}
+        # From V' = a - ω_a x V_a of the model to V' = a - ω x V.
+        acceleration = _acceleration(motion_in_air, of_motion)
         acceleration += ca.cross(rates_in_air, in_air) - ca.cross(rates, velocity)
-        flow = zip(("speed", "alpha", "beta"), flow_rates(velocity, acceleration), strict=True)
-        over_ground, _ = self.model.equations(x, u, p, own)
+        of_flow = dict(
+            zip(("speed", "alpha", "beta"), flow_rates(velocity, acceleration), strict=True)
+        )
+        over_ground, _ = self.model.equations(x, u, p, declared)
         grounded = {state_of(self.model, name) or name for name in _OVER_GROUND}
-        found = {name: over_ground[name] for name in vector if name in grounded}
-        for name, rate in flow:
-            if name in states:
-                state, size = self.states[name]
-                found[state] = rate / size
-        return {**moved, **found}, outputs
+        changed = {name: over_ground[name] for name in self.model.states if name in grounded}
+        for name, state in self.states.items():
+            if name in of_flow:
+                changed[state.name] = of_flow[name] / state.size
+        return {**of_model, **changed}, outputs
 
 
-def _acceleration(states: Mapping[str, Any], rates: Mapping[str, Any]) -> Any:
-    """Return the time derivatives of the body-axis velocity components, (3,)."""
-    speed, alpha, beta = (states.get(name, 0.0) for name in ("speed", "alpha", "beta"))
+def _acceleration(motion: Mapping[str, Any], rates: Mapping[str, Any]) -> Any:
+    """Return the time derivatives of the body-axis velocity components, (3,).
+
+    motion, rates: standard name of a state -> its value, and its time derivative
+    """
+    speed, alpha, beta = (motion.get(name, 0.0) for name in ("speed", "alpha", "beta"))
     in_wind_axes = ca.vertcat(
         rates["speed"],
         speed * rates.get("beta", 0.0),

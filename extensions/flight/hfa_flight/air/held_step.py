@@ -42,9 +42,8 @@ def parts_of_a_sample(
     longest: longest step, in time constants of the fastest mode
     """
     fastest = max(fastest_mode(point, np.zeros(len(point.model.linear))) for point in points)
-    if boxes is not None:
-        in_boxes = (fastest_mode(*each) for each in zip(points, boxes, strict=True))
-        fastest = max(fastest, *in_boxes)
+    for point, half_widths in zip(points, boxes or (), strict=boxes is not None):
+        fastest = max(fastest, fastest_mode(point, half_widths))
     parts = max(steps_of(dt * fastest, longest), steps_of(dt, _SECONDS))
     return min(parts, _MOST_PARTS)
 

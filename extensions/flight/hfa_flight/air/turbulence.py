@@ -19,8 +19,8 @@ from hfa.options.argument_types import option_errors, positive
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import (
     ADDED,
+    kind_of_signal,
     missing_states,
-    other_kind,
     taken_components,
     undeclared,
 )
@@ -148,7 +148,7 @@ class Turbulence:
         """Return the turbulence of a flight that begins at the trim `point`.
 
         interval: duration of a sample, s
-        ticks: number of ticks
+        ticks: number of samples
         seed: seed of the noise
 
         Raises BadInputError if the altitude is unknown, if the specification has no turbulence of
@@ -174,9 +174,12 @@ class Turbulence:
         taken = taken_components(model, heading)
         if self.span is None:
             taken = {name: taken[name] for name in taken if name in "uvw"}
-        per_length = conversion_factor("ft/s", model.unit(state_of(model, "speed"))) or feet
+        # `factors` gives lengths per s, which differ from the unit of a speed in knots.
+        foot_per_second = conversion_factor("ft/s", model.unit(state_of(model, "speed"))) or feet
         for name in {*taken} & {*"uvw"}:
-            taken[name] = {wind: size * per_length / feet for wind, size in taken[name].items()}
+            taken[name] = {
+                wind: factor * foot_per_second / feet for wind, factor in taken[name].items()
+            }
         if not taken:
             needed = ", ".join(missing_states(model, "w"))
             if not needed:
@@ -311,7 +314,7 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
 class TurbulentAir(Gust):
     """Turbulence u, v, w, p, q, r of a flight, which begins in calm air.
 
-    Filtered white noise, exact at the ticks and linear between ticks. The filters begin at rest,
+    Filtered white noise, exact at the samples and linear between them. The filters begin at rest,
     because the aircraft begins at its trim in still air. p is independent noise through the filter
 
       σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s).
@@ -326,7 +329,7 @@ class TurbulentAir(Gust):
     feet: length of a foot in the model's unit.
     speed: V, ft/s.
     interval: duration of a sample, s.
-    ticks: number of ticks.
+    ticks: number of samples.
     seed: seed of the noise.
     taken: component -> disturbance of the model -> factor.
     trimmed_at: altitude of the trim, ft.
@@ -353,7 +356,7 @@ class TurbulentAir(Gust):
 
     @property
     def held_size(self) -> int:  # type: ignore[override]  # computed
-        """Number of held inputs: time, values and slopes at the start of a tick."""
+        """Number of held inputs: time, values and slopes at the start of a sample."""
         return 1 + 2 * len(self.names)
 
     def held_inputs(self, sample: int) -> np.ndarray:
@@ -380,7 +383,7 @@ class TurbulentAir(Gust):
 
     @cached_property
     def values(self) -> np.ndarray:
-        """Disturbances at the ticks, (ticks + 1, k), in the units of the model."""
+        """Disturbances at the samples, (ticks + 1, k), in the units of the model."""
         components = AirFilter.of(self).drawn(self.ticks + 1, self.seed)
         return components @ self.factors
 
@@ -429,7 +432,7 @@ class TurbulentAir(Gust):
             reason = "the wing span is missing (the last number of --turbulence)"
             if missing_states(model, name):
                 reason = "the equations have no such motion"
-            elif kind := other_kind(model, ADDED[name]):
+            elif kind := kind_of_signal(model, ADDED[name]):
                 reason = f"{ADDED[name]} is one of the {kind}s of the model"
             reasons.setdefault(reason, []).append(name)
         return [f"turbulence without {', '.join(names)}: {why}" for why, names in reasons.items()]
@@ -467,22 +470,19 @@ class AirFilter:
         span = air.turbulence.span
         if span is None:
             A, B, C = _in_parallel(parts)
-            return cls(A, B, np.vstack([C, np.zeros_like(C)]), air.interval)
+            without_rates = np.vstack([C, np.zeros_like(C)])
+            return cls(A, B, without_rates, air.interval)
         span = span / air.feet
         size = air.intensities[2] * np.sqrt(0.8 / air.speed) * (np.pi / (4 * span)) ** (1 / 6)
         size /= air.lengths[2] ** (1 / 3)
         lag = 4 * span / (np.pi * air.speed)
-        rolling = np.array([[-1 / lag]]), np.array([[1 / lag]]), np.array([[size]])
-        A, B, C = _in_parallel([*parts, rolling])
+        rolling = _Filter(np.array([[-1 / lag]]), np.array([[1 / lag]]), np.array([[size]]))
+        components = _in_parallel([*parts, rolling])
+        # q is the gradient of w in row 2, and r that of v in row 1.
         for row, sign, share in ((2, 1.0, 4.0), (1, -1.0, 3.0)):
             lag = share * span / (np.pi * air.speed)
-            A = np.block([[A, np.zeros((len(A), 1))], [C[[row]] / lag, np.array([[-1 / lag]])]])
-            B = np.vstack([B, np.zeros((1, 4))])
-            C = np.hstack([C, np.zeros((len(C), 1))])
-            rate = sign / (air.speed * lag) * C[row]
-            rate[-1] = -sign / (air.speed * lag)
-            C = np.vstack([C, rate])
-        return cls(A, B, C, air.interval)
+            components = _with_gradient(components, row, lag, sign / (air.speed * lag))
+        return cls(*components, air.interval)
 
     @cached_property
     def noise(self) -> np.ndarray:
@@ -501,7 +501,7 @@ class AirFilter:
 
     @cached_property
     def step(self) -> tuple[np.ndarray, np.ndarray]:
-        """Transition matrix Φ and noise gain G of a tick, x⁺ = Φ x + G ξ, ξ ~ N(0, I)."""
+        """Transition matrix Φ and noise gain G of a sample, x⁺ = Φ x + G ξ, ξ ~ N(0, I)."""
         Phi, covariance = held_noise(self.A, self.noise, self.interval)
         return Phi, _root(covariance)
 
@@ -520,7 +520,7 @@ class AirFilter:
         return float(np.sqrt((1.0 - missing / stationary).min()))
 
     def drawn(self, count: int, seed: int) -> np.ndarray:
-        """Return random gust components at `count` ticks, (count, 6).
+        """Return random gust components at `count` samples, (count, 6).
 
         The filter begins at rest.
         """
@@ -548,13 +548,21 @@ def held_noise(A: np.ndarray, noise: np.ndarray, dt: float) -> tuple[np.ndarray,
     return Phi, Phi @ grown[:n, n:]
 
 
-_Filter = tuple[np.ndarray, np.ndarray, np.ndarray]
+class _Filter(NamedTuple):
+    """Filter x' = A x + B ν with the outputs C x, of white noise ν."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
 
 
 def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
-    """Return A, b, c of first-order filters in series. The first filter has no zero.
+    """Return first-order filters in series, of which the first has no zero.
 
     Filter i with the input e has p x' = e - x and the output (z / p) e + (1 - z / p) x.
+
+    tau: unit L/V of the time constants p and z, s
+    size: factor on the output
     """
     poles = [pole * tau for pole in reversed(shape.poles)]
     zeros = [0.0, *(zero * tau for zero in reversed(shape.zeros))]
@@ -569,15 +577,28 @@ def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
         of_states = zero / pole * of_states
         of_states[row] = 1 - zero / pole
         of_noise *= zero / pole
-    return A, b, size * of_states[None]
+    return _Filter(A, b, size * of_states[None])
 
 
 def _in_parallel(parts: list[_Filter]) -> _Filter:
-    """Return A, B, C of filters in parallel, each with its own noise input and its own output."""
+    """Return filters in parallel, each with its own noise input and its own output."""
     from scipy.linalg import block_diag
 
-    A, B, C = (block_diag(*blocks) for blocks in zip(*parts, strict=True))
-    return A, B, C
+    return _Filter(*(block_diag(*blocks) for blocks in zip(*parts, strict=True)))
+
+
+def _with_gradient(known: _Filter, row: int, lag: float, gain: float) -> _Filter:
+    """Return a filter with the further output gain (y - x), where lag x' = y - x.
+
+    row: row of the output y of the known filter
+    """
+    n, noises = known.B.shape
+    A = np.block([[known.A, np.zeros((n, 1))], [known.C[[row]] / lag, np.array([[-1 / lag]])]])
+    B = np.vstack([known.B, np.zeros((1, noises))])
+    C = np.hstack([known.C, np.zeros((len(known.C), 1))])
+    gradient = gain * C[row]
+    gradient[-1] = -gain
+    return _Filter(A, B, np.vstack([C, gradient]))
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:

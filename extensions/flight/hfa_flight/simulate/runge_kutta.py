@@ -64,6 +64,14 @@ def step_function(rate: ca.Function, nominal: np.ndarray) -> ca.Function:
     return ca.Function("step", [t, y, held, h, before], [ca.densify(each) for each in results])
 
 
+def _step_factor(ratio: float) -> float:
+    """Return the length of the next step relative to one with a ratio of error to allowed error."""
+    if ratio == 0.0:
+        return _LONGER
+    wanted = _SAFETY * ratio ** (-1 / _ORDER)
+    return min(_LONGER, max(_SHORTER, wanted))  # _SHORTER for an error that is not a number
+
+
 class _Step(NamedTuple):
     """A step of `seconds` from a state y, with the slopes of its polynomial, (n, 4)."""
 
@@ -88,6 +96,8 @@ class RungeKutta:
     def __init__(self, step: BoundFunction, longest: float, shortest: float) -> None:
         self.error = 0.0
         self._largest = 0.0
+        # Error of the short step that was tried last since the last step made; inf without one.
+        self._error_of_short_step = math.inf
         self._function = step
         self._longest, self._shortest = longest, shortest
         self._next = longest
@@ -107,7 +117,6 @@ class RungeKutta:
         after, largest, error_ratio, error, slopes = self._function.results
         now[:], held_now[:] = y, held
         time = begin
-        last_rejected = math.inf
         while time < end:
             if len(self._steps) >= self._pause:
                 self._pause *= 2
@@ -117,19 +126,18 @@ class RungeKutta:
             t[0], h[0], before[0] = time, seconds, self._largest
             self._function()
             ratio = float(error_ratio[0])
-            factor = _SAFETY * ratio ** (-1 / _ORDER) if ratio != 0.0 else _LONGER
-            is_within = ratio <= 1.0  # also False for an error that is not a number
-            is_short = seconds <= self._shortest
-            in_units = float(error[0])
-            if not is_within and (not is_short or in_units < _AT_A_JUMP * last_rejected):
-                last_rejected = in_units if is_short else math.inf
-                self._next = (_SHORTER if is_short else max(_SHORTER, factor)) * seconds
+            if ratio <= 1.0:
+                self._next = min(self._longest, _step_factor(ratio) * seconds)
+            elif shorter := self._shorter_step(seconds, ratio, float(error[0])):
+                self._next = shorter
                 continue
-            last_rejected = math.inf
-            if not math.isfinite(ratio):
-                steps_left, seconds = 1, end - time  # the flight diverges
-            elif not is_within:
-                self.error += in_units / float(largest[0])
+            else:
+                self._next = min(self._longest, self._shortest)
+                if math.isfinite(ratio):
+                    self.error += float(error[0]) / float(largest[0])
+                else:
+                    steps_left, seconds = 1, end - time  # the flight diverges
+            self._error_of_short_step = math.inf
             if len(self._steps) == _MOST_STEPS:
                 raise NoSolutionError(
                     f"the simulation requires steps of {seconds:.2g} s at {time:.4g} s: the loop "
@@ -138,10 +146,23 @@ class RungeKutta:
             self._steps.append(_Step(time, seconds, now.copy(), slopes.copy()))
             now[:] = after
             self._largest = float(largest[0])
-            longer = min(_LONGER, factor) * seconds if is_within else self._shortest
-            self._next = min(self._longest, longer)
             time = end if steps_left == 1 else time + seconds
         return time, now.copy()
+
+    def _shorter_step(self, seconds: float, ratio: float, error: float) -> float | None:
+        """Return the length, s, of the next trial of a step whose error is too large.
+
+        None for a short step over a jump of the rates, whose error hardly decreases with the step.
+
+        ratio: error / allowed
+        error: in nominal values
+        """
+        if seconds > self._shortest:
+            return _step_factor(ratio) * seconds
+        if error < _AT_A_JUMP * self._error_of_short_step:
+            self._error_of_short_step = error
+            return _SHORTER * seconds
+        return None
 
     def clear(self) -> None:
         """Forget the steps made so far."""
