@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import each_of, number, quantity, whole
@@ -22,7 +22,7 @@ from hfa.options.workers import WorkerOptions
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario, with_errors
-from hfa_flight.air.signals import CommandedStates
+from hfa_flight.air.signals import CommandedStates, TimeVector
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
     DEPLOYMENT,
@@ -295,15 +295,26 @@ def _refuse_late(commands: Mapping[str, list[tuple[float, float]]], duration: fl
             )
 
 
+class _Steering(NamedTuple):
+    """What moves the inputs of a flight.
+
+    reference: reference x_d that the policy follows, or None
+    tracking: feedback and feedforward of --reference, or None
+    """
+
+    policy: Policy
+    reference: TimeVector | None = None
+    tracking: Tracking | None = None
+
+
 def _steering(
     request: FlyRequest,
     given: GivenTrim,
     point: OperatingPoint,
     commands: Mapping[str, list[tuple[float, float]]],
     limits: Mapping[str, tuple[float, float]],
-) -> tuple[Policy, Any, Tracking | None]:
-    """Return the policy that the options specify, the reference that it follows, or None, and the
-    tracking of --reference, or None.
+) -> _Steering:
+    """Return the policy that the options specify, with its reference and tracking.
 
     commands: signal -> steps of --command
     limits: state -> limits of --envelope
@@ -318,10 +329,10 @@ def _steering(
     if flown == NONE:
         if request.policy is None:
             warn(f"no --policy is given: no policy acts (--policy {NONE})")
-        return open_loop(steps, tuple(model.inputs)), None, None
+        return _Steering(open_loop(steps, tuple(model.inputs)))
     linear = noted_linear_model(model, point)
     if request.kind in (DEPLOYMENT, TABLE):
-        return policy_about(request, linear, given.common.at, steps), None, None
+        return _Steering(policy_about(request, linear, given.common.at, steps))
     if request.kind in LAWS:
         planned = policy_of_law(
             request.kind,
@@ -332,23 +343,23 @@ def _steering(
             horizon=request.horizon,
             margin=request.margin,
         )
-        return planned, None, None
+        return _Steering(planned)
     for name in steps.names:
         refuse_unknown("a gain cannot follow a command of", name, model.linear)
     reference = CommandedStates(steps, model.linear) if steps.names else None
     signals = signals_of(request.reference, model)
     policy = policy_about(request, linear)
     if not signals:
-        return policy, reference, None
+        return _Steering(policy, reference)
     game = weighted_game(given_weights(request), linear).game
     tracking = tracking_of(linear, game, policy, signals)
     policy = GainPolicy(policy.name, tracking.K, tracking.inputs)
-    return policy, tracking.exact.reference, tracking
+    return _Steering(policy, tracking.exact.reference, tracking)
 
 
 def _end_of(result: Flight) -> str:
-    """Return the phrase on where the flight of a law that plans ends, and its cost, with the ratio
-    to the cost of the law's first plan, if it has one.
+    """Return the end of the first line on the flight of a law that plans: whether it has returned,
+    and its cost, relative to that of the law's first plan if it has one.
     """
     ended = "returned" if result.returned else "not returned"
     first = result.loop.policy.data(result.model).get("samples", {}).get("first_plan")

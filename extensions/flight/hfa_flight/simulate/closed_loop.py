@@ -40,7 +40,7 @@ class Plant:
     point: OperatingPoint
 
     @cached_property
-    def linear(self) -> list[int]:
+    def linear_places(self) -> list[int]:
         """Places of the k states of the linear model among the n states."""
         model = self.point.model
         return [list(model.states).index(name) for name in model.linear]
@@ -131,8 +131,8 @@ class NonlinearPlant(Plant):
         """
         p = components(parameters) if self.uncertain else self.model.p.tolist()
         vectors = self._absolute(x), components(ca.DM(self.point.u) + u), p
-        model = self._in(winds)
-        rates, _ = model.layout.expressions(vectors, (), _values(winds, model))
+        model = self._model_with(winds)
+        rates, _ = model.layout.expressions(vectors, (), _disturbances(winds, model))
         return rates
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
@@ -142,12 +142,14 @@ class NonlinearPlant(Plant):
         state alpha. Raises BadInputError if the output depends on an input, because it is then not
         a flow angle.
         """
-        model = self._in(winds)
+        model = self._model_with(winds)
         if not winds or not has_angle_of_attack(model):
             return ca.SX(0, 1)
         u = ca.SX.sym("u", len(model.inputs))
         vectors = self._absolute(x), components(u), model.p.tolist()
-        _, angle = model.layout.expressions(vectors, (ANGLE_OF_ATTACK,), _values(winds, model))
+        _, angle = model.layout.expressions(
+            vectors, (ANGLE_OF_ATTACK,), _disturbances(winds, model)
+        )
         if ca.depends_on(angle, u):
             raise BadInputError(
                 f"{model.name}: output {ANGLE_OF_ATTACK} depends on an input and is therefore "
@@ -156,14 +158,15 @@ class NonlinearPlant(Plant):
         return angle - getattr(self.point.states, ALPHA)
 
     def _absolute(self, x: ca.SX) -> list[ca.SX]:
+        """Return the absolute states X0 + x, one expression each."""
         return components(ca.DM(self.point.x) + x)
 
-    def _in(self, winds: Winds) -> Model:
+    def _model_with(self, winds: Winds) -> Model:
         """Return the model with all disturbances named in `winds`."""
         return self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
 
 
-def _values(winds: Winds, model: Model) -> list[Any]:
+def _disturbances(winds: Winds, model: Model) -> list[Any]:
     """Return the values of all disturbances of a model, 0 for those not in `winds`."""
     return [winds.get(name, 0.0) for name in model.disturbances]
 
@@ -213,7 +216,7 @@ class HeldParts(NamedTuple):
     noise: (k,), noise of the measured states
     gust: held inputs of the gust (`Gust.held_inputs`)
     begin: (1,), time from which these inputs are held, s, if commands step during the flight
-    delay: (1 + 3 m,), times between which the delayed commands are interpolated, and the commands
+    delay: (2 + 2 m,), times between which the delayed commands are interpolated, and the commands
       at these times
     """
 
@@ -253,7 +256,7 @@ class ClosedLoop:
 
     def __post_init__(self) -> None:
         """Raise BadInputError for wrong sizes and for a trim outside the actuators' limits."""
-        k = len(self.plant.linear)
+        k = len(self.plant.linear_places)
         if self.scenario.actuators is not None:
             self.scenario.actuators.refuse_trim(self.plant.point.u)
         self.policy.refuse_other_sizes(self.plant.point)
@@ -282,7 +285,7 @@ class ClosedLoop:
         return HeldParts(
             parameters=self.plant.parameters_size,
             policy=self.policy.held.shape[1],
-            noise=0 if scenario.samples is None else len(self.plant.linear),
+            noise=0 if scenario.samples is None else len(self.plant.linear_places),
             gust=0 if scenario.gust is None else scenario.gust.held_size,
             begin=1 if self.breaks.size else 0,
             delay=2 + 2 * self.plant.point.u.size if scenario.delayed_ticks else 0,
@@ -305,7 +308,7 @@ class ClosedLoop:
         reference = self._reference(t, since)
         measurements = self._measurements(state, inputs, reference)
         measured = ca.SX(state.plant)
-        measured[plant.linear] = measurements.states
+        measured[plant.linear_places] = measurements.states
         command = self.policy.control(t, measurements, inputs.policy)
         arriving = command
         if inputs.delay.numel():
@@ -322,8 +325,8 @@ class ClosedLoop:
             actuators_rate = actuators.rates(state.actuators, reachable)
         plant_rate = plant.rate(state.plant, u, winds, inputs.parameters)
         if scenario.disturbance is not None:
-            plant_rate[plant.linear] += scenario.disturbance.at(t)
-        error = state.plant[plant.linear] - reference
+            plant_rate[plant.linear_places] += scenario.disturbance.at(t)
+        error = state.plant[plant.linear_places] - reference
         cost_rate = ca.SX(0, 1) if self.cost is None else self.cost.rate(error, u)
         rates = StateParts(plant_rate, actuators_rate, cost_rate)
         return Expressions(
@@ -345,14 +348,15 @@ class ClosedLoop:
             sampled = self.policy.sampled_modes()
             modes = np.zeros(0) if sampled is None else sampled
         else:
+            # A nonlinear plant has a model of its own, with errors of parameters.
             model = getattr(self.plant, "model", self.plant.point.model)
             linear = LinearPlant.at(model, self.plant.point, self.wind_names)
             loop = replace(self, plant=linear, cost=None)
             t, y, held = loop.symbols()
             slopes = ca.Function("slopes", [t, y, held], [ca.jacobian(loop.at(t, y, held).rate, y)])
-            inputs = np.zeros(held.numel())
-            loop.hold(0, inputs)
-            modes = np.linalg.eigvals(slopes(0.0, np.zeros(y.numel()), inputs).full())
+            held_at_start = np.zeros(held.numel())
+            loop.hold(0, held_at_start)
+            modes = np.linalg.eigvals(slopes(0.0, np.zeros(y.numel()), held_at_start).full())
         return modes[modes.real > 0.0]
 
     @cached_property
@@ -366,8 +370,9 @@ class ClosedLoop:
     def changes_each_tick(self) -> bool:
         """True if held inputs change from tick to tick, and not at breaks alone."""
         sizes = self.held_sizes
-        rows = 1 if hasattr(self.policy, "breaks") else len(self.policy.held)
-        return rows > 1 or bool(sizes.noise or sizes.gust or sizes.delay)
+        steps_at_breaks = hasattr(self.policy, "breaks")
+        policy_changes = len(self.policy.held) > 1 and not steps_at_breaks
+        return policy_changes or bool(sizes.noise or sizes.gust or sizes.delay)
 
     @property
     def driven_until(self) -> float:
@@ -381,7 +386,7 @@ class ClosedLoop:
         """
         reference = self.scenario.reference
         if reference is None:
-            return ca.SX.zeros(len(self.plant.linear))
+            return ca.SX.zeros(len(self.plant.linear_places))
         return reference.at(since if getattr(reference, "is_stepping", False) else t)
 
     def _winds(self, t: ca.SX, inputs: HeldParts) -> dict[str, Any]:
@@ -395,7 +400,7 @@ class ClosedLoop:
 
     def _measurements(self, state: StateParts, inputs: HeldParts, reference: Any) -> Measurements:
         """Return the measurements that the policy receives, with sensor noise."""
-        states = state.plant[self.plant.linear]
+        states = state.plant[self.plant.linear_places]
         if inputs.noise.numel():
             states = states + inputs.noise
         return Measurements(states - reference, states)

@@ -119,24 +119,20 @@ def fly(
             "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
             "member, point), or add samples=N for N flights"
         )
-    happens = scenario_of_flight(
+    own_scenario = scenario_of_flight(
         model, Scenario() if scenario is None else scenario, duration, initial
     )
-    flown, happens = policy_and_scenario(policy, point, happens)
-    plant = NonlinearPlant(with_errors(model, happens), point)
+    flown_policy, own_scenario = policy_and_scenario(policy, point, own_scenario)
+    plant = NonlinearPlant(with_errors(model, own_scenario), point)
     cost = None if weights is None else _cost_of(model, weights)
-    loop = ClosedLoop(plant, flown, happens, cost)
+    loop = ClosedLoop(plant, flown_policy, own_scenario, cost)
     if duration is None and scenario is None:
-        happens = lengthened(loop)
-        loop = replace(loop, scenario=happens)
-    within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
-    compiled = CompiledLoop(loop)
-    shown = progress or ProgressLine("fly")
-
-    result = fly_within(compiled, within, progress=shown)
-    start = result.deviations.limited[0] + point.x
-    refuse_start(within, start, happens.moving_air)
-    return replace(result, predicts=predict and flown.predicts)
+        loop = replace(loop, scenario=lengthened(loop))
+    limits = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
+    result = fly_within(CompiledLoop(loop), limits, progress=progress or ProgressLine("fly"))
+    initial_states = result.deviations.limited[0] + point.x
+    refuse_start(limits, initial_states, own_scenario.moving_air)
+    return replace(result, predicts=predict and flown_policy.predicts)
 
 
 def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:
@@ -156,7 +152,10 @@ def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:
 def scenario_of_flight(
     model: Model, given: Scenario, duration: float | None, initial: Any
 ) -> Scenario:
-    """Return the scenario for a flight of a model, with its duration and initial condition."""
+    """Return the scenario for a flight of a model, with its duration and initial condition.
+
+    duration, initial: arguments of `hfa.fly`; with None, those of the given scenario remain
+    """
     if duration is not None:
         refuse_unless_positive("fly: duration", duration, " s")
     scenario = given if duration is None else replace(given, duration=float(duration))
@@ -566,10 +565,10 @@ class Flight(StatesAndInputs, Result, Reported):
 
         The cost is included if there are weights.
         """
-        moving = bool(self.deviations.winds) and has_angle_of_attack(self.model)
+        through_air = bool(self.deviations.winds) and has_angle_of_attack(self.model)
         parts: list[Part] = []
-        parts.append(self._states(moving))
-        parts += self._air_notes(moving)
+        parts.append(self._states(through_air))
+        parts += self._air_notes(through_air)
         parts.append(self._inputs())
         if self.exceeded and isinstance(self.loop.policy, GainPolicy):
             parts.append(
@@ -594,7 +593,10 @@ class Flight(StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, notes, storable(self), self._records())
 
     def _air_notes(self, through_air: bool) -> list[str]:
-        """Return notes on moving air: which flow angles are limited, and the gust."""
+        """Return notes on moving air: which flow angles are limited, and the gust.
+
+        through_air: whether the angle of attack relative to the air is limited in place of alpha
+        """
         gust = self.loop.scenario.gust
         limited = [OVER_GROUND] if through_air else []
         if gust is None:
@@ -603,8 +605,11 @@ class Flight(StatesAndInputs, Result, Reported):
             limited = [LIMITED_OVER_GROUND]
         return [*filter(None, [*limited, gust.text(self.model)])]
 
-    def _states(self, moving: bool) -> Table:
-        """Return a table of the states, one row each: deviations, errors, envelope, prediction."""
+    def _states(self, through_air: bool) -> Table:
+        """Return a table of the states, one row each: deviations, errors, envelope, prediction.
+
+        through_air: whether the angle of attack relative to the air has a row below alpha
+        """
         model = self.model
         header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
         header.append("envelope")
@@ -622,7 +627,7 @@ class Flight(StatesAndInputs, Result, Reported):
         ):
             unit = model.unit(state)
             limits = limits_text(low, high, unit) + ", assumed" * is_assumed
-            names = (state, ANGLE_OF_ATTACK) if state == ALPHA and moving else (state,)
+            names = (state, ANGLE_OF_ATTACK) if state == ALPHA and through_air else (state,)
             for name in names:
                 cells = [name, shown_unit(unit)]
                 cells.append(short_number(largest[name], unit))
@@ -681,4 +686,5 @@ class Flight(StatesAndInputs, Result, Reported):
 
 
 def _by_name(names: Iterable[str], values: np.ndarray) -> dict[str, float]:
+    """Return name -> value, of names and an array of as many values."""
     return dict(zip(names, values.tolist(), strict=True))

@@ -185,10 +185,12 @@ def _shared(function: ca.Function) -> ca.Function:
 
 @lru_cache(maxsize=64)
 def _of_text(text: str) -> ca.Function:
+    """Return the function that is serialized in a text, without repetitions."""
     return _without_repetitions(ca.Function.deserialize(text))
 
 
 def _without_repetitions(function: ca.Function) -> ca.Function:
+    """Return a function with the same results in which no subexpression is computed twice."""
     arguments = function.sx_in()
     return ca.Function(function.name(), arguments, function.call(arguments), {"cse": True})
 
@@ -239,7 +241,8 @@ class _Flying:
         self._sampled = np.zeros(0)
         self._delay = scenario.delayed_ticks * scenario.tick
         self._commands: list[_Commands] = []
-        self._resumed = 0.0, np.zeros(0)
+        self._held_from = 0.0
+        self._first_command = np.zeros(0)  # of the policy at this time
         self._held = np.zeros(sum(loop.held_sizes))
         if parameters is not None:
             self._held[loop.held_slices.parameters] = parameters
@@ -279,9 +282,9 @@ class _Flying:
             while now < later:
                 now, self._y = self.integration.advance(now, later, self._y, self._held)
                 if now < later:
-                    flown = int(np.searchsorted(times, now, side="right")) - 1
-                    whole_ticks = flown - flown % self._per_tick
-                    rows = self._rows(times[: whole_ticks + 1], changes, held)
+                    last_row = int(np.searchsorted(times, now, side="right")) - 1
+                    last_of_tick = last_row - last_row % self._per_tick
+                    rows = self._rows(times[: last_of_tick + 1], changes, held)
                     if over_at(rows).any():
                         return rows
             self._finish(later)
@@ -308,24 +311,26 @@ class _Flying:
                 self._sampled = self._sampler(tick, measured)
             held[loop.held_slices.policy] = self._sampled
         if self._delay:
-            (command,) = self._compiled.command.at(time, self._y, held)
-            self._resumed = time, command
+            self._held_from = time
+            (self._first_command,) = self._compiled.command.at(time, self._y, held)
             held[loop.held_slices.delay] = self._delayed(time)
 
     def _finish(self, time: float) -> None:
-        """Store the commands since the held inputs were computed, for a delay."""
+        """Store the commands of the policy since `_hold`, if they act later."""
         if self._delay:
-            begin, first = self._resumed
-            (command,) = self._compiled.command.at(time, self._y, self._held)
-            self._commands.append(_Commands(begin, time, first, command))
+            (last,) = self._compiled.command.at(time, self._y, self._held)
+            self._commands.append(_Commands(self._held_from, time, self._first_command, last))
 
     def _delayed(self, time: float) -> np.ndarray:
-        """Return the delay's held inputs from a time on. Before the first command, they are 0."""
+        """Return the part `delay` of the held inputs (`HeldParts`) from a time on.
+
+        Until the first command arrives, the commands are 0.
+        """
         due = time - self._delay + SAME_TIME
         while self._commands and self._commands[0].end <= due:
             self._commands.pop(0)
         if due < 0.0:
-            return np.concatenate([[0.0, 1.0], np.zeros(2 * self._resumed[1].size)])
+            return np.concatenate([[0.0, 1.0], np.zeros(2 * self._first_command.size)])
         begin, end, first, last = self._commands[0]
         return np.concatenate([[begin + self._delay, end + self._delay], first, last])
 

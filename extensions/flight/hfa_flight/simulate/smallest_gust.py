@@ -16,7 +16,7 @@ from hfa_flight.air.names import UPDRAFT, foot_in_length_unit, gust_speed, lengt
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.simulate.envelope import flight_envelope, is_limited
+from hfa_flight.simulate.envelope import Departure, flight_envelope, is_limited
 from hfa_flight.simulate.flight import fly_within
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import BadInputError, numbers_in, shown
@@ -130,6 +130,7 @@ class SmallestGusts(Result, Reported):
         return Report(title, (Table(header, rows), how), data=self.to_dict())
 
     def _headline(self) -> str:
+        """Return the first line of the report, on the smallest gust of all lengths."""
         least = self.smallest
         if least is None or least.peak is None:
             return "Smallest gust: none up to the airspeed leaves the limits"
@@ -173,28 +174,35 @@ def smallest_gusts(
 
     Source: FAR 25.341(a); the search is by flights, and finds no gust that it did not fly.
     """
-    given = [feet * foot_in_length_unit(model) for feet in LENGTHS] if lengths is None else lengths
-    every = np.atleast_1d(numbers_in("lengths", given)).astype(float)
-    if not (every.size and np.isfinite(every).all() and (every > 0.0).all()):
+    if lengths is None:
+        gust_lengths = foot_in_length_unit(model) * np.array(LENGTHS)
+    else:
+        gust_lengths = np.atleast_1d(numbers_in("lengths", lengths)).astype(float)
+    is_positive = np.isfinite(gust_lengths) & (gust_lengths > 0.0)
+    if not (gust_lengths.size and is_positive.all()):
         raise BadInputError(f"lengths is {shown(lengths)}; give lengths above 0")
     within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
     if not is_limited(within):
         raise BadInputError("the envelope has no limit that a gust could leave; give a limit")
     speed = gust_speed(point)
-    first = _HeldGust(OneMinusCosine(float(every[0]), 0.0, speed))
-    usual = scenario or Scenario(sample=0.01)
-    calm = replace(usual, gust=first, uncertainty=Uncertainty(), samples=None).on(model)
-    flown, calm = policy_and_scenario(policy, point, calm)
-    loop = ClosedLoop(NonlinearPlant(model, point), flown, calm)
-    compiled = CompiledLoop(loop, 20 * len(every))
+    first_gust = _HeldGust(OneMinusCosine(float(gust_lengths[0]), 0.0, speed))
+    own_scenario = replace(
+        scenario or Scenario(sample=0.01),
+        gust=first_gust,
+        uncertainty=Uncertainty(),
+        samples=None,
+    ).on(model)
+    flown_policy, own_scenario = policy_and_scenario(policy, point, own_scenario)
+    loop = ClosedLoop(NonlinearPlant(model, point), flown_policy, own_scenario)
+    compiled = CompiledLoop(loop, 20 * len(gust_lengths))
     thresholds: list[GustThreshold] = []
-    for length in every.tolist():
+    for length in gust_lengths.tolist():
         for sign in (1.0, -1.0):
             search = _Search(compiled, within, OneMinusCosine(length, 0.0, speed))
             thresholds.append(search.threshold(sign))
             if progress is not None:
-                progress(len(thresholds), 2 * len(every))
-    return SmallestGusts(point, flown.name, tuple(thresholds))
+                progress(len(thresholds), 2 * len(gust_lengths))
+    return SmallestGusts(point, flown_policy.name, tuple(thresholds))
 
 
 class _Search(NamedTuple):
@@ -206,31 +214,26 @@ class _Search(NamedTuple):
 
     def threshold(self, sign: float) -> GustThreshold:
         """Return the threshold of updrafts (1) or downdrafts (-1)."""
-        inside, outside, found = 0.0, _FIRST * self.gust.speed, None
-        while (found := self._departure(sign * outside)) is None:
+        inside, outside = 0.0, _FIRST * self.gust.speed
+        while (departure := self._departure(sign * outside)) is None:
             inside = outside
             if inside >= self.gust.speed:
                 return GustThreshold(self.gust.length, sign * inside, None, "", None)
             outside = min(_RATIO * outside, self.gust.speed)
         while outside > ACCURACY * inside:
             middle = 0.5 * (inside + outside)
-            left = self._departure(sign * middle)
-            if left is None:
+            in_middle = self._departure(sign * middle)
+            if in_middle is None:
                 inside = middle
             else:
-                outside, found = middle, left
-        by, time = found
+                outside, departure = middle, in_middle
+        by, time = departure.state, departure.time
         return GustThreshold(self.gust.length, sign * inside, sign * outside, by, time)
 
-    def _departure(self, peak: float) -> tuple[str, float] | None:
-        """Return variable and time of the departure in a gust, or None if the flight stays."""
+    def _departure(self, peak: float) -> Departure | None:
+        """Return the departure of the flight in a gust with this peak, or None if it stays."""
         gust = replace(self.gust, peak=peak)
         scenario = self.loop.loop.scenario
         ticks = np.ceil((gust.until + AFTER) / scenario.tick)
-        flight = fly_within(
-            self.loop,
-            self.envelope,
-            replace(scenario, gust=_HeldGust(gust), duration=float(ticks) * scenario.tick),
-        )
-        left = flight.departure
-        return None if left is None else (left.state, left.time)
+        in_gust = replace(scenario, gust=_HeldGust(gust), duration=float(ticks) * scenario.tick)
+        return fly_within(self.loop, self.envelope, in_gust).departure
