@@ -31,14 +31,13 @@ def aircraft_text(found: Identified, folder: Path) -> str:
         raise BadInputError(
             "-o FILE.toml requires an aircraft that was read from a file; add --aircraft FILE"
         )
-    own = [name for name in found.parameters if name in found.model.parameters]
-    biases = [name for name in found.parameters if name not in own]
-    places = [list(found.parameters).index(name) for name in own]
+    estimated = [name for name in found.parameters if name in found.model.parameters]
+    biases = [name for name in found.parameters if name not in estimated]
     usual = load_model(source.text).parameters
     values = {
         name: signal.start
         for name, signal in found.model.parameters.items()
-        if name in own or signal.start != usual[name].start
+        if name in estimated or signal.start != usual[name].start
     }
     # JSON strings are valid TOML.
     rows = [f"aircraft = {json.dumps(relative_to(source.text, folder), ensure_ascii=False)}"]
@@ -49,13 +48,14 @@ def aircraft_text(found: Identified, folder: Path) -> str:
     if biases:
         rows += ["", "# Biases of the columns of the records.", "[sensors]"]
         rows += [f"{name} = {found.parameters[name].value!r}" for name in biases]
+    places = [list(found.parameters).index(name) for name in estimated]
     covariance = found.covariance[np.ix_(places, places)]
     if np.isfinite(covariance).all():
         rows += [
             "",
             "# Covariance of the parameters, for --draws.",
             "[covariance]",
-            f"names = {own!r}",
+            f"names = {estimated!r}",
         ]
         rows += ["rows = [", *(f"    {row!r}," for row in covariance.tolist()), "]"]
     return "\n".join(rows) + "\n"

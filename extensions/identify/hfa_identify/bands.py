@@ -28,22 +28,23 @@ def white_covariance(fit: Fit) -> np.ndarray:
     of a parameter is inf if no sample depends on the parameter, or if its information is lost in
     rounding errors.
     """
-    covariance = _enlarged(fit) * inverse(fit.information)
+    covariance = _variance_ratio(fit) * inverse(fit.information)
     unseen = (np.diag(fit.information) <= 0.0) | (np.diag(covariance) < 0.0)
     covariance[unseen, unseen] = np.inf
     return covariance
 
 
-def _enlarged(fit: Fit) -> float:
-    """Return the ratio of noise variance to residual variance, N / (N - number of unknowns)."""
-    # N is the number of measured samples of all quantities and records.
+def _variance_ratio(fit: Fit) -> float:
+    """Return the ratio of noise variance to residual variance, N / (N - number of unknowns).
+
+    N is the number of measured samples of all quantities and records.
+    """
     samples = int(fit.samples.sum())
     return samples / max(samples - _unknowns(fit), 1)
 
 
 def _unknowns(fit: Fit) -> float:
-    """Return the number of unknowns that the records determine: parameters and initial states."""
-    # All parameters are counted.
+    """Return the number of parameters, and of the initial states that the records determine."""
     return len(fit.theta) + sum(each.determined for each in fit.normals)
 
 
@@ -67,9 +68,9 @@ def covariance(fit: Fit) -> np.ndarray:
     # A band is not narrower than for white residuals, because the estimate of R_vv is noisy.
     bound = white_covariance(fit)
     seen = np.isfinite(np.diag(bound))
-    grown = np.ones(len(D))
-    grown[seen] = np.sqrt(np.maximum(np.diag(coloured)[seen] / np.diag(bound)[seen], 1.0))
-    return np.asarray(bound * grown[:, None] * grown)
+    widening = np.ones(len(D))
+    widening[seen] = np.sqrt(np.maximum(np.diag(coloured)[seen] / np.diag(bound)[seen], 1.0))
+    return np.asarray(bound * widening[:, None] * widening)
 
 
 def _covariance_of_score(fit: Fit) -> np.ndarray:
@@ -97,11 +98,11 @@ def noise_covariance(residual: np.ndarray, present: np.ndarray, unknowns: float)
     unknowns: number of fitted unknowns for each sample
     """
     count = int(present.sum())
-    seen = autocorrelation(residual, present)
-    small = np.flatnonzero(seen < BAND / math.sqrt(count))
-    correlation = seen[: int(small[0])] if len(small) else seen
-    taken = min(unknowns * (1.0 + 2.0 * float(correlation[1:].sum())), _MOST_TAKEN)
-    return float(residual @ residual) / count * (correlation + taken)
+    correlation = autocorrelation(residual, present)
+    white = np.flatnonzero(correlation < BAND / math.sqrt(count))
+    until_white = correlation[: int(white[0])] if len(white) else correlation
+    taken = min(unknowns * (1.0 + 2.0 * float(until_white[1:].sum())), _MOST_TAKEN)
+    return float(residual @ residual) / count * (until_white + taken)
 
 
 def variance_of_sum(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -153,22 +154,22 @@ def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
     return float((np.abs(correlation) < limit).mean())
 
 
-def explained(fit: Fit) -> np.ndarray:
+def determination(fit: Fit) -> np.ndarray:
     """Return the coefficient of determination of each measured quantity, (k,).
 
     The coefficient is 1 - (sum of squared residuals) / (sum of squared deviations of the quantity
     from its mean in each record), 0 for a constant quantity.
     """
-    parts = []
+    coefficients = []
     for place in range(len(fit.noise)):
         measured, residuals = _samples(fit, place)
         of_residuals = sum(float(each @ each) for each in residuals)
         about_means = sum(len(each) * float(each.var()) for each in measured if len(each))
-        parts.append(1.0 - of_residuals / about_means if about_means else 0.0)
-    return np.array(parts)
+        coefficients.append(1.0 - of_residuals / about_means if about_means else 0.0)
+    return np.array(coefficients)
 
 
-def unexplained(fit: Fit) -> np.ndarray:
+def contradicts_records(fit: Fit) -> np.ndarray:
     """Return a mask (k,), True for quantities whose simulated motion contradicts the records.
 
     For such a quantity, a constant would fit better than the simulation: the noise variance exceeds
@@ -179,8 +180,12 @@ def unexplained(fit: Fit) -> np.ndarray:
 
 
 def _samples(fit: Fit, place: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the measured samples and the residuals of one quantity, as two lists."""
-    # Each list has an array for each record, without missing samples.
+    """Return the measured samples and the residuals of one quantity, without missing samples.
+
+    Both are lists with an array for each record.
+
+    place: index of the quantity
+    """
     measured, residuals = [], []
     for simulated, residual, present in zip(fit.simulated, fit.residuals, fit.present, strict=True):
         seen = present[:, place]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,10 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_identify.bands import (
     BAND,
+    contradicts_records,
     correlations,
     covariance,
-    explained,
-    unexplained,
+    determination,
     white_covariance,
     whiteness,
 )
@@ -185,12 +186,13 @@ def _free_names(
     names: list[str] = []
     for name in free:
         if any(sign in name for sign in "*?["):
-            fitting = [each for each in fnmatch.filter(model.parameters, name) if each not in given]
-            if not fitting:
+            matching = fnmatch.filter(model.parameters, name)
+            matching = [parameter for parameter in matching if parameter not in given]
+            if not matching:
                 raise BadInputError(
                     f"no free parameter of {model.name} matches {name!r}; remove this pattern"
                 )
-            names += fitting
+            names += matching
             continue
         refuse_unknown(f"{model.name} has no parameter", name, known)
         if name in given:
@@ -245,7 +247,7 @@ def _identified(fit: Fit) -> Identified:
         quantities=_quantities(responses, fit),
         covariance=C,
         misfits=tuple(misfits(fit)),
-        coloured=_widest(half, white),
+        coloured=_largest_widening(half, white),
         correlated=tuple(_correlated(names, C)),
         undetermined=wide,
         at_bounds=tuple(
@@ -253,7 +255,7 @@ def _identified(fit: Fit) -> Identified:
             for name, value, ends in zip(names, theta, search.bounds, strict=True)
             if value in ends
         ),
-        unexplained=tuple(np.array(responses.measured)[unexplained(fit)].tolist()),
+        unexplained=tuple(np.array(responses.measured)[contradicts_records(fit)].tolist()),
         converged=fit.converged,
         steps=fit.steps,
         fitted=tuple(
@@ -263,38 +265,37 @@ def _identified(fit: Fit) -> Identified:
     )
 
 
-def _widest(corrected: np.ndarray, white: np.ndarray) -> float:
-    """Return the largest ratio of a corrected band to the band for white residuals, at least 1."""
-    # corrected, white (p,)
+def _largest_widening(corrected: np.ndarray, white: np.ndarray) -> float:
+    """Return the largest ratio of a corrected band (p,) to that for white residuals, at least 1."""
     seen = np.isfinite(white) & (white > 0.0)
     return float(np.max(corrected[seen] / white[seen], initial=1.0))
 
 
 def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str, float]]:
-    """Yield (name, name, coefficient) of each pair of strongly correlated estimates."""
-    # The magnitude of the coefficient is greater than `_CORRELATED`.
-    # C (p, p)
-    table = correlations(C)
-    for i, one in enumerate(names):
-        for j in range(i + 1, len(names)):
-            if abs(table[i, j]) > _CORRELATED:
-                yield one, names[j], float(table[i, j])
+    """Yield (name, name, coefficient) of the pairs of estimates with a coefficient > `_CORRELATED`.
+
+    C: covariance of the estimates, (p, p)
+    """
+    coefficients = correlations(C)
+    for (i, one), (j, other) in combinations(enumerate(names), 2):
+        if abs(coefficients[i, j]) > _CORRELATED:
+            yield one, other, float(coefficients[i, j])
 
 
 def _quantities(responses: Responses, fit: Fit) -> dict[str, FittedQuantity]:
     """Return name -> quality of the fit, for each measured quantity."""
-    parts = explained(fit)
-    found = {}
+    coefficients = determination(fit)
+    quantities = {}
     for place, name in enumerate(responses.measured):
-        whites = [
+        white_fractions = [
             whiteness(residual[:, place], present[:, place])
             for residual, present in zip(fit.residuals, fit.present, strict=True)
             if present[:, place].any()
         ]
-        found[name] = FittedQuantity(
-            float(parts[place]),
-            float(np.sqrt(fit.noise[place])),
-            float(np.mean(whites)),
-            responses.model.unit(name),
+        quantities[name] = FittedQuantity(
+            fit=float(coefficients[place]),
+            noise=float(np.sqrt(fit.noise[place])),
+            white=float(np.mean(white_fractions)),
+            unit=responses.model.unit(name),
         )
-    return found
+    return quantities

@@ -21,7 +21,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,8 +43,6 @@ _NO_GAIN = 1e-6
 MOST_STEPS = 30
 #: An unknown is kept constant if its range is smaller than this fraction of its standard deviation.
 _LOOSE = 0.1
-#: Step of the parameters (p,), and of each initial state (n,).
-Step: TypeAlias = tuple[np.ndarray, list[np.ndarray]]
 #: Trials of a step, in this order: damping, and fraction of the step that is made.
 _TRIALS = (
     (0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (1e-4, 1.0), (1e-3, 1.0), (1e-2, 1.0), (1e-1, 1.0),
@@ -177,6 +175,17 @@ class Fit:
         return np.asarray(sum(flags.sum(axis=0) for flags in self.present))
 
 
+class Step(NamedTuple):
+    """Step of the unknowns of a fit.
+
+    theta: change of the parameters, (p,)
+    starts: change of the initial state of each record, (n,) each
+    """
+
+    theta: np.ndarray
+    starts: list[np.ndarray]
+
+
 class OutputError:
     """Search for the parameters and initial states that fit records best.
 
@@ -213,40 +222,48 @@ class OutputError:
         Raises FloatingPointError if the first simulation diverges or its sensitivities are not
         finite.
         """
-        found = self.at(self._begin, self.guesses)
-        level = 0
-        for step in range(1, MOST_STEPS + 1):
+        current = self.at(self._begin, self.guesses)
+        trial = 0
+        for number in range(1, MOST_STEPS + 1):
             if progress is not None:
-                progress(step, MOST_STEPS)
-            undamped = self._solved(found, 0.0)
-            change = undamped[0]
-            size = math.sqrt(max(change @ found.information @ change / len(change), 0.0))
-            level, lower = self._lowered(found, undamped, max(0, level - 1), step)
+                progress(number, MOST_STEPS)
+            undamped = self._step(current, 0.0)
+            change = undamped.theta
+            size = math.sqrt(max(change @ current.information @ change / len(change), 0.0))
+            trial, lower = self._first_lower(current, undamped, max(0, trial - 1), number)
             if lower is None:
-                return replace(found, converged=bool(size < _STUCK))
-            is_stuck = size < _STUCK and found.likelihood - lower.likelihood < _NO_GAIN
-            found = lower
+                return replace(current, converged=bool(size < _STUCK))
+            is_stuck = size < _STUCK and current.likelihood - lower.likelihood < _NO_GAIN
+            current = lower
             if size < SMALL or is_stuck:
-                return replace(found, converged=True)
-        return found
+                return replace(current, converged=True)
+        return current
 
-    def _lowered(self, found: Fit, undamped: Step, first: int, step: int) -> tuple[int, Fit | None]:
-        """Return the index and the fit of the first Gauss-Newton trial that does not raise L."""
-        # Each trial, an entry of `_TRIALS`, contains a damping of the normal equations and a factor
-        # on the step. The fit is None if every trial raises L or fails.
-        for level in range(first, len(_TRIALS)):
-            damping, part = _TRIALS[level]
+    def _first_lower(
+        self, current: Fit, undamped: Step, first: int, number: int
+    ) -> tuple[int, Fit | None]:
+        """Return the index of the first trial whose step does not raise L, and the fit after it.
+
+        The fit is None if the step of every trial raises L or fails.
+
+        undamped: Gauss-Newton step from the current fit
+        first: index of the first entry of `_TRIALS` that is tried
+        number: number of the step
+        """
+        low, high = self.bounds.T
+        for trial in range(first, len(_TRIALS)):
+            damping, part = _TRIALS[trial]
             try:
-                change, moves = self._solved(found, damping) if damping else undamped
-                low, high = self.bounds.T
-                theta = np.clip(found.theta + part * change, low, high)
+                step = self._step(current, damping) if damping else undamped
+                theta = np.clip(current.theta + part * step.theta, low, high)
                 starts = [
-                    start + part * move for start, move in zip(found.starts, moves, strict=True)
+                    start + part * change
+                    for start, change in zip(current.starts, step.starts, strict=True)
                 ]
-                lower = self.at(theta, tuple(starts), step)
-                if lower.likelihood <= found.likelihood:
+                lower = self.at(theta, tuple(starts), number)
+                if lower.likelihood <= current.likelihood:
                     _ = lower.normals  # a step without finite sensitivities is rejected
-                    return level, lower
+                    return trial, lower
             except (FloatingPointError, np.linalg.LinAlgError):
                 continue
         return len(_TRIALS), None
@@ -303,9 +320,9 @@ class OutputError:
         """
         normals = []
         for number, response in enumerate(fit.responses):
-            pull = self._priors[number] * (self.guesses[number] - fit.starts[number])
+            to_guess = self._priors[number] * (self.guesses[number] - fit.starts[number])
             residual = fit.residuals[number]
-            normals.append(self._normal(number, response.slopes, residual, fit.noise, pull))
+            normals.append(self._normal(number, response.slopes, residual, fit.noise, to_guess))
         return tuple(normals)
 
     def _normal(
@@ -314,11 +331,17 @@ class OutputError:
         slopes: np.ndarray,
         residual: np.ndarray,
         noise: np.ndarray,
-        pull: np.ndarray,
+        to_guess: np.ndarray,
     ) -> Normal:
-        """Return the normal equations of a record for known noise variances."""
-        # Raises FloatingPointError if they are not finite.
-        # slopes (N, k, p + n), residual (N, k), noise (k,), pull (n,)
+        """Return the normal equations of a record for known noise variances.
+
+        number: index of the record
+        slopes: sensitivities dy/d(θ, x₀), (N, k, p + n)
+        residual, noise: residuals (N, k) and noise variances (k,)
+        to_guess: distance of the initial state from its guess times its reciprocal variances, (n,)
+
+        Raises FloatingPointError if they are not finite.
+        """
         p = len(self.responses.free)
         weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
         rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])
@@ -332,41 +355,45 @@ class OutputError:
             B=square[:p, p:],
             A=square[p:, p:] + np.diag(self._priors[number]),
             g=right[:p],
-            h=right[p:] + pull,
+            h=right[p:] + to_guess,
             prior=self._priors[number],
         )
 
-    def _solved(self, found: Fit, damping: float) -> Step:
-        """Return the Gauss-Newton step of the parameters (p,) and initial states (n,) each."""
-        # A parameter keeps its value in two cases:
-        # - The parameter is at a bound and the step points outward.
-        # - The records do not determine the parameter within its bounds.
-        p = len(found.theta)
+    def _step(self, current: Fit, damping: float) -> Step:
+        """Return the Gauss-Newton step from a fit, damped by Levenberg's rule.
+
+        The initial states are eliminated: (Σ M - B A⁻¹ B') Δθ = Σ g - B A⁻¹ h, and then
+        Δx₀ = A⁻¹ (h - B' Δθ) of each record. A parameter keeps its value in two cases:
+
+        - The parameter is at a bound and the step points outward.
+        - The records do not determine the parameter within its bounds.
+        """
+        p = len(current.theta)
         total = np.zeros((p, p))
         right = np.zeros(p)
         inverses = []
-        for normal in found.normals:
+        for normal in current.normals:
             M = normal.M
-            of_start = normal.of_start
+            inverse_A = normal.of_start
             if damping:
                 M = M + damping * np.diag(np.diag(M))
                 with np.errstate(over="ignore", invalid="ignore"):  # such a step is rejected
-                    of_start = inverse(normal.A + damping * np.diag(np.diag(normal.A)))
-            inverses.append(of_start)
-            total += M - normal.B @ of_start @ normal.B.T
-            right += normal.g - normal.B @ of_start @ normal.h
-        low = (found.theta <= self.bounds[:, 0]) & (right < 0.0)
-        high = (found.theta >= self.bounds[:, 1]) & (right > 0.0)
+                    inverse_A = inverse(normal.A + damping * np.diag(np.diag(normal.A)))
+            inverses.append(inverse_A)
+            total += M - normal.B @ inverse_A @ normal.B.T
+            right += normal.g - normal.B @ inverse_A @ normal.h
+        below = (current.theta <= self.bounds[:, 0]) & (right < 0.0)
+        above = (current.theta >= self.bounds[:, 1]) & (right > 0.0)
         with np.errstate(invalid="ignore"):  # without information, or without bounds
-            loose = np.diag(total) * np.ptp(self.bounds, axis=1) ** 2 < _LOOSE**2
-        inside = ~(low | high | loose)
-        change = np.zeros(p)
-        change[inside] = _solution(total[np.ix_(inside, inside)], right[inside])
-        moves = [
-            of_start @ (normal.h - normal.B.T @ change)
-            for of_start, normal in zip(inverses, found.normals, strict=True)
+            undetermined = np.diag(total) * np.ptp(self.bounds, axis=1) ** 2 < _LOOSE**2
+        moves = ~(below | above | undetermined)
+        theta = np.zeros(p)
+        theta[moves] = _solution(total[np.ix_(moves, moves)], right[moves])
+        starts = [
+            inverse_A @ (normal.h - normal.B.T @ theta)
+            for inverse_A, normal in zip(inverses, current.normals, strict=True)
         ]
-        return change, moves
+        return Step(theta, starts)
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:

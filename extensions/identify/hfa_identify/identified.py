@@ -227,8 +227,8 @@ class Identified(Result, Reported):
             (name, each.value, each.low, each.high, each.start, each.unit)
             for name, each in self.parameters.items()
         ]
-        records = Table(("parameter", "value", "low", "high", "start", "unit"), estimates)
-        return Report(title, tuple(parts), further, self.to_dict(), records)
+        rows_of_file = Table(("parameter", "value", "low", "high", "start", "unit"), estimates)
+        return Report(title, tuple(parts), further, self.to_dict(), rows_of_file)
 
     def _estimates(self) -> Table:
         """Return a table of the estimates and their bands."""

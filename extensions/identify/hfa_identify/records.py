@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -143,15 +143,14 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
     if rows[0][-1] == "about":  # the provenance in a file of `hfa fly`
         rows = [row[:-1] for row in rows]
     heads = [_head(path, cell, model) for cell in rows[0]]
-    names = [name for name, _ in heads]
+    names = [head.name for head in heads]
     if len(set(names)) < len(names):
         repeated = next(name for name in names if names.count(name) > 1)
         raise BadInputError(
             f"{path}: two columns are named {repeated}; rename or remove one column"
         )
     table = _table(path, rows, names)
-    factors = [factor for _, factor in heads]
-    return {name: table[:, place] * factors[place] for place, name in enumerate(names)}
+    return {head.name: head.factor * column for head, column in zip(heads, table.T, strict=True)}
 
 
 def _table(path: Path, rows: list[list[str]], names: Sequence[str]) -> np.ndarray:
@@ -192,13 +191,20 @@ def columns_of_table(table: Any, model: Model, name: str) -> dict[str, np.ndarra
     """
     columns = {}
     for cell in map(str, table.columns):
-        column, factor = _head(name, cell, model)
-        columns[column] = factor * _numbers(name, column, table[cell])
+        head = _head(name, cell, model)
+        columns[head.name] = head.factor * _numbers(name, head.name, table[cell])
     return columns
 
 
-def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
-    """Return the name of a column and the factor that converts its values to the model's unit."""
+class _Head(NamedTuple):
+    """Name of a column, and the factor that converts its values to the model's unit."""
+
+    name: str
+    factor: float
+
+
+def _head(path: str | Path, cell: str, model: Model) -> _Head:
+    """Return what a cell of the first row states, such as "alpha [deg]"."""
     match = re.fullmatch(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*", cell)
     if match is None:
         raise BadInputError(
@@ -213,14 +219,14 @@ def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
     refuse_unknown(f"{path}: unknown column", name, known)
     unit = _unit_of(model, name)
     if not stated:
-        return name, 1.0
+        return _Head(name, 1.0)
     factor = conversion_factor(stated, unit)
     if factor is None:
         known_units = " or ".join(dict.fromkeys((unit, si_unit(unit))))
         raise BadInputError(
             f"{path}: {name} is in {shortened(stated)}; give {name} in {known_units}"
         )
-    return name, factor
+    return _Head(name, factor)
 
 
 def _unit_of(model: Model, column: str) -> str:

@@ -82,7 +82,10 @@ class _Candidate(NamedTuple):
 
 
 def _candidate(fit: Fit, number: int, place: int) -> _Candidate:
-    """Return the largest residual of a quantity, by the indices of the record and the quantity."""
+    """Return the largest residual of a quantity, and the probability that chance causes it.
+
+    number, place: indices of the record and of the quantity
+    """
     record, name = fit.search.records[number], fit.search.responses.measured[place]
     residuals, present = fit.residuals[number][:, place], fit.present[number][:, place]
     alone = _standing_alone(residuals, present)
@@ -105,15 +108,20 @@ def _candidate(fit: Fit, number: int, place: int) -> _Candidate:
 
 
 def _standing_alone(residuals: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Return the indices of samples of a quantity that are far from the mean of their neighbors."""
-    # At most one sample in 50, or a single one, stands alone.
-    # residuals, present (N,)
+    """Return the indices of samples of a quantity that are far from the mean of their neighbors.
+
+    Without any if there are more than a single one, or than one sample in 50.
+
+    residuals: (N,)
+    present: whether each sample was measured, (N,)
+    """
     rows = np.flatnonzero(present)
     v = residuals[rows]
-    apart = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))
-    far = np.flatnonzero(apart > _ALONE * 1.4826 * np.median(apart))
+    distances = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))
+    robust_deviation = 1.4826 * np.median(distances)  # of normally distributed distances
+    far = np.flatnonzero(distances > _ALONE * robust_deviation)
     # Such a sample also changes the distances of its neighbors, by half as much.
-    far = far[apart[far] > 0.7 * apart.max(initial=0.0)]
+    far = far[distances[far] > 0.7 * distances.max(initial=0.0)]
     return rows[far + 1] if len(far) <= max(1, len(v) // 50) else rows[:0]
 
 
@@ -131,7 +139,10 @@ class _Beyond(NamedTuple):
 
 
 def _beyond_unknowns(fit: Fit, number: int, F: np.ndarray) -> _Beyond:
-    """Return the part of changes F (N, k, c) of a record that no unknown explains."""
+    """Return the part of changes F (N, k, c) of a record that no unknown explains.
+
+    number: index of the record
+    """
     beyond_start, projected = fit.beyond_start(number, F), fit.projected[number]
     weighted = F * fit.weights(number)[:, :, None]
     by_parameters = _products(projected, weighted)
@@ -149,14 +160,21 @@ def _products(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _driven(fit: Fit, number: int, place: int) -> np.ndarray:
-    """Return changes of a quantity that follow the inputs, and that no unknown explains, (N, d)."""
+    """Return changes of a quantity that follow the inputs, and that no unknown explains, (N, d).
+
+    They are combinations of the delayed inputs, without those of which the unknowns explain all but
+    the fraction `_CONFOUNDED`.
+
+    number, place: indices of the record and of the quantity
+    """
     inputs = _delayed_inputs(fit, number)
     changes = np.zeros((*fit.residuals[number].shape, inputs.shape[1]))
     changes[:, place] = inputs
-    found = _beyond_unknowns(fit, number, changes)
-    size = np.sqrt(np.maximum(np.diag(found.information), 1e-300))
-    parts, axes = np.linalg.eigh(found.information_beyond / size[:, None] / size)
-    return np.asarray(found.beyond[:, place] / size @ axes[:, parts > _CONFOUNDED])
+    unexplained = _beyond_unknowns(fit, number, changes)
+    size = np.sqrt(np.maximum(np.diag(unexplained.information), 1e-300))
+    fractions, combinations = np.linalg.eigh(unexplained.information_beyond / size[:, None] / size)
+    kept = combinations[:, fractions > _CONFOUNDED]
+    return np.asarray(unexplained.beyond[:, place] / size @ kept)
 
 
 def _delayed_inputs(fit: Fit, number: int) -> np.ndarray:
@@ -167,8 +185,9 @@ def _delayed_inputs(fit: Fit, number: int) -> np.ndarray:
     records = fit.search.records
     varies = np.any([np.ptp(record.inputs, axis=0) > 0.0 for record in records], axis=0)
     time, moving = records[number].time, records[number].inputs[:, varies].T
-    most = len(time) // (_SAMPLES * max(len(moving), 1))
-    delays = np.linspace(0.0, _SPAN * (time[-1] - time[0]), max(1, min(_DELAYS, most)))
+    most_delays = len(time) // (_SAMPLES * max(len(moving), 1))
+    count = max(1, min(_DELAYS, most_delays))
+    delays = np.linspace(0.0, _SPAN * (time[-1] - time[0]), count)
     late = [np.interp(time - delay, time, u - u[0]) for u in moving for delay in delays]
     return np.column_stack([np.ones(len(time)), *late])
 
@@ -191,9 +210,13 @@ def _granger_p_value(residuals: np.ndarray, driven: np.ndarray) -> float:
     degrees_of_freedom = len(now) - _PAST - d
     if d == 0 or degrees_of_freedom < 1:
         return 1.0
-    without, with_driven = (
-        float(np.sum((now - known @ np.linalg.lstsq(known, now)[0]) ** 2))
-        for known in (past, np.hstack([past, driven[_PAST:]]))
-    )
+    without = _squared_prediction_error(past, now)
+    with_driven = _squared_prediction_error(np.hstack([past, driven[_PAST:]]), now)
     statistic = (without - with_driven) / d * degrees_of_freedom / max(with_driven, 1e-300)
     return float(fdtrc(d, degrees_of_freedom, statistic))
+
+
+def _squared_prediction_error(known: np.ndarray, now: np.ndarray) -> float:
+    """Return the sum of squared errors of a linear prediction of `now` (N,) from `known` (N, c)."""
+    prediction = known @ np.linalg.lstsq(known, now)[0]
+    return float(np.sum((now - prediction) ** 2))

@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -34,6 +35,18 @@ _MOST_STEPS = 10
 TOGETHER = 250
 
 
+class Grid(NamedTuple):
+    """Integration steps of a record.
+
+    before, after: inputs at the start and at the end of each step, (steps, m)
+    durations: durations of the steps, s, (steps,)
+    """
+
+    before: np.ndarray
+    after: np.ndarray
+    durations: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Simulation:
     """Simulation of a record.
@@ -43,8 +56,7 @@ class Simulation:
     y: simulated quantities, (N, k).
     at_samples: states at the samples, (N, n).
     begins: states at the start of the integration steps, (steps, n).
-    inputs: inputs at the start and at the end of the steps, (steps, m) each.
-    durations: durations of the steps, s, (steps,).
+    grid: inputs and durations of the integration steps.
     count: number of steps between two samples.
     """
 
@@ -53,8 +65,7 @@ class Simulation:
     y: np.ndarray
     at_samples: np.ndarray
     begins: np.ndarray
-    inputs: tuple[np.ndarray, np.ndarray]
-    durations: np.ndarray
+    grid: Grid
     count: int
 
 
@@ -157,9 +168,10 @@ class Responses:
         return int(np.clip(steps, 1, _MOST_STEPS))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
-        """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s."""
-        # The result is 0 if the Jacobian is not finite.
-        # start (n,), theta (p,)
+        """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s.
+
+        0 if the Jacobian is not finite.
+        """
         _, slopes = self._rates_at(start[None], record.inputs[:1], theta[None])
         slope = slopes[0, :, : len(start)]
         if not np.isfinite(slope).all():
@@ -175,13 +187,12 @@ class Responses:
         Raises FloatingPointError if the simulation is not finite.
         """
         count = self.steps_between(record, start, theta)
-        before, after, durations = grid(record, count)
-        states = self._states(start, before, after, durations, theta)
+        grid = integration_grid(record, count)
+        states = self._states(start, grid, theta)
         y = self._outputs(states[::count], record.inputs, theta)
         if not np.isfinite(y).all():
             raise FloatingPointError("the simulation diverges")
-        inputs = before, after
-        return Simulation(record, theta, y, states[::count], states[:-1], inputs, durations, count)
+        return Simulation(record, theta, y, states[::count], states[:-1], grid, count)
 
     def slopes(self, simulated: Simulation) -> np.ndarray:
         """Return the sensitivities dy/d(θ, x₀) of a simulation, (N, k, p + n).
@@ -200,30 +211,24 @@ class Responses:
                 rows = slice(first, first + samples)
                 steps = slice(first * count, (first + samples) * count)
                 change = self._step_slopes(simulated, theta, steps)
-                reached = carried(change, count, S)
-                S = reached[-1]
+                of_states = sensitivities_at_samples(change, count, S)
+                S = of_states[-1]
                 slopes = self._observed_slopes(at_samples[rows], record.inputs[rows], theta)
-                total[rows] = slopes[:, :, :n] @ reached[: len(slopes)]
+                total[rows] = slopes[:, :, :n] @ of_states[: len(slopes)]
                 total[rows, :, :p] += slopes[:, :, n:]
         if not np.isfinite(total).all():
             raise FloatingPointError("the simulation diverges")
         return total
 
-    def _states(
-        self,
-        start: np.ndarray,
-        before: np.ndarray,
-        after: np.ndarray,
-        durations: np.ndarray,
-        theta: np.ndarray,
-    ) -> np.ndarray:
-        """Return the states before the first and after each integration step, (steps + 1, n)."""
-        # Raises FloatingPointError if a state is not finite.
-        # before, after (steps, m), durations (steps,), theta (p,)
-        advance = self._advance(len(durations))
-        unknowns = np.tile(theta, len(durations))
-        (moved,) = advance.at(start, before.ravel(), after.ravel(), unknowns, durations)
-        states = np.vstack([start, moved.reshape(len(durations), -1)])
+    def _states(self, start: np.ndarray, grid: Grid, theta: np.ndarray) -> np.ndarray:
+        """Return the states before the first and after each integration step, (steps + 1, n).
+
+        Raises FloatingPointError if a state is not finite.
+        """
+        count = len(grid.durations)
+        before, after, unknowns = grid.before.ravel(), grid.after.ravel(), np.tile(theta, count)
+        (ends,) = self._advance(count).at(start, before, after, unknowns, grid.durations)
+        states = np.vstack([start, ends.reshape(count, -1)])
         if not np.isfinite(states).all():
             raise FloatingPointError("the simulation diverges")
         return states
@@ -235,26 +240,29 @@ class Responses:
         return self._advances[steps]
 
     def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
-        """Return the derivatives of the states after each integration step, (steps, n, n + p)."""
-        # The derivatives are with respect to the states before the step and to θ.
-        # theta (p,)
+        """Return the derivatives of x⁺ with respect to (x, θ) of steps x -> x⁺, (steps, n, n + p).
+
+        The steps are x⁺ = x + Δt (k₁ + 2 k₂ + 2 k₃ + k₄) / 6 with k = f(x + c Δt k₋), where k₋ is
+        the stage before and c is 0, 1/2, 1/2, 1. Each stage has k' = f_x (I + c Δt k₋') + f_θ.
+
+        part: steps of the simulation
+        """
         n, _, _ = self.sizes
-        before, after = (inputs[part] for inputs in simulated.inputs)
-        durations = simulated.durations[part]
+        before, after, durations = (columns[part] for columns in simulated.grid)
         states = simulated.begins[part]
         middle = 0.5 * (before + after)
         thetas = np.tile(theta, (len(states), 1))
         diagonal = np.arange(n)
-        rates, growth = self._rates_at(states, before, thetas)
-        total = growth.copy()
-        for held, share, weight in ((middle, 0.5, 2.0), (middle, 0.5, 2.0), (after, 1.0, 1.0)):
-            ahead = share * durations[:, None]
-            within = ahead[:, :, None] * growth
-            within[:, diagonal, diagonal] += 1.0
-            rates, slopes = self._rates_at(states + ahead * rates, held, thetas)
-            growth = slopes[:, :, :n] @ within
-            growth[:, :, n:] += slopes[:, :, n:]
-            total += np.multiply(weight, growth, out=within)
+        stage, of_stage = self._rates_at(states, before, thetas)
+        total = of_stage.copy()
+        for inputs, c, weight in ((middle, 0.5, 2.0), (middle, 0.5, 2.0), (after, 1.0, 1.0)):
+            ahead = c * durations[:, None]
+            of_state = ahead[:, :, None] * of_stage
+            of_state[:, diagonal, diagonal] += 1.0
+            stage, slopes = self._rates_at(states + ahead * stage, inputs, thetas)
+            of_stage = slopes[:, :, :n] @ of_state
+            of_stage[:, :, n:] += slopes[:, :, n:]
+            total += np.multiply(weight, of_stage, out=of_state)
         total *= durations[:, None, None] / 6.0
         total[:, diagonal, diagonal] += 1.0
         return total
@@ -262,22 +270,22 @@ class Responses:
     def _rates_at(
         self, states: np.ndarray, inputs: np.ndarray, thetas: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state derivatives x' (N, n), and dx'/d(x, θ) (N, n, n + p)."""
-        # states (N, n), inputs (N, m), thetas (N, p)
+        """Return the state derivatives x' (N, n), and dx'/d(x, θ) (N, n, n + p).
+
+        states, inputs, thetas: (N, n), (N, m) and (N, p)
+        """
         n, p, _ = self.sizes
         rates, slopes = self._rates(states, inputs, thetas)
         return rates, slopes.reshape(-1, n, n + p)
 
     def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Return the measured quantities, (N, k)."""
-        # states (N, n), inputs (N, m), theta (p,)
+        """Return the measured quantities (N, k) at states (N, n) and inputs (N, m)."""
         return self._recorded(states, inputs, np.tile(theta, (len(states), 1)))[0]
 
     def _observed_slopes(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
     ) -> np.ndarray:
         """Return the derivatives of the measured quantities by x and θ, (N, k, n + p)."""
-        # states (N, n), inputs (N, m), theta (p,)
         n, p, k = self.sizes
         (slopes,) = self._recorded_slopes(states, inputs, np.tile(theta, (len(states), 1)))
         return slopes.reshape(-1, k, n + p)
@@ -293,10 +301,8 @@ def _runge_kutta_step(rates: ca.Function) -> ca.Function:
     return ca.Function("step", [x, u, after, theta, duration], ca.cse([ca.densify(moved)]))
 
 
-def grid(record: Record, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the inputs at the start and at the end of each integration step, and its duration.
-
-    The shapes are (steps, m), (steps, m) and (steps,). Durations are in s.
+def integration_grid(record: Record, count: int) -> Grid:
+    """Return the integration steps of a record.
 
     count: steps between two samples
     """
@@ -304,18 +310,18 @@ def grid(record: Record, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
     inputs = record.inputs
     if record.has_steps:
         held = np.repeat(inputs[:-1], count, axis=0)
-        return held, held, durations
+        return Grid(held, held, durations)
     rise = np.diff(inputs, axis=0)[:, None, :]
     part = (np.arange(count + 1) / count)[None, :, None]
-    ramps = inputs[:-1, None, :] + part * rise
+    ramps = inputs[:-1, None, :] + part * rise  # (samples - 1, count + 1, m)
     m = inputs.shape[1]
-    return ramps[:, :-1].reshape(-1, m), ramps[:, 1:].reshape(-1, m), durations
+    return Grid(ramps[:, :-1].reshape(-1, m), ramps[:, 1:].reshape(-1, m), durations)
 
 
-def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
-    """Return sensitivities of the states to θ and x₀ at every `count`-th step, (N + 1, n, p + n).
+def sensitivities_at_samples(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
+    """Return sensitivities of the states to θ and x₀ after every `count`-th step, (N, n, p + n).
 
-    The first entry is S itself.
+    The first entry is S itself. A step has S⁺ = Φ_x S + Φ_θ.
 
     change: derivatives of the states after a step with respect to the states before it and to θ,
         (steps, n, n + p)
@@ -323,10 +329,10 @@ def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
     """
     n = change.shape[1]
     p = change.shape[2] - n
-    reached = [S]
+    at_samples = [S]
     for number, of_step in enumerate(change, start=1):
         S = of_step[:, :n] @ S
         S[:, :p] += of_step[:, n:]
         if number % count == 0:
-            reached.append(S)
-    return np.array(reached)
+            at_samples.append(S)
+    return np.array(at_samples)
