@@ -68,8 +68,8 @@ def account(parts: Parts, equations: Equations) -> list[Note]:
     affects the forces.
     """
     reached = equations.properties
-    notes = _of_writers(equations)
-    _refuse_readers(equations)
+    notes = _notes_on_writers(equations)
+    _refuse_unset_internal(equations)
     for unset, where in reached.unset.items():
         notes.append(Note("these properties are never set and are 0", unset, where))
     for name in constant_commands(parts, equations):
@@ -128,15 +128,16 @@ def _omitted(root: Element) -> Iterator[tuple[Element, str]]:
             if child.taken:
                 pending.append(child)
                 continue
-            reason = _reason(element, child)
+            reason = _reason_to_omit(element, child)
             if reason:
                 yield child, reason
 
 
-def _reason(parent: Element, child: Element) -> str:
-    """Return the reason why a child element that was not read may be omitted."""
-    # The reason is "" for descriptive text, such as comments. Raises BadInputError if the child may
-    # not be omitted.
+def _reason_to_omit(parent: Element, child: Element) -> str:
+    """Return the reason why a child element that was not read may be omitted, "" for comments.
+
+    Raises BadInputError if it may not be omitted.
+    """
     name = child.name
     if name in _TEXT:
         return ""
@@ -182,13 +183,13 @@ def _listed(elements: Iterable[Element]) -> str:
         lines: dict[str, list[int]] = {}
         for element in in_file:
             lines.setdefault(element.name, []).append(element.line)
-        kinds = [f"<{shortened(name)}> {_ranges(numbers)}" for name, numbers in lines.items()]
+        kinds = [f"<{shortened(name)}> {_first_of(numbers)}" for name, numbers in lines.items()]
         texts.append(f"{file}: {', '.join(kinds)}")
     return "; ".join(texts)
 
 
-def _ranges(numbers: list[int]) -> str:
-    """Return line numbers as text. Only the first `_MOST` are listed."""
+def _first_of(numbers: list[int]) -> str:
+    """Return the first `_MOST` of some line numbers as text, and how many more there are."""
     shown = " ".join(map(str, numbers[:_MOST]))
     return shown if len(numbers) <= _MOST else f"{shown} and {len(numbers) - _MOST} more"
 
@@ -197,8 +198,8 @@ def _ranges(numbers: list[int]) -> str:
 _MOST = 12
 
 
-def _refuse_readers(equations: Equations) -> None:
-    """Raise BadInputError if a force depends on an unsupported built-in JSBSim property."""
+def _refuse_unset_internal(equations: Equations) -> None:
+    """Raise BadInputError if a force depends on a property that JSBSim itself would compute."""
     for name, where in equations.properties.unset.items():
         if access(name) and (of_component(name) or not name.startswith(_STORED)):
             raise BadInputError(
@@ -207,9 +208,12 @@ def _refuse_readers(equations: Equations) -> None:
             )
 
 
-def _of_writers(equations: Equations) -> list[Note]:
-    """Return notes on built-in JSBSim properties that the files set."""
-    # The notes concern pilot commands that the files also set, and settings without effect.
+def _notes_on_writers(equations: Equations) -> list[Note]:
+    """Return notes on built-in JSBSim properties that the files set.
+
+    The notes concern pilot commands that the files also set, and settings without effect. Raises
+    BadInputError for a property that cannot be set.
+    """
     properties = equations.properties
     notes = []
     for name, writers in properties.writers().items():

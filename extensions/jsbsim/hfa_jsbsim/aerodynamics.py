@@ -90,8 +90,7 @@ class Aerodynamics:
         self._properties.define("aero/stall-hyst-norm", stall)
 
     def _limits(self, kind: str) -> dict[str, float] | None:
-        """Return the limits {"min": value, "max": value} in a child of <aerodynamics>, rad."""
-        # The result is None if there is no such child.
+        """Return the limits "min" and "max" in a child of <aerodynamics>, rad, or None."""
         element = self.element.find(kind) if self.element else None
         if element is None:
             return None
@@ -117,8 +116,7 @@ class Aerodynamics:
 
     def _force(self, at_center: bool) -> ca.SX:
         """Return the force at the reference point or at the center of gravity, body axes, lb."""
-        # In every frame except BODY, the first component is positive aft and the third is positive
-        # up.
+        # Except in the frame BODY, the first component is positive aft and the third up.
         sums = ca.vertcat(*(self._sum(component, at_center) for component in range(3)))
         if self._force_frame != "BODY":
             sums = ca.vertcat(-sums[0], sums[1], -sums[2])
@@ -155,15 +153,18 @@ def _acts_at_center(function: Element) -> bool:
 
 
 def _frames(element: Element | None) -> tuple[str, str]:
-    """Return the frame of the forces and the frame of the moments."""
-    # The first force axis that defines a frame determines the frame of the forces:
-    # - DRAG, LIFT: WIND
-    # - AXIAL, NORMAL: AXIAL
-    # - X, Y, Z: attribute `frame`, by default BODY
-    # - SIDE: no frame
-    # Without such an axis, the frame of the forces is WIND.
-    # The attribute `frame` of the first moment axis determines the frame of the moments, by default
-    # BODY.
+    """Return the frame of the forces and the frame of the moments.
+
+    The first force axis that defines a frame determines the frame of the forces, by default WIND:
+
+    - DRAG, LIFT: WIND
+    - AXIAL, NORMAL: AXIAL
+    - X, Y, Z: attribute `frame`, by default BODY
+    - SIDE: no frame
+
+    The attribute `frame` of the first moment axis determines the frame of the moments, by default
+    BODY.
+    """
     chosen = {"force": "", "moment": ""}
     for axis in element.children if element else ():
         if axis.name != "axis":
@@ -182,8 +183,10 @@ def _frames(element: Element | None) -> tuple[str, str]:
 
 
 def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
-    """Return index of a component (forces 0 to 2, moments 3 to 5) -> its functions."""
-    # If several axes have the same component, only the last is used.
+    """Return index of a component (forces 0 to 2, moments 3 to 5) -> its functions.
+
+    Of several axes with the same component, only the last is used.
+    """
     functions: dict[int, list[Element]] = {}
     if element is None:
         return functions

@@ -35,7 +35,7 @@ from hfa_jsbsim.catalog import access
 from hfa_jsbsim.clock import depends_on_time
 from hfa_jsbsim.control_system import add_control_systems
 from hfa_jsbsim.engines import OF_ENGINES, STEP, Effect, EngineFile, HostAircraft, spool_error
-from hfa_jsbsim.functions import function_value, named, table_value
+from hfa_jsbsim.functions import function_value, property_definitions, table_value
 from hfa_jsbsim.notes import Note
 from hfa_jsbsim.parts import LOADED, Parts
 from hfa_jsbsim.powerplant import add_engine
@@ -113,7 +113,7 @@ class Equations:
         self._define_motion(x)
         self._define_commands()
         self._define_winds()
-        self._define_loads()
+        self._define_masses()
         self._define_functions()
         commands = ca.vertcat(*(given_input.symbol for given_input in self.inputs.values()))
         add_control_systems(parts.systems(), self.properties, commands)
@@ -149,14 +149,14 @@ class Equations:
             self.notes.append(aerodynamics.hysteresis)
         self.notes += self.properties.notes
 
-    def used(self) -> set[int]:
+    def used_symbols(self) -> set[int]:
         """Return the hashes of the symbols on which rates or outputs depend."""
         every = ca.vertcat(*self.rates.values(), *self.outputs.values())
         return {symbol.element_hash() for symbol in ca.symvar(every)}
 
     def used_inputs(self) -> dict[str, PilotInput]:
         """Return the inputs on which rates or outputs depend, by name."""
-        used = self.used()
+        used = self.used_symbols()
         return {
             name: each for name, each in self.inputs.items() if each.symbol.element_hash() in used
         }
@@ -307,7 +307,7 @@ class Equations:
                     )
             self.properties.define(full_name, symbols[name])
 
-    def _define_loads(self) -> None:
+    def _define_masses(self) -> None:
         """Define the properties of tanks, point masses, mass and center of gravity."""
         self._define_tanks()
         for number, point in enumerate(self.parts.points):
@@ -351,8 +351,7 @@ class Equations:
         self.properties.add_writer(name, Writer(compute, "", BEFORE_ALL))
 
     def _reference_height(self) -> Any:
-        """Return the height of the aerodynamic reference point, divided by the span."""
-        # The height is above ground at sea level.
+        """Return the height of the aerodynamic reference point above sea level, per span."""
         arm = self.mass.arm(self.reference_point(""))
         height = self.states["altitude"] - ca.dot(self.motion.down, arm)
         return height / self.parts.wings.span
@@ -371,8 +370,7 @@ class Equations:
                 self._define_lazily(name, total)
 
     def _reach_throttles(self) -> None:
-        """Use throttle positions as inputs for engines whose throttle command has no effect."""
-        # A note reports this to the user.
+        """Use throttle positions as inputs, with a note, where throttle commands have no effect."""
         for file in self.parts.engines:
             throttle = self._throttle_of(file)
             note = reach_throttle(file.number, self.properties, self.inputs[throttle].symbol)
@@ -387,17 +385,21 @@ class Equations:
         for section, number in sections:
             for element in section.all("property"):
                 self._define_property(element, overrides=element.file != section.file)
-            for part in named(section):
+            for part in property_definitions(section):
                 of_engine = part.attributes["name"] in OF_ENGINES
                 if not (of_engine and section.name == "propulsion"):  # engines come below
                     self._define_function(part, number)
 
     def _define_property(self, element: Element, overrides: bool) -> None:
-        """Set the property of a <property> element."""
-        # - A writable built-in property is set if the element has a value, with two exceptions.
-        #   Pilot commands keep their symbols. A parameter keeps its symbol, and the value becomes
-        #   its value at the start, except for the levers mixture and advance.
-        # - Another property is set if `overrides` is True or the property has no value yet.
+        """Set the property of a <property> element.
+
+        - A writable built-in property is set if the element has a value, with two exceptions. Pilot
+          commands keep their symbols. A parameter keeps its symbol, and the value becomes its value
+          at the start, except for the levers mixture and advance.
+        - Another property is set if it has no value yet, or if the element overrides it.
+
+        overrides: whether the element is in another file than the start of its section
+        """
         value = element.as_number(element.attributes.get("value", "0"))
         full_name = canonical(element.text)
         rights = access(full_name)
@@ -522,10 +524,8 @@ class Equations:
 
     def _add_filters(self) -> None:
         """Add the filter states of the control system with their time derivatives."""
-        # Filter states that a derivative requires are added too.
-        done = 0
-        while done < len(self.properties.filters):
-            state = self.properties.filters[done]
+        # Computing a derivative may append further states.
+        for state in self.properties.filters:
             name = state.symbol.name()
             if state.writer is None:
                 raise state.component.error(
@@ -534,12 +534,10 @@ class Equations:
                 )
             self.states[name] = state.symbol
             self.rates[name] = ca.SX(self.properties.value_of(state.writer, name, ""))
-            done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """Solve for the time derivatives of alpha and beta, and substitute them."""
-        # Forces may depend on these derivatives. One Newton step is exact for linear equations.
-        # Otherwise three steps are made. They suffice for quadratic equations.
+        """Solve for the time derivatives of alpha and beta, on which forces may depend."""
+        # One Newton step is exact for linear equations, and three suffice for quadratic ones.
         symbols = ca.vertcat(*self.rate_symbols)
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())
         wanted = ca.vertcat(*self._angle_rates)
@@ -568,9 +566,10 @@ class Equations:
                 )
 
     def _remove_time(self) -> None:
-        """Set the simulation time to 0."""
-        # If the time derivatives depend on the simulation time, but not in steady flight, a note is
-        # added.
+        """Set the simulation time to 0, with a note if rates depend on it except in steady flight.
+
+        Raises BadInputError if they depend on it in steady flight.
+        """
         rates = ca.vertcat(*self.rates.values())
         if not ca.depends_on(rates, self._time):
             self._substitute(self._time, ca.SX(0.0))

@@ -183,6 +183,7 @@ def read_tanks(propulsion: Element | None) -> list[Tank]:
 
 
 def _tank(element: Element) -> Tank:
+    """Return the tank that a <tank> element describes."""
     contents = element.value_of("contents", 0.0, "LBS")
     capacity = element.value_of("capacity", 0.00001, "LBS")
     if capacity == 0.0:
@@ -217,8 +218,9 @@ def _tank(element: Element) -> Tank:
 
 
 def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], list[Any]]:
-    """Return a function (contents, lb) -> three moments of inertia, slug ft²."""
-    # The formulas are those of `FGTank::CalculateInertias`.
+    """Return a function (contents, lb) -> three moments of inertia, slug ft², those of
+    `FGTank::CalculateInertias`.
+    """
     radius = element.value_of("radius", 0.0, "IN") / 12.0
     factor = element.value_of("inertia_factor", 1.0)
     grain = element.find("grain_config")
@@ -302,8 +304,8 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
     for tank in tanks:
         moments = np.diag(tank.inertia(tank.contents))
         bodies.append(Body(tank.contents, tank.place(tank.contents), moments))
-    if empty.weight + sum(body.weight for body in bodies) <= 0.0:
-        weight = empty.weight + sum(body.weight for body in bodies)
+    weight = empty.weight + sum(body.weight for body in bodies)
+    if weight <= 0.0:
         raise element.error(f"the weight of the aircraft is {weight:g} lb; give a positive weight")
     mass = mass_of(empty, bodies)
     weight = float(mass.weight)
@@ -322,9 +324,11 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
 
 
 def _inertia(element: Element) -> np.ndarray:
-    """Return the inertia matrix given by ixx ... iyz, slug ft², (3, 3)."""
-    # The elements xy and yz are -ixy and -iyz, and xz is ixz. If negated_crossproduct_inertia is
-    # "false", these three elements have the opposite signs.
+    """Return the inertia matrix given by ixx ... iyz, slug ft², (3, 3).
+
+    The elements xy and yz are -ixy and -iyz, and xz is ixz. If negated_crossproduct_inertia is
+    "false", these three elements have the opposite signs.
+    """
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     xx, yy, zz, xy, xz, yz = (element.value_of(name, 0.0, "SLUG*FT2") for name in names)
     sign = -1.0 if element.attributes.get("negated_crossproduct_inertia") != "false" else 1.0

@@ -161,14 +161,17 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
 
 
 def _summer(component: Element, properties: Properties) -> Any:
+    """Return the output of a <summer>: the sum of its inputs and its bias."""
     return sum(inputs_of(component, properties), start=component.value_of("bias", 0.0))
 
 
 def _gain(component: Element, properties: Properties) -> Any:
+    """Return the output of a <pure_gain>: its gain times its input."""
     return parameter(component, "gain", properties, 1.0) * input_of(component, properties)
 
 
 def _scheduled_gain(component: Element, properties: Properties) -> Any:
+    """Return the output of a <scheduled_gain>: its table times its gain times its input."""
     table = table_value(component.need("table"), properties)
     return table * _gain(component, properties)
 
@@ -203,6 +206,7 @@ def _kinematic(component: Element, properties: Properties) -> Any:
 
 
 def _deadband(component: Element, properties: Properties) -> Any:
+    """Return the output of a <deadband>: its gain times the part of its input outside the band."""
     width = parameter(component, "width", properties, 0.0)
     return after_deadband(input_of(component, properties), width) * component.value_of("gain", 1.0)
 
@@ -244,6 +248,7 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
 
 
 def _function(component: Element, properties: Properties) -> Any:
+    """Return the output of an <fcs_function>: its function, times its input if it has one."""
     value = function_value(component.need("function"), properties)
     if component.find("input") is not None:
         value = value * input_of(component, properties)
@@ -251,8 +256,7 @@ def _function(component: Element, properties: Properties) -> Any:
 
 
 def _lag(component: Element, properties: Properties) -> Any:
-    """Return the output of the filter c1 / (s + c1)."""
-    # Unless filters are states, the output equals the input.
+    """Return the output of the filter c1 / (s + c1), its input unless filters are states."""
     rate = filter_rate(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its lag is omitted")
@@ -263,8 +267,7 @@ def _lag(component: Element, properties: Properties) -> Any:
 
 
 def _washout(component: Element, properties: Properties) -> Any:
-    """Return the output of the filter s / (s + c1)."""
-    # Unless filters are states, the output is 0.
+    """Return the output of the filter s / (s + c1), 0 unless filters are states."""
     rate = filter_rate(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its output is 0, as for a constant input")
@@ -280,15 +283,17 @@ def _washout(component: Element, properties: Properties) -> Any:
 _NO_STEADY_STATE = "has no steady-state value; give a value other than 0"
 
 
-def _refuse_zero(component: Element, name: str, coefficient: Any, so: str) -> None:
-    """Raise BadInputError if a coefficient of a filter is 0."""
+def _refuse_zero(component: Element, name: str, coefficient: Any, consequence: str) -> None:
+    """Raise BadInputError if a coefficient of a filter is 0, with the consequence of 0."""
     if is_zero(coefficient):
-        raise component.error(f"<{name}> is 0, so the filter {so}")
+        raise component.error(f"<{name}> is 0, so the filter {consequence}")
 
 
 def _lead_lag(component: Element, properties: Properties) -> Any:
-    """Return the output of the filter (c1 s + c2) / (c3 s + c4)."""
-    # Unless filters are states, the output is c2 / c4 times the input.
+    """Return the output of the filter (c1 s + c2) / (c3 s + c4).
+
+    It is c2 / c4 times the input unless filters are states.
+    """
     value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     _refuse_zero(component, "c4", c4, _NO_STEADY_STATE)
@@ -340,8 +345,7 @@ _WORDS |= {word.upper(): sign for word, sign in _WORDS.items()}
 
 
 def _holds(test: Element, properties: Properties) -> ca.SX:
-    """Return whether a <test> is true, as a number or an expression."""
-    # All conditions of the <test> must be true, or with logic="OR" at least one.
+    """Return whether all conditions of a <test> are true, or with logic="OR" at least one."""
     conditions = []
     for line, text in test.lines:
         if "\t" in text:
@@ -441,18 +445,9 @@ _COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {
 }
 #: Elements that JSBSim regards as components of a channel. It ignores others.
 KINDS = (
-    *(
-        *_COMPONENTS,
-        "pid",
-        "integrator",
-        "sensor",
-        "accelerometer",
-        "magnetometer",
-        "gyro",
-        "angle",
-    ),
-    *("distributor", "waypoint_heading", "waypoint_distance", "linear_actuator"),
-    "second_order_filter",
+    *(*_COMPONENTS, "pid", "integrator", "distributor", "linear_actuator", "second_order_filter"),
+    *("sensor", "accelerometer", "magnetometer", "gyro", "angle"),
+    *("waypoint_heading", "waypoint_distance"),
 )
 
 

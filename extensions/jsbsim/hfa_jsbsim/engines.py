@@ -365,18 +365,21 @@ def lag_rates(file: EngineFile, aircraft: HostAircraft) -> dict[str, Any]:
         if state is not None:
             rates[file.lag] = _spool_rate(file, aircraft, state)
         _leave_out_spools(file, ("N1Spool",) if rates else ("N1Spool", "N2Spool"))
-    if file.kind != "turboprop_engine" or state is None:
-        return rates
+    if file.kind == "turboprop_engine" and state is not None:
+        rates[file.lag] = _generator_rate(file, aircraft, state)
+    return rates
+
+
+def _generator_rate(file: EngineFile, aircraft: HostAircraft, speed: ca.SX) -> Any:
+    """Return the acceleration of a turboprop's gas generator from its speed, %, in %/s."""
     delay = file.engine.value_of("n1idle_max_delay", 1.0)
     low, high = file.shaft("n1")
-    wanted = low + throttle_of(file, aircraft) * (high - low)
+    on = low + throttle_of(file, aircraft) * (high - low)
     is_on = running(file, aircraft)
-    wanted = ca.if_else(is_on, wanted, aircraft.motion.pressure_head / 15.0)
+    error = ca.if_else(is_on, on, aircraft.motion.pressure_head / 15.0) - speed
     up = ca.if_else(is_on, delay, 2.5 * delay)
     down = ca.if_else(is_on, 2.4 * delay, 5.0 * delay)
-    behind = wanted - state
-    slowness = ca.if_else(behind > 0.0, up, down)
-    return {file.lag: behind / slowness}
+    return error / ca.if_else(error > 0.0, up, down)
 
 
 def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
@@ -395,8 +398,8 @@ def _spool_rate(file: EngineFile, aircraft: HostAircraft, speed: ca.SX) -> Any:
     sigma = aircraft.properties.read("atmosphere/sigma", file.mount.where)
     slowness = 1.0 + 3.0 * (1.0 - power) ** 3 + (1.0 - sigma)
     delay = 90.0 / (file.engine.value_of("bypassratio", 0.0) + 3.0) / slowness
-    up = _share(file, aircraft, "N2SpoolUp", delay)
-    down = _share(file, aircraft, "N2SpoolDown", 3.0 * delay)
+    up = _value_of_function(file, aircraft, "N2SpoolUp", delay)
+    down = _value_of_function(file, aircraft, "N2SpoolDown", 3.0 * delay)
     least = 0.0 if file.engine.value_of("disable-windmill", 0.0) else 0.1
     up = ca.if_else(is_on, up, 0.5 * speed + least)
     down = ca.if_else(is_on, down, speed / file.engine.value_of("n2spindown", 2.0))
@@ -411,30 +414,35 @@ def turbine_thrust(file: EngineFile, aircraft: HostAircraft) -> Any:
     engine = file.engine
     position = throttle_of(file, aircraft)
     military = engine.value_of("milthrust", 10000.0, "LBS")
-    shares = {
-        name: _share(file, aircraft, name) for name in ("IdleThrust", "MilThrust", "AugThrust")
-    }
-    idle = military * shares["IdleThrust"]
+    idle_share, military_share, augmented_share = (
+        _value_of_function(file, aircraft, name)
+        for name in ("IdleThrust", "MilThrust", "AugThrust")
+    )
+    idle = military * idle_share
     power = ca.fmin(position, 1.0)
     speed = lag_state(file, aircraft)
     if speed is not None:
         low, high = file.shaft("n2")
         power = (speed - low) / (high - low)
-    dry = idle + (military - idle) * shares["MilThrust"] * power**2
+    dry = idle + (military - idle) * military_share * power**2
     bleed = own_property(file, aircraft, "bleed-factor", engine.value_of("bleed", 0.0))
     bled = dry * (1.0 - bleed)
-    return ca.if_else(running(file, aircraft), _augmented(file, aircraft, (dry, bled), shares), 0.0)
+    strongest = engine.value_of("maxthrust", 10000.0, "LBS") * augmented_share
+    thrust = _with_afterburner(file, aircraft, dry, bled, strongest)
+    return ca.if_else(running(file, aircraft), thrust, 0.0)
 
 
-def _augmented(
-    file: EngineFile, aircraft: HostAircraft, dry_and_bled: tuple[Any, Any], shares: dict[str, Any]
+def _with_afterburner(
+    file: EngineFile, aircraft: HostAircraft, dry: Any, bled: Any, strongest: Any
 ) -> Any:
-    """Return the thrust of a turbine with its afterburner, lb."""
+    """Return the thrust of a running turbine, lb, with its afterburner if the throttle lights it.
+
+    dry, bled: thrust without afterburner, before and after the bleed, lb
+    strongest: thrust with full afterburner, lb
+    """
     engine = file.engine
-    dry, bled = dry_and_bled
     position = throttle_of(file, aircraft)
     method = int(engine.value_of("augmethod", 0.0))
-    strongest = engine.value_of("maxthrust", 10000.0, "LBS") * shares["AugThrust"]
     lit: Any = 0.0
     if method == 1:
         speed = lag_state(file, aircraft)
@@ -451,8 +459,13 @@ def _augmented(
     return bled
 
 
-def _share(file: EngineFile, aircraft: HostAircraft, name: str, default: Any = 0.0) -> Any:
-    """Return the value of an engine function, or `default` if the function does not exist."""
+def _value_of_function(
+    file: EngineFile, aircraft: HostAircraft, name: str, default: Any = 0.0
+) -> Any:
+    """Return the value of a function of the engine's file (`OF_ENGINES`), or `default` without it.
+
+    Raises BadInputError if the function IdleThrust or MilThrust is missing.
+    """
     names = (name, f"propulsion/engine[#]/{name}", file.full_name(name))
     for function in file.engine.all("function"):
         if function.attributes.get("name", "") in names:
@@ -498,7 +511,7 @@ def turboprop_power(file: EngineFile, aircraft: HostAircraft) -> Any:
     power = internal_table(
         tables["EnginePowerRPM_N1"], aircraft, [engine_rpm(file, aircraft), speed]
     )
-    factor = _share(file, aircraft, "EnginePowerVC", None)
+    factor = _value_of_function(file, aircraft, "EnginePowerVC", None)
     if factor is None:
         if "EnginePowerVC" not in tables:
             raise engine.error("the turboprop has no table EnginePowerVC; add this table")

@@ -176,8 +176,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
 
 
 def _is_minus_zero(value: Any) -> bool:
-    """Return whether a value is the number -0."""
-    # A CasADi expression does not keep the sign of -0.
+    """Return whether a value is the number -0, whose sign a CasADi expression does not keep."""
     return isinstance(value, float) and value == 0.0 and math.copysign(1.0, value) < 0.0
 
 
@@ -232,11 +231,11 @@ class Table:
         interpolate = properties.interpolate
         if not self.parts:
             return interpolate(self.values, self.breakpoints, arguments)
-        inner = [table.at(properties, arguments[:-1]) for table in self.parts]
-        points = self.breakpoints[0]
-        chosen, offset = interpolate.cell(ca.SX(arguments[-1]), points)
-        levels, slopes = lines_of_cells(ca.vertcat(*inner), points)
-        return ca.dot(chosen, levels) + offset * ca.dot(chosen, slopes)
+        values_of_parts = [table.at(properties, arguments[:-1]) for table in self.parts]
+        (points,) = self.breakpoints
+        in_cell, offset = interpolate.cell(ca.SX(arguments[-1]), points)
+        levels, slopes = lines_of_cells(ca.vertcat(*values_of_parts), points)
+        return ca.dot(in_cell, levels) + offset * ca.dot(in_cell, slopes)
 
 
 def read_table(element: Element) -> Table:
@@ -265,8 +264,10 @@ def read_table(element: Element) -> Table:
 
 
 def _stacked(nested: list[Element]) -> Table:
-    """Return the table that several <tableData> elements form along an additional axis."""
-    # The attribute breakPoint of an element is its breakpoint on this axis.
+    """Return the table that several <tableData> elements form along an additional axis.
+
+    The attribute breakPoint of an element is its breakpoint on this axis.
+    """
     tables = tuple(read_table(child) for child in nested)
     points = np.array([child.as_number(child.attributes.get("breakPoint", "")) for child in nested])
     first = tables[0]
@@ -291,10 +292,12 @@ def _stacked(nested: list[Element]) -> Table:
 
 
 def _rows(data: Element) -> Table:
-    """Return the table in the text of an element."""
-    # - If all rows have two numbers, each is a pair (breakpoint, value).
-    # - Otherwise the first row contains the breakpoints of the columns. Each further row contains a
-    #   breakpoint and the values.
+    """Return the table in the text of an element.
+
+    - If all rows have two numbers, each is a pair (breakpoint, value).
+    - Otherwise the first row contains the breakpoints of the columns. Each further row contains a
+      breakpoint and the values.
+    """
     rows = []
     for line, text in data.lines:
         if "_" in text:
@@ -330,6 +333,7 @@ def _rows(data: Element) -> Table:
     return Table(body[:, 1:], [body[:, 0], columns])
 
 
+#: Attribute lookup of an <independentVar> -> axis of the table.
 _AXES = {"": 0, "row": 0, "axis1": 0, "column": 1, "axis2": 1, "table": 2, "axis3": 2, "axis4": 3}
 
 
@@ -367,7 +371,7 @@ def table_value(element: Element, properties: Properties, number: int | None = N
     return table.at(properties, [arguments[axis] for axis in range(table.dimensions)])
 
 
-def named(section: Element) -> Iterator[Element]:
+def property_definitions(section: Element) -> Iterator[Element]:
     """Yield the functions and tables in a section, at any depth, whose names define properties.
 
     Components of channels are omitted.
@@ -378,11 +382,12 @@ def named(section: Element) -> Iterator[Element]:
         if part.name == "channel":
             continue
         pending += reversed(part.children)
-        is_table = part.name in ("table", "t") and any(
-            child.name == "independentVar" for child in part.children
-        )
-        if is_table and not section.name.endswith("_engine"):
-            # JSBSim does not define properties for these.
-            is_table = all(part is not child for child in section.children)
-        if (part.name == "function" or is_table) and "name" in part.attributes:
+        defines_property = part.name == "function"
+        if part.name in ("table", "t"):
+            # JSBSim defines no property for a table directly in a section, except of an engine.
+            is_direct = any(part is child for child in section.children)
+            has_arguments = any(child.name == "independentVar" for child in part.children)
+            is_of_engine = section.name.endswith("_engine")
+            defines_property = has_arguments and (is_of_engine or not is_direct)
+        if defines_property and "name" in part.attributes:
             yield part

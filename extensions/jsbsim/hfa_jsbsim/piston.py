@@ -155,8 +155,7 @@ class _Breathing:
 
     def pressure_ratio(self, throttle: Any, piston_speed: Any) -> Any:
         """Return the ratio of the pressure behind the throttle to the ram pressure."""
-        # The ratio also increases beyond full throttle. A trim search therefore has a descent
-        # direction there.
+        # It increases beyond full throttle too, so that a trim search has a descent direction.
         impedance = self.peak_speed / ca.fmax(piston_speed, _SLOWEST)
         closed = (1.0 - throttle) * ca.fabs(1.0 - throttle)
         return impedance / (impedance + self.air_box + closed * self.throttle)
@@ -168,8 +167,7 @@ def _consumption(file: EngineFile, aircraft: HostAircraft, breathing: _Breathing
 
 
 def _own_consumption(engine: Element, breathing: _Breathing) -> float:
-    """Return the specific fuel consumption, lb/(hp h), from the engine's file."""
-    # Without an entry in the file, it follows from the rated power.
+    """Return the specific fuel consumption, lb/(hp h), from the engine's file or rated power."""
     stated = engine.value_of("bsfc", -1.0, "LBS/HP*HR")
     if stated >= 0.0:
         return stated
@@ -197,9 +195,14 @@ def _mixture_efficiency(engine: Element, aircraft: HostAircraft, fuel_share: Any
 def _boosted(
     file: EngineFile, aircraft: HostAircraft, throttled: Any, ambient: Any, speed: Any
 ) -> Any:
-    """Return the manifold pressure behind the supercharger, Pa."""
-    # An engine without supercharger returns `throttled`. The gear of the supercharger depends on
-    # the ambient pressure, or on the boost lever if boostmanual is 1.
+    """Return the manifold pressure behind the supercharger, Pa, `throttled` without one.
+
+    The gear of the supercharger depends on the ambient pressure, or on the boost lever if
+    boostmanual is 1.
+
+    throttled, ambient: pressures behind the throttle and of the air, Pa
+    speed: speed of the engine, rpm
+    """
     gears = _gears(file.engine)
     if not gears:
         return throttled

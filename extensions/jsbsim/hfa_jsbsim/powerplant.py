@@ -41,7 +41,7 @@ def engine_effect(file: EngineFile, aircraft: HostAircraft) -> Effect:
     Raises BadInputError if the engine's values cause an arithmetic error.
     """
     try:
-        effect = _of_thruster(file, aircraft)
+        effect = _effect_without_lag(file, aircraft)
         effect.rates |= lag_rates(file, aircraft)
         return effect
     except ArithmeticError as error:
@@ -49,8 +49,8 @@ def engine_effect(file: EngineFile, aircraft: HostAircraft) -> Effect:
         raise file.engine.error(fault) from error
 
 
-def _of_thruster(file: EngineFile, aircraft: HostAircraft) -> Effect:
-    """Return the `Effect` of an engine, without the lag of a turbine or turboprop."""
+def _effect_without_lag(file: EngineFile, aircraft: HostAircraft) -> Effect:
+    """Return the `Effect` of an engine, without the rates of `lag_rates`."""
     drive = propeller_effect if file.has_propeller else jet
     if file.kind == "turbine_engine":
         # For a propeller, its lb are interpreted as ft lb/s.
@@ -105,8 +105,10 @@ def add_engine(file: EngineFile, aircraft: HostAircraft) -> Writer:
 
 
 def _add_shafts(file: EngineFile, aircraft: HostAircraft) -> None:
-    """Define the properties n1 and n2, the speeds of a turbine's shafts, %."""
-    # Reading n1 raises BadInputError if the speed n2 is a state.
+    """Define the properties n1 and n2, the speeds of a turbine's shafts, %.
+
+    Reading n1 raises BadInputError if the speed n2 is a state.
+    """
     for name in ("n1", "n2"):
 
         def speed(name: str = name) -> Any:

@@ -103,11 +103,12 @@ def _flow(
 
 
 def _blade(file: EngineFile, aircraft: HostAircraft) -> tuple[Any, dict[str, Any]]:
-    """Return the blade angle of a propeller, deg, and {state: its derivative}."""
-    # The dictionary is empty if no governor changes the angle. A governor changes the angle by 1
-    # deg/s for each rpm above the commanded speed. If the propeller is feathered, the angle
-    # approaches `maxpitch`, by the share `_FEATHERING` of the remaining difference in each frame. A
-    # step that would exceed a limit of the angle ends at the limit.
+    """Return the blade angle of a propeller, deg, and {state: its derivative}, empty without one.
+
+    A governor changes the angle by 1 deg/s for each rpm above the commanded speed. If the propeller
+    is feathered, the angle approaches `maxpitch`, by the share `_FEATHERING` of the remaining
+    difference in each frame. A step that would exceed a limit of the angle ends at the limit.
+    """
     prop = file.thruster
     lowest = prop.value_of("minpitch", 0.0)
     highest = prop.value_of("maxpitch", 0.0)
@@ -157,9 +158,10 @@ def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) ->
 def _acting_location(
     file: EngineFile, location: ca.SX, local: Any, induced: Any, sense: float
 ) -> Any:
-    """Return the point where the thrust acts, inches."""
-    # The P-factor displaces this point with the flow angle.
-    # local (3,)
+    """Return the point where the thrust acts, inches, which the P-factor moves with the flow angle.
+
+    local: velocity of the propeller in the air, in the thruster's axes, (3,)
+    """
     factor = file.thruster_mount.value_of("p_factor", 0.0)
     if factor <= 0.0001:
         return location

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 
@@ -85,6 +85,18 @@ class FilterState:
     writer: Writer | None = None
 
 
+class LeftOut(NamedTuple):
+    """Dynamics of a component of the control system that are omitted.
+
+    what: description of the omitted part
+    is_never: whether the part is omitted even if dynamic components have states
+    """
+
+    component: Element
+    what: str
+    is_never: bool
+
+
 class Properties:
     """All properties of an aircraft.
 
@@ -98,7 +110,7 @@ class Properties:
     names_read: names of the properties that were read.
     ranges: argument of a table -> lowest and highest breakpoint of its tables.
     filters: states of dynamic components.
-    left_out: dynamic components whose dynamics are omitted.
+    left_out: omitted dynamics of components, by file, line and name.
     """
 
     def __init__(self, has_filter_states: bool = False) -> None:
@@ -107,7 +119,7 @@ class Properties:
         self.filters: list[FilterState] = []
         self.names_read: set[str] = set()
         self.ranges: dict[str, tuple[float, float]] = {}
-        self.left_out: dict[str, tuple[Element, str, bool]] = {}
+        self.left_out: dict[str, LeftOut] = {}
         self.unset: dict[str, str] = {}
         self.notes: list[Note] = []
         self.interpolate = Interpolator()
@@ -130,18 +142,6 @@ class Properties:
     def add_writer(self, name: str, writer: Writer) -> None:
         """Add a writer of a property. The value is computed when the property is first read."""
         self._writers.setdefault(canonical(name), []).append(writer)
-
-    def remove(self, writer: Writer) -> None:
-        """Remove a writer from all properties that it sets.
-
-        A property without another writer has its initial value, or 0 without one.
-        """
-        for name, writers in list(self._writers.items()):
-            if writer in writers:
-                writers.remove(writer)
-                if not writers:
-                    del self._writers[name]
-                    self._initial.setdefault(name, 0.0)
 
     def is_known(self, name: str) -> bool:
         """Return whether a property has an initial value or a writer."""
@@ -169,13 +169,9 @@ class Properties:
         state.writer = Writer(compute, state.component.where, self._order, state.component)
 
     def leave_out(self, component: Element, what: str, is_never: bool = False) -> None:
-        """Record for a note that the dynamics of a component are omitted.
-
-        what: description of the omitted part
-        is_never: whether the part is omitted even if dynamic components have states
-        """
+        """Record for a note what is omitted; the arguments are those of `LeftOut`."""
         key = f"{component.where} {component.attributes.get('name', '')} {is_never}"
-        self.left_out.setdefault(key, (component, what, is_never))
+        self.left_out.setdefault(key, LeftOut(component, what, is_never))
 
     def replace(self, name: str, value: Any) -> None:
         """Set a property to a value and remove all its writers."""

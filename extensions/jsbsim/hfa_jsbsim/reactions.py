@@ -34,9 +34,10 @@ class Reactions:
             self._define(moment, "lmn")
 
     def _set_initial(self, names: list[str], vector: np.ndarray | None) -> None:
-        """Set the initial values of three properties to the components of a vector."""
-        # If `vector` is None, a property without a value is set to 0.
-        # vector (3,)
+        """Set the initial values of three properties to the components of a vector (3,).
+
+        Without a vector, a property that has no value is set to 0.
+        """
         values = np.zeros(3) if vector is None else vector
         for name, value in zip(names, values, strict=True):
             self._initial[name] = value
@@ -45,8 +46,7 @@ class Reactions:
 
     def _define(self, element: Element, axes: str) -> None:
         """Define the properties for the magnitude and direction of a force or moment."""
-        # Marks it as read; it is used only if the magnitude is not 0.
-        element.attributes.get("frame")
+        element.attributes.get("frame")  # is read, though it acts only if the magnitude is not 0
         magnitude = f"{_prefix(element)}/{_magnitude_name(element)}"
         if not self._properties.is_known(magnitude):
             self._properties.define_initial(magnitude, 0.0)
@@ -79,6 +79,7 @@ class Reactions:
         return ca.mtimes(_to_body(element, motion), direction) * magnitude
 
     def _magnitude(self, element: Element) -> Any:
+        """Return the magnitude of a force, lb, or moment, ft lb, from its function or property."""
         function = element.find("function")
         name = f"{_prefix(element)}/{_magnitude_name(element)}"
         if function is None:
@@ -93,6 +94,7 @@ class Reactions:
             return 0.0
 
     def _read(self, names: list[str], element: Element) -> ca.SX:
+        """Return the values of properties as a column, by default their initial values."""
         values = []
         for name in names:
             own_value = self._initial[name]
@@ -101,6 +103,7 @@ class Reactions:
 
 
 def _prefix(element: Element) -> str:
+    """Return the folder of the properties of an external force or moment."""
     return f"external_reactions/{element.attributes.get('name', '')}"
 
 
@@ -119,8 +122,10 @@ def _direction(element: Element) -> np.ndarray | None:
 
 
 def _to_body(element: Element, motion: Motion) -> ca.SX:
-    """Return the rotation matrix (3, 3) from the frame of a force to body axes."""
-    # As in JSBSim, an unknown frame means body axes. Raises BadInputError for the frame INERTIAL.
+    """Return the rotation matrix (3, 3) from the frame of a force to body axes.
+
+    Raises BadInputError for the frame INERTIAL.
+    """
     frame = element.attributes.get("frame", "BODY")
     if frame == "LOCAL":
         return motion.to_body

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -28,7 +28,7 @@ from hfa_jsbsim.equations import EquationsOfMotion
 from hfa_jsbsim.notes import Note, grouped
 from hfa_jsbsim.parts import Choices, Parts
 from hfa_jsbsim.properties import canonical
-from hfa_jsbsim.reasons import explain, of_files
+from hfa_jsbsim.reasons import explain, of_engine_files
 from hfa_jsbsim.xml_file import Folders
 from hfa_support.errors import BadInputError, advice, choice_of, shortened
 from hfa_support.files import resolved
@@ -189,13 +189,26 @@ def data_folder() -> Path | None:
     return Path(next(iter(package.submodule_search_locations)))
 
 
+class _Arguments(NamedTuple):
+    """Arguments of an aircraft's function, and the symbols that are not among them.
+
+    vectors: x, u and p as columns of symbols
+    left_out: symbols without an effect on the forces
+    constants: values that replace them
+    """
+
+    vectors: list[ca.SX]
+    left_out: ca.SX
+    constants: ca.SX
+
+
 class _Declaration:
     """Signals, trim condition and further declarations of an aircraft's `Model`."""
 
     def __init__(self, parts: Parts, equations: Equations) -> None:
         self.parts = parts
         self.equations = equations
-        used = equations.used()
+        used = equations.used_symbols()
         self.inputs = equations.used_inputs()
         self._refuse_chosen()
         self.parameters = {
@@ -257,7 +270,7 @@ class _Declaration:
             source=source,
             domain=Domain(self._table_ranges()),
             about=About(
-                notes=(*of_files(self.parts), *grouped(notes)),
+                notes=(*of_engine_files(self.parts), *grouped(notes)),
                 aliases=_with_short_names(ALIASES | self._own_aliases()),
                 doubts=self._doubts(configuration),
                 equations="JSBSim",
@@ -284,8 +297,8 @@ class _Declaration:
         """Return a sentence if no rigid body has the inertias of the file."""
         p = [signal.start for signal in self._parameters().values()]
         x = [signal.start for signal in self._states().values()]
-        found = configuration(x, [0.0] * len(self.inputs), p)
-        xx, yy, zz, xz = (found[name][0] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
+        values = configuration(x, [0.0] * len(self.inputs), p)
+        xx, yy, zz, xz = (values[name][0] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
         doubt = inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
         return (doubt,) if doubt else ()
 
@@ -305,33 +318,31 @@ class _Declaration:
             "reference_span": (self.parts.wings.span, "ft"),
             "reference_chord": (self.parts.wings.chord, "ft"),
         }
-        arguments, left_out, constants = self._arguments(equations)
+        arguments = self._arguments(equations)
         expressions = ca.vertcat(*(ca.SX(value) for value, _ in values.values()))
-        values_at = ca.substitute(expressions, left_out, constants)
-        function = ca.Function("configuration", arguments, [values_at])
+        values_at = ca.substitute(expressions, arguments.left_out, arguments.constants)
+        function = ca.Function("configuration", arguments.vectors, [values_at])
 
         def configuration(x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
-            found = np.asarray(function(x, u, p)).ravel().tolist()
+            numbers = np.asarray(function(x, u, p)).ravel().tolist()
             units = (unit for _, unit in values.values())
-            return dict(zip(values, zip(found, units, strict=True), strict=True))
+            return dict(zip(values, zip(numbers, units, strict=True), strict=True))
 
         return configuration
 
     def _table_ranges(self) -> dict[str, tuple[float, float, str]]:
         """Return the ranges of tables over alpha, Mach number and dynamic pressure, by name."""
-        found: dict[str, tuple[float, float, str]] = {}
+        ranges: dict[str, tuple[float, float, str]] = {}
         for full_name, (name, factor) in _ARGUMENTS.items():
             if full_name in self.equations.properties.ranges:
                 low, high = (factor * end for end in self.equations.properties.ranges[full_name])
-                before = found.get(name, (low, high, ""))
+                before = ranges.get(name, (low, high, ""))
                 ends = min(low, before[0]), max(high, before[1])
-                found[name] = (*ends, "the range of the tables")
-        return found
+                ranges[name] = (*ends, "the range of the tables")
+        return ranges
 
     def _own_aliases(self) -> dict[str, str]:
-        """Return JSBSim's names of signals, as JSBSim's name -> signal."""
-        # The signals are parameters of tanks, point masses and wind, and inputs that the user
-        # chose.
+        """Return JSBSim's name -> signal, of tanks, point masses, wind and chosen inputs."""
         names = dict(self.equations.chosen)
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             names[f"atmosphere/wind-{axis}-fps"] = name
@@ -490,10 +501,13 @@ class _Declaration:
         return {name: signals.get(name, power) for name in self.equations.outputs}
 
     def _start_of_stopped_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
-        """Return initial values of propeller speeds and blade angles of engines that do not run."""
-        # The values are by name. An engine does not run if it is off or without fuel. The initial
-        # speed is the windmilling speed, or 0. If `values` contains an array of several airspeeds,
-        # the result is empty.
+        """Return initial values of propeller speeds and blade angles of engines that do not run.
+
+        An engine does not run if it is off or without fuel. The initial speed is the windmilling
+        speed, or 0. The result is empty for an array of several airspeeds.
+
+        values: name -> imposed or initial value
+        """
         dead = [
             file
             for file in self.parts.engines
@@ -512,9 +526,11 @@ class _Declaration:
         return ends
 
     def _equilibrium_speed(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists."""
-        # Speeds up to `_FASTEST` times the initial speed are searched. If the propeller does not
-        # slow down at this limit, the limit is returned.
+        """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists.
+
+        Speeds up to `_FASTEST` times the initial speed are searched. If the propeller does not slow
+        down at this limit, the limit is returned.
+        """
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
         columns = [[values.get(key, each[key].start) for key in each] for each in signals]
@@ -556,18 +572,18 @@ class _Declaration:
         """Return a CasADi function (x, u, p) or (x, u, p, gusts) -> (time derivatives, outputs)."""
         rates = ca.vertcat(*equations.rates.values())
         others = ca.vertcat(*(equations.outputs[name] for name in outputs))
-        arguments, left_out, constants = self._arguments(equations)
-        rates, others = ca.substitute([rates, others], [left_out], [constants])
+        arguments = self._arguments(equations)
+        vectors = arguments.vectors
         if gusts is not None:
-            arguments.append(ca.vertcat(*gusts))
-        values = [rates, others]
+            vectors = [*vectors, ca.vertcat(*gusts)]
+        values = ca.substitute([rates, others], [arguments.left_out], [arguments.constants])
         if ca.n_nodes(ca.vertcat(*values)) < _LARGE:
             values = ca.cse(values)
         values = [ca.densify(part) for part in values]
-        return ca.Function("jsbsim", arguments, values)
+        return ca.Function("jsbsim", vectors, values)
 
-    def _arguments(self, equations: Equations) -> tuple[list[ca.SX], ca.SX, ca.SX]:
-        """Return the symbols x, u and p, the symbols that are left out, and their constants."""
+    def _arguments(self, equations: Equations) -> _Arguments:
+        """Return the arguments x, u and p of the aircraft's functions."""
         # Inputs and parameters without an effect are replaced by constants. Commands that surface
         # positions replace as inputs are 0 in the filters that they still reach.
         inputs = {name: each.symbol for name, each in equations.inputs.items()}
@@ -579,18 +595,20 @@ class _Declaration:
         zeros = [*equations.rate_symbols, *equations.replaced_commands]
         left_out += zeros
         constants += [0.0] * len(zeros)
-        arguments = [
+        vectors = [
             ca.vertcat(*equations.states.values()),
             ca.vertcat(ca.SX(0, 1), *kept_inputs),
             ca.vertcat(*kept_parameters),
         ]
-        return arguments, ca.vertcat(ca.SX(0, 1), *left_out), ca.SX(constants)
+        return _Arguments(vectors, ca.vertcat(ca.SX(0, 1), *left_out), ca.SX(constants))
 
     def _trim(self) -> dict[str, float]:
-        """Return the default trim condition, straight level flight, as name -> imposed value."""
-        # - The flight path angle is free if there is no throttle or no engine has fuel.
-        # - Without fuel, all throttles are 0. Otherwise all are equal.
-        # - The sideslip is free unless both aileron and rudder are inputs.
+        """Return the default trim condition, straight level flight, as name -> imposed value.
+
+        - The flight path angle is free if there is no throttle or no engine has fuel.
+        - Without fuel, all throttles are 0. Otherwise all are equal.
+        - The sideslip is free unless both aileron and rudder are inputs.
+        """
         imposed = {"speed": self.usual_speed, "altitude": 5000.0, "yaw": 0.0, "turn_rate": 0.0}
         throttles = self._throttles()
         if all(file.dry_of for file in self.parts.engines):
@@ -635,10 +653,11 @@ class _Declaration:
         return modes
 
     def _start_of_search(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-        """Return a function from the imposed values to the initial values of a trim search."""
-        # Both are mappings by name. The angle of attack follows from the lift coefficient of level
-        # flight, and bank and body rates from a turn to the right. Propellers begin at a typical
-        # advance ratio.
+        """Return the function (imposed values by name) -> initial values of a trim search by name.
+
+        The angle of attack follows from the lift coefficient of level flight, and bank and body
+        rates from a turn to the right. Propellers begin at a typical advance ratio.
+        """
         usual_speed = self.usual_speed
         propellers = [
             file for file in self.parts.engines if file.has_propeller and not file.governed

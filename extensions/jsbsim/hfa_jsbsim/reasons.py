@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,12 +45,12 @@ def explain(
     if not inputs:
         return "; ".join(["no input of the pilot changes a force or a moment", *advice])
     throttles = [name for name in inputs if name.startswith("throttle") and name not in imposed]
-    reasons = [*_of_engines(parts, throttles, solve), *of_files(parts)]
-    reasons = reasons or [*_of_lift(throttles, imposed, solve)] or [*_of_moments(solve)]
+    reasons = [*_of_thrust(parts, throttles, solve), *of_engine_files(parts)]
+    reasons = reasons or [*_of_lift(throttles, imposed, solve)] or [*_of_moment(solve)]
     return "; ".join([*reasons, *advice])
 
 
-def _of_engines(parts: Parts, throttles: Sequence[str], solve: Solve) -> Iterator[str]:
+def _of_thrust(parts: Parts, throttles: Sequence[str], solve: Solve) -> Iterator[str]:
     """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle."""
     full = None
     if parts.engines and throttles:
@@ -76,6 +76,7 @@ def _of_engines(parts: Parts, throttles: Sequence[str], solve: Solve) -> Iterato
 
 
 def _is_power(name: str) -> bool:
+    """Return whether an output is the power of an engine, such as power0."""
     return name.startswith("power") and name.removeprefix("power").isdigit()
 
 
@@ -84,31 +85,36 @@ def _of_lift(throttles: Sequence[str], imposed: Mapping[str, float], solve: Solv
     if not _AIRSPEEDS & set(imposed):
         return
     balanced = _greatest_lift(throttles, solve, ("alpha_dot", "speed_dot"))
-    if balanced is None or balanced[0] >= 1.0:
+    if balanced is None or balanced.to_weight >= 1.0:
         return
     any_moment = _greatest_lift(throttles, solve, ("alpha_dot", "speed_dot", "pitch_rate_dot"))
-    lift_to_weight, alpha = max(balanced, any_moment or balanced)
+    greatest = max(balanced, any_moment or balanced)
     what = "the greatest lift is"
-    if lift_to_weight >= 1.0:
-        lift_to_weight, alpha = balanced
+    if greatest.to_weight >= 1.0:
+        greatest = balanced
         what = "the elevator balances the pitching moment only up to a lift of"
-    percent = f"{100.0 * lift_to_weight:.0f} %"
-    yield f"{what} {percent} of the weight, at alpha {math.degrees(alpha):.1f} deg"
+    percent = f"{100.0 * greatest.to_weight:.0f} %"
+    yield f"{what} {percent} of the weight, at alpha {math.degrees(greatest.alpha):.1f} deg"
 
 
-def _greatest_lift(
-    throttles: Sequence[str], solve: Solve, free: tuple[str, ...]
-) -> tuple[float, float] | None:
-    """Return the greatest lift relative to the weight, and its alpha, rad, or None."""
-    found = []
+class _Lift(NamedTuple):
+    """Lift relative to the weight at an angle of attack, rad."""
+
+    to_weight: float
+    alpha: float
+
+
+def _greatest_lift(throttles: Sequence[str], solve: Solve, free: tuple[str, ...]) -> _Lift | None:
+    """Return the greatest lift at half throttle without the equations `free`, or None."""
+    lifts = []
     for alpha in _ANGLES.tolist():
         values = solve({"alpha": alpha, **dict.fromkeys(throttles, 0.5)}, free)
         if values is not None:
-            found.append((values["lift_to_weight"], alpha))
-    return max(found, default=None)
+            lifts.append(_Lift(values["lift_to_weight"], alpha))
+    return max(lifts, default=None)
 
 
-def _of_moments(solve: Solve) -> Iterator[str]:
+def _of_moment(solve: Solve) -> Iterator[str]:
     """Yield a sentence on the unbalanced pitching moment if all other equations have a solution."""
     for free in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
         values = solve({}, free)
@@ -119,7 +125,7 @@ def _of_moments(solve: Solve) -> Iterator[str]:
             return
 
 
-def of_files(parts: Parts) -> Iterator[str]:
+def of_engine_files(parts: Parts) -> Iterator[str]:
     """Yield sentences on the engine files that may explain missing power, each once."""
     reasons: dict[str, Any] = {}
     for file in parts.engines:
@@ -129,9 +135,11 @@ def of_files(parts: Parts) -> Iterator[str]:
 
 
 def _of_engine(file: EngineFile) -> Iterator[str]:
-    """Yield sentences on facts in an engine's file that may explain missing power."""
-    # The facts are an empty tank, solid fuel, a turbine engine on a propeller, and an implausible
-    # propeller diameter.
+    """Yield sentences on facts in an engine's file that may explain missing power.
+
+    The facts are an empty tank, solid fuel, a turbine engine on a propeller, and an implausible
+    propeller diameter.
+    """
     name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
     if file.dry_of:
         yield (

@@ -52,7 +52,7 @@ def use_surface_positions(
     inputs: inputs by name. A surface replaces the command of the same name.
     """
     commands = ca.vertcat(*(command.symbol for command in inputs.values()))
-    cut: dict[str, PilotInput] = {}
+    positions: dict[str, PilotInput] = {}
     notes = []
     for name in names:
         if properties.writer(name) is None:
@@ -68,21 +68,19 @@ def use_surface_positions(
                 notes.append(Note(statement, f"{name} ({error.cause})", error.where))
                 continue
             sign = -1.0 if surface.startswith("right-aileron") else 1.0
-            if key not in cut:
+            if key not in positions:
                 unit = "rad" if name.endswith(("-rad", "-deg")) else "1"
-                cut[key] = PilotInput(
-                    ca.SX.sym(key), unit, _limits(name, surface, properties, sign)
-                )
+                limits = _limits(name, surface, properties, sign)
+                positions[key] = PilotInput(ca.SX.sym(key), unit, limits)
                 statement = "the input is the surface position"
                 notes.append(Note(statement, f"{key} ({error.cause})", error.where))
-            _set_surface(name, surface, properties, sign * cut[key].symbol)
-    inputs.update(cut)
+            _set_surface(name, surface, properties, sign * positions[key].symbol)
+    inputs.update(positions)
     return notes
 
 
 def _surface(name: str) -> str:
-    """Return the surface in the name of a property."""
-    # For example, it is "elevator" for fcs/mag-elevator-pos-rad.
+    """Return the surface in the name of a property: elevator of fcs/mag-elevator-pos-rad."""
     surface = name.rsplit("/", 1)[-1].removeprefix("mag-")
     for ending in _ENDINGS:
         if surface.endswith(ending):
@@ -91,8 +89,12 @@ def _surface(name: str) -> str:
 
 
 def _limits(name: str, surface: str, properties: Properties, sign: float) -> tuple[float, float]:
-    """Return the limits of a surface input, as given by the component that sets the surface."""
-    # Unknown limits are infinite. The limits of an angle are in rad.
+    """Return the limits of a surface input, as given by the component that sets the surface.
+
+    Unknown limits are infinite. The limits of an angle are in rad.
+
+    sign: 1, or -1 for a surface that moves against the input
+    """
     for source in (name, f"fcs/{surface}-pos-rad", f"fcs/{surface}-pos-deg"):
         writer = properties.writer(source)
         if writer is not None and writer.component is not None:
