@@ -45,7 +45,7 @@ def lost(report, text):
     return [each for each in expected if "".join(each.split()) not in text]
 
 
-@pytest.mark.parametrize(("count", "expected"), [(3, 1), (16, 1), (24, 2), (50, 4)])
+@pytest.mark.parametrize(("count", "expected"), [(3, 1), (16, 1), (24, 2)])
 def test_a_sheet_has_all_rows_and_as_few_pages_as_they_need(count, expected, tmp_path):
     """The pages are numbered "1 of 2", and each has rows of both columns."""
     report = sheet(count)
@@ -77,16 +77,16 @@ def test_a_long_name_and_long_cells_are_wrapped(tmp_path):
 def book(count):
     rows = [(f"condition {i}", Cell("stalled", "bad"), f"{i}.5", WORDS) for i in range(count)]
     matrix = Table(("condition", "results", "alpha [deg]", "doubts"), rows)
-    sheets = [sheet(10, f"condition {i}: level") for i in range(min(count, 3))]
+    sheets = [sheet(3, f"condition {i}: level") for i in range(min(count, 2))]
     return Report("60 conditions", [(matrix, f"3: {WORDS}"), *sheets], head={"document": "12, B"})
 
 
-@pytest.mark.parametrize("count", [1, 45, 46, 48, 60])
+@pytest.mark.parametrize("count", [1, 51, 60])
 def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path):
     """A page of the matrix has at least four rows, each sheet a page of its own."""
     texts = pages(book(count), tmp_path)
     assert not lost(book(count), "".join(texts))
-    sheets = min(count, 3)
+    sheets = min(count, 2)
     assert "signature" in texts[0]
     assert "condition0" not in texts[0]
     for index, text in enumerate(texts[-sheets:]):
