@@ -4,18 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from policy_cases import ROOT, aircraft, model_of, trims
+from policy_cases import ROOT, model_of
 
-from hfa import Deployment, environment
+from hfa import Deployment, environment, trim
 
 pytest.importorskip("gymnasium")
-MASS = 10.3
+AIRCRAFT = f"{ROOT}/examples/gtm.py:UNCERTAIN_GTM"
+LIFT_SLOPE = 1.1
 DEPLOYMENT = Deployment(
     policy={},
     observation={"pitch": {}, "load_factor": {}, "speed": {"scale": 10.0}},
-    action={"elevator_center": {"box": [-1, 1], "map": "trim + 0.1 * a"}},
+    action={"elevator": {"box": [-1, 1], "map": "trim + 0.1 * a"}},
     timing={"dt": 0.02, "delay": 0.03},
-    cost={"Q": {"pitch": 3.0, "load_factor": 2.0}, "R": {"elevator_center": 1.0}},
+    cost={"Q": {"pitch": 3.0, "load_factor": 2.0}, "R": {"elevator": 1.0}},
 )
 
 
@@ -33,19 +34,19 @@ def flown(env, start):
 
 
 def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim():
-    """States and observations are those of an aircraft with the drawn mass and frozen trim values.
+    """States and observations are those of an aircraft with the drawn lift and frozen trim values.
 
     The observations of the changed aircraft without frozen trim values differ, and its states do
     not.
     """
-    model = aircraft("ppo_hfa")
-    point = trims("ppo_hfa")[0]
+    model = model_of(AIRCRAFT)
+    point = trim(model, at=45.0)
     start = np.array(point.states) + 0.01
     states, observations, rewards = flown(
-        environment(model, DEPLOYMENT, [point], vary={"panel_mass": (MASS, MASS)}), start
+        environment(model, DEPLOYMENT, [point], vary={"lift_slope": (LIFT_SLOPE, LIFT_SLOPE)}), start
     )
-    heavier = model.with_parameters(panel_mass=MASS)
-    moved = replace(point, model=heavier, found_by=None)
+    changed = model.with_parameters(lift_slope=LIFT_SLOPE)
+    moved = replace(point, model=changed, found_by=None)
     load_factor = model.outputs_at(point.states, point.inputs, ("load_factor",))["load_factor"]
     frozen = DEPLOYMENT.changed(
         observation={
@@ -54,17 +55,17 @@ def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim()
             "speed": {"about": point["speed"], "scale": 10.0},
         }
     )
-    expected, seen, _ = flown(environment(heavier, frozen, [moved]), start)
+    expected, seen, _ = flown(environment(changed, frozen, [moved]), start)
     np.testing.assert_allclose(states, expected, rtol=1e-12)
     np.testing.assert_allclose(observations, seen, rtol=1e-6)
-    _, shifted, others = flown(environment(heavier, DEPLOYMENT, [moved]), start)
+    _, shifted, others = flown(environment(changed, DEPLOYMENT, [moved]), start)
     assert np.abs(observations - shifted)[:, 1].min() > 0.01
     assert np.abs(rewards - others).min() > 0.0
 
 
 def test_each_reset_draws_between_the_limits():
     """Each reset draws another value between the limits, reproducibly by the seed."""
-    model = model_of(f"{ROOT}/examples/gtm.py:UNCERTAIN_GTM")
+    model = model_of(AIRCRAFT)
     env = environment(model, points=[45.0], vary={"lift_slope": (0.9, 1.1)})
     drawn = [env.reset(seed=3)[1]["parameters"]["lift_slope"]]
     drawn += [env.reset()[1]["parameters"]["lift_slope"] for _ in range(59)]
