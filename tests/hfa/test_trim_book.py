@@ -136,13 +136,13 @@ def test_the_figure_has_the_values_of_the_sheets():
 
 def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder):
     """There is no figure to draw."""
-    (folder / "weak.csv").write_text("speed,limit\n35,thrust=0:5\n8,\n", "utf-8")
-    words = ("trim", "--aircraft", f"{folder}/uav.toml", "--conditions", f"{folder}/weak.csv", "-q")
-    run = command(*words, "-o", str(folder / "weak.html"))
+    (folder / "weak.csv").write_text("speed,limit\n45,throttle=0:5\n200,\n", "utf-8")
+    words = ("trim", "--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--conditions")
+    run = command(*words, f"{folder}/weak.csv", "-q", "-o", str(folder / "weak.html"))
     assert run.code == 1
     text = (folder / "weak.html").read_text("utf-8")
-    assert "thrust at maximum" in text
-    assert "speed is 8 m/s" in text
+    assert "throttle at maximum" in text
+    assert "speed is 200 m/s" in text
     assert "<figure>" not in text
 
 

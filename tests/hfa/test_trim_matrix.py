@@ -43,12 +43,11 @@ def book(tmp_path_factory):
     (path / "uav.toml").write_text(STALLING + text, "utf-8")
     (path / "conditions.csv").write_text(CONDITIONS, "utf-8")
     words = ("trim", "--aircraft", str(path / "uav.toml"), "--conditions")
-    for given, written in (("conditions.csv", "matrix.csv"), ("matrix.csv", "again.csv")):
-        run = command(*words, str(path / given), "-q", "-o", str(path / written))
-        assert run.code == 1, run.err
-        first = run.out.partition("\n")[0]
-        assert first == "10 of 14 conditions are trimmed, 1 stalled, 1 doubted, 2 without a trim"
-        (path / "listed.txt").write_text(run.out, "utf-8")
+    run = command(*words, str(path / "conditions.csv"), "-q", "-o", str(path / "matrix.csv"))
+    assert run.code == 1, run.err
+    first = run.out.partition("\n")[0]
+    assert first == "10 of 14 conditions are trimmed, 1 stalled, 1 doubted, 2 without a trim"
+    (path / "listed.txt").write_text(run.out, "utf-8")
     return path
 
 
@@ -91,8 +90,16 @@ def test_each_row_balances_in_an_independent_simulation(book):
 
 
 def test_the_file_that_comes_out_runs_again(book):
-    """Its columns before `results` state the conditions; all figures are the same."""
-    first, again = rows_of(book / "matrix.csv"), rows_of(book / "again.csv")
+    """Its columns before `results` state the conditions; all figures are the same.
+
+    The condition whose thrust is too low is left out: to find that takes longest.
+    """
+    lines = (book / "matrix.csv").read_text("utf-8").splitlines(keepends=True)
+    given, written = book / "given.csv", book / "again.csv"
+    given.write_text("".join(line for line in lines if not line.startswith("weak")), "utf-8")
+    words = ("trim", "--aircraft", str(book / "uav.toml"), "--conditions", str(given))
+    assert command(*words, "-q", "-o", str(written)).code == 1
+    first, again = rows_of(given), rows_of(written)
     assert [*first] == [*again]
     for name, cells in first.items():
         for heading, text in cells.items():

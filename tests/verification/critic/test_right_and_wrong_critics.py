@@ -165,7 +165,6 @@ def gtm():
 def games_on_the_command_line():
     """Yield words of the command line, the same game in Python, and the names of game and box."""
     paper = game_at(15.0)
-    yield list(AT_15), paper, "linear game, typical box"
     words = [*AT_15, "--discount", "0.99", "--dt", "0.02"]
     yield words, paper.sampled(0.02, 0.99), "sampled game, typical box"
     yield *gtm(), "linear game, box of limits"

@@ -43,7 +43,8 @@ def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim()
     point = trim(model, at=45.0)
     start = np.array(point.states) + 0.01
     states, observations, rewards = flown(
-        environment(model, DEPLOYMENT, [point], vary={"lift_slope": (LIFT_SLOPE, LIFT_SLOPE)}), start
+        environment(model, DEPLOYMENT, [point], vary={"lift_slope": (LIFT_SLOPE, LIFT_SLOPE)}),
+        start,
     )
     changed = model.with_parameters(lift_slope=LIFT_SLOPE)
     moved = replace(point, model=changed, found_by=None)
