@@ -151,24 +151,27 @@ def adapted_mesh(
     """Return the lengths of intervals on which a proposal is about equally smooth, s, (N,).
 
     The roughness of an interval is measured by the leading coefficients of the polynomials for the
-    states and by the kinks of the inputs.
+    states and by the kinks of the inputs at its ends; it is the largest of the interval and its
+    neighbours. Each interval of the proposal gets a share of the new ones, a power of its
+    roughness.
 
-    intervals: number N of intervals
+    intervals: number N of new intervals
     step: simulation step, s
     weights: weights of the states in this measure, (k,), and of the inputs, (m,)
     """
     of_states, of_inputs = weights
     leading = np.einsum("j,ijk->ik", _leading(collocation_points()), proposal.nodes)
-    leading = leading[:, : len(of_states)]
-    bent = np.diff(np.diff(proposal.v, axis=0) / proposal.lengths[:, None], axis=0)
-    kinks = _KINKS * np.abs(bent * of_inputs).sum(axis=1)
-    at_ends = np.maximum(np.append(kinks, 0.0), np.append(0.0, kinks))
-    rough = np.abs(leading * of_states).sum(axis=1) + at_ends * proposal.lengths
-    near = np.maximum.reduce([rough, np.append(rough[1:], 0.0), np.append(0.0, rough[:-1])])
-    shares = (near + _EVEN * near.max()) ** _POWER
-    filled = np.append(0.0, np.cumsum(shares))
-    wanted = np.linspace(0.0, filled[-1], intervals + 1)
-    return _on_steps(np.interp(wanted, filled, proposal.ends), step)
+    curvature = np.abs(leading[:, : len(of_states)] * of_states).sum(axis=1)
+    slopes = np.diff(proposal.v, axis=0) / proposal.lengths[:, None]
+    kinks = _KINKS * np.abs(np.diff(slopes, axis=0) * of_inputs).sum(axis=1)
+    kinks_at_ends = np.maximum(np.append(kinks, 0.0), np.append(0.0, kinks))
+    roughness = curvature + kinks_at_ends * proposal.lengths
+    before, after = np.append(0.0, roughness[:-1]), np.append(roughness[1:], 0.0)
+    largest = np.maximum.reduce([roughness, after, before])
+    shares = (largest + _EVEN * largest.max()) ** _POWER
+    shares_until = np.append(0.0, np.cumsum(shares))
+    wanted = np.linspace(0.0, shares_until[-1], intervals + 1)
+    return _on_steps(np.interp(wanted, shares_until, proposal.ends), step)
 
 
 def _leading(points: np.ndarray) -> np.ndarray:
@@ -198,6 +201,7 @@ def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
     m: number of inputs
     intervals: number of intervals
     """
+    # Places of the unknowns, in the order of `unknowns_in_order`.
     unknowns = np.arange(m + intervals * (DEGREE * k + m))
     of_intervals = unknowns[m:].reshape(intervals, DEGREE * k + m)
     states, inputs = np.split(of_intervals, [DEGREE * k], axis=1)
@@ -206,6 +210,7 @@ def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
     after = np.repeat(at_ends[1:], DEGREE, axis=0)
     # Inputs are linear in an interval: v = (1 - tau) v_before + tau v_after.
     tau = np.tile(collocation_points()[1:], intervals)[:, None] * np.ones(m)
+    # Rows of the result: (z, v) of each point in turn.
     points = np.arange(intervals * DEGREE * (k + m)).reshape(-1, k + m)
     of_z, of_v = np.split(points, [k], axis=1)
     rows = np.concatenate([of_z.ravel(), of_v.ravel(), of_v.ravel()])
@@ -267,9 +272,8 @@ class Transcription:
         begin = problem.padded(start)
         below, above = self._bounds(begin, margin)
         guess = unknowns_in_order(z / of_states, v / of_inputs)
-        scale = 1.0 / (
-            float(start @ problem.P @ start) or 1.0
-        )  # without a cost, any scale is right
+        linear_cost = float(start @ problem.P @ start)
+        scale = 1.0 / (linear_cost or 1.0)  # without a cost, any scale is right
         parameters = np.concatenate([begin / of_states, lengths, [scale]])
         solved = solved_by(
             self._solver,

@@ -36,27 +36,28 @@ class EndLaw:
         loop = hold.A - hold.B @ K
         self.poles = np.asarray(np.linalg.eigvals(loop))
         longer = np.linalg.matrix_power(loop, _LONGER)
-        moved = np.eye(k)
-        rows = []
+        transition = np.eye(k)  # from z to the states after some samples
+        states_and_inputs = []
         for number in range(_SAMPLES + _STEPS):
-            rows.append(np.vstack([moved, -K @ moved]))
-            moved = (loop if number < _SAMPLES else longer) @ moved
-        #: States and inputs after each number of samples, as a linear function of z.
-        self._rows = np.array(rows)
+            states_and_inputs.append(np.vstack([transition, -K @ transition]))
+            transition = (loop if number < _SAMPLES else longer) @ transition
+        #: Matrices from z to the states and inputs after the checked numbers of samples.
+        self._states_and_inputs = np.array(states_and_inputs)
 
     def contains(self, z: np.ndarray) -> bool:
-        """Return whether the linear loop from z keeps 0.9 of the distances from trim to limits.
+        """Return whether the linear loop from z stays within `_WITHIN` of all limits.
 
         z: followed states, (n,)
         """
         k = len(self.K.T)
-        zs, vs = self._scaled.state_limits, self._scaled.input_limits
-        below, above = (
-            _WITHIN * np.concatenate([z_limit[:k], v_limit])
-            for z_limit, v_limit in zip(zs, vs, strict=True)
+        (lowest_z, highest_z), (lowest_v, highest_v) = (
+            self._scaled.state_limits,
+            self._scaled.input_limits,
         )
-        moved = self._rows @ z[:k]
-        return bool(((moved <= above) & (moved >= below)).all())
+        lowest = _WITHIN * np.concatenate([lowest_z[:k], lowest_v])
+        highest = _WITHIN * np.concatenate([highest_z[:k], highest_v])
+        flown = self._states_and_inputs @ z[:k]
+        return bool(((flown <= highest) & (flown >= lowest)).all())
 
     def inputs(self, z: np.ndarray) -> np.ndarray:
         """Return the inputs v, (m,), within their limits."""

@@ -127,6 +127,7 @@ class Flights:
 
     @cached_property
     def _tracking(self) -> CompiledLoop:
+        """Compiled loop of the policy that follows a proposal; `follow` gives it the proposal."""
         lowest, highest = self.problem.input_limits
         policy = TrackingPolicy(
             "best flight found",
@@ -141,6 +142,7 @@ class Flights:
 
     @cached_property
     def _linear(self) -> CompiledLoop:
+        """Compiled loop of the linear optimum, saturated at the limits of the inputs."""
         return self.of("linear optimum, saturated", self.problem.K)
 
     def of(self, name: str, given: Any) -> CompiledLoop:

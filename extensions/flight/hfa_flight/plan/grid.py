@@ -109,6 +109,7 @@ class Grid:
         return self._found[phase]
 
     def _hold(self, length: int) -> Hold:
+        """Return the linear model and cost of a hold of some samples, computed once."""
         if length not in self._holds:
             self._holds[length] = hold_of(*self.scaled.linear, length * self.dt)
         return self._holds[length]
@@ -171,15 +172,13 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     most = _GROWING / growing if growing > 0.0 else math.inf
     slowest = float(np.abs(scaled.loop_poles.real).min())
     wanted = min(most, _LONG / slowest if horizon is None else horizon)
-    is_slow = dt >= _SLOW
-    last = _LAST * (_LONGER if is_slow else 1.0)
-    longest = max(1, int(last / max(scaled.fastest * dt, last / _MOST_SAMPLES)))
-    longest = 1 << (longest.bit_length() - 1)
-    count = HOLDS * (1 + is_slow)
+    count = HOLDS * (2 if dt >= _SLOW else 1)
+    longest = _longest_hold(scaled, dt)
     grids = [Grid(scaled, dt, fine, count, longest) for fine in (*_FINE, count)]
     if horizon is not None:
+        # The finest grid that lasts long enough, or else the longest.
         long_enough = [grid for grid in grids if grid.horizon >= wanted * (1.0 - 1e-9)]
-        grid = (long_enough or grids)[-1 if long_enough else 0].cut(wanted)
+        grid = (long_enough[-1] if long_enough else grids[0]).cut(wanted)
         grid.asked = horizon if grid.horizon < horizon - dt else None
         return grid
     for grid in grids:
@@ -187,6 +186,13 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
         if scaled.excess_weight(gains_of(fitting.at(0).linear, scaled.P)[1]) <= _GRID_PRICE:
             break
     return fitting
+
+
+def _longest_hold(scaled: ScaledProblem, dt: float) -> int:
+    """Return the largest number of samples of a hold, a power of two."""
+    time_constants = _LAST * (_LONGER if dt >= _SLOW else 1.0)
+    samples = int(time_constants / max(scaled.fastest * dt, time_constants / _MOST_SAMPLES))
+    return 1 << (max(1, samples).bit_length() - 1)
 
 
 def sample_time(scaled: ScaledProblem, asked: float | None = None) -> float:
@@ -209,6 +215,7 @@ def sample_time(scaled: ScaledProblem, asked: float | None = None) -> float:
 
 
 def _rule_of_samples(scaled: ScaledProblem) -> float:
+    """Return the sample time of the rule of `grid_of`, s."""
     for dt in _SAMPLE_TIMES:
         if dt * scaled.fastest > _FASTEST:
             continue

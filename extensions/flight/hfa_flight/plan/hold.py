@@ -71,10 +71,10 @@ def hold_of(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, seconds:
     _, exponent = math.frexp(size / _SHORT)  # size / _SHORT < 2^exponent, 0 for 0
     doublings = max(0, exponent)
     of_both = np.block([[-rates.T, block_diag(Q, R)], [np.zeros_like(rates), rates]])
-    moved = expm(of_both * seconds / 2**doublings)
-    over = moved[n + m :, n + m :]
-    W = over.T @ moved[: n + m, n + m :]
+    exponential = expm(of_both * seconds / 2**doublings)
+    transition = exponential[n + m :, n + m :]  # of (z; v)
+    W = transition.T @ exponential[: n + m, n + m :]
     for _ in range(doublings):
-        W = W + over.T @ W @ over
-        over = over @ over
-    return Hold(over[:n, :n], over[:n, n:], 0.5 * (W + W.T))
+        W = W + transition.T @ W @ transition
+        transition = transition @ transition
+    return Hold(transition[:n, :n], transition[:n, n:], 0.5 * (W + W.T))

@@ -55,8 +55,8 @@ class KeptInside(Policy):
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the policy's inputs, or the nearest ones where they differ, (m,)."""
         size = self.policy.held.shape[1]
-        own, acts, u = ca.vertsplit(held, [0, size, size + 1, held.numel()])
-        return ca.if_else(acts, u, self.policy.control(t, measurements, own))
+        of_policy, is_changed, u = ca.vertsplit(held, [0, size, size + 1, held.numel()])
+        return ca.if_else(is_changed, u, self.policy.control(t, measurements, of_policy))
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> held inputs of the policy, whether they are
@@ -86,12 +86,12 @@ class KeptInside(Policy):
             (u,) = command.at(tick * step, measured, held)
             v = u[problem.moved] / problem.sizes.inputs
             inside = nearest(z, v)
-            acts = bool(np.abs(inside - v).max() > _ROUNDING)
+            is_changed = bool(np.abs(inside - v).max() > _ROUNDING)
             known.command(inside)
-            self.changed[0] += acts
-            if acts:
+            self.changed[0] += is_changed
+            if is_changed:
                 u = problem.inputs_of(inside) - problem.point.u
-            latest = np.concatenate([held, [float(acts)], u])
+            latest = np.concatenate([held, [float(is_changed)], u])
             return latest
 
         return sample
@@ -201,9 +201,9 @@ def kept_inside(policy: Policy, problem: FlightProblem, tick: float = 0.01) -> K
         problem,
         nearest,
         tick,
-        0.0,
-        1,
-        [0],
+        delay=0.0,
+        ticks=1,
+        changed=[0],
         held=held,
         identity={**policy.identity, "keeps": list(nearest.states)},
     )

@@ -35,6 +35,7 @@ class NearestInputs:
         self._kept = np.flatnonzero(scaled.reached(dt))
         self._within = within
         self._limits = within * below[self._kept], within * above[self._kept]
+        #: Squares of the inputs' ranges, which weigh their changes.
         self._squares = np.where(np.isfinite(ranges), ranges, 1.0) ** 2
 
     def __reduce__(self) -> tuple[type[NearestInputs], tuple[Any, ...]]:
@@ -55,14 +56,17 @@ class NearestInputs:
         lowest, highest = self.model.scaled.input_limits
         n = len(z)
         for _ in range(_STEPS):
-            after, slopes = (each[0] for each in self.model.moved_along(z[None], v[None]))
-            excess = after[self._kept] - np.clip(after[self._kept], *self._limits)
+            after, slopes = self.model.moved_along(z[None], v[None])
+            kept = after[0, self._kept]
+            excess = kept - np.clip(kept, *self._limits)
             if not np.any(excess):
                 return v
             v = np.clip(v, lowest, highest)
-            for row, much in zip(slopes[self._kept, n:], excess, strict=True):
-                can_move = np.where(much * row > 0.0, v > lowest, v < highest)
-                move = self._squares * row * can_move
-                if move @ row > 0.0:
-                    v = np.clip(v - move * much / (move @ row), lowest, highest)
+            # Of each state in turn, the least change of the inputs that removes its excess.
+            for by_inputs, beyond in zip(slopes[0, self._kept, n:], excess, strict=True):
+                can_move = np.where(beyond * by_inputs > 0.0, v > lowest, v < highest)
+                direction = self._squares * by_inputs * can_move
+                if direction @ by_inputs > 0.0:
+                    v = v - direction * beyond / (direction @ by_inputs)
+                    v = np.clip(v, lowest, highest)
         return v

@@ -113,6 +113,7 @@ class PlanProgram:
         self.fast = fast
         self._n, self._m = n, m
         both, slacks, middles = n + m, len(soft), len(fast)
+        # Unknowns of a hold, and its rows: the equations, and two for each limit.
         width, height = both + slacks, n + 2 * (slacks + middles)
         # Each entry of H and A is the number of a value that `step` computes, beginning with 1.
         H = np.zeros((count * width + n, count * width + n), dtype=int)

@@ -206,9 +206,10 @@ class BestFlights:
         raise _Unconfirmed(f"two meshes differ by {change}")
 
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
-        """Return the proposal solved again on a mesh of `intervals` intervals."""
-        # The mesh is adapted to the given proposal. If the new proposal is infeasible, it is
-        # replaced by one on a geometric mesh, which may be infeasible too.
+        """Return a proposal solved again on a mesh of `intervals` intervals, adapted to it.
+
+        If the result is infeasible, it is solved on a geometric mesh, and may be infeasible too.
+        """
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
             z, v = sampled(guess.at, lengths)
@@ -224,11 +225,13 @@ class BestFlights:
         return np.sqrt(np.abs(np.diag(problem.P))), np.sqrt(np.diag(problem.R))
 
     def _transcription(self, intervals: int) -> Transcription:
+        """Return the nonlinear program of a mesh with this number of intervals, built once."""
         if intervals not in self.transcriptions:
             self.transcriptions[intervals] = Transcription(self.problem, intervals)
         return self.transcriptions[intervals]
 
     def _mesh(self, seconds: float, intervals: int) -> np.ndarray:
+        """Return the lengths of intervals that grow geometrically, s, (N,)."""
         fastest = spectral_radius(self.flights.loop)
         return mesh(seconds, intervals, fastest, self.flights.step)
 
@@ -267,8 +270,8 @@ def difference_of_meshes(meshes: Mapping[int, float]) -> float:
 
 def _cheapest_inside(flights: list[SimulatedFlight]) -> SimulatedFlight | None:
     """Return the cheapest of the flights that return inside the envelope, or None."""
-    converging = [each for each in flights if each.converges]
-    return min(converging, key=lambda each: each.cost, default=None)
+    converging = [flight for flight in flights if flight.converges]
+    return min(converging, key=lambda flight: flight.cost, default=None)
 
 
 def sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -83,6 +84,13 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
     return ca.Function(function.name(), [symbol], [result], {"cse": True})
 
 
+class _Value(NamedTuple):
+    """Value of an instruction, and whether it is a smooth truth value between 0 and 1."""
+
+    value: ca.SX
+    is_soft: bool = False
+
+
 @dataclass(frozen=True)
 class _Kink:
     """Smoothing of one kink, which is where the argument of an operation is 0."""
@@ -107,20 +115,23 @@ class _Kink:
             return _Kink(0.0)
         return _Kink(width)
 
-    def step(self, argument: ca.SX, otherwise: ca.SX) -> tuple[ca.SX, bool]:
-        """Return the smoothed result of a comparison with 0, and whether it is smoothed."""
-        # - With a blend, the result is 1 above the width, 0 below -width, and smooth between.
-        # - For two levels of opposite signs, the result is linear between the levels.
-        # - Otherwise the result is `otherwise`, not smoothed.
+    def step(self, argument: ca.SX, sharp: ca.SX) -> _Value:
+        """Return the smoothed result of a comparison of an argument with 0.
+
+        - With a blend, it is 1 above the width, 0 below -width, and smooth between.
+        - For two levels of opposite signs, it is linear between the levels.
+        - Otherwise it is the sharp result.
+        """
         if self.levels is not None:
             low, high = self.levels
             if low < 0.0 < high:
-                return (argument - low) / (high - low), True
-            return otherwise, False
+                return _Value((argument - low) / (high - low), is_soft=True)
+            return _Value(sharp)
         if self.width == 0.0:
-            return otherwise, False
+            return _Value(sharp)
         t = ca.fmin(ca.fmax(argument / self.width, -1.0), 1.0)
-        return 0.5 + t * (15.0 - t**2 * (10.0 - 3.0 * t**2)) / 16.0, True
+        smooth = 0.5 + t * (15.0 - t**2 * (10.0 - 3.0 * t**2)) / 16.0
+        return _Value(smooth, is_soft=True)
 
     def size(self, argument: ca.SX) -> ca.SX:
         """Return a copy of the absolute value with two continuous derivatives."""
@@ -168,12 +179,16 @@ class _Replay:
         """Return the arguments of all kinks as a column, (kinks,)."""
         return ca.densify(ca.vertcat(ca.SX(0, 1), *self.arguments))
 
-    def _value(self, number: int, code: int, places: list[int]) -> tuple[ca.SX, bool]:
-        """Return the value of an instruction, and whether this value is a smooth truth value."""
+    def _value(self, number: int, code: int, places: list[int]) -> _Value:
+        """Return the value of an instruction.
+
+        code: its operation
+        places: indices of its operands in the work vector
+        """
         if code == ca.OP_CONST:
-            return ca.SX(self.function.instruction_constant(number)), False
+            return _Value(ca.SX(self.function.instruction_constant(number)))
         if code == ca.OP_INPUT:
-            return self.symbol[places[1]], False
+            return _Value(self.symbol[places[1]])
         if code == ca.OP_CALL:
             raise BadInputError(
                 "the equations call a compiled function, such as an FMU, which the search for best "
@@ -183,15 +198,17 @@ class _Replay:
         if code in _COMPARISONS:
             return self._compared(code, *operands)
         if code in _KINKS:
-            return self._kinked(code, *operands), False
+            return _Value(self._kinked(code, *operands))
         if code in _LOGIC:
             return self._chosen(code, places, operands)
-        return _applied(code, operands), False
+        return _Value(_applied(code, operands))
 
-    def _compared(self, code: int, low: ca.SX, high: ca.SX) -> tuple[ca.SX, bool]:
+    def _compared(self, code: int, low: ca.SX, high: ca.SX) -> _Value:
+        """Return the value of low < high or low <= high."""
         return self._next_kink(high - low).step(high - low, ca.SX.binary(code, low, high))
 
     def _kinked(self, code: int, one: ca.SX, other: ca.SX | None = None) -> ca.SX:
+        """Return the smoothed |one|, or smaller or larger one of two values."""
         if other is None:
             return self._next_kink(one).size(one)
         kink = self._next_kink(one - other)
@@ -201,27 +218,30 @@ class _Replay:
         middle = 0.5 * (one + other)
         return middle + half if code == ca.OP_FMAX else middle - half
 
-    def _chosen(self, code: int, places: list[int], operands: list[ca.SX]) -> tuple[ca.SX, bool]:
-        """Return the value of a logical operation, and whether it is a smooth truth value."""
-        # With smooth operands a and b:
-        # - not a is 1 - a
-        # - a and b is a b
-        # - a or b is a + b - a b
-        # - a branch b that a selects, and 0 otherwise, is a b: a truth value if b is the constant 1
-        # - a branch of inf or nan is switched at a = 1/2, because 0 inf is not 0
+    def _chosen(self, code: int, places: list[int], operands: list[ca.SX]) -> _Value:
+        """Return the value of a logical operation.
+
+        With smooth operands a and b:
+        - not a is 1 - a
+        - a and b is a b
+        - a or b is a + b - a b
+        - a branch b that a selects, and 0 otherwise, is a b: a truth value if b is the constant 1
+        - a branch of inf or nan is switched at a = 1/2, because 0 inf is not 0
+        """
         is_soft = [place in self.soft for place in places]
         if not any(is_soft) or (code == ca.OP_IF_ELSE_ZERO and not is_soft[0]):
-            return _applied(code, operands), False
+            return _Value(_applied(code, operands))
         if code == ca.OP_NOT:
-            return 1.0 - operands[0], True
-        one, other = operands
+            return _Value(1.0 - operands[0], is_soft=True)
+        a, b = operands
         if code == ca.OP_IF_ELSE_ZERO:
-            if other.is_constant() and not np.isfinite(float(other)):
-                return ca.SX.binary(code, one >= 0.5, other), False
-            return one * other, other.is_constant() and float(other) == 1.0
-        return (one * other if code == ca.OP_AND else one + other - one * other), True
+            if b.is_constant() and not np.isfinite(float(b)):
+                return _Value(ca.SX.binary(code, a >= 0.5, b))
+            return _Value(a * b, is_soft=b.is_constant() and float(b) == 1.0)
+        return _Value(a * b if code == ca.OP_AND else a + b - a * b, is_soft=True)
 
     def _next_kink(self, argument: ca.SX) -> _Kink:
+        """Store the argument of a further kink, and return its smoothing."""
         self.arguments.append(argument)
         return _Kink(0.0) if self.kinks is None else self.kinks[len(self.arguments) - 1]
 

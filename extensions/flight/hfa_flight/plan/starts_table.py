@@ -110,15 +110,14 @@ class StartsTable(OfProblem, Result, Reported):
         """Return a sentence for each of best flights and judged policies with too few flights."""
         if self.share is None:
             return []
-        held = {"a best flight is found": self.found}
+        successes = {"a best flight is found": self.found}
+        rows = [row for start in self.flights for row in start.policies]
         for name in self.judged:
-            policy = [each for flown in self.flights for each in flown.policies]
-            own = [each for each in policy if each.policy == name]
-            what = f"the {name} converges within the limits"
-            held[what] = sum(each.converges for each in own)
+            converging = sum(row.converges for row in rows if row.policy == name)
+            successes[f"the {name} converges within the limits"] = converging
         return [
             f"{what} from {count} of {self.starts} initial conditions{need_text(self.share)}"
-            for what, count in held.items()
+            for what, count in successes.items()
             if not is_enough(count, self.starts, self.share)
         ]
 
@@ -196,6 +195,7 @@ class StartsTable(OfProblem, Result, Reported):
         return lines
 
     def _records(self) -> Table:
+        """Return the table of initial deviations and costs, one row for each initial condition."""
         states = self.problem.states
         policies = [each.policy for each in self.policies]
         rows = []
@@ -206,11 +206,12 @@ class StartsTable(OfProblem, Result, Reported):
         return Table((*states, "best", "linear_model", *policies), rows)
 
 
-def _summary(column: Sequence[FlightRow]) -> PolicySummary:
-    ratios = [each.over_best for each in column if each.over_best is not None]
-    lost = sum(not each.converges for each in column)
-    left = sum(each.departure is not None for each in column)
-    counts = (column[0].policy, lost, left)
+def _summary(flights: Sequence[FlightRow]) -> PolicySummary:
+    """Return the summary of the flights of one policy."""
+    ratios = [flight.over_best for flight in flights if flight.over_best is not None]
+    lost = sum(not flight.converges for flight in flights)
+    left = sum(flight.departure is not None for flight in flights)
+    counts = (flights[0].policy, lost, left)
     if not ratios:
         return PolicySummary(*counts, None, None, None)
     median, high = np.quantile(ratios, [0.5, 0.9]).tolist()

@@ -108,6 +108,7 @@ def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
     for index in range(len(A) - 1, -1, -1):
         E = back[index]
         for _ in range(steps[index]):
+            # (z; P z) before a step is E (z; P z) after it.
             P = np.linalg.solve((E[:k, :k] + E[:k, k:] @ P).T, (E[k:, :k] + E[k:, k:] @ P).T).T
             P = 0.5 * (P + P.T)
         gains[index] = np.linalg.solve(problem.R, B[index].T @ P)
@@ -118,10 +119,9 @@ def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.
     """Return A, (N, k, k), and B, (N, k, m), at the middle of each interval."""
     of_states, of_inputs = problem.sizes
     z, v = proposal.at(proposal.ends[:-1] + 0.5 * proposal.lengths)
-    both = np.hstack([z / of_states, v / of_inputs])
-    rows = np.array(smooth_slopes(problem).map(len(both))(both.T))
-    k = len(problem.states)
-    followed = len(of_states)
-    stack = rows.reshape(followed, len(both), -1).transpose(1, 0, 2)
-    scaled = stack * of_states[:, None] / np.concatenate([of_states, of_inputs])
-    return scaled[:, :k, :k], scaled[:, :k, followed:]
+    middles = np.hstack([z / of_states, v / of_inputs])
+    side_by_side = np.array(smooth_slopes(problem).map(len(middles))(middles.T))
+    k, followed = len(problem.states), len(of_states)
+    nominal = side_by_side.reshape(followed, len(middles), -1).transpose(1, 0, 2)
+    slopes = nominal * of_states[:, None] / np.concatenate([of_states, of_inputs])
+    return slopes[:, :k, :k], slopes[:, :k, followed:]
