@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,13 +18,13 @@ from controller.riccati.enclosure import (
     relative_change,
     relative_radius,
 )
-from controller.riccati.equation import StepEquation, scaled_balls
+from controller.riccati.equation import Equation, StepEquation, scaled_balls
 from controller.riccati.lyapunov import Lyapunov
 from controller.riccati.proposal import FailedError, lyapunov_in_bits
 from hfa_support.reporting.results import Result
 
 if TYPE_CHECKING:
-    from flint import arb, arb_mat
+    from flint import arb_mat
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,9 @@ def certificate_of(enclosure: Enclosure) -> Certificate:
 
 
 def _sentences(certificate: Certificate) -> Iterator[str]:
-    """Yield what is proved."""
+    """Yield sentences on what is proved: digits, stable loops, price and gain of the disturbance,
+    raised weights.
+    """
     enclosure = certificate.enclosure
     equation = enclosure.proved.bounds
     game = equation.game
@@ -101,18 +103,15 @@ def _radius_of_L(enclosure: Enclosure) -> float:
     """Return the largest radius of L, relative to the largest entry of its row in units of the
     proof; inf if no digit of a row is known.
     """
-    units = enclosure.proved.equation.units.states
+    units = enclosure.proved.bounds.units.states
     with precision(enclosure.bits):
         L = scaled_balls(enclosure.L, np.zeros(enclosure.L.nrows(), dtype=int), units)
         worst = 0.0
         for row in L.tolist():
-            radius, largest = max(entry.rad() for entry in row), max(map(_size, row))
+            radius = max(entry.rad() for entry in row)
+            largest = max(abs(entry.mid()) for entry in row)
             worst = max(worst, float((radius / largest).upper()) if radius > 0 else 0.0)
     return worst if math.isfinite(worst) else math.inf
-
-
-def _size(entry: arb) -> arb:
-    return abs(entry.mid())
 
 
 def doubt_about(change: float) -> str:
@@ -133,9 +132,7 @@ def gain_change(enclosure: Enclosure) -> float:
 
     A gain whose change is smaller than the last digits of A is not doubted (`relative_change`).
 
-    The changes of the entries move P by the solution of a Lyapunov equation. Each entry of A, B
-    and E is multiplied by a factor f = 1 ± eps, and the entries ij of Q, N and R by f_i f_j, with
-    which the weights remain semidefinite. All is computed in the arithmetic of the proof.
+    It is computed in the arithmetic of the proof, and inf if that fails.
     """
     with np.errstate(all="ignore"):
         try:
@@ -144,58 +141,112 @@ def gain_change(enclosure: Enclosure) -> float:
             return math.inf
 
 
+class _Changes(NamedTuple):
+    """Changes of the matrices of a game, in their last digits.
+
+    A, Q: (n, n)
+    G, C, W: of [B E], [N 0] and blkdiag(R, -δ² I), in continuous time of B, N and R
+    E: (n, k), 0 columns without a disturbance
+    """
+
+    A: Any
+    Q: Any
+    G: Any
+    C: Any
+    W: Any
+    E: Any
+
+
 def _gain_change(enclosure: Enclosure) -> float:
+    """Return |B dK| / |B K| for the changes `_changes` of the entries.
+
+    Along the loop F of both players, P changes by Z of F'Z + Z F + dc + X df + df'X = 0, with the
+    changes df of the loop and dc of the cost for the same gains; in discrete time by Z of
+    F'Z F - Z + dc + F'X df + df'X F = 0.
+    """
     found = enclosure.proved
     equation = found.bounds
-    # Bounds are not needed: doubles, or balls for their bits.
-    plain: Callable[[Any], Any] = _doubles if equation.arithmetic is DoubleBalls else Balls.of
-    n, m, k = equation.n, equation.R.rows, 0
-    A, E, Q, X = map(plain, (equation.A, equation.E, equation.Q, found.X))
-    gains = plain(found.gains.mid())
     of_bounds = equation.arithmetic.of
+    plain = _plain(equation)
+    X, gains = plain(found.X), plain(found.gains.mid())
     F = plain(equation.loop(of_bounds(found.X), of_bounds(found.gains)))
-    if isinstance(equation, StepEquation):
-        G, C, W = map(plain, (equation.G, equation.C, equation.W))
-        k = len(equation.units.disturbances) if equation.is_disturbed else 0
+    G, _, W = _players(equation)
+    G, W = plain(G), plain(W)
+    change = _changes(equation)
+    df = change.A - change.G @ gains
+    if equation.is_disturbed and not equation.is_discrete:
+        L = (equation.E.T @ of_bounds(found.X)).times(equation.w)
+        df = df + change.E @ plain(L)
+    crossed = change.C @ gains
+    dc = change.Q - crossed - crossed.T + gains.T @ (change.W @ gains)
+    X_df = F.T @ (X @ df) if equation.is_discrete else X @ df
+    Z = plain(
+        _moved_value(F, dc + X_df + X_df.T, enclosure.lyapunov, is_discrete=equation.is_discrete)
+    )
+    # The price times the change of the gains, to the first order.
+    right = change.C.T - change.W @ gains
+    price = W
+    if equation.is_discrete:
+        right = right + G.T @ (Z @ F + X @ df) + change.G.T @ (X @ F)
+        price = W + G.T @ (X @ G)
     else:
-        G, C, W = map(plain, (equation.B, equation.N, equation.R))
-    signs = np.finfo(float).eps * _signs(n * (n + m + enclosure.game.E.shape[1]))
-    of_A, of_B, of_E = np.split(signs, [n * n, n * (n + m)])
-    of_states, of_inputs = of_A[:n], np.append(of_B[:m], np.zeros(k))
+        right = right + G.T @ Z + change.G.T @ X
+    B, of_input = plain(equation.B), slice(equation.R.rows)
+    dK = _rows(plain(_linear_solution(price, right)), of_input)
+    K = _rows(gains, of_input)
+    return relative_change(_doubles(B @ dK), _doubles(B @ K), _doubles(equation.A))
+
+
+def _plain(equation: Equation[Any]) -> Callable[[Any], Any]:
+    """Return the function that makes a matrix one of the arithmetic in which changes are computed.
+
+    Bounds are not needed: it gives doubles for `DoubleBalls`, and balls for their bits alone.
+    """
+    return _doubles if equation.arithmetic is DoubleBalls else Balls.of
+
+
+def _players(equation: Equation[Any]) -> tuple[Any, Any, Any]:
+    """Return G, C and W of the gains of an equation: in continuous time B, N and R."""
+    if isinstance(equation, StepEquation):
+        return equation.G, equation.C, equation.W
+    return equation.B, equation.N, equation.R
+
+
+def _changes(equation: Equation[Any]) -> _Changes:
+    """Return the changes of the entries, each ± eps times the entry, with signs without a pattern.
+
+    Each entry of A, B and E has a factor f = ± eps of its own, and the entries ij of Q, N and R
+    have f_i + f_j, with which the weights remain semidefinite. δ is not changed.
+    """
+    plain = _plain(equation)
+    n, m, k = equation.n, equation.R.rows, equation.game.E.shape[1]
+    factors = np.finfo(float).eps * _signs(n * (n + m + k))
+    of_A, of_B, of_E = np.split(factors, [n * n, n * (n + m)])
+    G, C, W = _players(equation)
+    of_columns = [of_B.reshape(n, m)]
+    if equation.is_discrete and equation.is_disturbed:
+        of_columns.append(of_E.reshape(n, k))
+    of_G = np.hstack(of_columns)
+    of_states, of_inputs = of_A[:n], np.append(of_B[:m], np.zeros(of_G.shape[1] - m))
+    of_W = np.add.outer(of_inputs, of_inputs)
+    of_W[m:, m:] = 0.0
 
     def changed(matrix: Any, factors: np.ndarray) -> Any:
         middle = _doubles(matrix)
         return plain(middle * factors.reshape(middle.shape))
 
-    of_G = [of_B.reshape(n, m), of_E.reshape(n, -1)[:, :k]]
-    dA, dG = changed(A, of_A), changed(G, np.hstack(of_G))
-    dQ = changed(Q, np.add.outer(of_states, of_states))
-    dC = changed(C, np.add.outer(of_states, of_inputs))
-    of_W = np.add.outer(of_inputs, of_inputs)
-    of_W[m:, m:] = 0.0  # the game's delta
-    dW = changed(W, of_W)
-    pushed = dA - dG @ gains
-    if equation.is_disturbed and not equation.is_discrete:
-        L = (equation.E.T @ of_bounds(found.X)).times(equation.w)
-        pushed = pushed + changed(E, of_E) @ plain(L)
-    crossed = dC @ gains
-    moved = dQ - crossed - crossed.T + gains.T @ (dW @ gains)
-    cross = F.T @ (X @ pushed) if equation.is_discrete else X @ pushed
-    moved = moved + cross + cross.T
-    Z = plain(_moved_value(F, moved, enclosure.lyapunov, is_discrete=equation.is_discrete))
-    right = dC.T - dW @ gains
-    if equation.is_discrete:
-        right = right + G.T @ (Z @ F + X @ pushed) + dG.T @ (X @ F)
-        W = W + G.T @ (X @ G)
-    else:
-        right = right + G.T @ Z + dG.T @ X
-    B, inputs = plain(equation.B), slice(m)
-    change_of_K = _rows(plain(_linear_solution(W, right)), inputs)
-    K = _rows(gains, inputs)
-    return relative_change(_doubles(B @ change_of_K), _doubles(B @ K), _doubles(A))
+    return _Changes(
+        A=changed(equation.A, of_A),
+        Q=changed(equation.Q, np.add.outer(of_states, of_states)),
+        G=changed(G, of_G),
+        C=changed(C, np.add.outer(of_states, of_inputs)),
+        W=changed(W, of_W),
+        E=changed(equation.E, of_E),
+    )
 
 
 def _rows(matrix: Balls | np.ndarray, rows: slice) -> Balls | np.ndarray:
+    """Return some rows of a matrix of either kind."""
     return matrix[rows] if isinstance(matrix, np.ndarray) else matrix.block(rows, slice(None))
 
 
@@ -205,13 +256,16 @@ def _doubles(matrix: Any) -> np.ndarray:
 
 
 def _moved_value(
-    F: Any, moved: Any, solver: Lyapunov | None, *, is_discrete: bool
+    F: Any, C: Any, solver: Lyapunov | None, *, is_discrete: bool
 ) -> np.ndarray | arb_mat:
-    """Return Z of F'Z + Z F + moved = 0, (n, n), in discrete time F'Z F - Z + moved = 0."""
+    """Return Z of F'Z + Z F + C = 0, (n, n), in discrete time F'Z F - Z + C = 0.
+
+    solver: of the equation in doubles, needed if F is an array
+    """
     if isinstance(F, Balls):
-        return lyapunov_in_bits(F.matrix.mid(), moved.matrix.mid(), is_discrete=is_discrete)
+        return lyapunov_in_bits(F.matrix.mid(), C.matrix.mid(), is_discrete=is_discrete)
     assert solver is not None  # that of the proposal, which was in doubles as well
-    return solver.solve(-moved)[0]
+    return solver.solve(-C)[0]
 
 
 def _linear_solution(matrix: Any, right: Any) -> np.ndarray | arb_mat:
@@ -222,6 +276,6 @@ def _linear_solution(matrix: Any, right: Any) -> np.ndarray | arb_mat:
 
 
 def _signs(count: int) -> np.ndarray:
-    """Return the signs of sin(k² + 1), (count,), which have no pattern."""
+    """Return the signs of sin(k² + 1), k = 0, 1, ..., (count,), which have no pattern."""
     k = np.arange(count)
     return np.sign(np.sin(k**2 + 1.0))

@@ -30,7 +30,7 @@ from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of, loop_of
 from controller.riccati.poles import Poles, poles_of
 from controller.riccati.proof import NotProvedError
 from controller.riccati.proposal import FailedError, loop_units
-from controller.riccati.rationals import costs_nothing, moves_nothing
+from controller.riccati.rationals import disturbance_costs_nothing, disturbance_never_costs
 from controller.riccati.stability import loop_with, stabilizes
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ class Level:
         game = self.enclosure.game
         if K is not None and not stabilizes(game, K, is_discounted=True):
             return GainBounds(math.inf, math.inf)
-        if moves_nothing(game, K) if K is not None else costs_nothing(game):
+        if disturbance_never_costs(game, K) if K is not None else disturbance_costs_nothing(game):
             return GainBounds(0.0, 0.0)
         best = GainBounds(0.0, math.inf)
         for bits in ATTEMPTS[:2]:

@@ -377,7 +377,7 @@ def _refined_lyapunov(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> _Refin
 
 
 def lyapunov_by_doubling(loop: arb_mat, C: arb_mat) -> arb_mat:
-    """Return D of F'D F - D + C = 0, (n, n), the sum of F'^k C F^k over all k, twice as many in turn.
+    """Return D of F'D F - D + C = 0, (n, n), the sum of F'^k C F^k over more and more steps k.
 
     Raises FailedError if it does not converge.
     """

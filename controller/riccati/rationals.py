@@ -1,8 +1,8 @@
 """Facts about games that only exact arithmetic decides, in rationals of FLINT.
 
-The entries of a game are doubles, which are rationals. Whether weights are positive semidefinite,
-whether a mode is not reached at all, or has no cost at all, are facts on a boundary, which no ball
-decides.
+The entries of a game are doubles, which are rationals (`fmpq`, matrices `fmpq_mat`, polynomials
+`fmpq_poly`, or `fmpz_poly` with integers). Whether weights are positive semidefinite, whether a
+mode is not reached at all, or has no cost at all, are facts on a boundary, which no ball decides.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 from enum import Enum
 from fractions import Fraction
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,12 +25,46 @@ if TYPE_CHECKING:
 
 def rational(matrix: np.ndarray) -> fmpq_mat:
     """Return the exact matrix of doubles."""
-    from flint import fmpq, fmpq_mat
+    from flint import fmpq_mat
 
-    fractions = map(Fraction, matrix.ravel().tolist())
-    entries = [fmpq(each.numerator, each.denominator) for each in fractions]
     rows, columns = matrix.shape
-    return fmpq_mat(rows, columns, entries)
+    return fmpq_mat(rows, columns, [exact_fraction(entry) for entry in matrix.ravel().tolist()])
+
+
+def exact_fraction(value: float) -> fmpq:
+    """Return a double as the rational that it is."""
+    from flint import fmpq
+
+    fraction = Fraction(value)
+    return fmpq(fraction.numerator, fraction.denominator)
+
+
+class RationalGame(NamedTuple):
+    """Exact matrices of a game, with the symmetric parts of Q and R."""
+
+    A: fmpq_mat
+    B: fmpq_mat
+    E: fmpq_mat
+    Q: fmpq_mat
+    R: fmpq_mat
+    N: fmpq_mat
+
+    @classmethod
+    def of(cls, game: Game) -> RationalGame:
+        """Return the exact matrices of a game."""
+        A, B, E, Q, R, N = map(rational, (game.A, game.B, game.E, game.Q, game.R, game.N))
+        return cls(A, B, E, (Q + Q.transpose()) / 2, (R + R.transpose()) / 2, N)
+
+    @property
+    def has_priced_inputs(self) -> bool:
+        """Whether R is not singular, as it may be in discrete time."""
+        return bool(self.R.rank() == self.R.nrows())
+
+    @property
+    def without_cross_weights(self) -> RationalGame:
+        """The same game with the input v = u + R⁻¹N' z; R must not be singular."""
+        over_R = self.R.solve(self.N.transpose())
+        return self._replace(A=self.A - self.B * over_R, Q=self.Q - self.N * over_R, N=0 * self.N)
 
 
 def is_semidefinite(matrix: np.ndarray) -> bool:
@@ -40,18 +74,18 @@ def is_semidefinite(matrix: np.ndarray) -> bool:
     """
     exact = rational(matrix)
     rows = ((exact + exact.transpose()) / 2).tolist()
-    left = set(range(len(rows)))
-    while left:
-        if any(rows[i][i] < 0 for i in left):
+    not_eliminated = set(range(len(rows)))
+    while not_eliminated:
+        if any(rows[i][i] < 0 for i in not_eliminated):
             return False
-        pivot = next((i for i in left if rows[i][i] != 0), None)
+        pivot = next((i for i in not_eliminated if rows[i][i] != 0), None)
         if pivot is None:
-            return all(rows[i][j] == 0 for i in left for j in left)
-        left.remove(pivot)
-        for i in left:
+            return all(rows[i][j] == 0 for i in not_eliminated for j in not_eliminated)
+        not_eliminated.remove(pivot)
+        for i in not_eliminated:
             factor = rows[i][pivot] / rows[pivot][pivot]
             if factor != 0:
-                for j in left:
+                for j in not_eliminated:
                     rows[i][j] -= factor * rows[pivot][j]
     return True
 
@@ -62,45 +96,43 @@ def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly | None:
     A: (n, n)
     B: (n, m)
     """
-    from flint import fmpq_mat
-
     n = A.nrows()
-    reached, columns = B, B
+    reached, A_power_B = B, B
     rank = reached.rank()
     for _ in range(n):
-        columns = A * columns
-        both = [
-            [*left, *right] for left, right in zip(reached.tolist(), columns.tolist(), strict=True)
-        ]
-        further = fmpq_mat(both)
-        if further.rank() == rank:
+        A_power_B = A * A_power_B
+        with_next_power = stacked_rationals([[reached, A_power_B]])
+        if with_next_power.rank() == rank:
             break
-        reached, rank = _columns(further), further.rank()
+        reached, rank = _independent_columns(with_next_power), with_next_power.rank()
     if rank == n:
         return None
-    # The rows L with L B = L A B = ... = 0 span an invariant subspace: L A = F L.
-    basis = null_space(reached.transpose())
-    left = basis.transpose()
-    _, pivots = echelon(left)
-    square = fmpq_mat([[left[i, j] for j in pivots] for i in range(left.nrows())])
-    moved = left * A
-    of_modes = fmpq_mat([[moved[i, j] for j in pivots] for i in range(left.nrows())]) * square.inv()
-    return of_modes.charpoly().numer()
+    # The rows L with L B = L A B = ... = 0 span an invariant subspace: L A = F L, with the
+    # modes of F. In some columns, L is square and not singular.
+    L = null_space(reached.transpose()).transpose()
+    _, pivots = echelon(L)
+    F = columns_of(L * A, pivots) * columns_of(L, pivots).inv()
+    return F.charpoly().numer()
 
 
 def echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
-    """Return the reduced row echelon form, and the columns of its pivots."""
+    """Return the reduced row echelon form, and the columns of its pivots, one for each rank."""
     reduced, rank = matrix.rref()
     rows = reduced.tolist()[: int(rank)]
     return reduced, [next(j for j, entry in enumerate(row) if entry != 0) for row in rows]
 
 
-def _columns(matrix: fmpq_mat) -> fmpq_mat:
-    """Return independent columns that span the same space."""
+def columns_of(matrix: fmpq_mat, places: list[int]) -> fmpq_mat:
+    """Return the columns of a matrix with these numbers."""
     from flint import fmpq_mat
 
-    _, pivots = echelon(matrix)
-    return fmpq_mat([[row[j] for j in pivots] for row in matrix.tolist()])
+    rows = matrix.tolist()
+    return fmpq_mat(len(rows), len(places), [row[j] for row in rows for j in places])
+
+
+def _independent_columns(matrix: fmpq_mat) -> fmpq_mat:
+    """Return columns of a matrix that are independent and span the same space."""
+    return columns_of(matrix, echelon(matrix)[1])
 
 
 def null_space(matrix: fmpq_mat) -> fmpq_mat:
@@ -120,16 +152,16 @@ def null_space(matrix: fmpq_mat) -> fmpq_mat:
 def unstable_root(polynomial: fmpz_poly, growth: float, *, is_discrete: bool) -> complex | None:
     """Return a root that is proved not to be stable, the one with the largest growth, or None.
 
-    growth: factor of the roots in discrete time, before they are compared with 1; 1 to decide on
-        the boundary, too
+    growth: factor of the roots in discrete time, before they are compared with 1. Roots on the
+        boundary are found only with the factor 1, for which they are decided exactly.
     """
-    unstable = []
+    beyond_boundary = {}
     for root in _roots(polynomial):
-        size = abs(root) * growth - 1 if is_discrete else root.real
-        if size > 0:
-            unstable.append((float(size.mid()), complex(root)))
-    if unstable:
-        return max(unstable, key=lambda each: each[0])[1]
+        distance = abs(root) * growth - 1 if is_discrete else root.real
+        if distance > 0:
+            beyond_boundary[complex(root)] = float(distance.mid())
+    if beyond_boundary:
+        return max(beyond_boundary, key=beyond_boundary.__getitem__)
     return boundary_root(polynomial, is_discrete=is_discrete) if growth == 1.0 else None
 
 
@@ -140,7 +172,10 @@ def _roots(polynomial: fmpz_poly) -> list[acb]:
 
 
 def boundary_root(polynomial: fmpz_poly, *, is_discrete: bool) -> complex | None:
-    """Return a root on the boundary of stability, which is proved to have one, or None."""
+    """Return the root nearest to the boundary of stability if one is proved to be on it, or None.
+
+    p(z) has a root on the boundary if the symmetric p(z) z^n p(1/z), or p(s) p(-s), has one.
+    """
     from flint import fmpq, fmpq_poly
 
     coefficients = polynomial.coeffs()
@@ -151,10 +186,13 @@ def boundary_root(polynomial: fmpz_poly, *, is_discrete: bool) -> complex | None
     exists = has_root_on_circle(product, fmpq(1)) if is_discrete else has_root_on_axis(product)
     if not exists:
         return None
-    roots = _roots(polynomial)
-    sizes = [abs(root) - 1 if is_discrete else root.real for root in roots]
-    value = complex(roots[min(range(len(roots)), key=lambda i: abs(float(sizes[i].mid())))])
-    return value if is_discrete else complex(0.0, value.imag)
+
+    def distance(root: acb) -> float:
+        from_boundary = abs(root) - 1 if is_discrete else root.real
+        return abs(float(from_boundary.mid()))
+
+    nearest = complex(min(_roots(polynomial), key=distance))
+    return nearest if is_discrete else complex(0.0, nearest.imag)
 
 
 def has_root_on_axis(even: fmpq_poly) -> bool:
@@ -184,31 +222,32 @@ def has_root_on_circle(polynomial: fmpq_poly, square: fmpq) -> bool:
         h = h + powers[k] * coefficients[n + k]
     if h.gcd(fmpq_poly([-4, 0, square])).degree() > 0:
         return True
-    bits = 1 << 300
-    inside = fmpq(math.isqrt(int((4 / square * bits * bits).floor())), bits)  # below 2 / √square
+    # A number below 2 / √square by less than 2^-300; h has no root at ±2 / √square.
+    scale = 1 << 300
+    inside = fmpq(math.isqrt(int((4 / square * scale * scale).floor())), scale)
     return _real_roots(h, -inside, inside) > 0
 
 
 def _real_roots(polynomial: fmpq_poly, low: fmpq | None, high: fmpq) -> int:
-    """Return the number of real roots in (low, high], by Sturm's theorem; None for -inf."""
+    """Return the number of real roots in (low, high], by Sturm's theorem; a low of None is -inf."""
     if polynomial.degree() < 1:
         return 0
-    sequence = [polynomial, polynomial.derivative()]
-    while sequence[-1].degree() > 0:
-        rest = sequence[-2] % sequence[-1]
+    sturm_sequence = [polynomial, polynomial.derivative()]
+    while sturm_sequence[-1].degree() > 0:
+        rest = sturm_sequence[-2] % sturm_sequence[-1]
         if rest.degree() < 0:
             break
-        sequence.append(-rest / abs(rest[rest.degree()]))
+        sturm_sequence.append(-rest / abs(rest[rest.degree()]))
 
-    def changes(point: fmpq | None) -> int:
-        if point is None:
-            values = [each[each.degree()] * (-1) ** (each.degree() % 2) for each in sequence]
+    def sign_changes(point: fmpq | None) -> int:
+        if point is None:  # the signs at -inf are those of the leading terms
+            values = [p[p.degree()] * (-1) ** (p.degree() % 2) for p in sturm_sequence]
         else:
-            values = [each(point) for each in sequence]
+            values = [p(point) for p in sturm_sequence]
         signs = [value > 0 for value in values if value != 0]
-        return sum(a != b for a, b in pairwise(signs))
+        return sum(left != right for left, right in pairwise(signs))
 
-    return changes(low) - changes(high)
+    return sign_changes(low) - sign_changes(high)
 
 
 def rational_root(value: float) -> fmpq | None:
@@ -222,11 +261,11 @@ def rational_root(value: float) -> fmpq | None:
 
 
 class Boundary(Enum):
-    """Where a pencil has eigenvalues."""
+    """Whether the Hamiltonian, or the pencil, has an eigenvalue on the boundary of stability."""
 
-    SINGULAR = "singular at every number"
-    CROSSED = "on the boundary of stability"
-    CLEAR = "not on it"
+    SINGULAR = "every number is an eigenvalue"
+    CROSSED = "an eigenvalue is on the boundary"
+    CLEAR = "none is"
 
 
 def boundary_of(game: Game, delta: float) -> Boundary:
@@ -235,17 +274,17 @@ def boundary_of(game: Game, delta: float) -> Boundary:
     """
     from flint import fmpq
 
-    A, B, E, Q, R, N = (rational(each) for each in (game.A, game.B, game.E, game.Q, game.R, game.N))
-    Q, R = (Q + Q.transpose()) / 2, (R + R.transpose()) / 2
+    exact = RationalGame.of(game)
     is_disturbed = math.isfinite(delta)
     price = exact_fraction(delta) ** 2 if is_disturbed else fmpq(1)
     if not game.is_discrete:
+        A, B, E, Q, R, _ = exact.without_cross_weights
         S = B * R.solve(B.transpose())
         if is_disturbed:
             S = S - E * E.transpose() / price
-        free, cost = A - B * R.solve(N.transpose()), Q - N * R.solve(N.transpose())
-        H = stacked_rationals([[free, S * -1], [cost * -1, free.transpose() * -1]])
+        H = stacked_rationals([[A, -1 * S], [-1 * Q, -1 * A.transpose()]])
         return Boundary.CROSSED if has_root_on_axis(H.charpoly()) else Boundary.CLEAR
+    A, B, E, Q, R, N = exact
     n, m, k = A.nrows(), B.ncols(), E.ncols() if is_disturbed else 0
     growth = exact_fraction(game.discount)
     G = stacked_rationals([[B, E]]) if is_disturbed else B
@@ -255,22 +294,14 @@ def boundary_of(game: Game, delta: float) -> Boundary:
     blocks = pencil_blocks(A, G, Q, W, C, rational(np.eye(n)), growth)
     L, M = map(stacked_rationals, blocks)
     points = list(range(-n, n + 1))
-    polynomial = _through(points, [(L - M * point).det() for point in points])
+    polynomial = _interpolated(points, [(L - M * point).det() for point in points])
     if polynomial.degree() < 0:
         return Boundary.SINGULAR
     return Boundary.CROSSED if has_root_on_circle(polynomial, growth) else Boundary.CLEAR
 
 
-def exact_fraction(value: float) -> fmpq:
-    """Return a double as the rational that it is."""
-    from flint import fmpq
-
-    fraction = Fraction(value)
-    return fmpq(fraction.numerator, fraction.denominator)
-
-
-def _through(points: list[int], values: list[fmpq]) -> fmpq_poly:
-    """Return the polynomial with these values (Newton)."""
+def _interpolated(points: list[int], values: list[fmpq]) -> fmpq_poly:
+    """Return the polynomial that has these values at these points (Newton)."""
     from flint import fmpq_poly
 
     differences = list(values)
@@ -297,43 +328,40 @@ def _zeros(rows: int, columns: int) -> fmpq_mat:
     return fmpq_mat(rows, columns)
 
 
-def costs_nothing(game: Game) -> bool:
+def disturbance_costs_nothing(game: Game) -> bool:
     """Return whether the disturbance moves only stable states without cost, for u = -R⁻¹N' z.
 
     If R is singular, as it may be in discrete time, for u = 0.
     """
-    A, B, E, Q, R, N = (rational(each) for each in (game.A, game.B, game.E, game.Q, game.R, game.N))
-    Q, R = (Q + Q.transpose()) / 2, (R + R.transpose()) / 2
-    cost = stacked_rationals([[Q], [N.transpose()]])
-    if R.rank() == R.nrows():
-        over_R = R.solve(N.transpose())
-        A, cost = A - B * over_R, Q - N * over_R
-    if not _never_costs(A, E, cost):
+    exact = RationalGame.of(game)
+    cost = stacked_rationals([[exact.Q], [exact.N.transpose()]])
+    if exact.has_priced_inputs:
+        exact = exact.without_cross_weights
+        cost = exact.Q
+    if not _never_costs(exact.A, exact.E, cost):
         return False
-    others = unreachable_modes(A, E)
-    modes = A.charpoly().numer()
-    if others is not None:
-        modes = modes // others if modes.degree() > others.degree() else modes * 0 + 1
+    not_moved = unreachable_modes(exact.A, exact.E)
+    moved = exact.A.charpoly().numer()
+    if not_moved is not None:
+        moved = moved // not_moved if moved.degree() > not_moved.degree() else 0 * moved + 1
     growth = math.sqrt(game.discount)
-    return unstable_root(modes, growth, is_discrete=game.is_discrete) is None
+    return unstable_root(moved, growth, is_discrete=game.is_discrete) is None
 
 
-def moves_nothing(game: Game, K: np.ndarray) -> bool:
+def disturbance_never_costs(game: Game, K: np.ndarray) -> bool:
     """Return whether the disturbance moves only states without cost, for u = -K z."""
-    A, B, E, Q, R, N, K_exact = (
-        rational(each) for each in (game.A, game.B, game.E, game.Q, game.R, game.N, K)
-    )
-    RK = (R + R.transpose()) / 2 * K_exact
+    A, B, E, Q, R, N = RationalGame.of(game)
+    K_exact = rational(K)
     # Half the gradient of the cost z'Q z + 2 z'N u + u'R u by z and by u, at u = -K z.
-    cost = stacked_rationals([[(Q + Q.transpose()) / 2 - N * K_exact], [N.transpose() - RK]])
+    cost = stacked_rationals([[Q - N * K_exact], [N.transpose() - R * K_exact]])
     return _never_costs(A - B * K_exact, E, cost)
 
 
 def _never_costs(A: fmpq_mat, E: fmpq_mat, cost: fmpq_mat) -> bool:
-    """Return whether cost Aᵏ E = 0 for all k."""
-    moved = E
+    """Return whether cost Aᵏ E = 0 for all k: no disturbance through E reaches a cost."""
+    A_power_E = E
     for _ in range(A.nrows()):
-        if any(entry != 0 for entry in (cost * moved).entries()):
+        if any(entry != 0 for entry in (cost * A_power_E).entries()):
             return False
-        moved = A * moved
+        A_power_E = A * A_power_E
     return True

@@ -18,9 +18,9 @@ from controller.riccati.equation import Bound, ContinuousEquation, Equation, Ste
 from controller.riccati.proof import Stabilizing
 from controller.riccati.rationals import (
     Boundary,
+    RationalGame,
     boundary_of,
     boundary_root,
-    rational,
     rational_root,
     unreachable_modes,
     unstable_root,
@@ -28,7 +28,7 @@ from controller.riccati.rationals import (
 from hfa_support.errors import NoSolutionError
 
 if TYPE_CHECKING:
-    from flint import acb, arb_mat, fmpz_poly
+    from flint import acb, arb_mat
 
 #: An eigenvalue whose real part is below this fraction of its size may be on the axis. It proposes
 #: frequencies only: the sign of a determinant decides.
@@ -48,31 +48,28 @@ def why_no_value(
 
     equation: of the game, in `Balls`
     found: the ball of the stabilizing solution, None if there is no proof of one
-    in_bits: whether proposals are computed in many bits, for what doubles do not see
+    in_bits: whether eigenvalues are computed in many bits, for what doubles do not see
     """
-    if found is not None:
-        if not equation.is_disturbed:
-            return ""
-        return _unpaid(found) or _indefinite(found) or _crossing(equation, in_bits=in_bits)
-    return _crossing(equation, in_bits=in_bits)
+    if not equation.is_disturbed:
+        return ""
+    if found is not None and (reason := _unpaid_disturbance(found) or _indefinite_P(found)):
+        return reason
+    for frequency in _between_eigenvalues(equation, in_bits=in_bits):
+        if reason := too_large_at(equation, frequency):
+            return reason
+    return ""
 
 
-def _crossing(equation: Equation[Balls], *, in_bits: bool) -> str:
-    """Return a frequency, proved, at which the disturbance gains too much for every input, or "".
+def too_large_at(equation: Equation[Balls], frequency: float) -> str:
+    """Return that the gain from the disturbance is proved too large at a frequency, or "".
 
     The determinant of the pencil at a frequency is real. It has another sign than without
     disturbance (in continuous time, than at infinite frequency) only if an eigenvalue is on the
     boundary of stability, for this or a larger delta.
+
+    frequency: rad/s, in discrete time rad/step
     """
-    if not equation.is_disturbed:
-        return ""
-    frequencies = _between_eigenvalues(equation, in_bits=in_bits)
-    return next(filter(None, (too_large_at(equation, each) for each in frequencies)), "")
-
-
-def too_large_at(equation: Equation[Balls], frequency: float) -> str:
-    """Return that the gain from the disturbance is proved too large at a frequency, or ""."""
-    if not equation.is_disturbed or _sign(equation, frequency) != -1:
+    if not equation.is_disturbed or _relative_sign(equation, frequency) != -1:
         return ""
     unit = "rad/step" if equation.is_discrete else "rad/s"
     return (
@@ -82,73 +79,60 @@ def too_large_at(equation: Equation[Balls], frequency: float) -> str:
 
 
 def _between_eigenvalues(equation: Equation[Balls], *, in_bits: bool) -> list[float]:
-    """Return frequencies between those of the eigenvalues that may be on the boundary."""
-    values = _eigenvalues_in_bits(equation) if in_bits else _eigenvalues(equation)
+    """Return frequencies between those of the eigenvalues that may be on the stability boundary.
+
+    Those in the widest gaps come first, rad/s, in discrete time rad/step.
+    """
+    values = _half_plane_eigenvalues(equation, in_bits=in_bits)
     values = values[np.isfinite(values)]
-    if equation.is_discrete:  # the axis of (z - 1) / (z + 1)
-        with np.errstate(all="ignore"):
-            values = (values - 1.0) / (values + 1.0)
-        values = values[np.isfinite(values)]
-    near = np.abs(values.real) <= MAYBE_ON_AXIS * np.abs(values)
-    frequencies = np.unique(np.abs(values.imag[near]))
+    near_axis = np.abs(values.real) <= MAYBE_ON_AXIS * np.abs(values)
+    frequencies = np.unique(np.abs(values.imag[near_axis]))
     if equation.is_discrete:
         frequencies = 2.0 * np.arctan(frequencies)
     ends = [0.0, *frequencies.tolist()]
     if equation.is_discrete:
         ends.append(math.pi)
-    between = [(low + high) / 2.0 for low, high in pairwise(ends)]
-    widths = np.argsort([low - high for low, high in pairwise(ends)])
-    return [0.0, *(between[i] for i in widths), *ends[-1:]][: 2 * equation.n + 2]
+    gaps = sorted(pairwise(ends), key=lambda gap: gap[0] - gap[1])
+    between = [(low + high) / 2.0 for low, high in gaps]
+    return [0.0, *between, ends[-1]][: 2 * equation.n + 2]
 
 
-def _eigenvalues(equation: Equation[Balls]) -> np.ndarray:
-    """Return the eigenvalues of the Hamiltonian, or of the pencil, in doubles."""
+def _half_plane_eigenvalues(equation: Equation[Balls], *, in_bits: bool) -> np.ndarray:
+    """Return the eigenvalues of `half_plane_matrix`, rounded to doubles, or none if that fails.
+
+    in_bits: whether they are computed with the bits of `precision`
+    """
+    from flint import acb_mat
     from scipy.linalg import eigvals
 
     with np.errstate(all="ignore"):
         try:
+            if in_bits:
+                values = acb_mat(equation.half_plane_matrix()).eig(algorithm="approx")
+                return np.array([complex(value) for value in values])
             if isinstance(equation, StepEquation):
-                return np.asarray(eigvals(*map(midpoints, equation.pencil())))
-            assert isinstance(equation, ContinuousEquation)
-            return np.linalg.eigvals(midpoints(equation.hamiltonian()))
-        except (np.linalg.LinAlgError, ValueError):
+                z = np.asarray(eigvals(*map(midpoints, equation.pencil())))
+                return (z - 1.0) / (z + 1.0)
+            return np.linalg.eigvals(midpoints(equation.half_plane_matrix()))
+        except (np.linalg.LinAlgError, ValueError, ZeroDivisionError):
             return np.zeros(0, dtype=complex)
 
 
-def _eigenvalues_in_bits(equation: Equation[Balls]) -> np.ndarray:
-    """Return the eigenvalues with many bits, rounded to doubles."""
-    from flint import acb_mat
+def _relative_sign(equation: Equation[Balls], frequency: float) -> int:
+    """Return the sign of the determinant at a frequency, relative to that without disturbance.
 
-    try:
-        if isinstance(equation, StepEquation):
-            L, M = equation.pencil()
-            cayley = (L + M).mid().solve((L - M).mid()).mid()
-            values = acb_mat(cayley).eig(algorithm="approx")
-            found = np.array([complex(value) for value in values])
-            with np.errstate(all="ignore"):
-                return (1.0 + found) / (1.0 - found)
-        assert isinstance(equation, ContinuousEquation)
-        values = acb_mat(equation.hamiltonian().mid()).eig(algorithm="approx")
-        return np.array([complex(value) for value in values])
-    except (ZeroDivisionError, ValueError):
-        return np.zeros(0, dtype=complex)
-
-
-def _sign(equation: Equation[Balls], frequency: float) -> int:
-    """Return the sign of the determinant at a frequency, relative to that without disturbance;
-    0 if it is not proved.
+    In continuous time, relative to that at infinite frequency. 0 if it is not proved.
     """
     from flint import acb
 
     if isinstance(equation, StepEquation):
-        with_none = StepEquation(equation.game, equation.units, Balls, math.inf)
+        undisturbed = StepEquation(equation.game, equation.units, Balls, math.inf)
         z = acb(0, frequency).exp()
-        turned = acb(0, -frequency * equation.n).exp()
+        to_real = acb(0, -frequency * equation.n).exp()  # z^-n: the product is real
+        usual = _sign_of(_determinant(*undisturbed.pencil(), z) * to_real)
         # Each column of E has the entry -1/w in the pencil.
-        usual = _sign_of(_determinant(*with_none.pencil(), z) * turned)
         usual *= (-1) ** equation.E.matrix.ncols()
-        here = _sign_of(_determinant(*equation.pencil(), z) * turned)
-        return usual * here
+        return usual * _sign_of(_determinant(*equation.pencil(), z) * to_real)
     assert isinstance(equation, ContinuousEquation)
     H = equation.hamiltonian()
     one = ball_matrix(np.eye(2 * equation.n))
@@ -157,16 +141,18 @@ def _sign(equation: Equation[Balls], frequency: float) -> int:
 
 
 def _determinant(L: arb_mat, M: arb_mat, z: acb) -> acb:
+    """Return det(L - z M) as a ball."""
     from flint import acb_mat
 
     return (acb_mat(L) - acb_mat(M) * z).det()
 
 
 def _sign_of(value: acb) -> int:
+    """Return the sign of a real number, 0 if its ball contains 0."""
     return 1 if value.real > 0 else -1 if value.real < 0 else 0
 
 
-def _unpaid(found: Stabilizing[Bound]) -> str:
+def _unpaid_disturbance(found: Stabilizing[Bound]) -> str:
     """Return that the disturbance does not pay, proved by one disturbance, or ""."""
     equation = found.equation
     price = equation.disturbance_price(found.P_in_balls)
@@ -177,7 +163,7 @@ def _unpaid(found: Stabilizing[Bound]) -> str:
     return ""
 
 
-def _indefinite(found: Stabilizing[Bound]) -> str:
+def _indefinite_P(found: Stabilizing[Bound]) -> str:
     """Return that P is indefinite, proved by one direction, or ""."""
     if _is_negative(found.P_in_balls.matrix):
         return "P is indefinite"
@@ -185,13 +171,15 @@ def _indefinite(found: Stabilizing[Bound]) -> str:
 
 
 def _is_negative(matrix: arb_mat) -> bool:
-    """Return whether v'M v < 0 is proved for one vector v, an eigenvector in doubles."""
+    """Return whether v'M v < 0 is proved for one vector v.
+
+    It is an eigenvector in doubles, in units in which the diagonal is about 1.
+    """
     middle = midpoints(matrix)
     if not np.isfinite(middle).all():
         return False
-    units = np.exp2(
-        -np.round(0.5 * np.log2(np.where(np.diag(middle) != 0.0, np.abs(np.diag(middle)), 1.0)))
-    )
+    diagonal = np.abs(np.diag(middle))
+    units = np.exp2(-np.round(0.5 * np.log2(np.where(diagonal != 0.0, diagonal, 1.0))))
     vectors = np.linalg.eigh(middle * np.outer(units, units))[1]
     v = ball_matrix(units[:, None] * vectors[:, :1])
     return bool((v.transpose() * matrix * v)[0, 0] < 0)
@@ -203,34 +191,38 @@ def why_never(game: Game) -> str:
     Without a disturbance, the stabilizing solution exists if and only if the inputs reach all
     modes that are not stable, and all undamped modes have a cost.
     """
+    # √discount is taken into A if it is rational; modes on the boundary are then decided.
     root = rational_root(game.discount)
     growth = 1.0 if root is not None else math.sqrt(game.discount)
-    A, B = rational(game.A) * (root or 1), rational(game.B)
-    unreached = _unstable(unreachable_modes(A, B), growth, game)
-    if unreached:
+    exact = RationalGame.of(game)
+    unreached = unreachable_modes(exact.A * (root or 1), exact.B)
+    unstable = None
+    if unreached is not None:
+        unstable = unstable_root(unreached, growth, is_discrete=game.is_discrete)
+    if unstable is not None:
         return (
-            f"(A, B) is not stabilizable: no input reaches the {unreached}; change B or leave that"
-            " mode out of A"
+            "(A, B) is not stabilizable: no input reaches the"
+            f" {_mode_text(unstable * growth, game)}; change B or leave that mode out of A"
         )
-    Q, R, N = (rational(each) for each in (game.Q, game.R, game.N))
-    Q, R = (Q + Q.transpose()) / 2, (R + R.transpose()) / 2
-    if R.rank() == R.nrows():
-        over_R = R.solve(N.transpose()) * (root or 1)
-        cost = Q - N * R.solve(N.transpose())
-        free_of_cost = unreachable_modes((A - B * over_R).transpose(), cost)
-        undamped = None
-        if free_of_cost is not None and growth == 1.0:
-            undamped = boundary_root(free_of_cost, is_discrete=game.is_discrete)
-        if undamped is not None:
-            return (
-                f"(A, Q) is not detectable: the undamped {_name(undamped, game)} has no cost; give"
-                " it weight in Q"
-            )
+    if not exact.has_priced_inputs or growth != 1.0:
+        return ""
+    plain = exact.without_cross_weights
+    without_cost = unreachable_modes(plain.A.transpose() * (root or 1), plain.Q)
+    undamped = None
+    if without_cost is not None:
+        undamped = boundary_root(without_cost, is_discrete=game.is_discrete)
+    if undamped is not None:
+        return (
+            f"(A, Q) is not detectable: the undamped {_mode_text(undamped, game)} has no cost; give"
+            " it weight in Q"
+        )
     return ""
 
 
 def why_never_at(game: Game, delta: float) -> str:
-    """Return that an eigenvalue of the pencil is exactly on the boundary of stability, or ""."""
+    """Return why the game has no value at a delta if the Hamiltonian, in discrete time the pencil,
+    has an eigenvalue exactly on the boundary of stability, or "".
+    """
     boundary = boundary_of(game, delta)
     if boundary is Boundary.SINGULAR:
         return (
@@ -244,15 +236,7 @@ def why_never_at(game: Game, delta: float) -> str:
     return f"for every input, the gain from the disturbance is at least {delta:.6g}"
 
 
-def _unstable(modes: fmpz_poly | None, growth: float, game: Game) -> str:
-    """Return the name of a root that is not stable, or ""."""
-    if modes is None:
-        return ""
-    root = unstable_root(modes, growth, is_discrete=game.is_discrete)
-    return "" if root is None else _name(root * growth, game)
-
-
-def _name(value: complex, game: Game) -> str:
+def _mode_text(value: complex, game: Game) -> str:
     """Return the name of a mode for a message, "mode with eigenvalue 0.5 ± 1i"."""
     pair = f" ± {abs(value.imag):.4g}i" if value.imag else ""
     whose = " of sqrt(discount) A" if game.is_discrete else ""

@@ -26,7 +26,7 @@ from controller.riccati.proposal import (
     lyapunov_of,
     stabilizing_in_doubles,
 )
-from controller.riccati.rationals import costs_nothing
+from controller.riccati.rationals import disturbance_costs_nothing
 from controller.riccati.refusal import ModeError, why_never
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import LARGEST
@@ -116,7 +116,7 @@ def minimum_delta(game: Game) -> DeltaMin:
     undisturbed = decided(game, math.inf, digits=False)
     if isinstance(undisturbed, str):
         raise (ModeError if undisturbed == why_never(game) else NoSolutionError)(undisturbed)
-    if costs_nothing(game):
+    if disturbance_costs_nothing(game):
         return DeltaMin(0.0, 0.0)
     search = _Search(game, undisturbed)
     return _bracket(search, _estimate(search))
