@@ -29,13 +29,10 @@ def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
 
 
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """Return units u (n,) for which the Hamiltonian in the coordinates y, z_i = u_i y_i, is
-    balanced.
+    """Return units u, (n,), in which the Hamiltonian is balanced: its states are y, z_i = u_i y_i.
 
-    The units are powers of two. The change of units therefore causes no rounding. The units do not
-    depend on P, and an entry of P that is zero up to rounding therefore remains small. If Q = 0 and
-    A and S are not 0, the units also make the largest entry of S in y about as large as the largest
-    entry of A.
+    The units are powers of two, in which nothing rounds. They do not depend on P. If Q = 0, and A
+    and S are not, the largest entries of S and A are also of similar size.
 
     A, S, Q: (n, n)
 

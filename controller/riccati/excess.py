@@ -63,15 +63,17 @@ SAME_DOUBLE = ROUNDOFF
 _ABOVE = range(-12, -5)
 #: Largest number of Newton steps; they converge quadratically, from below.
 _NEWTON_STEPS = 60
+#: The number of digits doubles in each step: after one that is as small, the next is the last.
+_LAST_STEP = 2.0**-40
 
 
 @dataclass(frozen=True, eq=False)
 class Excess:
     """Cost of u = -K z above the optimum, under the worst disturbance of the policy.
 
-    low, high: bounds of the largest excess over all initial states, relative to the optimal cost;
-        both are inf if the cost has no bound, also relative to an optimum of 0, and high alone if
-        no bound is proved
+    low, high: bounds of the largest excess over all initial states, relative to the optimal cost.
+        Both are inf if the cost has no bound, or is positive where the optimum is 0; high alone is
+        inf if no bound is proved.
     mean: mean excess over initial states with the same optimal cost, relative to it
     worst: initial state with the excess `low`, at the edge of the box, (n,); nan without one
     matrix: D, (n, n), or None without a bounded cost
@@ -117,36 +119,42 @@ def excess_of(game: Game, K: np.ndarray, box: np.ndarray) -> Excess:
     box: half-widths of the box of states, (n,)
     """
     game = game if has_exact_weights(game) else raised(game)
-    found = without_bound(game)
+    excess = without_bound(game)
     for bits in ATTEMPTS:
         with precision(bits):
             gain, is_discrete = ball_matrix(K), game.is_discrete
             if stability_of(discounted_loop(game, gain), is_discrete=is_discrete) is False:
                 is_stable = stability_of(loop_with(game, gain), is_discrete=is_discrete)
-                return replace(found, is_stable=is_stable is True)
+                return replace(excess, is_stable=is_stable is True)
             try:
-                found = _Policy(enclosed_in_bits(game, bits), K).excess(box)
+                excess = _Policy(enclosed_in_bits(game, bits), K).excess(box)
             except (FailedError, NotProvedError):
                 continue
-        if found.is_known and found.matrix is not None:
+        if excess.is_known and excess.matrix is not None:
             break
-    return found
+    return excess
 
 
 def without_bound(game: Game, *, is_stable: bool = False, is_summable: bool = False) -> Excess:
     """Return the excess of a policy whose cost has no bound."""
     n, k = game.E.shape
-    unknown = np.full(n, math.nan)
     return Excess(
-        math.inf, math.inf, math.inf, unknown, None, np.zeros((k, n)), is_stable, is_summable
+        low=math.inf,
+        high=math.inf,
+        mean=math.inf,
+        worst=np.full(n, math.nan),
+        matrix=None,
+        disturbance_gain=np.zeros((k, n)),
+        is_stable=is_stable,
+        is_summable=is_summable,
     )
 
 
-class _Bounded(NamedTuple):
-    """Solution of the equation of D.
+class _Solved(NamedTuple):
+    """Enclosed solution of the equation of D, which exists if the excess has a bound.
 
     D: (n, n), balls
-    gain: (k, n), of the worst disturbance of the policy, minus that of the optimum, balls
+    gain: M, (k, n), of the worst disturbance of the policy, minus that of the optimum, balls
     """
 
     D: arb_mat
@@ -154,64 +162,62 @@ class _Bounded(NamedTuple):
 
 
 class _Policy:
-    """A policy of a game, and the matrices of its excess as balls, in the user's units.
+    """A policy u = -K z of a game, and the matrices of its excess as balls, in the user's units.
 
-    In discrete time, A, B and E have the factor √α.
+    A, B, E: times √α, in continuous time 1
+    P, K_exact, L: of the exact solution
     """
 
     def __init__(self, enclosure: Enclosure, K: np.ndarray) -> None:
         from flint import arb
 
-        game = enclosure.proved.equation.game
+        game = enclosure.game
         root = arb(game.discount).sqrt()
         self.game = game
         self.is_discrete = game.is_discrete
-        self.A, self.B, self.E = (ball_matrix(each) * root for each in (game.A, game.B, game.E))
+        self.A, self.B, self.E = (ball_matrix(M) * root for M in (game.A, game.B, game.E))
         self.R = symmetric_part(ball_matrix(game.R))
         self.P, self.K_exact, self.L = enclosure.P, enclosure.K, enclosure.L
         self.K = ball_matrix(K)
         self.is_disturbed = math.isfinite(game.delta) and bool(game.E.any())
 
     def excess(self, box: np.ndarray) -> Excess:
-        """Return the excess, known or not."""
+        """Return the excess over the box of states, known or not.
+
+        Where P is singular, states without optimal cost are judged apart: if the policy costs
+        something there, the excess has no bound. If that cost is rounding beside the costs of the
+        box, the ratio is that of the policy without its error on those states.
+
+        box: half-widths, (n,)
+        """
         game = self.game
         loops = loop_with(game, self.K), self.A - self.B * self.K
         is_stable, is_summable = (
             stability_of(loop, is_discrete=game.is_discrete) is True for loop in loops
         )
-        unbounded = without_bound(game, is_stable=is_stable, is_summable=is_summable)
-        bounded = self._bounded(self.K) if is_summable else None
-        if bounded is None:
-            return unbounded
-        found = replace(
-            unbounded,
-            matrix=midpoints(bounded.D),
-            disturbance_gain=midpoints(bounded.gain),
+        excess = without_bound(game, is_stable=is_stable, is_summable=is_summable)
+        solved = self._solved(self.K) if is_summable else None
+        if solved is None:
+            return excess
+        excess = replace(
+            excess, matrix=midpoints(solved.D), disturbance_gain=midpoints(solved.gain)
         )
         free = None if is_positive_definite(self.P) else free_states(game)
-        judged = bounded
-        if free is not None:
-            off = free.error_of(self.K)
-            if off.is_wrong:
-                costs = _costs_at(bounded.D, free, box)
-                found = replace(found, from_free=costs.largest, free_state=costs.state)
-                if not costs.most <= SAME_DOUBLE * float(np.diag(midpoints(self.P)) @ box**2):
-                    return replace(found, worst=costs.state)
-            on_free = self._bounded(off.without_error)
-            if on_free is None:
-                return found
-            judged = on_free
-        ratio = _largest_ratio(judged.D, self.P, [] if free is None else free.pivots)
-        return replace(
-            found,
-            low=ratio.low,
-            high=ratio.high,
-            mean=ratio.mean,
-            worst=_at_edge(ratio.state, box),
-        )
+        if free is None:
+            return _with_ratio(excess, solved.D, self.P, [], box)
+        error = free.error_of(self.K)
+        if error.is_wrong:
+            costs = _costs_at(solved.D, free, box)
+            excess = replace(excess, from_free=costs.largest, free_state=costs.state)
+            if not costs.most <= SAME_DOUBLE * float(np.diag(midpoints(self.P)) @ box**2):
+                return replace(excess, worst=costs.state)
+        without_error = self._solved(error.without_error)
+        if without_error is None:
+            return excess
+        return _with_ratio(excess, without_error.D, self.P, free.pivots, box)
 
-    def _bounded(self, K: arb_mat) -> _Bounded | None:
-        """Return the solution of the equation of D, or None if it is not proved."""
+    def _solved(self, K: arb_mat) -> _Solved | None:
+        """Return the solution of the equation of D for u = -K z, or None if it is not proved."""
         error = K - self.K_exact
         price = self.R
         loop = self.A - self.B * K
@@ -220,13 +226,19 @@ class _Policy:
         charge = error.transpose() * price * error
         if not self.is_disturbed:
             D = lyapunov_enclosure(loop, charge, is_discrete=self.is_discrete)
-            return None if D is None else _Bounded(D, 0 * self.L)
+            return None if D is None else _Solved(D, 0 * self.L)
         try:
             return self._equation(loop, charge, error).solved()
         except (FailedError, NotProvedError, ZeroDivisionError):
             return None
 
     def _equation(self, loop: arb_mat, charge: arb_mat, error: arb_mat) -> ExcessEquation:
+        """Return the equation of D of a policy that differs from the optimum by an error.
+
+        loop: A - B K, (n, n)
+        charge: Δ'R Δ, in discrete time Δ'(R + B'P B) Δ, of the error Δ = K - K*, (n, n)
+        error: Δ, (m, n)
+        """
         from flint import arb
 
         k = self.E.ncols()
@@ -241,11 +253,15 @@ class _Policy:
 
 @dataclass(frozen=True)
 class ExcessEquation:
-    """Riccati equation of D, of the disturbance that differs by v = M z from that of the optimum.
+    """Riccati equation of the excess z'D z, under disturbances that differ by v from the optimum.
 
-    F, E, C: loop (n, n), (n, k) and charge Δ'price Δ, (n, n)
+    In continuous time, F'D + D F + C + D E V⁻¹ E'D = 0. In discrete time, with the `slack` of D,
+
+      F'D F - D + C + M'(V - E'D E) M = 0,  M = (V - E'D E)⁻¹ (E'D F + crossed).
+
+    F, E, C: loop (n, n), (n, k) and charge of the error of the gain, (n, n)
     crossed: -E'P B Δ, (k, n), in discrete time; None in continuous time
-    V: slack, (k, k)
+    V: δ² I, in discrete time δ² I - E'P E, (k, k)
     """
 
     F: arb_mat
@@ -256,15 +272,15 @@ class ExcessEquation:
 
     @property
     def is_discrete(self) -> bool:
-        """Whether the equation is that of steps."""
+        """Whether the equation is that of discrete time."""
         return self.crossed is not None
 
     def gain(self, D: arb_mat) -> arb_mat:
-        """Return M, (k, n), of the worst v for D."""
-        ahead = self.E.transpose() * D
+        """Return M, (k, n), of the worst v = M z for D."""
+        E_D = self.E.transpose() * D
         if self.crossed is None:
-            return self.V.solve(ahead)
-        return self.slack(D).solve(ahead * self.F + self.crossed)
+            return self.V.solve(E_D)
+        return self.slack(D).solve(E_D * self.F + self.crossed)
 
     def slack(self, D: arb_mat) -> arb_mat:
         """Return V - E'D E, (k, k), in continuous time V."""
@@ -286,14 +302,17 @@ class ExcessEquation:
         return Sensitivity(2 * through * loop.norm(), arb(0), through)
 
     def residual(self, D: arb_mat, gain: arb_mat) -> arb_mat:
-        """Return the left side of the equation, with the gain of D."""
+        """Return the left side of the equation at D, (n, n).
+
+        gain: M of D
+        """
         change = change_along(Balls(self.F), Balls(D), is_discrete=self.is_discrete).matrix
         return change + self.C + gain.transpose() * self.slack(D) * gain
 
-    def solved(self, start: arb_mat | None = None) -> _Bounded:
-        """Return the balls of D and of its gain, proved in units in which the loop is balanced.
+    def solved(self, start: arb_mat | None = None) -> _Solved:
+        """Return D and its gain, enclosed in units in which the loop is balanced.
 
-        start: of the search for D, (n, n); by default 0
+        start: (n, n), from which the search for D begins; by default 0
 
         Raises FailedError, NotProvedError or ZeroDivisionError.
         """
@@ -310,7 +329,7 @@ class ExcessEquation:
         zeros = 0 * self.F
         D, Y = scaled.proposal(zeros if start is None else scaled_balls(start, units, units))
         D = scaled_balls(excess_ball(scaled, D, Y), -units, -units)
-        return _Bounded(D, self.gain(D))
+        return _Solved(D, self.gain(D))
 
     def proposal(self, D: arb_mat) -> tuple[arb_mat, arb_mat]:
         """Return D, (n, n), by Newton's method, and Y of its loop.
@@ -321,8 +340,6 @@ class ExcessEquation:
 
         Raises FailedError.
         """
-        from flint import arb
-
         for _ in range(_NEWTON_STEPS):
             gain = self.gain(D)
             loop = (self.F + self.E * gain).mid()
@@ -331,7 +348,7 @@ class ExcessEquation:
             residual = self.residual(D, gain).mid()
             step = lyapunov_in_bits(loop, residual, is_discrete=self.is_discrete)
             D = symmetric(D + step)
-            if norm(step) <= norm(D) * arb(2) ** -40:
+            if norm(step) <= norm(D) * _LAST_STEP:
                 break
         gain = self.gain(D)
         loop = (self.F + self.E * gain).mid()
@@ -369,9 +386,9 @@ def excess_ball(equation: ExcessEquation, D: arb_mat, Y: arb_mat) -> arb_mat:
 
 
 def _looks_stable(loop: arb_mat, *, is_discrete: bool) -> bool:
-    """Return whether a loop may be stable, by its eigenvalues with many bits.
+    """Return whether the eigenvalues of a loop in doubles may be stable.
 
-    It saves attempts of a proof, and decides nothing.
+    It ends a search that finds nothing, and decides nothing.
     """
     poles = np.linalg.eigvals(midpoints(loop))
     margin = 1.0 - np.abs(poles).max() if is_discrete else -poles.real.max()
@@ -392,7 +409,7 @@ class _Costs(NamedTuple):
 
 
 def _costs_at(D: arb_mat, free: FreeStates, box: np.ndarray) -> _Costs:
-    """Return the costs from the directions of a basis of states without optimal cost."""
+    """Return the costs z'D z from the directions of a basis of the states without optimal cost."""
     matrix, directions = midpoints(D), midpoints(free.basis).T
     states = [_at_edge(direction, box) for direction in directions]
     values = [float(state @ matrix @ state) for state in states]
@@ -414,24 +431,37 @@ class _Ratio(NamedTuple):
     state: np.ndarray
 
 
+def _with_ratio(
+    excess: Excess, D: arb_mat, P: arb_mat, without: list[int], box: np.ndarray
+) -> Excess:
+    """Return an excess with the bounds and the mean of z'D z / z'P z, and its worst state.
+
+    without: as for `_largest_ratio`
+    """
+    ratio = _largest_ratio(D, P, without)
+    worst = _at_edge(ratio.state, box)
+    return replace(excess, low=ratio.low, high=ratio.high, mean=ratio.mean, worst=worst)
+
+
 def _largest_ratio(D: arb_mat, P: arb_mat, without: list[int]) -> _Ratio:
     """Return bounds of sup z'D z / z'P z.
 
-    without: states that are left out, (d,): P and D vanish on d vectors with a 1 there
+    without: numbers of states that are left out, (d,): P and D vanish on d vectors, of which each
+        has a 1 at one of them
     """
     n = P.nrows()
     kept = [state for state in range(n) if state not in without]
-    nothing = np.zeros(n)
     if not kept:
-        return _Ratio(0.0, 0.0, 0.0, nothing)
-    D, P = _entries(D, kept), _entries(P, kept)
-    root = _inverse_root(P)
-    if root is None:
-        return _Ratio(0.0, math.inf, math.nan, nothing)
-    ratios, vectors = np.linalg.eigh(midpoints(symmetric(root.transpose() * D * root)))
-    direction = root.mid() * ball_matrix(vectors[:, -1:])
+        return _Ratio(0.0, 0.0, 0.0, np.zeros(n))
+    D, P = _principal(D, kept), _principal(P, kept)
+    inverse_root = _inverse_root(P)
+    if inverse_root is None:
+        return _Ratio(0.0, math.inf, math.nan, np.zeros(n))
+    relative_D = symmetric(inverse_root.transpose() * D * inverse_root)
+    ratios, vectors = np.linalg.eigh(midpoints(relative_D))
+    direction = inverse_root.mid() * ball_matrix(vectors[:, -1:])
     low, high = ratio_bounds(D, P, direction, float(ratios[-1]))
-    state = nothing.copy()
+    state = np.zeros(n)
     state[kept] = midpoints(direction)[:, 0]
     return _Ratio(low, high, max(float(ratios.mean()), 0.0), state)
 
@@ -460,39 +490,43 @@ def ratio_bounds(
     return max(least, 0.0), math.inf
 
 
-def _entries(matrix: arb_mat, kept: list[int]) -> arb_mat:
+def _principal(matrix: arb_mat, kept: list[int]) -> arb_mat:
+    """Return the rows and columns of a matrix with these numbers."""
     return ball_matrix([[matrix[i, j] for j in kept] for i in kept])
 
 
 def _inverse_root(P: arb_mat) -> arb_mat | None:
-    """Return an approximate W, upper triangular, with W'P W = 1, or None unless P may be positive
-    definite.
+    """Return an approximate W, upper triangular, with W'P W = 1, or None unless P may be positive.
+
+    With P = L D L', W' = D^(-1/2) L⁻¹, and None if a pivot in D is not positive.
     """
     n = P.nrows()
     rows = P.mid().tolist()
-    inverse = identity(n).tolist()
+    L_inverse = identity(n).tolist()
     pivots = []
-    for pivot in range(n):
-        size = rows[pivot][pivot]
-        if not size > 0:
+    for k in range(n):
+        pivot = rows[k][k]
+        if not pivot > 0:
             return None
-        pivots.append(size)
-        for i in range(pivot + 1, n):
-            factor = (rows[i][pivot] / size).mid()
-            for j in range(pivot + 1, i + 1):
-                rows[i][j] = (rows[i][j] - factor * rows[j][pivot]).mid()
-            for j in range(pivot + 1):
-                inverse[i][j] = (inverse[i][j] - factor * inverse[pivot][j]).mid()
-    scaled = [
-        [entry / size.sqrt() for entry in row] for row, size in zip(inverse, pivots, strict=True)
+        pivots.append(pivot)
+        for i in range(k + 1, n):
+            factor = (rows[i][k] / pivot).mid()
+            for j in range(k + 1, i + 1):
+                rows[i][j] = (rows[i][j] - factor * rows[j][k]).mid()
+            for j in range(k + 1):
+                L_inverse[i][j] = (L_inverse[i][j] - factor * L_inverse[k][j]).mid()
+    W_transposed = [
+        [entry / pivot.sqrt() for entry in row]
+        for row, pivot in zip(L_inverse, pivots, strict=True)
     ]
-    return ball_matrix(scaled).transpose().mid()
+    return ball_matrix(W_transposed).transpose().mid()
 
 
 def _at_edge(direction: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Return the multiple of a direction at the edge of the box, whose largest entry, relative to
-    the box, is positive.
+    """Return the multiple of a direction at the edge of the box.
+
+    Its largest entry, relative to the box, is positive.
     """
-    shares = direction / box
-    largest = shares[np.argmax(np.abs(shares))]
+    relative = direction / box
+    largest = relative[np.argmax(np.abs(relative))]
     return direction / largest if largest else direction

@@ -11,6 +11,7 @@ Source: Trentelman, Stoorvogel and Hautus, Control Theory for Linear Systems, Se
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,10 +20,16 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, identity, midpoints
 from controller.riccati.enclosure import lyapunov_enclosure
-from controller.riccati.rationals import echelon, null_space, rational
+from controller.riccati.rationals import (
+    columns_of,
+    echelon,
+    null_space,
+    rational,
+    stacked_rationals,
+)
 
 if TYPE_CHECKING:
-    from flint import arb_mat, fmpq, fmpq_mat
+    from flint import arb_mat, fmpq_mat
 
 
 class ErrorOnFree(NamedTuple):
@@ -73,28 +80,28 @@ def free_states(game: Game) -> FreeStates | None:
     cost = rational(weights + weights.T)
     A, B = rational(game.A), rational(game.B)
     basis = rational(np.eye(n))
-    while True:
+    while True:  # until all states of the basis lead to states of the basis, without cost
         # [z; u; c] with weights [z; u] = 0 and A z + B u = basis c
-        dynamics = _beside(_beside(A, B), -1 * basis)
-        nothing = fmpq_mat(n + m, basis.ncols())
-        solutions = null_space(_above(dynamics, _beside(cost, nothing)))
-        states, pivots = _column_echelon(_rows(solutions, 0, n))
+        zeros = fmpq_mat(n + m, basis.ncols())
+        equations = stacked_rationals([[A, B, -1 * basis], [cost, zeros]])
+        solutions = null_space(equations)
+        states, pivots = _column_echelon(_rows(solutions, range(n)))
         if states.ncols() == basis.ncols() or not states.ncols():
             break
         basis = states
     if not states.ncols() or solutions.ncols() != states.ncols():
         return None
     # z = states c, with the inputs u = inputs c
-    coordinates = _rows_at(_rows(solutions, 0, n), pivots).inv()
-    inputs = _rows(solutions, n, n + m) * coordinates
-    loop = _balls(_rows_at(A * states + B * inputs, pivots))
+    to_coordinates = _rows(solutions, pivots).inv()
+    inputs = _rows(solutions, range(n, n + m)) * to_coordinates
+    loop = _balls(_rows(A * states + B * inputs, pivots))
     stable = _stable_subspace(loop, game)
     if stable is None:
         return None
     free, gains = _balls(states) * stable, -_balls(inputs) * stable
-    rows = _pivots(midpoints(free))
-    change = ball_matrix([free.tolist()[row] for row in rows]).inv()
-    return FreeStates(free * change, gains * change, rows)
+    pivots = _far_from_dependent(midpoints(free))
+    to_identity = ball_matrix([free.tolist()[row] for row in pivots]).inv()
+    return FreeStates(free * to_identity, gains * to_identity, pivots)
 
 
 def _stable_subspace(loop: arb_mat, game: Game) -> arb_mat | None:
@@ -116,19 +123,19 @@ def _stable_subspace(loop: arb_mat, game: Game) -> arb_mat | None:
     margins = [1 - abs(value) * root if game.is_discrete else -value.real for value in values]
     if any(margin.contains(0) for margin in margins):
         return None
-    kept = [place for place, margin in enumerate(margins) if margin > 0]
-    if not kept:
+    stable = [place for place, margin in enumerate(margins) if margin > 0]
+    if not stable:
         return None
-    complex_basis = acb_mat([[row[place] for place in kept] for row in vectors.tolist()])
+    complex_basis = acb_mat([[row[place] for place in stable] for row in vectors.tolist()])
     middle = np.array([[complex(entry) for entry in row] for row in complex_basis.tolist()])
-    rows = _pivots(middle)
+    rows = _far_from_dependent(middle)
     inverse = acb_mat([complex_basis.tolist()[row] for row in rows]).inv()
     real = complex_basis * inverse  # the basis is closed under conjugation
     return ball_matrix([[entry.real for entry in row] for row in real.tolist()])
 
 
-def _pivots(basis: np.ndarray) -> list[int]:
-    """Return d rows of a basis (n, d) that are far from dependent, (d,)."""
+def _far_from_dependent(basis: np.ndarray) -> list[int]:
+    """Return the numbers of d rows of a basis (n, d) that are far from dependent, (d,)."""
     from scipy.linalg import qr
 
     order = qr(basis.T, pivoting=True, mode="r")[1]
@@ -136,36 +143,18 @@ def _pivots(basis: np.ndarray) -> list[int]:
 
 
 def _balls(matrix: fmpq_mat) -> arb_mat:
+    """Return balls that contain the rational entries."""
     from flint import arb
 
     return ball_matrix([[arb(entry) for entry in row] for row in matrix.tolist()])
 
 
-def _of_rows(rows: list[list[fmpq]], columns: int) -> fmpq_mat:
-    from flint import fmpq_mat
-
-    return fmpq_mat(len(rows), columns, [entry for row in rows for entry in row])
-
-
-def _beside(left: fmpq_mat, right: fmpq_mat) -> fmpq_mat:
-    rows = [a + b for a, b in zip(left.tolist(), right.tolist(), strict=True)]
-    return _of_rows(rows, left.ncols() + right.ncols())
-
-
-def _above(upper: fmpq_mat, lower: fmpq_mat) -> fmpq_mat:
-    return _of_rows(upper.tolist() + lower.tolist(), upper.ncols())
-
-
-def _rows(matrix: fmpq_mat, first: int, last: int) -> fmpq_mat:
-    return _of_rows(matrix.tolist()[first:last], matrix.ncols())
-
-
-def _rows_at(matrix: fmpq_mat, places: list[int]) -> fmpq_mat:
-    rows = matrix.tolist()
-    return _of_rows([rows[place] for place in places], matrix.ncols())
+def _rows(matrix: fmpq_mat, places: Sequence[int]) -> fmpq_mat:
+    """Return the rows of a matrix with these numbers."""
+    return columns_of(matrix.transpose(), places).transpose()
 
 
 def _column_echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
-    """Return a basis of the columns with the identity in some rows, and these rows."""
+    """Return a basis of the columns with the identity in some rows, and the places of these."""
     reduced, pivots = echelon(matrix.transpose())
-    return _rows(reduced, 0, len(pivots)).transpose(), pivots
+    return _rows(reduced, range(len(pivots))).transpose(), pivots

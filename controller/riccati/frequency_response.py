@@ -1,6 +1,6 @@
 """Gains of systems over frequency, σ_max(C (jω I - A)⁻¹ B + D), in doubles.
 
-What is found here proposes an L2 gain, which `l2_gain` proves, and margins.
+They propose an L2 gain, which `l2_gain` proves, and give margins.
 """
 
 from __future__ import annotations
@@ -42,17 +42,18 @@ def level_crossings(
     Source: Zhou, Doyle and Glover, Section 4.7.
     """
     n, m = B.shape
-    free = level**2 * np.eye(m) - D.T @ D
-    freed = np.linalg.solve(free, np.hstack([D.T @ C, B.T]))
-    by_output, into = freed[:, :n], B @ freed[:, n:]
-    out = C.T @ (C + D @ by_output)
+    # With W = level² I - D'D, the Hamiltonian has the blocks A + B W⁻¹D'C, B W⁻¹B' and
+    # C'(C + D W⁻¹D'C).
+    W = level**2 * np.eye(m) - D.T @ D
+    over_W = np.linalg.solve(W, np.hstack([D.T @ C, B.T]))
+    D_C_over_W, B_over_W = over_W[:, :n], over_W[:, n:]
+    loop, upper, lower = A + B @ D_C_over_W, B @ B_over_W, C.T @ (C + D @ D_C_over_W)
     # Every `ratio` gives the same eigenvalues. With this one, the blocks have similar size in any
     # unit of B.
-    ratio = math.sqrt((np.linalg.norm(into) or 1.0) / (np.linalg.norm(out) or 1.0))
-    loop = A + B @ by_output
-    roots = np.linalg.eigvals(hamiltonian(loop, -into / ratio, out * ratio))
-    near = (np.abs(roots.real) <= width * np.abs(roots).max()) & (roots.imag >= 0.0)
-    return np.sort(roots.imag[near])
+    ratio = math.sqrt((np.linalg.norm(upper) or 1.0) / (np.linalg.norm(lower) or 1.0))
+    roots = np.linalg.eigvals(hamiltonian(loop, -upper / ratio, lower * ratio))
+    near_axis = np.abs(roots.real) <= width * np.abs(roots).max()
+    return np.sort(roots.imag[near_axis & (roots.imag >= 0.0)])
 
 
 class Peak(NamedTuple):
@@ -75,33 +76,33 @@ def peak_of(loop: System, *, is_discrete: bool) -> Peak:
     # The gain at infinite frequency, z = -1, makes the search inaccurate. It is the smaller one of
     # those at z = 1 and -1 if z and A change their sign where necessary.
     one = np.eye(len(loop.A))
-    ends = [
+    at_plus_1, at_minus_1 = (
         np.linalg.norm(loop.C @ np.linalg.solve(z * one - loop.A, loop.B), 2) for z in (1.0, -1.0)
-    ]
-    is_turned = ends[0] < ends[1]
-    found = _peak(in_continuous_time(loop._replace(A=-loop.A) if is_turned else loop))
-    angle = 2.0 * math.atan(found.frequency)
-    return Peak(found.gain, math.pi - angle if is_turned else angle)
+    )
+    is_turned = at_plus_1 < at_minus_1
+    peak = _peak(in_continuous_time(loop._replace(A=-loop.A) if is_turned else loop))
+    angle = 2.0 * math.atan(peak.frequency)
+    return Peak(peak.gain, math.pi - angle if is_turned else angle)
 
 
 def _peak(system: System) -> Peak:
-    """Return the largest gain, at infinite frequency if D has it.
+    """Return the largest gain of a system in continuous time, at infinite frequency if D has it.
 
     The largest gain at the midpoints between neighboring crossings of a level is the next level.
 
     Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
     """
     # in units of the signals in which B and C have size 1
-    sizes = [float(np.linalg.norm(each)) or 1.0 for each in (system.B, system.C)]
-    unit = sizes[0] * sizes[1]
-    system = System(system.A, system.B / sizes[0], system.C / sizes[1], system.D / unit)
+    size_of_B, size_of_C = (float(np.linalg.norm(M)) or 1.0 for M in (system.B, system.C))
+    unit = size_of_B * size_of_C
+    system = System(system.A, system.B / size_of_B, system.C / size_of_C, system.D / unit)
     best = Peak(float(np.linalg.norm(system.D, 2)), math.inf)
     frequencies = _resonances(spectrum(system.A))
     while len(frequencies):
-        found = _highest_at(system, frequencies)
-        if not found.gain > best.gain:
+        highest = _highest_at(system, frequencies)
+        if not highest.gain > best.gain:
             break
-        best = found
+        best = highest
         crossings = level_crossings(*system, best.gain * (1.0 + TOLERANCE), NEAR_AXIS)
         frequencies = (crossings[1:] + crossings[:-1]) / 2.0 if len(crossings) > 1 else crossings
     return best._replace(gain=best.gain * unit)
@@ -123,7 +124,7 @@ def _highest_at(system: System, frequencies: np.ndarray) -> Peak:
 
 
 def _resonances(poles: np.ndarray) -> np.ndarray:
-    """Return 0, and |λ| and Im λ of the least damped poles, rad/s."""
+    """Return frequencies near which gains are large: 0, and |λ|, Im λ of the least damped poles."""
     upper = poles[poles.imag >= 0.0]
     least_damped = upper[np.argsort(-upper.real / np.abs(upper))[:STARTS]]
     return np.concatenate([[0.0], np.abs(least_damped), least_damped.imag])
@@ -151,8 +152,8 @@ def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.nd
 def scaled_root(M: np.ndarray) -> np.ndarray:
     """Return F (n, n) with F F' = M for a positive semidefinite M.
 
-    M = diag(d) N diag(d) with d_i = sqrt(M_ii), and F = diag(d) N^½. A change of units scales the
-    rows of F. Small entries of M are not lost in the rounding of large entries.
+    M = diag(d) N diag(d) with d_i = sqrt(M_ii), and F = diag(d) N^½: the units of M scale the rows
+    of F, and small entries of M are not lost in the rounding of large ones.
     """
     d = np.sqrt(np.diag(M).clip(0.0))
     safe = np.where(d > 0.0, d, 1.0)

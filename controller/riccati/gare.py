@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 class Solution(Result, Reported):
     """Value z'P z of a game, its policies u = -K z and d = L z, and its certificate.
 
-    All follows from the enclosure. The smallest delta and the margins are computed when they are
-    first used.
+    All follows from the enclosure. Poles, gains, margins and the smallest delta are computed when
+    they are first used.
 
     game: the game
     enclosure: balls of P, K and L, proved
@@ -291,15 +291,14 @@ def solve(game: Game) -> Solution:
 
 
 def _value(enclosure: Enclosure) -> tuple[np.ndarray, np.ndarray]:
-    """Return P, (n, n), and K, (m, n), read-only, 0 where their balls contain 0."""
-    found = enclosure.proved
-    states, inputs, _ = found.bounds.units
-    spread = np.array([float(each) for each in found.spread])
-    X = found.X.midpoint
-    K = found.K.midpoint
-    P = np.where(np.abs(X) <= np.outer(spread, spread), 0.0, X)
-    K = np.where(np.abs(K) <= found.K.radius, 0.0, K)
-    P, K = np.ldexp(P, -np.add.outer(states, states)), np.ldexp(K, np.add.outer(inputs, -states))
+    """Return P, (n, n), and K, (m, n), read-only and in user's units, 0 where a ball contains 0."""
+    ball = enclosure.proved
+    states, inputs, _ = ball.bounds.units
+    spread = np.array([float(radius) for radius in ball.spread])
+    X, K = ball.X.midpoint, ball.K.midpoint
+    X = np.where(np.abs(X) <= np.outer(spread, spread), 0.0, X)
+    K = np.where(np.abs(K) <= ball.K.radius, 0.0, K)
+    P, K = np.ldexp(X, -np.add.outer(states, states)), np.ldexp(K, np.add.outer(inputs, -states))
     for matrix in (P, K):
         matrix.setflags(write=False)
     return P, K

@@ -1,7 +1,7 @@
 """L2 gain of a stable loop z' = F z + E d to a cost z'C z, proved from both sides.
 
 The gain is below γ if F'D + D F + C + D E E'D / γ² = 0 (in discrete time its counterpart) has a
-stabilizing solution D, and at least that of one disturbance at one frequency.
+stabilizing solution D. It is at least the gain of any one disturbance at any one frequency.
 
 Sources: Zhou, Doyle and Glover, Robust and Optimal Control, Theorems 4.5 and 21.12.
 """
@@ -68,26 +68,24 @@ class DisturbedLoop(NamedTuple):
         return GainBounds(low, math.inf)
 
     def _at_least(self) -> float:
-        """Return the gain of one disturbance at one frequency, rounded down."""
+        """Return the gain of one disturbance at one frequency, rounded down; 0 without proof.
+
+        Doubles propose the frequency of the largest gain, and the disturbance.
+        """
         from flint import acb, acb_mat
 
-        F, E, C = (midpoints(each) for each in (self.F, self.E, self.C))
+        F, E, C = map(midpoints, (self.F, self.E, self.C))
         system = System(F, E, scaled_root(C).T, np.zeros((len(C), E.shape[1])))
         try:
             frequency = peak_of(system, is_discrete=self.is_discrete).frequency
-            s = (
-                complex(math.cos(frequency), math.sin(frequency))
-                if self.is_discrete
-                else 1j * frequency
-            )
-            response = np.linalg.solve(s * np.eye(len(F)) - F, E)
+            s = acb(0, frequency).exp() if self.is_discrete else acb(0, frequency)
+            response = np.linalg.solve(complex(s) * np.eye(len(F)) - F, E)
         except (NoSolutionError, np.linalg.LinAlgError):
             return 0.0
-        direction = np.linalg.eigh(response.conj().T @ C @ response)[1][:, -1:]
-        d = acb_mat([[complex(entry)] for entry in direction.ravel()])
-        point = acb(0, frequency).exp() if self.is_discrete else acb(0, frequency)
+        worst = np.linalg.eigh(response.conj().T @ C @ response)[1][:, -1]
+        d = acb_mat([[complex(entry)] for entry in worst])
         try:
-            z = (acb_mat(identity(len(F))) * point - acb_mat(self.F)).solve(acb_mat(self.E) * d)
+            z = (acb_mat(identity(len(F))) * s - acb_mat(self.F)).solve(acb_mat(self.E) * d)
         except ZeroDivisionError:
             return 0.0
         square = (_adjoint(z) * acb_mat(self.C) * z)[0, 0].real / (_adjoint(d) * d)[0, 0].real
@@ -109,7 +107,7 @@ class DisturbedLoop(NamedTuple):
 
     def _in_doubles(self, gain: float) -> arb_mat | None:
         """Return D by LAPACK, (n, n), as that of a game whose input does nothing, or None."""
-        F, E, C = (midpoints(each) for each in (self.F, self.E, self.C))
+        F, E, C = map(midpoints, (self.F, self.E, self.C))
         try:
             game = Game(
                 F,
@@ -128,4 +126,5 @@ class DisturbedLoop(NamedTuple):
 
 
 def _adjoint(matrix: acb_mat) -> acb_mat:
+    """Return the conjugate transpose."""
     return matrix.conjugate().transpose()

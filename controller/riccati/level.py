@@ -36,10 +36,10 @@ from controller.riccati.stability import loop_with, stabilizes
 if TYPE_CHECKING:
     from flint import arb_mat
 
-#: Least eigenvalue of P in the new states, relative to the largest, after which no further change
-#: of the states is made; the states decide nothing,
+#: The states are changed until the least eigenvalue of P is at least this fraction of the largest;
+#: the states decide nothing.
 MODERATE = 1e-3
-#: of which there are at most so many; each gains the digits of doubles.
+#: Largest number of changes of the states; each gains the digits of doubles.
 TURNS = 4
 
 
@@ -56,16 +56,6 @@ class Level:
     to_level: arb_mat
     from_level: arb_mat
 
-    @property
-    def into(self) -> np.ndarray:
-        """T in the exact units of the enclosure, rounded, (n, n)."""
-        return midpoints(self.to_level)
-
-    @property
-    def back(self) -> np.ndarray:
-        """T⁻¹ in the exact units of the enclosure, rounded, (n, n)."""
-        return midpoints(self.from_level)
-
     @cached_property
     def worst_loop(self) -> np.ndarray:
         """A - B K + E L, (n, n), without discount."""
@@ -73,13 +63,16 @@ class Level:
             return midpoints(self._in_new_states(_worst_loop(self.enclosure)))
 
     def with_gain(self, K: arb_mat) -> np.ndarray:
-        """Return A - B K of any gain, (n, n), without discount."""
+        """Return A - B K, (n, n), without discount.
+
+        K: (m, n), balls in the user's units
+        """
         with precision(self.enclosure.bits):
             return midpoints(self._in_new_states(loop_with(self.enclosure.game, K)))
 
     def _in_new_states(self, loop: arb_mat) -> arb_mat:
         """Return a loop of the user's states, (n, n), in the new states."""
-        states = self.enclosure.proved.equation.units.states
+        states = self.enclosure.proved.bounds.units.states
         return self.to_level * scaled_balls(loop, -states, states) * self.from_level
 
     @cached_property
@@ -94,17 +87,17 @@ class Level:
 
     def columns(self, matrix: np.ndarray) -> np.ndarray:
         """Return columns in the user's states, such as B, in the new states."""
-        states = self.enclosure.proved.equation.units.states
-        none = np.zeros(matrix.shape[1], dtype=int)
+        states = self.enclosure.proved.bounds.units.states
+        unscaled = np.zeros(matrix.shape[1], dtype=int)
         with precision(self.enclosure.bits):
-            return midpoints(self.to_level * scaled_balls(ball_matrix(matrix), -states, none))
+            return midpoints(self.to_level * scaled_balls(ball_matrix(matrix), -states, unscaled))
 
     def rows(self, matrix: arb_mat) -> np.ndarray:
         """Return rows of the user's states, such as K, in the new states."""
-        states = self.enclosure.proved.equation.units.states
-        none = np.zeros(matrix.nrows(), dtype=int)
+        states = self.enclosure.proved.bounds.units.states
+        unscaled = np.zeros(matrix.nrows(), dtype=int)
         with precision(self.enclosure.bits):
-            return midpoints(scaled_balls(matrix, none, states) * self.from_level)
+            return midpoints(scaled_balls(matrix, unscaled, states) * self.from_level)
 
     def poles(self, K: np.ndarray | None = None) -> Poles:
         """Return the enclosed eigenvalues of A - B K, by default of the optimal gain.
@@ -140,7 +133,7 @@ class Level:
 
         In discrete time, signals are weighted by α^(k/2), as their squares are in the cost.
 
-        Both are inf if √α (A - B K) is not proved stable.
+        Both bounds are inf if √α (A - B K) is not proved stable.
 
         K: (m, n)
         """
@@ -154,24 +147,27 @@ class Level:
             with precision(bits), suppress(FailedError, NotProvedError):
                 gain = self._enclosure(bits).K if K is None else ball_matrix(K)
                 bounds = self._disturbed(gain).gain()
-                best = min(best, bounds, key=lambda known: known.high)
+                best = min(best, bounds, key=lambda bounds: bounds.high)
             if best.is_narrow:
                 break
         return best
 
     def _disturbed(self, K: arb_mat) -> DisturbedLoop:
-        """Return the loop with its disturbances and its cost, in balls."""
+        """Return the loop with u = -K z in the new states, with its disturbances and its cost.
+
+        K: (m, n), balls in the user's units
+        """
         from flint import arb
 
-        game, states = self.enclosure.game, self.enclosure.proved.equation.units.states
-        back, root = self.to_level.inv(), arb(game.discount).sqrt()
-        none = np.zeros(game.E.shape[1], dtype=int)
-        E = self.to_level * scaled_balls(ball_matrix(game.E), -states, none)
+        game, states = self.enclosure.game, self.enclosure.proved.bounds.units.states
+        from_level, root = self.to_level.inv(), arb(game.discount).sqrt()
+        unscaled = np.zeros(game.E.shape[1], dtype=int)
+        E = self.to_level * scaled_balls(ball_matrix(game.E), -states, unscaled)
         Q, N, R = map(ball_matrix, (game.Q, game.N, game.R))
         crossed = N * K
         cost = Q + K.transpose() * R * K - crossed - crossed.transpose()
-        C = back.transpose() * scaled_balls(cost, states, states) * back
-        F = self.to_level * scaled_balls(loop_with(game, K), -states, states) * back
+        C = from_level.transpose() * scaled_balls(cost, states, states) * from_level
+        F = self.to_level * scaled_balls(loop_with(game, K), -states, states) * from_level
         return DisturbedLoop(F * root, E * root, symmetric_part(C), game.is_discrete)
 
     def distance(self, K: np.ndarray) -> float:
@@ -190,9 +186,9 @@ class Level:
         with precision(ATTEMPTS[1]):
             loop = loop_with(game, ball_matrix(K))
             units = loop_units(midpoints(loop))
-            M, one = scaled_balls(loop, -units, units), identity(len(units))
-            size = float(np.linalg.norm(midpoints(M), 2))
-            gain = DisturbedLoop(M, one, one, game.is_discrete).gain()
+            balanced_loop, one = scaled_balls(loop, -units, units), identity(len(units))
+            size = float(np.linalg.norm(midpoints(balanced_loop), 2))
+            gain = DisturbedLoop(balanced_loop, one, one, game.is_discrete).gain()
         return 1.0 / (gain.high * size) if size else 0.0
 
     def disk_margin(self, K: np.ndarray) -> DiskMargin | None:
@@ -217,20 +213,24 @@ class Level:
 
 
 def _worst_loop(enclosure: Enclosure) -> arb_mat:
-    """Return A - B K + E L in balls, (n, n), without discount."""
+    """Return A - B K + E L in balls, in the user's units, (n, n), without discount."""
     from flint import arb
 
     found = enclosure.proved
-    states = found.equation.units.states
+    states = found.bounds.units.states
     loop = found.equation.loop(found.P_in_balls, Balls.of(found.gains)).matrix
     return scaled_balls(loop, states, -states) * (1 / arb(enclosure.game.discount).sqrt())
 
 
 def levelled(enclosure: Enclosure) -> Level:
-    """Return the loops of a solution in states in which its value is nearly y'y."""
+    """Return the loops of a solution in states y = T z in which its value is nearly y'y.
+
+    In each turn, T is multiplied by a root of P in the present states. Eigenvalues of P of which no
+    digit is known count as their bounds.
+    """
     found = enclosure.proved
     with precision(enclosure.bits), np.errstate(all="ignore"):
-        to_level = from_level = identity(found.equation.n)
+        to_level = from_level = identity(found.bounds.n)
         spread = np.array([float(each) for each in found.spread])
         exact = found.X.matrix
         for _ in range(TURNS):
@@ -242,11 +242,11 @@ def levelled(enclosure: Enclosure) -> Level:
             unknown = np.abs(midpoints(from_level)).T @ spread  # of X
             least = max(np.finfo(float).eps * largest, float(unknown @ unknown))
             roots = np.sqrt(np.maximum(values, least))
-            turn = ball_matrix(roots[:, None] * vectors.T)
+            root_of_X = ball_matrix(roots[:, None] * vectors.T)
             try:
-                back = turn.inv()
+                inverse_root = root_of_X.inv()
             except ZeroDivisionError:
                 break
-            to_level, from_level = (turn * to_level).mid(), from_level * back
+            to_level, from_level = (root_of_X * to_level).mid(), from_level * inverse_root
         from_level = to_level.inv()
     return Level(enclosure, to_level, from_level)

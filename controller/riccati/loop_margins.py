@@ -143,9 +143,8 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     seen = locus(grid)
     real = _crossings(np.imag, locus, grid, seen)
     imaginary = _crossings(np.real, locus, grid, seen)
-    static = seen[grid == 0.0]
-    at_infinity = only.D.ravel()
-    real_values = np.concatenate([static.real, real.values.real, at_infinity])
+    at_zero, at_infinity = seen[grid == 0.0].real, only.D.ravel()
+    real_values = np.concatenate([at_zero, real.values.real, at_infinity])
     frequencies = only.rate(imaginary.frequencies)
     # With M = S - I/2, a factor f on the loop reaches -1 where f = (M + 1/2) / (M - 1/2).
     with np.errstate(divide="ignore"):
@@ -173,14 +172,18 @@ def _peak_of(locus: Locus, grid: np.ndarray) -> float:
 
 
 def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
-    """Return all frequencies at which Re M or Im M of one loop may be 0, rad/s."""
-    # The frequencies are |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a matrix pencil.
+    """Return all frequencies at which Re M of one loop may be 0, or Im M, rad/s.
+
+    They are |Im λ| of the zeros λ of M(s) + M(-s), or of M(s) - M(-s), the eigenvalues of a pencil.
+
+    sign: 1 for Re M, -1 for Im M
+    """
     from scipy.linalg import eig
 
     n = len(loop.A)
-    unit = float(np.linalg.norm(loop.A)) or 1.0
-    B = loop.B / (float(np.linalg.norm(loop.B)) or 1.0)
-    C = loop.C * ((float(np.linalg.norm(loop.B)) or 1.0) / unit)
+    unit = float(np.linalg.norm(loop.A)) or 1.0  # of frequencies
+    size_of_B = float(np.linalg.norm(loop.B)) or 1.0
+    B, C = loop.B / size_of_B, loop.C * (size_of_B / unit)
     zero = np.zeros((n, n))
     A = loop.A / unit
     system = np.block([[A, zero, B], [zero, -A, -sign * B], [C, C, loop.D * (1.0 + sign)]])
@@ -203,26 +206,27 @@ def _crossings(
 
     By secants and bisections in turn.
 
+    part: function M -> Re M or Im M
     seen: M at the grid, (N,)
     """
     # If l is 0 or infinite up to rounding, rounding changes the sign of Im M.
     is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < ROUNDING
-    above = part(seen) > 0.0
-    (where,) = np.nonzero((above[1:] != above[:-1]) & ~(is_lost[1:] & is_lost[:-1]))
+    is_positive = part(seen) > 0.0
+    changes = is_positive[1:] != is_positive[:-1]
+    (where,) = np.nonzero(changes & ~(is_lost[1:] & is_lost[:-1]))
     low, high = grid[where], grid[where + 1]
-    first, last = seen[where], seen[where + 1]
-    settled = low
+    M_low, M_high = seen[where], seen[where + 1]
+    last_secant = low
     for number in range(_ROUNDS):
-        share = 0.5 if number % 2 else part(first) / (part(first) - part(last))
+        is_secant = number % 2 == 0
+        share = part(M_low) / (part(M_low) - part(M_high)) if is_secant else 0.5
         point = low + share * (high - low)
-        value = locus(point)
-        before = (part(value) > 0.0) == above[where]
-        low = np.where(before, point, low)
-        high = np.where(before, high, point)
-        first = np.where(before, value, first)
-        last = np.where(before, last, value)
-        if number % 2 == 0:
-            if np.all(np.abs(point - settled) <= _SETTLED * point):
+        M = locus(point)
+        is_low = (part(M) > 0.0) == is_positive[where]
+        low, M_low = np.where(is_low, point, low), np.where(is_low, M, M_low)
+        high, M_high = np.where(is_low, high, point), np.where(is_low, M_high, M)
+        if is_secant:
+            if np.all(np.abs(point - last_secant) <= _SETTLED * point):
                 break
-            settled = point
-    return _Crossings(point, value)
+            last_secant = point
+    return _Crossings(point, M)

@@ -20,13 +20,13 @@ class Lyapunov:
         self._T, _, _, _, self._U, _, failed = dgees(_unsorted, np.asarray_chkfinite(F))
         if failed:
             raise np.linalg.LinAlgError("the Schur form does not converge")
-        self._into = np.eye(len(F))  # the right side is into'C into (`of_steps`)
+        self._into = np.eye(len(F))  # the right side is into'C into, see `of_steps`
 
     @classmethod
     def of_steps(cls, F: np.ndarray) -> Self:
         """Return the solver of F'Z F - Z = C, whose F must not have the eigenvalue -1.
 
-        With W = (F + 1)^-1, the equation is that of (F - 1) W and 2 W'C W.
+        With W = (F + 1)⁻¹, it has the solution of F₁'Z + Z F₁ = 2 W'C W with F₁ = (F - 1) W.
         """
         one = np.eye(len(F))
         W = np.linalg.inv(F + one)

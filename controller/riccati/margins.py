@@ -1,9 +1,10 @@
 """Margins of a closed loop for simultaneous changes at all inputs, within disks.
 
-The margins are computed from M = S - I/2, with the sensitivity S = (I + L)⁻¹ of the loop L. A
-scalar loop l = (1/2 - M) / (1/2 + M) is real where M is real, and |l| = 1 where M is imaginary.
-Gain margins are factors (not dB), phases are in degrees and frequencies in rad/s. All is computed
-in doubles, and not proved, for a loop that is proved stable.
+The margins are computed from M = S - I/2, with the sensitivity S = (I + L)⁻¹ of the loop L. The
+loop stays stable for all factors in a disk of size α if σ_max(D M D⁻¹) < 1/α at each frequency,
+with any diagonal D there. A scalar loop l = (1/2 - M) / (1/2 + M) is real where M is real, and
+|l| = 1 where M is imaginary. Gain margins are factors (not dB), phases are in degrees and
+frequencies in rad/s. All is computed in doubles, and not proved, for a loop that is proved stable.
 """
 
 from __future__ import annotations
@@ -83,9 +84,9 @@ class ClosedLoop:
     def only(self, i: int) -> ClosedLoop:
         """Return M of loop i alone, with the other loops closed."""
         one = slice(i, i + 1)
-        part = replace(self, B=self.B[:, one], C=self.C[one], D=self.D[one, one])
-        vars(part)["schur_form"] = self.schur_form
-        return part
+        loop = replace(self, B=self.B[:, one], C=self.C[one], D=self.D[one, one])
+        vars(loop)["schur_form"] = self.schur_form  # of the same A
+        return loop
 
     @cached_property
     def schur_form(self) -> tuple[np.ndarray, np.ndarray]:
@@ -108,18 +109,19 @@ class ClosedLoop:
             return self.D + self.C @ responses(self.A, self.B, frequencies)
         T, U = self.schur_form
         n, m = self.B.shape
-        points = 1j * frequencies
-        enters = U.conj().T @ self.B
-        states = np.empty((n, m, len(points)), dtype=complex)
-        columns = states.reshape(n, -1)
+        s = 1j * frequencies
+        driven = U.conj().T @ self.B
+        # (s - T) x = driven from the last row up, for all s; blocks of rows are one product.
+        x = np.empty((n, m, len(s)), dtype=complex)
+        rows_of_x = x.reshape(n, -1)
         for high in range(n, 0, -BLOCK):
             low = max(high - BLOCK, 0)
-            known = T[low:high, high:] @ columns[high:]
+            of_later_blocks = T[low:high, high:] @ rows_of_x[high:]
             for row in reversed(range(low, high)):
-                total = known[row - low] + T[row, row + 1 : high] @ columns[row + 1 : high]
-                driven = enters[row, :, None] + total.reshape(states[row].shape)
-                states[row] = driven / (points - T[row, row])
-        outputs = (self.C @ U @ columns).reshape(*self.D.shape, len(points))
+                of_this_block = T[row, row + 1 : high] @ rows_of_x[row + 1 : high]
+                of_later_rows = (of_later_blocks[row - low] + of_this_block).reshape(m, len(s))
+                x[row] = (driven[row, :, None] + of_later_rows) / (s - T[row, row])
+        outputs = (self.C @ U @ rows_of_x).reshape(*self.D.shape, len(s))
         return self.D + np.moveaxis(outputs, -1, 0)
 
     def rate(self, frequencies: np.ndarray) -> np.ndarray:
@@ -166,26 +168,26 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     # The search begins at the largest bound of a grid: at a level next to σ_max(D), rounding hides
     # the crossings.
     grid = np.append(frequency_grid(loop.poles, PER_DECADE), near)
-    there = loop.at(grid)
-    scalings = _osborne_scaling(there)
-    most = scaled_norm(there, scalings).argmax()
-    scaling = scalings[most]
-    point = float(grid[most])
+    M_at_grid = loop.at(grid)
+    scalings = _osborne_scaling(M_at_grid)
+    largest = scaled_norm(M_at_grid, scalings).argmax()
+    scaling = scalings[largest]
+    point = float(grid[largest])
     frequency = math.inf
     highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
-    many = max(MANY // len(loop.D) ** 2, 1)
-    looked = 0
+    per_widening = max(MANY // len(loop.D) ** 2, 1)
+    count = 0
     while pieces:
-        looked += 1
+        count += 1
         M = loop.at(np.array([point]))[0]
-        slack = ABOVE * 10.0 ** min(looked // many, WIDENINGS)
+        slack = ABOVE * 10.0 ** min(count // per_widening, WIDENINGS)
         scaling = best_scaling(M, scaling)
         bound = float(scaled_norm(M, scaling))
         if bound > highest * (1.0 + ABOVE):
             frequency = point
         highest = max(highest, bound)
         level = highest * (1.0 + slack)
-        pieces = _above(loop, scaling, level, pieces, point)
+        pieces = _pieces_above(loop, scaling, level, pieces, point)
         if pieces:
             point = _between(*pieces[-1])
     alpha = 1.0 / level
@@ -199,7 +201,7 @@ def _between(low: float, high: float) -> float:
     return math.sqrt(low * high) if 0.0 < 4.0 * low < high else 0.5 * (low + high)
 
 
-def _above(
+def _pieces_above(
     loop: ClosedLoop,
     scaling: np.ndarray,
     level: float,
@@ -215,8 +217,7 @@ def _above(
     cut: frequency at which the intervals are divided too
     """
     D = np.exp(scaling)
-    C = D[:, None] * loop.C
-    through = D[:, None] * loop.D / D
+    C, through = D[:, None] * loop.C, D[:, None] * loop.D / D
     crossings = np.append(level_crossings(loop.A, loop.B / D, C, through, level), cut)
     crossings.sort()
     parts: list[Piece] = []
@@ -256,12 +257,12 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
     start = _osborne_scaling(M) if start is None else start
     unit = float(scaled_norm(M, start)) or 1.0
 
-    def relative(others: np.ndarray) -> tuple[float, np.ndarray]:
+    def relative_norm(others: np.ndarray) -> tuple[float, np.ndarray]:
         size, slope = _norm_and_slope(np.append(others, 0.0), M)  # D_m is fixed
         return size / unit, slope[:-1] / unit
 
     found = minimize(
-        relative, (start - start[-1])[:-1], jac=True, method="BFGS", options={"gtol": SETTLED}
+        relative_norm, (start - start[-1])[:-1], jac=True, method="BFGS", options={"gtol": SETTLED}
     )
     return np.append(found.x, 0.0)
 
@@ -289,7 +290,7 @@ def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
 
 
 def _osborne_scaling(M: np.ndarray) -> np.ndarray:
-    """Return log D, (..., m), for which the rows and columns of D M D⁻¹ have about equal norms."""
+    """Return log D, (..., m), for which row i and column i of D M D⁻¹ have about equal norms."""
     off = np.abs(M) ** 2 * (1.0 - np.eye(M.shape[-1]))
     log_D = np.zeros(M.shape[:-1])
     for _ in range(SWEEPS):

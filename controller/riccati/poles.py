@@ -1,4 +1,8 @@
-"""Eigenvalues of loops of balls, enclosed in discs."""
+"""Eigenvalues of loops of balls, enclosed in discs.
+
+Source: Gershgorin's theorem: each eigenvalue of a matrix D is in one of the discs about D_ii with
+the sum of |D_ij| over the other entries of row i as radius.
+"""
 
 from __future__ import annotations
 
@@ -77,21 +81,21 @@ def poles_of(loop: Callable[[int], arb_mat], *, is_discrete: bool) -> Poles:
 def enclosed_poles(loop: arb_mat) -> Poles:
     """Return the enclosed eigenvalues of a loop, (n, n), balls, with the bits of `precision`.
 
-    The discs of Gershgorin of V⁻¹ F V contain them for any V. They are small for eigenvectors, by
-    LAPACK if their corrections converge, otherwise by FLINT.
+    The discs of Gershgorin of V⁻¹ F V contain them for any V. They are small if the columns of V
+    are nearly eigenvectors: by LAPACK if their corrections converge, otherwise by FLINT.
     """
     from flint import acb_mat
 
     units = loop_units(midpoints(loop))
     F = scaled_balls(loop, -units, units)
-    small = norm(F) * half_the_bits()
+    half_the_digits = norm(F) * half_the_bits()
     similar = _in_eigenvectors(F)
-    if not similar.size <= float(small) ** 0.5:
+    if not similar.largest_radius <= float(half_the_digits) ** 0.5:
         # Multiple eigenvalues differ where the loop is changed by half its digits.
         change = ball_matrix(np.random.default_rng(1).normal(size=(len(units), len(units))))
-        changed = (F + change * small).mid()
+        changed = (F + change * half_the_digits).mid()
         vectors = _normalized(acb_mat(changed).eig(right=True, algorithm="approx")[1])
-        similar = min(similar, Similar.of(F, vectors), key=lambda loop: loop.size)
+        similar = min(similar, Similar.of(F, vectors), key=lambda each: each.largest_radius)
     return similar.discs
 
 
@@ -103,15 +107,15 @@ def _in_eigenvectors(F: arb_mat) -> Similar:
     vectors = np.linalg.eig(midpoints(F))[1]
     similar = Similar.of(F, acb_mat(n, n, [complex(entry) for entry in vectors.ravel()]))
     for _ in range(CORRECTIONS):
-        further = Similar.of(F, similar.corrected())
-        if not further.size < 0.5 * similar.size:
+        corrected = Similar.of(F, similar.corrected())
+        if not corrected.largest_radius < 0.5 * similar.largest_radius:
             break
-        similar = further
+        similar = corrected
     return similar
 
 
 def _normalized(V: acb_mat) -> acb_mat:
-    """Return columns whose largest entries have the magnitude 1."""
+    """Return the columns of V, each divided by the magnitude of its largest entry."""
     from flint import acb_mat
 
     columns = V.transpose().tolist()
@@ -123,7 +127,7 @@ def _normalized(V: acb_mat) -> acb_mat:
 
 
 class Similar(NamedTuple):
-    """Loop F in other states, D = V⁻¹ F V, nearly diagonal.
+    """Loop F in other states, D = V⁻¹ F V, which is nearly diagonal.
 
     V, D: (n, n), balls
     """
@@ -133,7 +137,7 @@ class Similar(NamedTuple):
 
     @classmethod
     def of(cls, F: arb_mat, V: acb_mat) -> Similar:
-        """Return a loop with the columns of V as states, or as it is if V may be singular."""
+        """Return F with the columns of V as states, or as it is if V may be singular."""
         from flint import acb_mat
 
         try:
@@ -143,10 +147,9 @@ class Similar(NamedTuple):
 
     @property
     def discs(self) -> Poles:
-        """Discs of Gershgorin."""
-        rows = self.D.tolist()
+        """Discs of Gershgorin, each about D_ii."""
         radii = np.array([float(radius) for radius in self._radii()])
-        values = np.array([complex(row[i].mid()) for i, row in enumerate(rows)])
+        values = np.array([complex(row[i].mid()) for i, row in enumerate(self.D.tolist())])
         # An isolated disc that meets the real axis contains a real eigenvalue.
         is_real = np.abs(values.imag) <= radii
         radii = np.where(is_real, radii + np.abs(values.imag), radii)
@@ -155,23 +158,25 @@ class Similar(NamedTuple):
         return Poles(values[order], radii[order])
 
     @property
-    def size(self) -> float:
-        """Largest radius."""
+    def largest_radius(self) -> float:
+        """Largest radius of a disc."""
         return max(map(float, self._radii()))
 
     def _radii(self) -> list[arb]:
+        """Return the radii of the discs: that of D_ii and the magnitudes of its row, rounded up."""
         from flint import arb
 
-        rows = self.D.tolist()
-        return [
-            sum(
-                (abs(entry) for j, entry in enumerate(row) if j != i), row[i].rad() + arb(0)
-            ).upper()
-            for i, row in enumerate(rows)
-        ]
+        radii = []
+        for i, row in enumerate(self.D.tolist()):
+            others = [abs(entry) for j, entry in enumerate(row) if j != i]
+            radii.append(sum(others, row[i].rad() + arb(0)).upper())
+        return radii
 
     def corrected(self) -> acb_mat:
-        """Return the eigenvectors to the first order in the rest of D beside its diagonal."""
+        """Return the eigenvectors V (1 + X), to the first order in the other entries of D.
+
+        X_ij = D_ij / (D_jj - D_ii), or 0 where this is not small.
+        """
         from flint import acb_mat
 
         rows = self.D.mid().tolist()
@@ -179,8 +184,8 @@ class Similar(NamedTuple):
 
         def change(i: int, j: int) -> acb:
             gap = values[j] - values[i]
-            near = i == j or not abs(rows[i][j]) < 0.1 * abs(gap)
-            return 0 * gap if near else rows[i][j] / gap
+            is_small = i != j and abs(rows[i][j]) < 0.1 * abs(gap)
+            return rows[i][j] / gap if is_small else 0 * gap
 
         n = len(values)
         X = acb_mat([[change(i, j) for j in range(n)] for i in range(n)])

@@ -8,6 +8,7 @@ mode is not reached at all, or has no cost at all, are facts on a boundary, whic
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import Enum
 from fractions import Fraction
 from itertools import pairwise
@@ -122,7 +123,7 @@ def echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
     return reduced, [next(j for j, entry in enumerate(row) if entry != 0) for row in rows]
 
 
-def columns_of(matrix: fmpq_mat, places: list[int]) -> fmpq_mat:
+def columns_of(matrix: fmpq_mat, places: Sequence[int]) -> fmpq_mat:
     """Return the columns of a matrix with these numbers."""
     from flint import fmpq_mat
 

@@ -122,52 +122,55 @@ def minimum_delta(game: Game) -> DeltaMin:
     return _bracket(search, _estimate(search))
 
 
-class _Left(NamedTuple):
-    """Numbers that fall to 0 as 1/δ² grows to 1/delta_min², nearly linearly near it.
+class _Reserves(NamedTuple):
+    """Numbers that fall to 0 as w = 1/δ² grows to 1/delta_min², nearly linearly near it.
 
-    square: 1/δ²
-    numbers: the square of the decay of the slowest motion, the inverse of the growth of P, and in
-        discrete time the price of the disturbance
+    w: 1/δ²
+    numbers: the square of the decay of the slowest motion, the inverse of the largest eigenvalue of
+        P, and in discrete time the least price of the disturbance, relative to δ²; nan without a
+        value
     frequency: of the slowest motion, rad/s or rad/step, if it is known
     """
 
-    square: float
+    w: float
     numbers: np.ndarray
     frequency: float | None = None
 
 
 class _Secant:
-    """The last two values on the way to delta_min, and where their numbers reach 0.
+    """What is known of w = 1/δ² on the way to 1/delta_min²: a value at `low`, and none at `high`.
 
-    high: smallest 1/δ² known to have no value
+    low: reserves at the largest w known to have a value
+    before: those of the w before it
+    high: smallest w known to have no value
     """
 
-    def __init__(self, first: _Left) -> None:
-        self.before: _Left | None = None
+    def __init__(self, first: _Reserves) -> None:
+        self.before: _Reserves | None = None
         self.low = first
         self.high = math.inf
 
-    def add(self, found: _Left) -> None:
-        """Add a value nearer to delta_min."""
-        self.before, self.low = self.low, found
+    def add(self, nearer: _Reserves) -> None:
+        """Add the reserves at a larger w that has a value."""
+        self.before, self.low = self.low, nearer
 
     def zero(self) -> float:
-        """Return the 1/δ² at which the line through the last two values has its first 0."""
+        """Return the w at which the line through the last two reserves has its first 0, or inf."""
         if self.before is None:
             return math.inf
         with np.errstate(all="ignore"):
-            fall = (self.before.numbers - self.low.numbers) / (self.low.square - self.before.square)
-            ahead = self.low.numbers / fall
-        ahead = ahead[np.isfinite(ahead) & (ahead > 0.0) & (fall > 0.0)]
-        return self.low.square + float(ahead.min(initial=math.inf))
+            fall = (self.before.numbers - self.low.numbers) / (self.low.w - self.before.w)
+            to_zero = self.low.numbers / fall
+        to_zero = to_zero[np.isfinite(to_zero) & (to_zero > 0.0) & (fall > 0.0)]
+        return self.low.w + float(to_zero.min(initial=math.inf))
 
-    def is_between(self, square: float) -> bool:
-        """Return whether nothing is known of a 1/δ²."""
-        return self.low.square < square < self.high
+    def is_open(self, w: float) -> bool:
+        """Return whether it is not known that w has a value, or none."""
+        return self.low.w < w < self.high
 
-    def farther(self, factor: float) -> float:
-        """Return a 1/δ² between a value and none, or beyond the one that is known by a factor."""
-        low, high = self.low.square, self.high
+    def next_w(self, factor: float) -> float:
+        """Return a w between `low` and `high`, or beyond the one that is known by a factor."""
+        low, high = self.low.w, self.high
         if math.isinf(high):
             return min(low * factor, LEAST**-2)
         if low <= 0.0:
@@ -175,43 +178,48 @@ class _Secant:
         return 0.5 * (low + high) if high < 4.0 * low else math.sqrt(low) * math.sqrt(high)
 
 
-def _estimate(search: _Search) -> _Left:
-    """Return an estimate of 1/delta_min² in doubles, by secants, each nine tenths of the way.
+class _Estimate(NamedTuple):
+    """Estimate of w = 1/delta_min², and the frequency of the slowest motion near it, if known."""
 
-    The frequency is that of the last value before it.
+    w: float
+    frequency: float | None
+
+
+def _estimate(search: _Search) -> _Estimate:
+    """Return an estimate of 1/delta_min² in doubles, by secants, each nine tenths of the way.
 
     It is a proposal only: `_bracket` proves what is returned.
     """
     first = search.in_doubles(0.0)
     secant = _Secant(first)
-    square, factor, guess = search.first_square(), 8.0, math.inf
+    w, factor, guess = search.first_w(), 8.0, math.inf
     for _ in range(MOST_ESTIMATES):
-        found = search.in_doubles(square)
-        is_value = bool((found.numbers > ON_AXIS * first.numbers).all())
+        reserves = search.in_doubles(w)
+        is_value = bool((reserves.numbers > ON_AXIS * first.numbers).all())
         if is_value:
-            secant.add(found)
-            last, guess = guess, secant.zero()
-            step = guess / square - 1.0  # the error of a secant is about its square
-            if guess < secant.high and max(abs(guess - last) / guess, step**2) <= SETTLED:
-                return secant.low._replace(square=guess)
+            secant.add(reserves)
+            last_guess, guess = guess, secant.zero()
+            step = guess / w - 1.0  # the error of a secant is about its square
+            if guess < secant.high and max(abs(guess - last_guess) / guess, step**2) <= SETTLED:
+                return _Estimate(guess, reserves.frequency)
         else:
-            secant.high = square
-        low, high = secant.low.square, secant.high
+            secant.high = w
+        low, high = secant.low.w, secant.high
         if not low < high * SAME:
             break
         if is_value and guess < high:
-            square = low + 0.9 * (guess - low)
+            w = low + 0.9 * (guess - low)
         else:
-            square, factor = secant.farther(factor), min(factor**1.5, MOST_FACTOR)
-        if not LEAST**2 < square < LEAST**-2:
+            w, factor = secant.next_w(factor), min(factor**1.5, MOST_FACTOR)
+        if not LEAST**2 < w < LEAST**-2:
             break
     if secant.low is first:  # doubles find no value
-        return first._replace(square=search.first_square())
-    best = guess if guess < secant.high else secant.farther(2.0)
-    return secant.low._replace(square=best)
+        return _Estimate(search.first_w(), first.frequency)
+    best = guess if guess < secant.high else secant.next_w(2.0)
+    return _Estimate(best, secant.low.frequency)
 
 
-def _bracket(search: _Search, estimate: _Left) -> DeltaMin:
+def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
     """Return proved bounds about an estimate of 1/delta_min².
 
     Usually both are proved beside the estimate. If not, the distance from it grows until they are,
@@ -219,16 +227,16 @@ def _bracket(search: _Search, estimate: _Left) -> DeltaMin:
 
     Raises UndecidedError.
     """
-    secant = _Secant(_Left(0.0, np.full(1, np.nan)))
+    secant = _Secant(_Reserves(0.0, np.full(1, np.nan)))
     width, value, refused = BESIDE, math.inf, 0.0
-    guess, frequency = estimate.square, estimate.frequency
-    square = guess / width
+    guess, frequency = estimate
+    w = guess / width
     while True:
-        delta = square**-0.5
-        outcome = search.proved(square, frequency)
+        delta = w**-0.5
+        outcome = search.proved(w, frequency)
         is_value = not isinstance(outcome, str)
         if isinstance(outcome, str):
-            refused, secant.high = delta, square
+            refused, secant.high = delta, w
         else:
             value, frequency = delta, outcome.frequency
             secant.add(outcome)
@@ -236,47 +244,52 @@ def _bracket(search: _Search, estimate: _Left) -> DeltaMin:
             return DeltaMin(value, refused)
         if value <= LEAST * BESIDE:
             return DeltaMin(value, 0.0)
-        if secant.is_between(zero := secant.zero()):
+        if secant.is_open(zero := secant.zero()):
             # The error of a secant is about the square of its step.
-            guess, width = zero, max(BESIDE, 1.0 + (zero / secant.low.square - 1.0) ** 2)
-        square = guess * width if is_value else guess / width
-        if not secant.is_between(square):
+            guess, width = zero, max(BESIDE, 1.0 + (zero / secant.low.w - 1.0) ** 2)
+        # Next is the other side of the estimate, or what is farther from the known bound.
+        w = guess * width if is_value else guess / width
+        if not secant.is_open(w):
             width = min(width, MOST_FACTOR ** (1.0 / WIDER)) ** WIDER
-            square = secant.low.square * width if is_value else secant.high / width
-        if not secant.is_between(square):
-            square = secant.farther(width)
+            w = secant.low.w * width if is_value else secant.high / width
+        if not secant.is_open(w):
+            w = secant.next_w(width)
 
 
 class _Search:
     """Values of one game at many δ, in states in which P without disturbance is nearly 1.
 
     There, doubles have the digits that they lose in the user's states.
+
+    entries: of the game in these states, in balls
+    rounded: the same in doubles
+    P: of the game without disturbance, in these states, (n, n)
     """
 
     def __init__(self, game: Game, undisturbed: Enclosure) -> None:
         self.game = game
         self.has_exact_weights = has_exact_weights(game)
-        found = undisturbed.proved
-        self.units = found.bounds.units
+        proved = undisturbed.proved
+        self.units = proved.bounds.units
         with precision(2 * undisturbed.bits), np.errstate(all="ignore"):
             level = levelled(undisturbed)
-            self.entries = found.bounds.entries.in_states(level.to_level)
+            self.entries = proved.bounds.entries.in_states(level.to_level)
             self.rounded = self.entries.rounded
-            back = Balls(level.from_level)
-            self.P = (back.T @ Balls.of(found.X) @ back).symmetric().midpoint
+            from_level = Balls(level.from_level)
+            self.P = (from_level.T @ Balls.of(proved.X) @ from_level).symmetric().midpoint
 
-    def equation(self, square: float, entries: Entries) -> Equation[DoubleBalls]:
-        """Return the equation at 1/δ².
+    def equation(self, w: float, entries: Entries) -> Equation[DoubleBalls]:
+        """Return the Riccati equation at w = 1/δ².
 
         entries: of the game, in the states of the search
         """
-        delta = math.inf if square == 0.0 else square**-0.5
+        delta = math.inf if w == 0.0 else w**-0.5
         units = self.units._replace(disturbances=disturbance_units(self.game, delta))
         E = scaled(entries.E, np.zeros(len(self.game.A), dtype=int), units.disturbances)
         return equation_of(self.game, units, DoubleBalls, delta, replace(entries, E=E))
 
-    def first_square(self) -> float:
-        """Return the 1/δ² at which P has grown by half its size, to the first order."""
+    def first_w(self) -> float:
+        """Return the w = 1/δ² at which P has grown by half its size, to the first order, or 1."""
         with precision(BITS), np.errstate(all="ignore"):
             equation = self.equation(0.0, self.rounded)
             try:
@@ -289,22 +302,22 @@ class _Search:
                 rate = math.nan
         return 0.5 / rate if rate > 0.0 else 1.0
 
-    def in_doubles(self, square: float) -> _Left:
-        """Return the numbers at 1/δ², nan if doubles find no value."""
+    def in_doubles(self, w: float) -> _Reserves:
+        """Return the reserves at w = 1/δ², nan if doubles find no value."""
         with precision(BITS), np.errstate(all="ignore"):
             try:
-                equation = self.equation(square, self.rounded)
+                equation = self.equation(w, self.rounded)
                 X = stabilizing_in_doubles(equation)
                 poles, price = np.linalg.eigvals(loop_in_doubles(equation, X)), None
                 if equation.is_disturbed and equation.is_discrete:
                     E = equation.E.midpoint * np.exp2(-equation.units.disturbances.astype(float))
-                    price = np.eye(E.shape[1]) / square - E.T @ X @ E
-                return self.left(square, X, poles, price)
+                    price = np.eye(E.shape[1]) / w - E.T @ X @ E
+                return self.reserves(w, X, poles, price)
             except (np.linalg.LinAlgError, ValueError, FailedError):
-                return _Left(square, np.full(1, np.nan))
+                return _Reserves(w, np.full(1, np.nan))
 
-    def proved(self, square: float, frequency: float | None) -> _Left | str:
-        """Return the numbers at a 1/δ² that is proved to have a value, or why it has none.
+    def proved(self, w: float, frequency: float | None) -> _Reserves | str:
+        """Return the reserves at a w = 1/δ² that is proved to have a value, or why it has none.
 
         A δ at which neither is proved is exactly on a boundary: the next one is taken.
 
@@ -313,10 +326,10 @@ class _Search:
         Raises UndecidedError if that does not help.
         """
         outcome: Enclosure | str = ""
-        delta = square**-0.5
+        delta = w**-0.5
         if self.has_exact_weights:
             with precision(2 * BITS), np.errstate(all="ignore"):
-                equation = self.equation(square, self._entries_near(square))
+                equation = self.equation(w, self._entries_near(w))
                 outcome = decided_in_doubles(equation, frequency)
         if not outcome:
             try:
@@ -325,22 +338,24 @@ class _Search:
                 outcome = decided(self.game, np.nextafter(delta, 0.0), digits=False)
         if isinstance(outcome, str):
             return outcome
-        left = self.in_doubles(square)
-        return left._replace(numbers=np.where(left.numbers > 0.0, left.numbers, np.nan))
+        reserves = self.in_doubles(w)
+        numbers = np.where(reserves.numbers > 0.0, reserves.numbers, np.nan)
+        return reserves._replace(numbers=numbers)
 
-    def _entries_near(self, square: float) -> Entries:
-        """Return the entries in states in which P at 1/δ² is nearly diagonal, with 1 and -1."""
+    def _entries_near(self, w: float) -> Entries:
+        """Return the entries in states in which P at w = 1/δ² is nearly diagonal, with 1 and -1."""
         try:
-            X = stabilizing_in_doubles(self.equation(square, self.rounded))
+            X = stabilizing_in_doubles(self.equation(w, self.rounded))
             values, vectors = np.linalg.eigh(X)
-            return self.entries.in_states(ball_matrix(np.sqrt(np.abs(values))[:, None] * vectors.T))
+            to_diagonal = np.sqrt(np.abs(values))[:, None] * vectors.T
+            return self.entries.in_states(ball_matrix(to_diagonal))
         except (np.linalg.LinAlgError, ValueError, FailedError, ZeroDivisionError):
             return self.entries
 
-    def left(
-        self, square: float, X: np.ndarray, poles: np.ndarray, price: np.ndarray | None
-    ) -> _Left:
-        """Return the numbers of the stabilizing solution X at 1/δ².
+    def reserves(
+        self, w: float, X: np.ndarray, poles: np.ndarray, price: np.ndarray | None
+    ) -> _Reserves:
+        """Return the reserves of the stabilizing solution X at w = 1/δ².
 
         poles: of the loop of both players, (n,)
         price: δ² - E'X E, (k, k), in discrete time; None in continuous time or without disturbance
@@ -352,8 +367,8 @@ class _Search:
         frequency = abs(float(np.angle(pole) if is_discrete else pole.imag))
         sizes = np.linalg.eigvalsh(X)
         # Beyond its growth to infinity, P has large negative eigenvalues.
-        growth = 1.0 / sizes[-1] if sizes[0] > -INDEFINITE else -1.0
-        numbers = [math.copysign(decay**2, decay), growth]
+        inverse_of_P = 1.0 / sizes[-1] if sizes[0] > -INDEFINITE else -1.0
+        numbers = [math.copysign(decay**2, decay), inverse_of_P]
         if is_discrete:
-            numbers.append(1.0 if price is None else square * float(np.linalg.eigvalsh(price)[0]))
-        return _Left(square, np.array(numbers), frequency)
+            numbers.append(1.0 if price is None else w * float(np.linalg.eigvalsh(price)[0]))
+        return _Reserves(w, np.array(numbers), frequency)

@@ -41,9 +41,9 @@ def solution_report(solution: Solution) -> Report:
     if game.is_discrete:
         title += f", discount {game.discount:g} a step"
         radius = solution.enclosed_poles.spectral_radius
-        stabilizes = "stabilizes" if solution.is_stable else "does NOT stabilize"
+        verb = "stabilizes" if solution.is_stable else "does NOT stabilize"
         loop = (
-            f"u = -K x {stabilizes}: A - B K has the spectral radius {radius:.7g},"
+            f"u = -K x {verb}: A - B K has the spectral radius {radius:.7g},"
             f" sqrt(discount) (A - B K) {math.sqrt(game.discount) * radius:.7g}"
         )
     else:

@@ -26,10 +26,12 @@ if TYPE_CHECKING:
 
 
 def stability_of(loop: arb_mat, *, is_discrete: bool) -> bool | None:
-    """Return whether a loop F of balls is stable, or None if these bits do not prove it.
+    """Return whether a loop F is stable, or None if the bits of `precision` do not prove it.
 
-    Let |F'Y + Y F + 1| < 1. F is stable if Y > 0, and unstable if v'Y v < 0 for a vector v, because
-    Y would be positive definite if F were stable.
+    Let |F'Y + Y F + 1| < 1, in discrete time |F'Y F - Y + 1| < 1. F is stable if Y > 0, and
+    unstable if v'Y v < 0 for a vector v, because Y would be positive definite if F were stable.
+
+    loop: F, (n, n), balls
     """
     units = loop_units(midpoints(loop))
     F, one = scaled_balls(loop, -units, units), identity(loop.nrows())
@@ -59,7 +61,7 @@ def discounted_loop(game: Game, K: arb_mat) -> arb_mat:
 
 
 def stabilizes(game: Game, K: np.ndarray, *, is_discounted: bool = False) -> bool:
-    """Return whether A - B K is proved stable, or √α (A - B K).
+    """Return whether A - B K is proved stable, or √α (A - B K); False without a proof.
 
     K: (m, n)
     is_discounted: whether √α (A - B K) is asked about
@@ -67,7 +69,7 @@ def stabilizes(game: Game, K: np.ndarray, *, is_discounted: bool = False) -> boo
     loop_of = discounted_loop if is_discounted else loop_with
     for bits in ATTEMPTS:
         with precision(bits):
-            found = stability_of(loop_of(game, ball_matrix(K)), is_discrete=game.is_discrete)
-        if found is not None:
-            return found
+            is_stable = stability_of(loop_of(game, ball_matrix(K)), is_discrete=game.is_discrete)
+        if is_stable is not None:
+            return is_stable
     return False
