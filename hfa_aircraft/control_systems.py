@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -18,12 +18,10 @@ if TYPE_CHECKING:
     import control
 
 
-def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
-    """Return a model as a python-control system x' = f(x, u, p), y = outputs.
+def to_control(model: Model) -> control.NonlinearIOSystem:
+    """Return a model as a python-control system x' = f(x, u, p), y = (states, outputs).
 
     Names are kept. Disturbances are 0.
-
-    outputs: names of states and outputs of the model, by default all
 
     >>> import hfa
     >>> from hfa_aircraft import to_control
@@ -32,22 +30,26 @@ def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.No
     """
     import control
 
-    seen = [*model.states, *model.outputs] if outputs is None else list(outputs)
+    outputs = [*model.states, *model.outputs]
     vectors = model.layout.symbols("x", "u", "p")
-    f, y = model.layout.expressions(list(map(components, vectors)), seen)
-    function = ca.Function("system", vectors, [f, y])
-    names = tuple(model.parameters)
+    f, y = model.layout.expressions(list(map(components, vectors)), outputs)
 
-    def at(x: np.ndarray, u: np.ndarray, params: dict[str, float], result: int) -> np.ndarray:
-        return np.array(function(x, u, [params[name] for name in names])[result]).ravel()
+    def evaluated(expression: ca.SX) -> Callable[..., np.ndarray]:
+        """Return an expression as the function (t, x, u, params) that python-control calls."""
+        function = ca.Function("system", vectors, [expression])
+
+        def at(_: float, x: np.ndarray, u: np.ndarray, params: dict[str, float]) -> np.ndarray:
+            return np.array(function(x, u, [params[name] for name in model.parameters])).ravel()
+
+        return at
 
     return control.nlsys(
-        lambda _, x, u, params: at(x, u, params, 0),
-        lambda _, x, u, params: at(x, u, params, 1),
+        evaluated(f),
+        evaluated(y),
         name="".join(each if each.isalnum() else "_" for each in model.title),
         states=list(model.states),
         inputs=list(model.inputs),
-        outputs=seen,
+        outputs=outputs,
         params={name: signal.start for name, signal in model.parameters.items()},
     )
 
@@ -76,18 +78,13 @@ def from_control(
     outputs = [label for label in system.output_labels if label not in (*states, *inputs)]
 
     def values(time: Any, x: Any, u: Any, p: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        arrays = []
-        for vector in (x, u):  # one by one, because NumPy would treat a symbol as a sequence
-            arrays.append(np.empty(len(vector), dtype=object))
-            arrays[-1][:] = list(vector)
-        arguments = (time, *arrays, {**constants, **dict(zip(constants, p, strict=True))})
-        found = [
-            list(system.updfcn(*arguments)),
-            list(system.outfcn(*arguments)) if system.outfcn else list(x),
-        ]
-        rates = dict(zip(states, found[0], strict=True))
-        seen = dict(zip(system.output_labels, found[1], strict=True))
-        return rates, {label: seen[label] for label in outputs}
+        """Return state -> rate, and output -> value, by the functions of the system."""
+        params = {**constants, **dict(zip(constants, p, strict=True))}
+        arguments = (time, _array_of(x), _array_of(u), params)
+        rates = system.updfcn(*arguments)
+        seen = system.outfcn(*arguments) if system.outfcn else x
+        by_label = dict(zip(system.output_labels, seen, strict=True))
+        return dict(zip(states, rates, strict=True)), {name: by_label[name] for name in outputs}
 
     def signal(label: str, start: float = 0.0) -> Signal:
         known = units.get(label, "1")
@@ -117,3 +114,10 @@ def from_control(
             "of NumPy"
         )
     return model
+
+
+def _array_of(vector: Any) -> np.ndarray:
+    """Return a sequence of numbers or symbols as an array, whose entries are not taken apart."""
+    array = np.empty(len(vector), dtype=object)
+    array[:] = list(vector)
+    return array

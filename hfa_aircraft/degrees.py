@@ -35,9 +35,7 @@ def notes_on_degrees(model: Model) -> list[str]:
 
 @lru_cache(maxsize=16)
 def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    """Return pairs (signal in degrees, function of it that the equations compute)."""
-    # The functions are the sine, cosine and tangent of the signal, or of a sum or difference with
-    # it.
+    """Return pairs (signal, "sin", "cos" or "tan" of it or of a sum with it in the equations)."""
     vectors = layout.symbols("x", "u", "p")
     f, y = layout.expressions([components(vector) for vector in vectors], layout.names.outputs)
     program = ca.Function("equations", vectors, [f, y])
@@ -46,19 +44,19 @@ def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[st
     in_degrees: dict[int, tuple[str, ...]] = {}
     for number in range(program.n_instructions()):
         operation = program.instruction_id(number)
-        taken = program.instruction_input(number)
+        arguments = program.instruction_input(number)
         if operation == ca.OP_OUTPUT:
             continue
-        place = program.instruction_output(number)[0]
         signals: tuple[str, ...] = ()
         if operation == ca.OP_INPUT:
-            vector, entry = taken
+            vector, entry = arguments
             name = layout.names[vector][entry]
             signals = (name,) if name in names else ()
         elif operation in _KEEP_THE_UNIT:
-            signals = tuple(name for index in taken for name in in_degrees.get(index, ()))
+            signals = tuple(name for index in arguments for name in in_degrees.get(index, ()))
         elif operation in _OF_ANGLES:
-            for name in in_degrees.get(taken[0], ()):
+            for name in in_degrees.get(arguments[0], ()):
                 found[name, _OF_ANGLES[operation]] = None
-        in_degrees[place] = signals
+        for result in program.instruction_output(number):
+            in_degrees[result] = signals
     return tuple(found)

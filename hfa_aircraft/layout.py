@@ -86,7 +86,7 @@ class Layout(NamedTuple):
 
     def refuse_broken(self) -> None:
         """Raise BadInputError if the equations fail or do not return exactly the declared names."""
-        _symbolic(self, True)
+        _symbolic(self, undisturbed=True)
 
     def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
         """Raise BadInputError if a variable affects the equations only in steps.
@@ -132,24 +132,21 @@ class Layout(NamedTuple):
 
         Raises BadInputError if the equations are faulty.
         """
-        symbols, f, output_expressions = _symbolic(self, w is None)
+        symbols, f, output_expressions = _symbolic(self, undisturbed=w is None)
         x, *_ = symbols
         known = {**output_expressions, **dict(zip(self.names.states, components(x), strict=True))}
-        chosen = [known[name] for name in outputs]
-        values = list(vectors) if w is None else [*vectors, w]
-        columns = [_column(vector) for vector in values]
-        y = ca.densify(_column(chosen))
+        y = ca.densify(_column(known[name] for name in outputs))
+        columns = [_column(vector) for vector in (vectors if w is None else [*vectors, w])]
         f_there, y_there = ca.substitute([f, y], symbols, columns)
         return f_there, y_there
 
     def in_variables(
         self, values: Mapping[str, Any], p: ca.SX, outputs: Sequence[str]
     ) -> list[ca.SX]:
-        """Return x, u, f and the chosen outputs as expressions of a trim's variables, without
-        disturbance.
+        """Return x, u, f and the chosen outputs as expressions of a trim's variables, at w = 0.
 
-        A state in `replaced` is computed from the output y that replaces it, x = (value - y(0)) /
-        (dy/dx).
+        A state in `replaced` is computed from the output y that replaces it: with y affine in the
+        state x, x = (y - y(0)) / (dy/dx).
 
         values: variable of the trim -> value, a number or an expression
         p: parameters
@@ -157,27 +154,22 @@ class Layout(NamedTuple):
 
         Raises BadInputError if a replacing output does not depend on its state in an affine way.
         """
-        unknown = {state: ca.SX.sym(state) for state, _ in self.replaced}
-        x: list[Any] = [unknown.get(name, values.get(name)) for name in self.names.states]
+        replaced_symbols = {state: ca.SX.sym(state) for state, _ in self.replaced}
+        x: list[Any] = [replaced_symbols.get(name, values.get(name)) for name in self.names.states]
         u = [values[name] for name in self.names.inputs]
         replacing = [output for _, output in self.replaced]
-        f, seen = self.expressions((x, u, components(p)), (*outputs, *replacing))
-        y = seen[: len(outputs)]
-        replacements = seen[len(outputs) :]
-        parts: Any = [
-            ca.vertcat(*map(ca.SX, x)),
-            ca.vertcat(ca.SX(0, 1), *u),
-            f,
-            y,
-        ]
-        for row, (state, output) in enumerate(self.replaced):
-            symbol = unknown[state]
-            slope = ca.jacobian(replacements[row], symbol)
+        f, y_and_replacing = self.expressions((x, u, components(p)), (*outputs, *replacing))
+        y = y_and_replacing[: len(outputs)]
+        parts: Any = [_column(map(ca.SX, x)), _column(u), f, y]
+        for row, (state, output) in enumerate(self.replaced, start=len(outputs)):
+            symbol = replaced_symbols[state]
+            expression = y_and_replacing[row]
+            slope = ca.jacobian(expression, symbol)
             if slope.is_zero() or ca.depends_on(slope, symbol):
                 raise BadInputError(
                     f"{self.name}: {output} replaces {state} and must depend affinely on {state}"
                 )
-            at_zero = ca.substitute(replacements[row], symbol, 0)
+            at_zero = ca.substitute(expression, symbol, 0)
             parts = ca.substitute(parts, [symbol], [(values[output] - at_zero) / slope])
         return [ca.densify(part) for part in parts]
 
@@ -258,24 +250,41 @@ def linearized_rows(
     return RowFunction(ca.Function("linearized_rows", arguments, [flat]))
 
 
+class _Symbolic(NamedTuple):
+    """Equations as CasADi expressions.
+
+    symbols: columns x, u, p and, unless the disturbances are 0, w
+    f: rates of the states, (n,)
+    outputs: name -> output
+    """
+
+    symbols: list[ca.SX]
+    f: ca.SX
+    outputs: Mapping[str, Any]
+
+
 @lru_cache(maxsize=16)
-def _symbolic(layout: Layout, undisturbed: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
-    """Return the symbols of the vectors, the rates f, and name -> output, as CasADi expressions."""
-    # undisturbed: whether the disturbances are 0, and have no symbols
+def _symbolic(layout: Layout, *, undisturbed: bool) -> _Symbolic:
+    """Return the rates and outputs of a model as expressions.
+
+    undisturbed: whether the disturbances are 0, and have no symbols
+    """
     if undisturbed and not layout.names.disturbances:
-        symbols, f_of_all, seen_of_all = _symbolic(layout, False)
-        return symbols[:3], f_of_all, seen_of_all
+        with_empty_w = _symbolic(layout, undisturbed=False)
+        return with_empty_w._replace(symbols=with_empty_w.symbols[:3])
     names = list(VECTORS)
     symbols = layout.symbols(*(names[:3] if undisturbed else names))
     values = [components(vector) for vector in symbols]
     if undisturbed:
         values.append([0.0 for _ in layout.names.disturbances])
     arguments = [layout.record(name, vector) for name, vector in zip(names, values, strict=True)]
-    rates, outputs = _called(layout, arguments)
+    rates, returned = _called(layout, arguments)
     f = [_scalar(layout, "rate of", name, rates[name]) for name in layout.names.states]
-    seen = {name: _scalar(layout, "output", name, outputs[name]) for name in layout.names.outputs}
-    _refuse_other_symbols(layout, ca.vertcat(*f, *seen.values()), ca.vertcat(*symbols))
-    return symbols, ca.densify(ca.SX(ca.vertcat(*f))), seen
+    outputs = {
+        name: _scalar(layout, "output", name, returned[name]) for name in layout.names.outputs
+    }
+    _refuse_other_symbols(layout, ca.vertcat(*f, *outputs.values()), ca.vertcat(*symbols))
+    return _Symbolic(symbols, ca.densify(ca.SX(ca.vertcat(*f))), outputs)
 
 
 def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> None:
@@ -296,7 +305,7 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
             # CasADi issues a FutureWarning for functions of NumPy.
             returned = layout.equations(*arguments)
     except _FAILURES as error:
-        raise refused(error, layout, arguments) from error
+        raise _failure_of_equations(error, layout, arguments) from error
     is_pair = isinstance(returned, tuple) and len(returned) == 2
     if not (is_pair and all(hasattr(part, "keys") for part in returned)):
         raise BadInputError(
@@ -340,15 +349,8 @@ def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
     return expression
 
 
-def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:
-    """Return the error for a model whose equations raised an exception.
-
-    error: the exception
-    layout: equations and names of the model
-    arguments: x, u, p and w of the failed call
-
-    Raises BadInputError itself if the equations use an undeclared name.
-    """
+def _failure_of_equations(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:
+    """Return the error for a model whose equations raised an exception, called with x, u, p, w."""
     for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):
         if isinstance(error, AttributeError) and error.obj is vector:
             refuse_unknown(

@@ -47,15 +47,18 @@ class Limits:
 
         changes: name -> (lowest, highest), instead of the declared min and max; None for no changes
         """
-        pairs = [(name, *ends) for name, ends in (changes or {}).items()]
-        return _limits(model, tuple(names), tuple(pairs))
+        changed = [(name, lowest, highest) for name, (lowest, highest) in (changes or {}).items()]
+        return _limits(model, tuple(names), tuple(changed))
 
     @property
     def assumed(self) -> np.ndarray:
         """Mask (k,) of the limits that no data of the aircraft and no user states."""
-        signals = [self.model.signal(name) for name in self.names]
-        ends = zip(signals, self.lowest, self.highest, strict=True)
-        return np.array([s.assumed and (s.min, s.max) == (low, high) for s, low, high in ends])
+        are_assumed = []
+        for name, lowest, highest in zip(self.names, self.lowest, self.highest, strict=True):
+            signal = self.model.signal(name)
+            is_declared = (signal.min, signal.max) == (lowest, highest)
+            are_assumed.append(signal.assumed and is_declared)
+        return np.array(are_assumed)
 
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) that are within their limits, up to `SLACK`.
@@ -66,15 +69,11 @@ class Limits:
         return (array >= self.least) & (array <= self.most)
 
     def at_lowest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) at or below their lowest limit, up to a tolerance
-        `NEAR`.
-        """
+        """Return the mask of the values (..., k) at or below their lowest limit, up to `NEAR`."""
         return np.asarray(values) <= self.lowest + NEAR * self._measure(self.lowest)
 
     def at_highest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) at or above their highest limit, up to a tolerance
-        `NEAR`.
-        """
+        """Return the mask of the values (..., k) at or above their highest limit, up to `NEAR`."""
         return np.asarray(values) >= self.highest - NEAR * self._measure(self.highest)
 
     def between(self, name: str) -> str:
@@ -101,9 +100,7 @@ class Limits:
         return sentences
 
     def _measure(self, limit: np.ndarray) -> np.ndarray:
-        """Return the scale of the tolerance at each limit, nominal + |limit|, (k,)."""
-        # The scale is 0 for a signal without this limit.
-        # limit (k,)
+        """Return nominal + |limit| of each signal, 0 where it has no limit, (k,)."""
         nominal = np.array([self.model.signal(name).nominal for name in self.names])
         return np.where(np.isfinite(limit), nominal + np.abs(limit), 0.0)
 
@@ -112,8 +109,7 @@ class Limits:
 def _limits(
     model: Model, names: tuple[str, ...], changes: tuple[tuple[str, float, float], ...]
 ) -> Limits:
-    """Return the limits of the named signals of a model. The results are cached."""
-    # changes (name, lowest, highest)
+    """Return the limits of the named signals, with changes as (name, lowest, highest)."""
     changed = {name: (lowest, highest) for name, lowest, highest in changes}
     rows = []
     for name in names:

@@ -42,18 +42,18 @@ def fingerprint(model: Model, sources: str) -> str:
     *given, w = map(components, vectors)
     f, y = model.layout.expressions(given, tuple(model.outputs), w)
     function = ca.Function("f", vectors, [f, y])
-    whole = hashlib.sha256(sources.encode())
+    digest = hashlib.sha256(sources.encode())
     for kind in (*VECTORS.values(), "outputs", "trim"):
-        whole.update(repr(getattr(model, kind)).encode())
+        digest.update(repr(getattr(model, kind)).encode())
     for number in range(function.n_instructions()):
         operation = function.instruction_id(number)
         parts = [operation, function.instruction_input(number), function.instruction_output(number)]
         if operation == ca.OP_CONST:
             parts.append(function.instruction_constant(number))
         if operation == ca.OP_CALL:  # the instructions of the called function are not accessible
-            return hashlib.sha256(whole.digest() + function.serialize().encode()).hexdigest()
-        whole.update(repr(parts).encode())
-    return whole.hexdigest()
+            return hashlib.sha256(digest.digest() + function.serialize().encode()).hexdigest()
+        digest.update(repr(parts).encode())
+    return digest.hexdigest()
 
 
 def hash_of_sources(file: Path, package: str) -> str:
@@ -67,26 +67,27 @@ def hash_of_sources(file: Path, package: str) -> str:
     """
     outer_packages = package.count(".")
     folder = file.resolve().parents[outer_packages]
-    sources = _local_sources(file.resolve(), package, folder, {})
+    sources = _local_sources(file.resolve(), package, folder)
     if len(sources) == 1:
         return hashlib.sha256(sources[file.resolve()]).hexdigest()
-    whole = hashlib.sha256()
+    digest = hashlib.sha256()
     for path in sorted(sources):
-        whole.update(path.relative_to(folder).as_posix().encode() + b"\0")
-        whole.update(hashlib.sha256(sources[path]).digest())
-    return whole.hexdigest()
+        digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
+        digest.update(hashlib.sha256(sources[path]).digest())
+    return digest.hexdigest()
 
 
-def _local_sources(
-    file: Path, package: str, folder: Path, sources: dict[Path, bytes]
-) -> dict[Path, bytes]:
-    """Return path -> content of a Python file and of the local files it imports."""
-    sources[file] = file.read_bytes()
-    for name in _imported_names(sources[file], package):
-        path = local_file(name, folder)
-        if path is not None and path not in sources:
-            inner = getattr(sys.modules[name], "__package__", "") or ""
-            _local_sources(path, inner, folder, sources)
+def _local_sources(file: Path, package: str, folder: Path) -> dict[Path, bytes]:
+    """Return path -> content of a Python file of a package and of all local files it imports."""
+    sources: dict[Path, bytes] = {}
+    package_of_unread = {file: package}
+    while package_of_unread:
+        path, its_package = package_of_unread.popitem()
+        sources[path] = path.read_bytes()
+        for name in _imported_names(sources[path], its_package):
+            imported = local_file(name, folder)
+            if imported is not None and imported not in sources:
+                package_of_unread[imported] = getattr(sys.modules[name], "__package__", "") or ""
     return sources
 
 

@@ -32,13 +32,13 @@ def plant_model(
     outputs: name of an output -> c (n,) and d (m,) of y = c x + d u. Outputs named like a state are
         ignored.
     """
-    shown = {output: row for output, row in (outputs or {}).items() if output not in names.states}
+    rows = {output: row for output, row in (outputs or {}).items() if output not in names.states}
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         rates = {
             state: _product(A[i], x) + _product(B[i], u) for i, state in enumerate(names.states)
         }
-        return rates, {output: _product(c, x) + _product(d, u) for output, (c, d) in shown.items()}
+        return rates, {output: _product(c, x) + _product(d, u) for output, (c, d) in rows.items()}
 
     states = _signals(names.states, names.state_units)
     inputs = _signals(names.inputs, names.input_units)
@@ -47,7 +47,7 @@ def plant_model(
         states,
         inputs,
         equations,
-        outputs={output: Signal() for output in shown},
+        outputs={output: Signal() for output in rows},
         trim=dict.fromkeys(inputs, 0.0),
         about=About(notes=(LINEAR,)),
     )

@@ -93,12 +93,15 @@ def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
 
 
 def _named(states: Mapping[str, Signal], names: Sequence[str], units: Sequence[str]) -> list[str]:
-    """Return the states with one of the names, or the only one with a part's name before it."""
-    fitting = [name for name, signal in states.items() if signal.unit in units]
+    """Return the states with one of the names and units, or else the only one of a part.
+
+    The state of a part has the name of the part before one of the names: body_speed.
+    """
+    with_unit = [name for name, signal in states.items() if signal.unit in units]
+    named = [name for name in with_unit if name.lower() in names]
     ends = tuple(f"_{name}" for name in names if len(name) > 1)
-    of_parts = [name for name in fitting if name.lower().endswith(ends)]
-    exact = [name for name in fitting if name.lower() in names]
-    return exact or (of_parts if len(of_parts) == 1 else [])
+    of_parts = [name for name in with_unit if name.lower().endswith(ends)]
+    return named or (of_parts if len(of_parts) == 1 else [])
 
 
 def altitudes(model: Model) -> list[str]:
@@ -204,7 +207,7 @@ class Model(Reported):
             self.layout.refuse_broken()
 
     def _check_signals(self) -> None:
-        """Replace each group of signals by a dictionary, name -> `Signal`."""
+        """Replace each group of signals by a dictionary, name -> `Signal`, after checks."""
         seen: set[str] = set()
         for kind in (*VECTORS.values(), "outputs"):
             signals: Any = getattr(self, kind)
@@ -370,8 +373,7 @@ class Model(Reported):
         return ((recognized(self.states)["speed"], *self.airspeeds), *self.trimming.alternatives)
 
     def part(self, name: str) -> tuple[str, tuple[str, ...]]:
-        """Return the measured output or state, and the linear states that contribute to a measured
-        quantity.
+        """Return the output or state of a measured quantity, and the states that contribute to it.
 
         For a part of an output, only the states of this part contribute. Otherwise all linear
         states contribute.
@@ -541,27 +543,30 @@ class Model(Reported):
         Raises BadInputError, whose message completes a sentence that begins with the name, if the
         unit is another quantity's.
         """
+        full_angle, angle = self.signal(name).full, conversion_factor(unit, "rad")
+        if full_angle and angle is not None:
+            return angle / full_angle
         declared = self.unit(name)
-        factor = conversion_factor(unit, declared)
-        if factor is None and unit == "%" and declared in ("1", "chord"):
-            factor = 0.01
-        elif factor is None and name in self.airspeeds and unit.lower() == name:
-            factor = 1.0
-        elif factor is None:
-            factor = conversion_factor(unit.lower(), declared)
-        full, angle = self.signal(name).full, conversion_factor(unit, "rad")
-        if full and angle is not None:
-            return angle / full
-        if factor is None:
-            if declared == "1":
-                low, high = self.signal(name).min, self.signal(name).max
-                ends = f" from {low:g} to {high:g}" if math.isfinite(high - low) else ""
-                raise BadInputError(f"is {shortened(text)!r}; give a number without a unit{ends}")
-            words = declared.replace("rad", "deg")
-            others = ", ".join(each for each in units_like(declared) if each != words)
-            beside = f", or with a unit: {others}" * bool(others)
-            raise BadInputError(f"is {shortened(text)!r}; give a finite number, in {words}{beside}")
-        return factor
+        if unit == "%" and declared in ("1", "chord"):
+            return 0.01
+        if name in self.airspeeds and unit.lower() == name:
+            return 1.0
+        for spelling in (unit, unit.lower()):
+            factor = conversion_factor(spelling, declared)
+            if factor is not None:
+                return factor
+        raise BadInputError(f"is {shortened(text)!r}; {self._advice_on_unit(name)}")
+
+    def _advice_on_unit(self, name: str) -> str:
+        """Return which numbers and units a signal, an airspeed or a rate takes."""
+        declared = self.unit(name)
+        if declared == "1":
+            low, high = self.signal(name).min, self.signal(name).max
+            ends = f" from {low:g} to {high:g}" if math.isfinite(high - low) else ""
+            return f"give a number without a unit{ends}"
+        words = declared.replace("rad", "deg")
+        others = ", ".join(each for each in units_like(declared) if each != words)
+        return f"give a finite number, in {words}" + f", or with a unit: {others}" * bool(others)
 
     def number(self, name: str, value: Any) -> Any:
         """Return a value of a signal, an airspeed or a rate in the unit of the model.
@@ -572,17 +577,17 @@ class Model(Reported):
         """
         if not isinstance(value, str):
             return value
-        number, unit = split_unit(value)
+        digits, unit = split_unit(value)
         try:
-            found = float(number)
+            number = float(digits)
         except ValueError:
-            found = math.nan
-        if not (unit and math.isfinite(found)):
+            number = math.nan
+        if not (unit and math.isfinite(number)):
             raise BadInputError(
                 f'{name} is {shown(value)}; give a number, or text with a unit ("250 kt", "5 deg")'
             )
         try:
-            return found * self.factor_of(name, value, unit)
+            return number * self.factor_of(name, value, unit)
         except BadInputError as error:
             raise BadInputError(f"{name} {error}") from error
 
@@ -656,14 +661,7 @@ class Model(Reported):
             if not is_finite(value):
                 raise BadInputError(f"{name} is {shown(value)}; give a finite number")
             if not signal.min <= value <= signal.max:
-                which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
-                angle = f", or an angle: {name}={math.degrees(signal.full):g}deg" * bool(
-                    signal.full
-                )
-                raise BadInputError(
-                    f"{name} is {self.describe(name, value)}; give at {which}"
-                    f" {self.describe(name, limit)}{angle}"
-                )
+                raise BadInputError(self._message_beyond_limits(name, value))
             changed[name] = signal._replace(start=float(value))
             if native is not None:
                 native_values[name] = float(value) / self.native_factor(name)
@@ -672,6 +670,15 @@ class Model(Reported):
         declared = {name: self.parameters[name].start for name in values} | {**self.source.declared}
         source = replace(self.source, native=native, declared=declared)
         return replace(self, parameters=changed, source=source)
+
+    def _message_beyond_limits(self, name: str, value: float) -> str:
+        """Return the message that a value of a parameter is beyond its limits."""
+        signal = self.parameters[name]
+        which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
+        advice = f"give at {which} {self.describe(name, limit)}"
+        if signal.full:
+            advice += f", or an angle: {name}={math.degrees(signal.full):g}deg"
+        return f"{name} is {self.describe(name, value)}; {advice}"
 
     @cached_property
     def p(self) -> np.ndarray:
@@ -721,12 +728,12 @@ class Model(Reported):
         if not np.isfinite(flat).all():
             values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
             raise NotFiniteError(self.message_of_not_finite(flat[:n], values, list(self.states)))
-        parts, first = [], 0
-        for shape in ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d)):
-            last = first + math.prod(shape)
-            parts.append(flat[first:last].reshape(shape))
-            first = last
-        return Linearization(*parts)
+        shapes = ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d))
+        ends = np.cumsum([math.prod(shape) for shape in shapes])
+        parts = np.split(flat, ends[:-1])
+        return Linearization(
+            *(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
+        )
 
     def message_of_not_finite(
         self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]
@@ -773,8 +780,7 @@ class Model(Reported):
     def _numbers_at(
         self, x: Sequence[float], u: Sequence[float]
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Return rates and outputs by name at a state and an input, without disturbance."""
-        # x (n,), u (m,)
+        """Return rates and outputs by name at x (n,) and u (m,), without disturbance."""
         numbers = [[float(value) for value in vector] for vector in (x, u, self.p)]
         still_air = [0.0 for _ in self.disturbances]
         records = map(self.layout.record, VECTORS, (*numbers, still_air))

@@ -23,7 +23,10 @@ def model_of_python(text: str) -> tuple[Model, str]:
 
     Raises BadInputError if the file or module cannot be read, fails, or has no such model.
     """
-    where, name = (text, "") if text.endswith(".py") else text.rpartition(":")[::2]
+    if text.endswith(".py"):
+        where, name = text, ""
+    else:
+        where, _, name = text.rpartition(":")
     try:
         module = _executed(where) if where.endswith(".py") else _imported(where)
         sources = hash_of_sources(Path(str(module.__file__)), module.__package__ or "")
@@ -54,8 +57,7 @@ def model_of_python(text: str) -> tuple[Model, str]:
 
 
 def _executed(file: str) -> types.ModuleType:
-    """Return the module that results from executing a Python file."""
-    # The file can import modules in its folder, as in `python FILE.py`.
+    """Return the module of a Python file, which can import from its folder as in `python FILE`."""
     content = regular_file(file).read_bytes()
     module = types.ModuleType(f"aircraft_{Path(file).stem}")
     module.__file__ = file  # the module finds its data files with it
@@ -66,7 +68,7 @@ def _executed(file: str) -> types.ModuleType:
 
 
 #: Names of the modules that executed files imported from their folders.
-_BESIDE: set[str] = set()
+_IMPORTED_FROM_FOLDERS: set[str] = set()
 
 
 @contextmanager
@@ -77,9 +79,9 @@ def _imports_from(folder: Path) -> Iterator[None]:
     # project keep their names.
     for name in OWN_PACKAGES:
         importlib.import_module(name)
-    for name in _BESIDE:
+    for name in _IMPORTED_FROM_FOLDERS:
         sys.modules.pop(name, None)
-    _BESIDE.clear()
+    _IMPORTED_FROM_FOLDERS.clear()
     importlib.invalidate_caches()
     before = set(sys.modules)
     writes_no_bytecode = sys.dont_write_bytecode
@@ -90,7 +92,8 @@ def _imports_from(folder: Path) -> Iterator[None]:
     finally:
         sys.path.remove(str(folder))
         sys.dont_write_bytecode = writes_no_bytecode
-        _BESIDE.update(name for name in set(sys.modules) - before if local_file(name, folder))
+        imported = set(sys.modules) - before
+        _IMPORTED_FROM_FOLDERS.update(name for name in imported if local_file(name, folder))
 
 
 def _imported(name: str) -> types.ModuleType:
@@ -112,8 +115,7 @@ def _only_model(module: types.ModuleType) -> Model | None:
 
 
 def _no_model_message(module: types.ModuleType, name: str, value: Any) -> str:
-    """Return the error message for a name in a Python module that does not refer to a model."""
-    # The message lists the models of the module.
+    """Return the message that a name of a module is no model, with the models of the module."""
     models = list(_models_of(module))
     if not name:
         return (

@@ -46,11 +46,8 @@ class Waveform(Result, Reported):
     def __post_init__(self) -> None:
         """Raise BadInputError unless the parts are finite vectors of equal length."""
         size = np.shape(self.constant)
-        for part in (
-            self.constant,
-            self.slope,
-            *(row for h in self.harmonics for row in (h.sine, h.cosine)),
-        ):
+        amplitudes = [row for h in self.harmonics for row in (h.sine, h.cosine)]
+        for part in (self.constant, self.slope, *amplitudes):
             if len(size) != 1 or np.shape(part) != size:
                 raise BadInputError(
                     f"the parts of a waveform have shapes {size} and {np.shape(part)}; give "
@@ -154,31 +151,31 @@ def channel(text: str) -> Waveform:
 
     Raises BadInputError for another text.
     """
-    words = re.sub(r"(?<![\d.])\s+|\s+(?![\d.])", "", text.strip())
+    # Spaces between two digits remain, and are refused: "7 8" is not 78.
+    packed = re.sub(r"(?<![\d.])\s+|\s+(?![\d.])", "", text.strip())
     constant = 0.0
     slope = 0.0
     waves = []
     begin = 0
-    while begin < len(words):
-        term = _TERM.match(words, begin)
+    while begin < len(packed):
+        term = _TERM.match(packed, begin)
         empty = term is None or not (term["amplitude"] or term["ramp"] or term["wave"])
         if term is None or empty or (begin > 0 and not term["sign"]):
             raise BadInputError(
-                f"{words[begin:]!r} is no term of a signal; write sums of terms such as 7, 0.01t, "
+                f"{packed[begin:]!r} is no term of a signal; write sums of terms such as 7, 0.01t, "
                 "2sin(0.5t), 2cos(0.5t)"
             )
         amplitude = float(f"{term['sign']}{term['amplitude'] or 1}")
         if term["ramp"]:
             slope += amplitude
         elif term["wave"]:
-            vector = np.array([amplitude])
             frequency = float(term["frequency"] or 1)
-            sine = vector * (term["wave"] == "sin")
-            waves.append(Harmonic(frequency, sine, vector - sine))
+            sine, cosine = (amplitude, 0.0) if term["wave"] == "sin" else (0.0, amplitude)
+            waves.append(Harmonic(frequency, np.array([sine]), np.array([cosine])))
         else:
             constant += amplitude
         begin = term.end()
-    if not words:
+    if not packed:
         raise BadInputError("a signal is empty; write terms such as 7, 0.01t, 2sin(0.5t)")
     return Waveform(np.array([constant]), np.array([slope]), tuple(waves))
 
@@ -191,8 +188,8 @@ def stacked(channels: Mapping[str, Waveform], names: Sequence[str]) -> Waveform:
     """
     total = zero(len(names))
     for name, wave in channels.items():
-        place = np.array([[float(other == name)] for other in names])
-        total = total + wave.through(place)
+        into_its_channel = np.array([[float(other == name)] for other in names])
+        total = total + wave.through(into_its_channel)
     return total
 
 

@@ -91,9 +91,9 @@ def march(
     loop: Loop,
     ticks: int,
     *,
-    over: Over | None = None,
+    over: Over | None,
+    keep: bool,
     window: int = 1,
-    keep: bool = True,
 ) -> tuple[History, np.ndarray]:
     """Simulate flights, each until it is over.
 
@@ -103,41 +103,41 @@ def march(
 
     ticks: largest number of ticks, at least 1
     over: decides which flights are over, or None for flights of all ticks
-    window: number of ticks after which `over` is called
     keep: whether the states of all steps are returned
+    window: number of ticks after which `over` is called
     """
     steps = loop.stepper.steps
     state = loop.start()
     n = state.shape[1]
-    flying = np.arange(len(state))
+    flying = np.arange(len(state))  # numbers of the flights that are not over
     ends = np.full(len(state), ticks * steps)
     # Memory is allocated only for the rows that are written.
-    kept = ticks * steps + 1 if keep else 1
-    states = np.empty((len(state), kept, n))
-    states[:, 0] = state
-    for first in range(0, ticks, window):
-        last = min(first + window, ticks)
-        begin = first * steps
-        end = last * steps
-        flown = np.empty((len(flying), end - begin + 1, n))
-        flown[:, 0] = state
-        for tick in range(first, last):
+    kept_rows = ticks * steps + 1 if keep else 1
+    kept = np.empty((len(state), kept_rows, n))
+    kept[:, 0] = state
+    for first_tick in range(0, ticks, window):
+        last_tick = min(first_tick + window, ticks)
+        begin = first_tick * steps
+        end = last_tick * steps
+        in_window = np.empty((len(flying), end - begin + 1, n))
+        in_window[:, 0] = state
+        for tick in range(first_tick, last_tick):
             row = tick * steps - begin
             after = loop.stepper(state, loop.hold(tick, state, flying))
-            flown[:, row + 1 : row + steps + 1] = after
+            in_window[:, row + 1 : row + steps + 1] = after
             state = after[:, -1]
         if over is not None:
-            mask = over(History(begin, flown, flying))
+            mask = over(History(begin, in_window, flying))
             is_over = mask.any(axis=1)
             first_over = begin + mask[is_over].argmax(axis=1)
             ends[flying[is_over]] = steps * np.ceil(first_over / steps).astype(int)
         if keep:
-            states[flying, begin : end + 1] = flown
+            kept[flying, begin : end + 1] = in_window
         else:
             last_rows = np.minimum(ends[flying], end) - begin
-            states[flying, 0] = flown[np.arange(len(flying)), last_rows]
+            kept[flying, 0] = in_window[np.arange(len(flying)), last_rows]
         is_flying = ends[flying] > end
         flying, state = flying[is_flying], state[is_flying]
         if not flying.size:
             break
-    return History(0, states, np.arange(len(states))), ends
+    return History(0, kept, np.arange(len(kept))), ends

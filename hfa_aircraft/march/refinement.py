@@ -85,12 +85,13 @@ def resolved(
 
 def _largest_change(before: Figures, after: Figures) -> tuple[str, float]:
     """Return the figure that changes most, "" if none does, and its relative change."""
-    largest = ("", _ROUNDING)
+    changed_most, largest = "", _ROUNDING
     for name in {**before, **after}:
         change = math.inf
         if name in before and name in after:
             (old, _), (new, least) = before[name], after[name]
             change = abs(new - old) / max(abs(new), least)
-        if not change <= largest[1]:
-            largest = (name, change if math.isfinite(change) else math.inf)
-    return largest if largest[0] else ("", 0.0)
+        if not change <= largest:
+            changed_most = name
+            largest = change if math.isfinite(change) else math.inf  # a nan is a large change
+    return changed_most, largest if changed_most else 0.0
