@@ -209,7 +209,7 @@ def forms_of_packages() -> list[str]:
 
     Schemes come before suffixes.
     """
-    names = sorted(_kinds(), key=lambda name: (name.startswith("."), name))
+    names = sorted(_known_formats(), key=lambda name: (name.startswith("."), name))
     return [f"FILE{name}" if name.startswith(".") else f"{name}:NAME" for name in names]
 
 
@@ -232,10 +232,10 @@ def _format_of(text: str) -> str:
     scheme = text.partition(":")[0]
     suffixes = "".join(Path(text.partition("?")[0]).suffixes).lower()
     names = [scheme, *(suffixes[at:] for at, each in enumerate(suffixes) if each == ".")]
-    return next((name for name in names if name in _kinds()), "")
+    return next((name for name in names if name in _known_formats()), "")
 
 
-def _kinds() -> tuple[str, ...]:
+def _known_formats() -> tuple[str, ...]:
     """Return the schemes and suffixes that the project and installed packages read."""
     return (*DATA_FILES, *offered(AIRCRAFT, DATA_FILES))
 

@@ -96,11 +96,11 @@ def spread_of(model: Model, known: Any, held: Collection[str]) -> ParameterSprea
         spread = spread_of_set(known)
     if model.source.native is not None:
         spread = _in_units_of(model, spread)
-    kept = [at for at, name in enumerate(spread.values) if name not in held]
+    is_kept = np.array([name not in held for name in spread.values])
     return replace(
         spread,
         values={name: value for name, value in spread.values.items() if name not in held},
-        covariance=spread.covariance[np.ix_(kept, kept)],
+        covariance=spread.covariance[is_kept][:, is_kept],
     )
 
 

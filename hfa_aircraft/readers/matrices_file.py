@@ -107,8 +107,8 @@ def _refuse_other_order(key: str, in_file: tuple[str, ...], of_plant: tuple[str,
     """
     if in_file == of_plant or len(in_file) != len(of_plant):
         return
-    place = {name.lower(): i for i, name in enumerate(of_plant)}
-    places = [place.get(name.lower(), i) for i, name in enumerate(in_file)]
+    place_in_plant = {name.lower(): i for i, name in enumerate(of_plant)}
+    places = [place_in_plant.get(name.lower(), i) for i, name in enumerate(in_file)]
     if places != list(range(len(of_plant))):
         raise BadInputError(
             f"the {key} are {shortened(', '.join(in_file), 200)} in the file, but in the "
@@ -141,12 +141,12 @@ def _scales_of(signal: str, stored: Mapping[str, Any], of_plant: tuple[str, ...]
     return scales
 
 
-def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
+def entries_of(contents: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
     """Return the entries of a plant file, and a list of notes for the user.
 
     The entries named as in python-control are returned under the names of this project.
 
-    found: entries of the file, from `read_arrays`
+    contents: entries of the file, from `read_arrays`
     needed: required entries. If none of them is at the top level, all entries are read from the
         only structure that contains all required ones.
 
@@ -155,16 +155,16 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     descriptor matrix of MATLAB.
     """
     notes: list[str] = []
-    if not needed & set(found):
+    if not needed & set(contents):
         plants = [
             name
-            for name, value in found.items()
+            for name, value in contents.items()
             if isinstance(value, dict) and needed <= set(value)
         ]
         if len(plants) == 1:
-            found = found[plants[0]]
+            contents = contents[plants[0]]
             notes.append(f"{' and '.join(sorted(needed))} are read from the structure {plants[0]}")
-    stored = {_OF_CONTROL.get(key, key): value for key, value in found.items()}
+    stored = {_OF_CONTROL.get(key, key): value for key, value in contents.items()}
     dt = sample_time(stored)
     for key in ("dt", "Ts"):
         stored.pop(key, None)
@@ -207,10 +207,10 @@ def sample_time(stored: Mapping[str, Any]) -> float | None:
 
     Raises BadInputError for any other entry, and if `dt` and `Ts` differ.
     """
-    found = {key: _seconds(key, stored[key]) for key in ("dt", "Ts") if key in stored}
-    if len(set(found.values())) > 1:
+    times = {_seconds(key, stored[key]) for key in ("dt", "Ts") if key in stored}
+    if len(times) > 1:
         raise BadInputError("dt and Ts are different sample times; remove one of them")
-    return next(iter(found.values()), None)
+    return next(iter(times), None)
 
 
 def _seconds(key: str, value: Any) -> float | bool | None:
@@ -320,17 +320,20 @@ def linear_plant(path: str) -> Model:
 
     Raises BadInputError if the file contains no such plant or the plant is in discrete time.
     """
-    found = read_arrays(path)
+    contents = read_arrays(path)
     with prefix_errors(path):
-        stored, notes = entries_of(found, {"A", "B"})
+        stored, notes = entries_of(contents, {"A", "B"})
         if is_discrete(stored):
             raise BadInputError(
                 "the plant is in discrete time, which is not supported; give A "
                 "and B of x' = A x + B u"
             )
-        has_inputs = "A" not in stored or "B" in stored
-        A, B = plant_matrices(stored if has_inputs else {**stored, "B": stored["A"]})
-        B = B if has_inputs else B[:, :0]
+        if "A" in stored and "B" not in stored:
+            # checked with a B that fits, of which no column is kept
+            A, any_B = plant_matrices({**stored, "B": stored["A"]})
+            B = any_B[:, :0]
+        else:
+            A, B = plant_matrices(stored)
         n, m = B.shape
         names = plant_names(stored, n, m, notes)
     model = plant_model(path, names.completed(n, m), A, B)

@@ -158,7 +158,7 @@ def rigid_aircraft(
     holds_beta: bool,
     source: Source,
     about: About,
-    domain: Domain | None = None,
+    domain: Domain,
 ) -> Model:
     """Return the `Model` of a rigid aircraft, with a straight and level default trim.
 
@@ -223,7 +223,7 @@ def rigid_aircraft(
         schedule="speed",
         source=source,
         about=about,
-        domain=domain or Domain(),
+        domain=domain,
         trimming=Trimming(begin=partial(coordinated, GRAVITY[system])),
     )
 

@@ -63,16 +63,17 @@ def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
             return dict(imposed)
         imposed = _with_crossover(model, names, speed, altitude, imposed)
     elif len(names) > 1 or speed in imposed:  # two speeds at an altitude
-        both = [*names, *([speed] * (speed in imposed))][:2]
+        speeds = [*names, speed] if speed in imposed else names
         raise BadInputError(
-            f"{' and '.join(both)} are both imposed, and each gives the speed at the altitude; give"
-            f" one of them, or free {altitude}"
+            f"{' and '.join(speeds[:2])} are both imposed, and each gives the speed at the"
+            f" altitude; give one of them, or free {altitude}"
         )
     # The model's equations find the speed, or else the standard atmosphere gives it.
     if name in model.outputs and ISA not in model.parameters:
         return dict(imposed)
-    rest = {each: imposed[each] for each in imposed if each != name}
-    return rest | {speed: _speed(model, name, altitude, imposed) * _per(model, speed, "ft/s")}
+    others = {each: imposed[each] for each in imposed if each != name}
+    in_ft_per_s = _true_airspeed_of(model, name, altitude, imposed)
+    return others | {speed: in_ft_per_s * _factor_to_model(model, speed, "ft/s")}
 
 
 def _with_crossover(
@@ -102,36 +103,45 @@ def _crossover(
     """
     from scipy.optimize import brentq
 
-    ends = [each * _per(model, altitude, "ft") for each in ALTITUDES]
+    lowest, highest = (each * _factor_to_model(model, altitude, "ft") for each in ALTITUDES)
+
+    def speed_difference(height: float, at_point: Mapping[str, float]) -> float:
+        """Return the first minus the second true airspeed, ft/s, at an altitude."""
+        there = {**at_point, altitude: height}
+        of_first, of_second = (
+            _true_airspeed_of(model, name, altitude, there) for name in (first, second)
+        )
+        return float(of_first - of_second)
+
     names = {first, second, *model.parameters} & {*imposed}
     columns = np.broadcast_arrays(*(imposed[name] for name in names))
     heights = []
     for values in zip(*(column.ravel() for column in columns), strict=True):
-        at = dict(zip(names, map(float, values), strict=True))
-
-        def apart(height: float, at: Mapping[str, float] = at) -> float:
-            each = {**at, altitude: height}
-            return float(
-                _speed(model, first, altitude, each) - _speed(model, second, altitude, each)
-            )
-
-        if apart(ends[0]) * apart(ends[1]) > 0.0:
+        at_point = dict(zip(names, map(float, values), strict=True))
+        at_lowest, at_highest = (speed_difference(end, at_point) for end in (lowest, highest))
+        if at_lowest * at_highest > 0.0:
             words = " and ".join(
-                f"{name} {model.describe(name, at[name])}" for name in (first, second)
+                f"{name} {model.describe(name, at_point[name])}" for name in (first, second)
             )
-            between = " and ".join(model.describe(altitude, end) for end in ends)
+            between = " and ".join(model.describe(altitude, end) for end in (lowest, highest))
             raise BadInputError(
                 f"{words} are one speed at no altitude between {between}; give other values"
             )
-        heights.append(brentq(apart, *ends, xtol=_ACCURACY * (ends[1] - ends[0])))
+        accuracy = _ACCURACY * (highest - lowest)
+        heights.append(brentq(speed_difference, lowest, highest, (at_point,), xtol=accuracy))
     return np.reshape(heights, columns[0].shape) if columns[0].ndim else heights[0]
 
 
-def _speed(model: Model, name: str, altitude: str, imposed: Mapping[str, Any]) -> Any:
-    """Return the true airspeed, ft/s, as a number or an array."""
+def _true_airspeed_of(model: Model, name: str, altitude: str, imposed: Mapping[str, Any]) -> Any:
+    """Return the true airspeed of an imposed airspeed, ft/s, as a number or an array.
+
+    name: the airspeed, such as kcas
+    altitude: name of the altitude
+    imposed: airspeed, altitude or parameter -> value in the units of the model
+    """
     start = {each: signal.start for each, signal in model.parameters.items()}
     if ISA in model.parameters or not {*_OF_AIR} <= {*model.outputs}:
-        height = imposed[altitude] / _per(model, altitude, "ft")
+        height = imposed[altitude] / _factor_to_model(model, altitude, "ft")
         return _evaluated(
             _in_standard_air(name), imposed[name], height, imposed.get(ISA, start.get(ISA, 0.0))
         )
@@ -140,8 +150,8 @@ def _speed(model: Model, name: str, altitude: str, imposed: Mapping[str, Any]) -
     return _evaluated(function, imposed[name], imposed[altitude], *p)
 
 
-def _per(model: Model, name: str, unit: str) -> float:
-    """Return the number of the model's units of a signal in a unit."""
+def _factor_to_model(model: Model, name: str, unit: str) -> float:
+    """Return the factor from a unit to that of a signal of a model."""
     factor = conversion_factor(unit, model.unit(name))
     if factor is None:
         raise BadInputError(f"{name} is in {model.unit(name)}; declare it in {unit}")
@@ -177,10 +187,10 @@ def _in_own_air(model: Model, name: str, altitude: str) -> ca.Function:
     x, u = ([start[each] for each in group] for group in (model.states, model.inputs))
     _, outputs = model.layout.expressions((x, u, p), tuple(_OF_AIR))
     pressure, mach = (
-        output / _per(model, each, unit)
+        output / _factor_to_model(model, each, unit)
         for output, (each, unit) in zip(ca.vertsplit(outputs), _OF_AIR.items(), strict=True)
     )
-    nominal = start[speed] / _per(model, speed, "ft/s")
+    nominal = start[speed] / _factor_to_model(model, speed, "ft/s")
     density, sound = 2.0 * pressure / nominal**2, nominal / mach
     air = Air(None, density * sound**2 / HEAT_RATIO, density, sound)
     return ca.Function("speed", [airspeed, height, *p], [_true_airspeed(name, airspeed, air)])

@@ -52,7 +52,7 @@ class Air:
     sound: Any
 
 
-def air_at(altitude: Any, system: str = "english", warmer: Any = 0.0) -> Air:
+def air_at(altitude: Any, system: str, warmer: Any = 0.0) -> Air:
     """Return standard air at a geometric altitude, in ft or m, of at most 154,000 ft.
 
     system: system of units, english or si
@@ -145,7 +145,7 @@ def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
     subsonic = subsonic_mach(ratio)
     coefficient = 1.2 ** (-0.25 * 7.0) * (1.2 / 1.4) ** (-0.5 * 2.5)
     supersonic = ca.fmax(subsonic, 1.0)
-    for _ in range(10):
+    for _ in range(10):  # as many fixed-point iterations as JSBSim's
         supersonic = coefficient * ca.sqrt(ratio * (1.0 - 1.0 / (7.0 * supersonic**2)) ** 2.5)
     return ca.if_else(subsonic > 1.0, supersonic, subsonic)
 
@@ -183,4 +183,4 @@ def _pressure_ratio(base_temperature: float, lapse: float, climb: Any) -> Any:
     )
 
 
-SEA_LEVEL = Air(*(float(value) for value in vars(air_at(ca.DM(0.0))).values()))
+SEA_LEVEL = Air(*(float(value) for value in vars(air_at(ca.DM(0.0), "english")).values()))

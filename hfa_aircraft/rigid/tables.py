@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+
+
+class Cell(NamedTuple):
+    """Cell between two breakpoints in which an argument of a table lies.
+
+    indicator: 1 for the cell and 0 for all others, (n - 1,)
+    offset: argument, limited to the range of the breakpoints, minus `_middle` of them
+    """
+
+    indicator: ca.SX
+    offset: ca.SX
 
 
 class Interpolator:
@@ -22,7 +33,8 @@ class Interpolator:
     """
 
     def __init__(self) -> None:
-        self._axes: dict[tuple[int, bytes], tuple[ca.SX, ca.SX, ca.SX]] = {}
+        #: (hash of an argument, breakpoints) -> its cell, and the argument, which keeps its hash.
+        self._cells: dict[tuple[int, bytes], tuple[Cell, ca.SX]] = {}
 
     def __call__(
         self, values: np.ndarray, breakpoints: Sequence[np.ndarray], arguments: Sequence[Any]
@@ -34,33 +46,31 @@ class Interpolator:
         arguments: d scalars, numbers or expressions
         """
         axes = [np.asarray(points, dtype=float) for points in breakpoints]
+        # Each axis of values is replaced by two: level and slope, and the cell.
         lines = np.asarray(values, dtype=float)
-        for axis, points in enumerate(axes):
-            first = 2 * axis
-            both = np.stack(lines_of_cells(np.moveaxis(lines, first, 0), points))
-            lines = np.moveaxis(both, (0, 1), (first, first + 1))
+        for number, points in enumerate(axes):
+            axis = 2 * number
+            levels_and_slopes = np.stack(lines_of_cells(np.moveaxis(lines, axis, 0), points))
+            lines = np.moveaxis(levels_and_slopes, (0, 1), (axis, axis + 1))
         cells = [
             self.cell(ca.SX(argument), points)
             for points, argument in zip(axes, arguments, strict=True)
         ]
-        return _between(ca.SX(ca.DM(lines.ravel())), cells)
+        return _value_of_lines(ca.SX(ca.DM(lines.ravel())), cells)
 
-    def cell(self, argument: ca.SX, points: np.ndarray) -> tuple[ca.SX, ca.SX]:
-        """Return an indicator of the argument's cell, and the argument's distance from `_middle`.
-
-        The indicator (n - 1,) is 1 in the cell and 0 elsewhere. The argument is limited to the
-        range of the breakpoints.
+    def cell(self, argument: ca.SX, points: np.ndarray) -> Cell:
+        """Return the cell of an argument.
 
         points: breakpoints, (n,)
         """
         key = (argument.element_hash(), points.tobytes())
-        if key not in self._axes:
+        if key not in self._cells:
             inside = ca.fmin(ca.fmax(argument, points[0]), points[-1])
             above = argument >= ca.SX(ca.DM(points[1:-1]))
-            chosen = ca.vertcat(1, above) - ca.vertcat(above, 0)
-            self._axes[key] = (chosen, inside - _middle(points), argument)  # fixes its hash
-        chosen, offset, _ = self._axes[key]
-        return chosen, offset
+            indicator = ca.vertcat(1, above) - ca.vertcat(above, 0)
+            self._cells[key] = Cell(indicator, inside - _middle(points)), argument
+        cell, _ = self._cells[key]
+        return cell
 
 
 def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
@@ -84,16 +94,18 @@ def _middle(points: np.ndarray) -> float:
     return float(points[len(points) // 2])
 
 
-def _between(lines: ca.SX, cells: Sequence[tuple[ca.SX, ca.SX]]) -> ca.SX:
-    """Return the interpolated value of a table of lines."""
-    # lines (2, n1 - 1, 2, n2 - 1, ...)
+def _value_of_lines(lines: ca.SX, cells: Sequence[Cell]) -> ca.SX:
+    """Return the interpolated value of a table, given as a flat array (2, n1 - 1, 2, n2 - 1, ...).
+
+    Levels and slopes along the first argument are themselves tables of the other arguments.
+    """
     if not cells:
         return lines
-    chosen, offset = cells[0]
+    first, *others = cells
     half = lines.numel() // 2
-    count = chosen.numel()
+    count = first.indicator.numel()
     level, slope = (
-        _between(ca.mtimes(ca.reshape(part, half // count, count), chosen), cells[1:])
+        _value_of_lines(ca.mtimes(ca.reshape(part, half // count, count), first.indicator), others)
         for part in (lines[:half], lines[half:])
     )
-    return level + offset * slope
+    return level + first.offset * slope

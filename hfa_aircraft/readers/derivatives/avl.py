@@ -163,10 +163,10 @@ def read_stability_file(path: str) -> StabilityFile:
     if not any("Stability-axis derivatives" in line for _, line in lines):
         raise BadInputError(f"{path} contains no stability derivatives of AVL; {_AGAIN}")
     is_machine_readable = lines[0][1].strip() == "DERMATS"
-    found = _machine_readable(lines) if is_machine_readable else _printed(lines)
+    values_in_lines = _machine_readable(lines) if is_machine_readable else _printed(lines)
     values: dict[str, Entry] = {}
     deflections: dict[str, Entry] = {}
-    for place, name, value, is_deflection in found:
+    for place, name, value, is_deflection in values_in_lines:
         if not is_deflection:
             name = re.sub(r"(?<=d)0+(?=\d)", "", name)  # CLd01 is CLd1
         entry = Entry(value, f"{path}, line {place}")
@@ -214,7 +214,7 @@ def _refuse_run_case(file: StabilityFile) -> None:
             )
 
 
-class _Found(NamedTuple):
+class _Value(NamedTuple):
     """Value in a stability file.
 
     place: number of the line
@@ -229,7 +229,7 @@ class _Found(NamedTuple):
     is_deflection: bool
 
 
-def _printed(lines: Iterable[tuple[int, str]]) -> Iterable[_Found]:
+def _printed(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
     """Yield the values in the lines of a printed file.
 
     The deflections stand between the line of CYff, the last of the total forces, and a rule.
@@ -241,16 +241,16 @@ def _printed(lines: Iterable[tuple[int, str]]) -> Iterable[_Found]:
         if shows_deflections:
             control, equals, deflection = line.rpartition("=")
             if equals:
-                yield _Found(place, control.strip(), deflection.strip(), is_deflection=True)
+                yield _Value(place, control.strip(), deflection.strip(), is_deflection=True)
         elif ":" not in line and " / " not in line:  # no title, and not the spiral criterion
             for name, value in re.findall(r"([A-Za-z][\w'/]*\*?)\s*=\s*([^\s|]+)", line):
                 if _KNOWN.fullmatch(name):
-                    yield _Found(place, name, value, is_deflection=False)
+                    yield _Value(place, name, value, is_deflection=False)
         if "CYff" in line:
             shows_deflections = True
 
 
-def _machine_readable(lines: Iterable[tuple[int, str]]) -> Iterable[_Found]:
+def _machine_readable(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
     """Yield the values in the lines of a machine-readable file, such as
 
     9.0 0.75 12.0 | Sref, Cref, Bref
@@ -271,9 +271,9 @@ def _machine_readable(lines: Iterable[tuple[int, str]]) -> Iterable[_Found]:
             shows_deflections = text == "CONTROL"
         elif shows_deflections and len(text.split()) > 1:
             deflection, _, control = text.partition(" ")
-            yield _Found(place, control.strip(), deflection, is_deflection=True)
+            yield _Value(place, control.strip(), deflection, is_deflection=True)
         for name, value in _labelled(line):
-            yield _Found(place, name, value, is_deflection=False)
+            yield _Value(place, name, value, is_deflection=False)
 
 
 def _labelled(line: str) -> Iterator[tuple[str, str]]:
@@ -308,6 +308,8 @@ def with_stability_file(
     length = _length(own, where)
     _refuse_other_center(own, file, where)
     fixed = _fixed_deflections(own, file, where)
+    for name in (_LENGTH, _CENTER, *fixed):  # no entries of a table
+        del own[name]
     entries = {
         "axes": Entry("stability", file.path),
         "wing_area": _stated(file, "Sref", f"{length}^2"),
@@ -362,24 +364,21 @@ def _stated(file: StabilityFile, name: str, unit: str) -> Entry:
     return Entry(f"{file.value(name)!r} {unit}", file.values[name].where)
 
 
-def _length(own: dict[str, Entry], where: str) -> str:
-    """Return the unit of the lengths of a stability file, and remove its entry from a table."""
+def _length(own: Mapping[str, Entry], where: str) -> str:
+    """Return the unit of the lengths of a stability file, which the table must state."""
     if _LENGTH not in own:
         raise BadInputError(
             f'{where}: {_LENGTH} is missing; add {_LENGTH} = "m", the unit of lengths in the '
             "stability file"
         )
-    entry = own.pop(_LENGTH)
+    entry = own[_LENGTH]
     if not isinstance(entry.value, str) or conversion_factor(entry.value, "m") is None:
         raise entry.error(f"{_LENGTH} is {shown(entry.value)}; give m, ft, in, cm or mm")
     return entry.value
 
 
-def _refuse_other_center(own: dict[str, Entry], file: StabilityFile, where: str) -> None:
-    """Raise BadInputError unless the moments of a stability file are about the center of gravity.
-
-    The entry is removed from the table.
-    """
+def _refuse_other_center(own: Mapping[str, Entry], file: StabilityFile, where: str) -> None:
+    """Raise BadInputError unless the moments of a file are about the center of gravity."""
     reference = [file.value(name) for name in _REFERENCE]
     shown_reference = f"[{', '.join(f'{value:g}' for value in reference)}]"
     if _CENTER not in own:
@@ -387,7 +386,7 @@ def _refuse_other_center(own: dict[str, Entry], file: StabilityFile, where: str)
             f"{where}: {_CENTER} is missing; add {_CENTER} = [x, y, z] in the axes of the .avl "
             f"file ({file.path} has moments about {shown_reference})"
         )
-    entry = own.pop(_CENTER)
+    entry = own[_CENTER]
     value: Any = entry.value
     if not isinstance(value, list | tuple) or len(value) != len(_REFERENCE):
         raise entry.error(f"{_CENTER} is {shown(value)}; give [x, y, z]")
@@ -403,11 +402,10 @@ def _refuse_other_center(own: dict[str, Entry], file: StabilityFile, where: str)
             )
 
 
-def _fixed_deflections(own: dict[str, Entry], file: StabilityFile, where: str) -> dict[str, float]:
-    """Return control variable -> deflection, deg, for those with one value in a table.
-
-    These entries are removed from the table.
-    """
+def _fixed_deflections(
+    own: Mapping[str, Entry], file: StabilityFile, where: str
+) -> dict[str, float]:
+    """Return control variable -> deflection, deg, for those with one value in a table."""
     fixed = {}
     for control, entry in file.controls.items():
         if control in (*UNITS, THRUST_INPUT):
@@ -421,7 +419,7 @@ def _fixed_deflections(own: dict[str, Entry], file: StabilityFile, where: str) -
                 f'["-25 deg", "25 deg"], its limits, or {control} = 0, if it does not move'
             )
         if not isinstance(own[control].value, list | tuple):
-            fixed[control] = math.degrees(number(control, own.pop(control), "rad"))
+            fixed[control] = math.degrees(number(control, own[control], "rad"))
     return fixed
 
 

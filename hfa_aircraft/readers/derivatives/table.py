@@ -119,7 +119,7 @@ def read_table(path: str, stability_file: str = "") -> Table:
     if file is not None:
         content += file.content
     source = Source(path, hashlib.sha256(content).hexdigest())
-    return _table(entries, file, source, Path(path).stem)
+    return _completed_table(entries, file, source, Path(path).stem)
 
 
 def _stability_file(
@@ -141,14 +141,18 @@ def _stability_file(
         return read_stability_file(path)
 
 
-def _table(
-    entries: dict[str, Entry], file: StabilityFile | None, source: Source, stem: str
+def _completed_table(
+    entries: dict[str, Entry], file: StabilityFile | None, source: Source, name: str
 ) -> Table:
-    """Return the checked table of entries, completed by a stability file if there is one."""
+    """Return the checked table of entries, completed by a stability file if there is one.
+
+    name: name of an aircraft whose table states none
+    """
     if file is None:
-        return _table_of(entries, source, stem)
+        return _checked_table(entries, source, name)
     length = entries["length"].value if "length" in entries else ""
-    table = _table_of(with_stability_file(entries, file, source.text or _DICTIONARY), source, stem)
+    completed = with_stability_file(entries, file, source.text or _DICTIONARY)
+    table = _checked_table(completed, source, name)
     sound = float(air_at(table.values.get("altitude", 0.0), table.system).sound)
     notes = tuple(file.notes("CD_0" in entries, table.values["speed"] / sound))
     if TAIL_ARM in entries:
@@ -166,7 +170,8 @@ def table_of(values: Mapping[str, Any]) -> Table:
     Raises BadInputError if an entry is missing, unknown or invalid.
     """
     entries = dict(_flat(values, _DICTIONARY))
-    return _table(entries, _stability_file(entries, _DICTIONARY, Path()), Source(), "aircraft")
+    file = _stability_file(entries, _DICTIONARY, Path())
+    return _completed_table(entries, file, Source(), "aircraft")
 
 
 def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
@@ -210,18 +215,19 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
     return entries
 
 
-def _table_of(entries: dict[str, Entry], source: Source, stem: str) -> Table:
-    """Return the table of the entries after checks of names, units, limits and required entries."""
-    pairs = {name: each for name, each in entries.items() if isinstance(each.value, list | tuple)}
+def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Table:
+    """Return the table of the entries after checks of names, units, limits and required entries.
+
+    name: name of an aircraft whose table states none
+    """
+    pairs = {key: each for key, each in entries.items() if isinstance(each.value, list | tuple)}
     surfaces_named_as_words = {*pairs} & {*WORDS}  # flap = ["0 deg", "30 deg"]
-    texts = {
-        name: "" if name in surfaces_named_as_words else _text(name, entries) for name in _TEXTS
-    }
+    texts = {key: "" if key in surfaces_named_as_words else _text(key, entries) for key in _TEXTS}
     system = texts["units"] or "si"
     axes = texts["axes"] or "body"
-    limits = {name: _limits(name, each, system) for name, each in pairs.items()}
+    limits = {key: _limits(key, each, system) for key, each in pairs.items()}
     thrust = limits.pop(THRUST_INPUT, (0.0, math.inf))
-    numbers = {name: each for name, each in entries.items() if name not in {*pairs, *_TEXTS}}
+    numbers = {key: each for key, each in entries.items() if key not in {*pairs, *_TEXTS}}
     found = _numbers_of(numbers, limits, texts, system)
     values, derivatives = found.values, found.derivatives
     determined = {each.coefficient.name: each.name for each in found.dimensional}
@@ -232,11 +238,11 @@ def _table_of(entries: dict[str, Entry], source: Source, stem: str) -> Table:
         values["mass"] = values["weight"] / GRAVITY[system]
     _refuse_two_forms(entries, determined)
     _add_dimensional(found, entries, texts["dimensional"], axes, system)
-    for name in (THRUST_BY_SPEED, "thrust_slope"):
-        if name in values or name in derivatives:
-            _refuse_no_drag(name, entries, derivatives)
+    for slope in (THRUST_BY_SPEED, "thrust_slope"):
+        if slope in values or slope in derivatives:
+            _refuse_no_drag(slope, entries, derivatives)
     return Table(
-        name=texts["name"] or stem,
+        name=texts["name"] or name,
         system=system,
         source=source,
         values=values,
@@ -246,7 +252,7 @@ def _table_of(entries: dict[str, Entry], source: Source, stem: str) -> Table:
         thrust=thrust,
         axes=axes,
         notes=tuple(_notes(values, derivatives)),
-        words={name: texts[name] for name in WORDS if texts[name]},
+        words={key: texts[key] for key in WORDS if texts[key]},
     )
 
 
@@ -377,8 +383,7 @@ def _text(name: str, entries: Mapping[str, Entry]) -> str:
 
 
 def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
-    """Return the lowest and highest value of an input."""
-    # The values of a control surface are in rad, and those of the thrust in lbf or N.
+    """Return the lowest and highest value of an input: rad of a surface, lbf or N of the thrust."""
     unit = "rad"
     if name == THRUST_INPUT:
         unit = "lbf" if system == "english" else "N"
@@ -396,6 +401,7 @@ def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
 
 
 def _unit(name: str, system: str) -> str:
+    """Return the unit of an entry that is not a derivative, in a system of units."""
     return UNITS[name][SYSTEMS.index(system)]
 
 
@@ -440,10 +446,6 @@ def _refuse_missing(values: Mapping[str, float], derivatives: Collection[str], w
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
     """Raise BadInputError for impossible or conflicting data of an aircraft."""
-    # - a size, mass, weight, moment of inertia or speed that is not positive
-    # - a center of gravity that is not in chords
-    # - mass and weight both given
-    # - Ixx Izz <= Ixz²
     positive = (
         "wing_area",
         "span",
