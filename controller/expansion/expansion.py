@@ -17,7 +17,7 @@ from controller.expansion.series import Series, coefficient, directions, gradien
 from controller.game.basis import TO_DEGREE, Basis, basis as named_basis
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
-from hfa_support.errors import BadInputError, NoSolutionError, is_finite, shown
+from hfa_support.errors import BadInputError, NoSolutionError, shown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from trim.linear.linear_model import LinearModel
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 #: Permitted degrees of a value.
 LOWEST = min(TO_DEGREE)
 HIGHEST = max(TO_DEGREE)
-#: Usual share of the cost by which a value may differ from the cost of a flight.
+#: Share of the cost of a flight by which a value may differ from it in `Expansion.radii`.
 SHARE = 0.05
 #: Largest number of coefficients of one degree.
 MOST = 2500
@@ -57,7 +57,6 @@ class Expansion(Result, Reported):
     root: (n, n), lower triangular, P = root root'. The terms are polynomials of y = root'z.
     value_terms: V2, V3, ..., as weights (M,) of the monomials of y, scaled by `monomial_scales`
     policy_terms: u1, u2, ..., as weights (m, M) of the same monomials
-    share: permitted difference from the cost of a flight in `radii`, relative to the cost
 
     >>> import hfa, numpy as np
     >>> linear = hfa.paper.level_model(hfa.aircraft(), np.radians(15.0))
@@ -73,7 +72,6 @@ class Expansion(Result, Reported):
     root: np.ndarray
     value_terms: tuple[np.ndarray, ...]
     policy_terms: tuple[np.ndarray, ...]
-    share: float = SHARE
 
     @property
     def game(self) -> Game:
@@ -152,17 +150,17 @@ class Expansion(Result, Reported):
         rays = Rays(self.rates, self.order - 1)
         y = directions(n, _RAYS, _SEED)
         z = np.linalg.solve(self.root.T, y.T)
-        inputs: list[np.ndarray] = []
-        gradients: list[np.ndarray] = []
+        inputs: list[np.ndarray] = []  # u1, u2, ... on the rays
+        gradients: list[np.ndarray] = []  # ∂V2/∂z, ∂V3/∂z, ... on the rays
         residuals = {}
         terms = zip(self.value_terms, self.policy_terms, strict=True)
-        for degree, (value, policy) in enumerate(terms, LOWEST):
-            gradients.append(self.root @ gradient(y, degree, value).T)
+        for degree, (value_term, policy_term) in enumerate(terms, LOWEST):
+            gradients.append(self.root @ gradient(y, degree, value_term).T)
             psi = homogeneous(n, degree - 1).psi(y) * monomial_scales(n, degree - 1)
-            inputs.append(policy @ psi.T)
-            total, size = coefficient(self.game, rays, z, inputs, gradients)
-            largest = float(size.max())
-            residuals[degree] = float(np.abs(total).max()) / largest if largest else 0.0
+            inputs.append(policy_term @ psi.T)
+            sums, sizes = coefficient(self.game, rays, z, inputs, gradients)
+            largest = float(sizes.max())
+            residuals[degree] = float(np.abs(sums).max()) / largest if largest else 0.0
         return residuals
 
     @property
@@ -206,7 +204,7 @@ class Expansion(Result, Reported):
         return ca.Function("disturbance", [z], [ca.densify(d)])
 
 
-def expand(linear: LinearModel, solution: Solution, order: int, share: float = SHARE) -> Expansion:
+def expand(linear: LinearModel, solution: Solution, order: int) -> Expansion:
     """Return the value and the policies of the nonlinear game about a trim, to a degree.
 
     The terms follow one degree at a time from the Hamilton-Jacobi-Isaacs equation (Al'brekht's
@@ -215,11 +213,10 @@ def expand(linear: LinearModel, solution: Solution, order: int, share: float = S
     linear: linear model at the trim; its model has the nonlinear equations
     solution: exact solution of the game on this linear model
     order: degree D of the value, 2 to 5; the policies have the degree D - 1
-    share: permitted difference from the cost of a flight in `Expansion.radii`, between 0 and 1
 
-    Raises BadInputError for another order or share, for too many coefficients, for equations with
-    tables or with a switch at the trim, and for a game of another linear model. Raises
-    NoSolutionError if P is singular, or if rounding dominates the result.
+    Raises BadInputError for another order, for too many coefficients, for equations with tables or
+    with a switch at the trim, and for a game of another linear model. Raises NoSolutionError if P
+    is singular, or if rounding dominates the result.
     Source: E. G. Al'brekht, On the optimal stabilization of nonlinear systems, J. Appl. Math. Mech.
     25 (1961); A. J. van der Schaft, IEEE Trans. Automatic Control 37 (1992) 770-784.
 
@@ -231,15 +228,12 @@ def expand(linear: LinearModel, solution: Solution, order: int, share: float = S
     ((77,), True)
     """
     _check_order(len(solution.P), order)
-    if not (is_finite(share) and 0.0 < share < 1.0):
-        raise BadInputError(f"share is {shown(share)}; give a number between 0 and 1, such as 0.05")
     rates = deviation_rates(linear, solution.game)
     series = Series(solution, Rays(rates, order - 1), order)
     for _ in range(LOWEST + 1, order + 1):
         series.add_degree()
-    value = tuple(series.value)
-    policy = tuple(series.policy)
-    expansion = Expansion(order, solution, rates, series.root, value, policy, share)
+    terms = tuple(series.value), tuple(series.policy)
+    expansion = Expansion(order, solution, rates, series.root, *terms)
     for degree, residual in expansion.residuals.items():
         if not residual <= LARGEST_RESIDUAL:
             raise NoSolutionError(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.expansion.expansion import Expansion
+from controller.expansion.expansion import SHARE, Expansion
 from controller.expansion.expansion_report import name_of_value
 from controller.expansion.radius import largest_errors
 from hfa_support.reporting.figure import new_figure
@@ -27,17 +27,16 @@ def expansion_figure(expansion: Expansion) -> Figure:
     An error is the difference from the cost of a flight of both players, relative to the cost. A
     curve ends where a flight does not converge.
     """
-    quadratic, *_, whole = (*expansion.radii, *expansion.radii)
-    known = [radius.c for radius in (quadratic, whole) if 0.0 < radius.c < np.inf]
-    lowest = min(known, default=1.0) ** 0.5 * _RANGE[0]
-    highest = max(known, default=1.0) ** 0.5 * _RANGE[1]
+    bounded = [radius.c for radius in expansion.radii if 0.0 < radius.c < np.inf]
+    lowest = min(bounded, default=1.0) ** 0.5 * _RANGE[0]
+    highest = max(bounded, default=1.0) ** 0.5 * _RANGE[1]
     sizes = np.geomspace(lowest, highest, _SIZES)
     figure = new_figure(7.0, 4.5)
     axes = figure.subplots()
     for index, errors in enumerate(largest_errors(expansion, sizes)):
         drawn = np.where((errors >= _SHOWN[0]) & (errors <= _SHOWN[1]), 100.0 * errors, np.nan)
         axes.loglog(sizes**2, drawn, label=name_of_value(index + 2), marker=".")
-    axes.axhline(100.0 * expansion.share, color="black", linewidth=0.8, linestyle="--")
+    axes.axhline(100.0 * SHARE, color="black", linewidth=0.8, linestyle="--")
     axes.set_xlabel("z'Pz of the initial condition")
     axes.set_ylabel("largest error of the value, % of the cost of a flight")
     axes.grid(visible=True, which="major", linewidth=0.4)

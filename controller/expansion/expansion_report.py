@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from controller.expansion.expansion import Expansion
+from controller.expansion.expansion import SHARE, Expansion
 from controller.expansion.monomials import name_of
 from controller.expansion.radius import Radius
 from hfa_support.reporting.report import Report
@@ -30,7 +30,7 @@ def expansion_report(expansion: Expansion) -> Report:
         ),
         parts=(
             f"Flights of both players, without input limits, cost what V predicts within"
-            f" {100 * expansion.share:g} %\nin the set z'Pz <= c, which extends to these"
+            f" {100 * SHARE:g} %\nin the set z'Pz <= c, which extends to these"
             " deviations from the trim:",
             Table(("largest", "unit", *columns), rows),
         ),

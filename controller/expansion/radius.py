@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.expansion.expansion import Expansion
+from controller.expansion.expansion import SHARE, Expansion
 from controller.expansion.flights import Flights
 from controller.expansion.monomials import homogeneous, monomial_scales
 from controller.expansion.series import directions
@@ -52,7 +52,7 @@ class Radius(Result):
 
 
 def radii_of(expansion: Expansion) -> tuple[Radius, ...]:
-    """Return the radius of V2 and that of the whole value (`Expansion.share`).
+    """Return the radius of V2 and that of the whole value, with differences of at most `SHARE`.
 
     All flights use the policies of the expansion. For each value, the set is found by bisection
     with flights from its boundary in the directions of the largest terms and in random directions,
@@ -76,17 +76,19 @@ def largest_errors(expansion: Expansion, sizes: np.ndarray) -> np.ndarray:
     sizes: square roots of z'Pz, (N,)
     """
     search = _Search(expansion)
-    rays = search.directions
-    y = (sizes[:, None, None] * rays).reshape(-1, expansion.states)
+    y = (sizes[:, None, None] * search.directions).reshape(-1, expansion.states)
     z = np.linalg.solve(expansion.root.T, y.T).T
     costs = search.flights.costs(z)
-    degrees = range(_QUADRATIC, expansion.order + 1)
-    errors = [_relative(np.array(expansion.value_to(degree)(z.T))[0], costs) for degree in degrees]
-    return np.array(errors).reshape(len(degrees), len(sizes), len(rays)).max(axis=2)
+    rows = []
+    for degree in range(_QUADRATIC, expansion.order + 1):
+        values = np.array(expansion.value_to(degree)(z.T))[0]
+        errors = _relative_errors(values, costs).reshape(len(sizes), -1)
+        rows.append(errors.max(axis=1))
+    return np.array(rows)
 
 
-def _relative(values: np.ndarray, costs: np.ndarray) -> np.ndarray:
-    """Return the difference of values from costs, relative to the costs, inf without a cost."""
+def _relative_errors(values: np.ndarray, costs: np.ndarray) -> np.ndarray:
+    """Return |value - cost| / |cost|, (N,), inf unless the cost is positive and finite."""
     with np.errstate(divide="ignore", invalid="ignore"):
         errors = np.abs(values - costs) / np.abs(costs)
     return np.where((costs > 0.0) & np.isfinite(errors), errors, np.inf)
@@ -97,18 +99,16 @@ class _Search:
 
     def __init__(self, expansion: Expansion) -> None:
         self.expansion = expansion
-        self.share = expansion.share
         self.flights = Flights(expansion)
         n = expansion.states
         drawn = directions(n, _DRAWN, _SEED)
-        chosen = [drawn[:_RANDOM]]
-        self._largest: dict[int, float] = {}  # degree -> largest |V_d| on z'Pz = 1
+        flown = [drawn[:_RANDOM]]
+        self._largest_terms: dict[int, float] = {}  # degree -> largest |V_d| on z'Pz = 1
         for degree, term in enumerate(expansion.value_terms[1:], _QUADRATIC + 1):
             values = np.abs(homogeneous(n, degree).psi(drawn) @ (monomial_scales(n, degree) * term))
-            self._largest[degree] = float(values.max())
-            chosen.append(drawn[np.argsort(values)[-_LARGEST:]])
-        half = np.vstack(chosen)
-        self.directions = np.vstack([half, -half])
+            self._largest_terms[degree] = float(values.max())
+            flown.append(drawn[np.argsort(values)[-_LARGEST:]])
+        self.directions = np.vstack([*flown, *(-each for each in flown)])
 
     def radius(self, degree: int) -> Radius:
         """Return the radius of V2 + ... + V_degree.
@@ -121,27 +121,27 @@ class _Search:
             size *= _SMALLER
         z_of_y = np.linalg.inv(self.expansion.root.T)  # z'Pz = |y|²
         largest_z = size * np.linalg.norm(z_of_y, axis=1)
-        return Radius(degree, self.share, size**2, largest_z)
+        return Radius(degree, SHARE, size**2, largest_z)
 
     def _largest_agreeing(self, degree: int) -> float:
         """Return the largest size whose flights agree, 0 or inf if there is none."""
         first = self._guess(degree)
-        low = high = first
-        while self._agrees(self.directions * high, degree):
-            low, high = high, 2.0 * high
-            if high > first * _FARTHEST:
+        agreeing = disagreeing = first
+        while self._agrees(self.directions * disagreeing, degree):
+            agreeing, disagreeing = disagreeing, 2.0 * disagreeing
+            if disagreeing > first * _FARTHEST:
                 return math.inf
-        while not self._agrees(self.directions * low, degree):
-            low, high = low / 2.0, low
-            if low < first / _FARTHEST:
+        while not self._agrees(self.directions * agreeing, degree):
+            agreeing, disagreeing = agreeing / 2.0, agreeing
+            if agreeing < first / _FARTHEST:
                 return 0.0
-        while high > low * _FINE:
-            middle = math.sqrt(low * high)
+        while disagreeing > agreeing * _FINE:
+            middle = math.sqrt(agreeing * disagreeing)
             if self._agrees(self.directions * middle, degree):
-                low = middle
+                agreeing = middle
             else:
-                high = middle
-        return low
+                disagreeing = middle
+        return agreeing
 
     def _guess(self, degree: int) -> float:
         """Return the size s at which the next term has the permitted share of V2.
@@ -149,18 +149,18 @@ class _Search:
         The term of degree d is at most largest[d] s^(d-2) V2. Without a further known term, the
         last known one counts; without any, s is 1.
         """
-        known = {d: largest for d, largest in self._largest.items() if largest > 0.0}
-        if not known:
+        nonzero = {d: largest for d, largest in self._largest_terms.items() if largest > 0.0}
+        if not nonzero:
             return 1.0
-        d = min((d for d in known if d > degree), default=max(known))
-        return (self.share / known[d]) ** (1.0 / (d - 2))
+        d = min((d for d in nonzero if d > degree), default=max(nonzero))
+        return (SHARE / nonzero[d]) ** (1.0 / (d - 2))
 
     def _agrees(self, y: np.ndarray, degree: int) -> bool:
-        """Return whether the value differs from the cost by at most the share on all flights.
+        """Return whether the value differs from the cost by at most `SHARE` on all flights.
 
         y: (N, n), initial states, z'Pz = |y|²
         """
-        return bool(np.all(self._errors(y, degree) <= self.share))
+        return bool(np.all(self._errors(y, degree) <= SHARE))
 
     def _errors(self, y: np.ndarray, degree: int) -> np.ndarray:
         """Return the difference of the value from the cost of flights, relative to the cost, (N,).
@@ -172,19 +172,19 @@ class _Search:
         z = np.linalg.solve(self.expansion.root.T, y.T).T
         costs = self.flights.costs(z)
         values = np.array(self.expansion.value_to(degree)(z.T))[0]
-        return _relative(values, costs)
+        return _relative_errors(values, costs)
 
     def _agrees_at_random(self, size: float, degree: int) -> bool:
         """Return whether flights from states on the boundary agree, random ones and worse ones."""
         n = self.expansion.states
-        y = directions(n, _CONFIRMING, _SEED + degree)
-        errors = self._errors(size * y, degree)
+        unit_y = directions(n, _CONFIRMING, _SEED + degree)
+        errors = self._errors(size * unit_y, degree)
         for distance in _DISTANCES:
-            if not np.all(errors <= self.share):
+            if not np.all(errors <= SHARE):
                 return False
-            worst = y[np.argsort(errors)[-_WORST:]]
+            worst = unit_y[np.argsort(errors)[-_WORST:]]
             random = directions(n, _NEAR, _SEED + degree)
             near = np.resize(worst, random.shape) + distance * random
-            y = np.vstack([worst, near / np.linalg.norm(near, axis=1, keepdims=True)])
-            errors = self._errors(size * y, degree)
-        return bool(np.all(errors <= self.share))
+            unit_y = np.vstack([worst, near / np.linalg.norm(near, axis=1, keepdims=True)])
+            errors = self._errors(size * unit_y, degree)
+        return bool(np.all(errors <= SHARE))

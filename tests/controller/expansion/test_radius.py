@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hfa
-from hfa import BadInputError, Model, Signal, expand
+from hfa import Model, Signal, expand
 
 
 def pendulum(x, u, p, w):
@@ -74,14 +74,10 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not():
         assert errors[0] <= 0.05 < errors[1]
 
 
-def test_radius_grows_with_the_degree_and_the_share():
+def test_the_radius_grows_with_the_degree():
     quadratic, whole = expanded(4).radii
     assert (quadratic.degree, whole.degree) == (2, 4)
     assert 0.0 < quadratic.c < whole.c
-    linear = hfa.linearize(PENDULUM, hfa.trim(PENDULUM))
-    tighter, _ = expand(linear, expanded(4).solution, 4, share=0.01).radii
-    # Degree 2: the error is of first order in the state, and c of second order.
-    assert quadratic.c / tighter.c == pytest.approx(25.0, rel=0.01)
 
 
 def test_extents_are_those_of_the_ellipsoid():
@@ -94,11 +90,3 @@ def test_linear_plant_agrees_everywhere():
     linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
     solution = hfa.solve(hfa.game(linear, Q=[1.0, 1.0], R=[2.0], delta=5.0))
     assert [radius.c for radius in expand(linear, solution, 3).radii] == [math.inf, math.inf]
-
-
-@pytest.mark.parametrize("share", [0.0, 1.0, -0.1])
-def test_other_shares_are_refused(share):
-    exact = expanded(2)
-    linear = hfa.linearize(PENDULUM, hfa.trim(PENDULUM))
-    with pytest.raises(BadInputError, match="share"):
-        expand(linear, exact.solution, 2, share)
