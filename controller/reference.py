@@ -90,11 +90,11 @@ def feedforward(solution: Solution, reference: Waveform) -> Feedforward:
         raise BadInputError(
             f"the reference has {reference.size} states; the game has {len(game.A)}"
         )
-    driving = forcing(game.A, reference)
-    pushed = driving.through(-level.rows(solution.enclosure.P).T)
-    costate = particular(-level.worst_loop.T, pushed)
-    into = level.columns(np.eye(len(game.A)))
-    return Feedforward(solution, reference, driving, costate.through(into.T))
+    r = forcing(game.A, reference)
+    minus_P_r = r.through(-level.rows(solution.enclosure.P).T)
+    costate_in_level = particular(-level.worst_loop.T, minus_P_r)
+    to_level = level.columns(np.eye(len(game.A)))
+    return Feedforward(solution, reference, r, costate_in_level.through(to_level.T))
 
 
 def late_error(exact: Feedforward, K: np.ndarray, inputs: Waveform) -> Waveform:
@@ -106,6 +106,6 @@ def late_error(exact: Feedforward, K: np.ndarray, inputs: Waveform) -> Waveform:
     solution = exact.solution
     level = solution.level
     loop = level.with_gain(ball_matrix(K))
-    into, back = level.columns(np.eye(len(loop))), level.rows(identity(len(loop)))
-    pushed = inputs.through(level.inputs) + exact.forcing.through(into)
-    return particular(loop, pushed).through(back)
+    to_level, from_level = level.columns(np.eye(len(loop))), level.rows(identity(len(loop)))
+    forcing_in_level = inputs.through(level.inputs) + exact.forcing.through(to_level)
+    return particular(loop, forcing_in_level).through(from_level)

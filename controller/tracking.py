@@ -94,18 +94,21 @@ class Tracking(Result, Reported):
         return late_error(self.exact, self.K, inputs)
 
     def _rms(self, error: Waveform) -> np.ndarray:
+        """Return the root mean square of each channel over `duration`, (n,)."""
         squares = error.sampled(self._times) ** 2
         return np.sqrt(np.trapezoid(squares, self._times, axis=0) / self.duration)
 
     def _cost(self, error: Waveform, inputs: Waveform) -> float:
+        """Return the mean cost rate over `duration` of z = error and u = inputs - K z."""
         z = error.sampled(self._times)
         u = inputs.sampled(self._times) - z @ self.K.T
-        both = np.hstack([z, u])
-        rates = np.einsum("ti,ij,tj->t", both, self.game.weights, both)
+        zu = np.hstack([z, u])
+        rates = np.einsum("ti,ij,tj->t", zu, self.game.weights, zu)
         return float(np.trapezoid(rates, self._times) / self.duration)
 
     @cached_property
     def _times(self) -> np.ndarray:
+        """Times at which means are computed, s."""
         return np.linspace(0.0, self.duration, _TIMES)
 
     @property
@@ -135,13 +138,14 @@ class Tracking(Result, Reported):
     def report(self) -> Report:
         """Return a report of the errors, the costs and the trims at the commands."""
         names = self.game.names
+        columns = (
+            self._rms(self.exact.reference),
+            self.rms_errors,
+            self.rms_errors_without_feedforward,
+        )
         rows = []
-        both = zip(self.rms_errors, self.rms_errors_without_feedforward, strict=True)
-        command = self._rms(self.exact.reference)
-        for state, unit, size, errors in zip(
-            names.states, names.state_units, command, both, strict=True
-        ):
-            numbers = (shown_value(float(value), unit, ".3g") for value in (size, *errors))
+        for state, unit, *values in zip(names.states, names.state_units, *columns, strict=True):
+            numbers = (shown_value(float(value), unit, ".3g") for value in values)
             rows.append((state, shown_unit(unit), *numbers))
         return Report(
             title=f"Tracking: reachable: {self._reachable_text()}",
@@ -156,6 +160,7 @@ class Tracking(Result, Reported):
         )
 
     def _reachable_text(self) -> str:
+        """Return whether the commands are reachable, with the reason: "yes, as a trim of ..."."""
         decisive = self._decisive
         if decisive is None:
             return "unknown, no aircraft was given"
@@ -306,7 +311,7 @@ def _commanded_trims(
     commands = {name: value for name, value, moves in rows if value or moves}
     steady = _steady(linear.states, reference, duration)
     groups = [{name: value} for name, value in commands.items()]
-    for together in (steady, commands):
-        if together and together not in groups:
-            groups.append(together)
+    for several in (steady, commands):
+        if several and several not in groups:
+            groups.append(several)
     return tuple(commanded_trim(point, group) for group in groups)

@@ -10,6 +10,9 @@ from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 
+#: Asymmetry of H relative to its largest entry that rounding to six printed digits explains.
+_ROUNDED = 1e-6
+
 
 def q_function(game: Game, P: np.ndarray) -> np.ndarray:
     """Return H (n + m + k, n + m + k) of the Q-function Q(x, u, w) = [x; u; w]'H [x; u; w].
@@ -20,15 +23,14 @@ def q_function(game: Game, P: np.ndarray) -> np.ndarray:
 
     P: (n, n)
     """
-    moved = np.hstack([game.A, game.B])
+    plant = np.hstack([game.A, game.B])
     weights = game.weights
     if math.isfinite(game.delta):
-        moved = np.hstack([moved, game.E])
-        with_w = -(game.delta**2) * np.eye(moved.shape[1])
-        size = len(weights)
-        with_w[:size, :size] = weights
-        weights = with_w
-    return np.asarray(weights + game.discount * moved.T @ P @ moved)
+        plant = np.hstack([plant, game.E])
+        disturbances = game.E.shape[1]
+        weights = np.pad(weights, (0, disturbances))
+        weights[-disturbances:, -disturbances:] = -(game.delta**2) * np.eye(disturbances)
+    return np.asarray(weights + game.discount * plant.T @ P @ plant)
 
 
 def of_q_function(game: Game, H: np.ndarray) -> dict[str, np.ndarray]:
@@ -49,10 +51,10 @@ def of_q_function(game: Game, H: np.ndarray) -> dict[str, np.ndarray]:
         shapes["(x, u, w)"] = (n + m + game.E.shape[1],) * 2
     H = checked_matrix("H", H, LARGEST)
     if H.shape not in shapes.values():
-        rules = [f"{shape_text(shape)} over {names}" for names, shape in shapes.items()]
+        rules = [f"{shape_text(shape)} over {vectors}" for vectors, shape in shapes.items()]
         raise BadInputError(f"H is {shape_text(H.shape)}; give {' or '.join(rules)}")
     asymmetry = np.abs(H - H.T)
-    if asymmetry.max() > 1e-6 * np.abs(H).max():
+    if asymmetry.max() > _ROUNDED * np.abs(H).max():
         row, column = np.unravel_index(asymmetry.argmax(), H.shape)
         raise BadInputError(
             f"H is not symmetric (row {row + 1}, column {column + 1}); give (H + H')/2"

@@ -13,8 +13,6 @@ from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 
 #: Matrices with more entries are summarized.
 _SHOWN = 40
-#: Signals of the rows and the columns of each weight: states x or inputs u.
-_SIGNALS = {"Q": ("x", "x"), "R": ("u", "u"), "N": ("x", "u")}
 
 
 def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
@@ -35,31 +33,44 @@ def default_weight(
 
     Raises BadInputError, which names the model, if the matrix in the file has a wrong shape.
     """
-    of_model = {"x": tuple(model.linear), "u": tuple(model.inputs)}
-    wanted = {"x": states, "u": inputs}
-    signals = _SIGNALS[matrix]
+    names_of = {"Q": (states, states), "R": (inputs, inputs), "N": (states, inputs)}
+    rows, columns = names_of[matrix]
     stored = model.about.weights.get(matrix)
     if stored is None and matrix == "N":
         return np.zeros((len(states), len(inputs)))
     if stored is None:
-        return nominal_weights(model, wanted[signals[0]])
+        return nominal_weights(model, rows)
     if isinstance(stored, Mapping):
-        names = wanted[signals[0]]
-        declared = [stored.get(name, 0.0) for name in names]
-        units = [model.native_factor(name) for name in names]
+        declared = [stored.get(name, 0.0) for name in rows]
+        units = [model.native_factor(name) for name in rows]
         return np.diag(declared / np.square(units))
+    weight = _matrix_of_file(matrix, model)
+    places = {name: place for place, name in enumerate(model.linear)}
+    places |= {name: place for place, name in enumerate(model.inputs)}
+    row_places, column_places = ([places[name] for name in names] for names in (rows, columns))
+    row_sizes, column_sizes = (
+        [model.signals[name].nominal for name in names] for names in (rows, columns)
+    )
+    weight_of_names = weight[np.ix_(row_places, column_places)]
+    return np.asarray(weight_of_names / np.outer(row_sizes, column_sizes))
+
+
+def _matrix_of_file(matrix: str, model: Model) -> np.ndarray:
+    """Return Q, R or N of the file of a linear plant, for all linear states and inputs.
+
+    Raises BadInputError, which names the model, if the matrix has a wrong shape.
+    """
+    n, m = len(model.linear), len(model.inputs)
+    shape = {"Q": (n, n), "R": (m, m), "N": (n, m)}[matrix]
     with prefix_errors(model.name):
-        weight = numbers_in(matrix, stored)
+        weight = numbers_in(matrix, model.about.weights[matrix])
         if weight.ndim == 1 and matrix != "N":
             weight = np.diag(weight)
         weight = checked_matrix(matrix, weight, LARGEST)
-        shape = (len(of_model[signals[0]]), len(of_model[signals[1]]))
         if weight.shape != shape:
             rule = f"give {shape_text(shape)}, to match A and B"
             raise BadInputError(f"{matrix} is {shape_text(weight.shape)}; {rule}")
-    places = [[of_model[each].index(name) for name in wanted[each]] for each in signals]
-    rows, columns = ([model.signals[name].nominal for name in wanted[each]] for each in signals)
-    return np.asarray(weight[np.ix_(*places)] / np.outer(rows, columns))
+    return weight
 
 
 def default_delta(model: Model) -> float:
