@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from operator import mul
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -182,6 +182,7 @@ class Critic(Reported):
 
     @cached_property
     def _policy_of_rows(self) -> RowFunction:
+        """The policy as a function of rows z (N, n) -> u (N, m)."""
         return RowFunction(self.policy)
 
     def _beyond_quadratic(self, z: ca.SX) -> ca.SX:
@@ -358,35 +359,29 @@ def from_functions(
     at_trim = {name: function(np.zeros(z.numel())).full() for name, function in network.items()}
     P = None if gradient is None else _derivative_at_0(gradient, z) / 2.0
     _refuse_not_finite(at_trim | ({} if P is None else {"second derivative of V": P}))
-    shared: dict[str, Any] = {
-        "P": P,
-        "constant": 0.0 if V is None else float(at_trim["V"].item()),
-        "precision": precision,
-        "network": network,
-        "is_discrete": game.is_discrete,
-    }
-    return _of_value(game, origin, shared) if u is None else _of_policy(game, u, z, origin, shared)
-
-
-def _of_policy(game: Game, u: ca.SX, z: ca.SX, origin: str, shared: Mapping[str, Any]) -> Critic:
-    """Return the critic with a given policy u(z), and the fields that do not depend on it."""
-    K, has_kink = _gain_at_0(game, u, z)
-    _refuse_not_finite({"slope of the policy": K})
+    if u is None:
+        assert P is not None  # V or its gradient is given
+        K, has_kink = game.gain(P), False
+    else:
+        K, has_kink = _gain_at_0(game, u, z)
+        _refuse_not_finite({"slope of the policy": K})
     if has_kink:
         origin += "; kink at the trim: K has the mean slopes of both sides"
-    return Critic(K, origin=origin, has_kink=has_kink, **shared)
-
-
-def _of_value(game: Game, origin: str, shared: Mapping[str, Any]) -> Critic:
-    """Return the critic whose policy is that of its value, and the fields of the value."""
     critic = Critic(
-        game.gain(shared["P"]),
-        origin=origin,
-        slope_gain=_slope_gain(game),
-        F=game.F if game.N.any() else None,
-        **shared,
+        K,
+        P,
+        origin,
+        constant=0.0 if V is None else float(at_trim["V"].item()),
+        precision=precision,
+        network=network,
+        is_discrete=game.is_discrete,
+        has_kink=has_kink,
     )
-    return _with_one_step_policy(game, critic)
+    if u is not None:
+        return critic
+    F = game.F if game.N.any() else None
+    of_value = replace(critic, slope_gain=_slope_gain(game), F=F)
+    return _with_one_step_policy(game, of_value)
 
 
 def _refuse_not_finite(at_trim: Mapping[str, np.ndarray]) -> None:
@@ -471,17 +466,18 @@ def _gain_at_0(game: Game, u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
     At a kink, K is the mean of both sides.
     """
     sizes = _sizes(game)
-    sides, nearer = (
-        _gains_beside_0(u, z, distance * sizes.states) for distance in (_BESIDE, _NEARER)
-    )
-    in_sizes = sizes.states / sizes.inputs[:, None]
-    change, change_nearer = (
-        float(np.abs((after - before) * in_sizes).max(initial=0.0))
-        for after, before in (sides, nearer)
-    )
-    largest = float(np.abs(sides * in_sizes).max(initial=0.0))
-    if np.isfinite(largest) and change > _KINK * largest and change_nearer > _LEFT * change:
-        return sides.mean(axis=0), True
+    without_units = sizes.states / sizes.inputs[:, None]
+
+    def largest_entry(K: np.ndarray) -> float:
+        return float(np.abs(K * without_units).max(initial=0.0))
+
+    before, after = _gains_beside_0(u, z, _BESIDE * sizes.states)
+    nearer_before, nearer_after = _gains_beside_0(u, z, _NEARER * sizes.states)
+    change = largest_entry(after - before)
+    remains = largest_entry(nearer_after - nearer_before) > _LEFT * change
+    size = largest_entry(np.array([before, after]))
+    if np.isfinite(size) and change > _KINK * size and remains:
+        return (before + after) / 2.0, True
     return -_derivative_at_0(u, z), False
 
 
@@ -591,9 +587,9 @@ def from_q_function(
     Raises BadInputError if a matrix has a wrong shape, or H has no extremum.
     """
     H = numbers_in("H", H)
-    found = of_q_function(game, H) | dict(parts or {})
-    critic = from_parts(game, {name: found[name] for name in ("P", "K")})
-    return replace(critic, H=H, L=found.get("L"))
+    matrices = of_q_function(game, H) | dict(parts or {})
+    critic = from_parts(game, {name: matrices[name] for name in ("P", "K")})
+    return replace(critic, H=H, L=matrices.get("L"))
 
 
 def refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:

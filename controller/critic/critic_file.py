@@ -25,6 +25,7 @@ from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import (
     NAME_KEYS,
+    FileScales,
     file_scales,
     found_in,
     one_number,
@@ -106,10 +107,7 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
     _refuse_other_time(entries, game)
     scales = file_scales(entries, game.names)
     if game.is_discrete and "H" in entries:
-        stored = {name: numbers_in(name, entries[name]) for name in "HPKL" if name in entries}
-        stored["H"] = _in_order_of(game, stored["H"], words(entries, "H_signals"))
-        parts = in_plant_units(stored, scales)
-        return from_q_function(game, parts.pop("H"), parts)
+        return _critic_of_q_function(entries, game, scales)
     notes = _other_names(entries, game.names)
     L = None
     if game.is_discrete and "L" in entries:
@@ -131,14 +129,21 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
             "--basis lists functions, but the file contains no W; add W, or give --basis a name"
         )
     critic = from_parts(game, parts, psi, policy_in(entries, game.names))
-    stated = NOTHING._replace(notes=notes) if notes else NOTHING
-    return replace(critic, L=L, stated=stated)
+    return replace(critic, L=L, stated=NOTHING._replace(notes=notes))
+
+
+def _critic_of_q_function(entries: Mapping[str, Any], game: Game, scales: FileScales) -> Critic:
+    """Return the critic of the Q-function H in the entries of a file, with its P, K and L if any."""
+    stored = {name: numbers_in(name, entries[name]) for name in "HPKL" if name in entries}
+    stored["H"] = _in_order_of(game, stored["H"], words(entries, "H_signals"))
+    parts = in_plant_units(stored, scales)
+    return from_q_function(game, parts.pop("H"), parts)
 
 
 def _in_order_of(game: Game, H: np.ndarray, signals: tuple[str, ...]) -> np.ndarray:
-    """Return H over (x, u) or (x, u, w), of a file that lists its signals or blocks, such as u, x.
+    """Return H over (x, u) or (x, u, w), of a file whose H may be in another order.
 
-    signals: () for H in the order x, u, w
+    signals: signals or blocks of H in the file, such as u, x; () for the order x, u, w
     """
     if not signals:
         return H
@@ -289,16 +294,16 @@ def is_network(path: Path) -> bool:
     suffix = path.suffix.lower()
     if suffix not in MATRIX_FILES:
         return suffix in critic_suffixes()
-    names: list[str] = []
+    arrays: list[str] = []
     try:
         if suffix == ".npz":
             with zipfile.ZipFile(regular_file(path)) as archive:
-                names = [name.removesuffix(".npy") for name in archive.namelist()]
+                arrays = [name.removesuffix(".npy") for name in archive.namelist()]
         elif suffix == ".json":
-            names = [str(name) for name in read_arrays(path)]
+            arrays = [str(name) for name in read_arrays(path)]
     except Exception:  # any damage; reading the arrays reports it
         return False
-    return any(re.search(r"(^|\.)weight$", name) for name in names)
+    return any(re.search(r"(^|\.)weight$", name) for name in arrays)
 
 
 def entries_in(path: str | Path) -> dict[str, Any]:
@@ -314,8 +319,9 @@ def entries_in(path: str | Path) -> dict[str, Any]:
         sample_time(stored)  # refuses a wrong entry
     if {"K", "S"} <= stored.keys():
         n = len(np.atleast_2d(stored["S"]))
-        # P is absent or the n poles; that of one state, 1 x 1, is taken as the pole.
-        if np.size(stored.get("P", ())) <= n:
+        # A P with one state, 1 x 1, is taken as the pole.
+        is_absent_or_poles = np.size(stored.get("P", ())) <= n
+        if is_absent_or_poles:
             stored["P"] = stored["S"]
     return {name: stored[alias] for alias, name in _ALIASES.items() if alias in stored} | stored
 

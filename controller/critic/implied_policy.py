@@ -38,26 +38,31 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
     scaled = symbols_for([gradient], len(actions.sizes))
     a = ca.DM(actions.sizes) * scaled
     after = ca.DM(problem.A) @ x + ca.DM(actions.columns) @ a
-    # half the slope of the cost along each action, in units of its price times its size
-    paid = ca.DM(actions.price) @ a
-    crossed = ca.DM(actions.cross) @ x
-    valued = 0.5 * problem.discount * (ca.DM(actions.columns).T @ gradient(after))
+    # half the slopes, along the actions, of their cost, of the cross terms and of the value after
+    # the step, in units of the price of an action times its size
+    of_price = ca.DM(actions.price) @ a
+    of_cross = ca.DM(actions.cross) @ x
+    of_value = 0.5 * problem.discount * (ca.DM(actions.columns).T @ gradient(after))
     units = ca.DM(np.abs(np.diag(actions.price)) * actions.sizes)
-    slope = ca.densify((paid + crossed + valued) / units)
-    terms = (ca.fabs(paid) + ca.fabs(crossed) + ca.fabs(valued)) / units
-    edge = 1.0
-    if problem.half_widths is not None:
-        edge = float(np.max(np.sqrt(np.diag(P).clip(0.0)) * problem.half_widths)) or 1.0
-    residual = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), edge)
+    slope = ca.densify((of_price + of_cross + of_value) / units)
+    terms = (ca.fabs(of_price) + ca.fabs(of_cross) + ca.fabs(of_value)) / units
+    residual = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), _root_of_value_at_edge(problem, P))
     # `root` can be called with MX only
     options = {"max_iter": _STEPS, "error_on_fail": False, "show_eval_warnings": False}
     root = ca.rootfinder("root", "newton", {"x": scaled, "p": x, "g": slope}, options)
     state = ca.MX.sym("x", len(problem.A))
     start = ca.DM(actions.gains / actions.sizes[:, None]) @ state
-    found = root(x0=start, p=state)["x"]
-    is_found = ca.Function("residual", [x, scaled], [residual])(state, found) <= _LEFT
-    u = ca.DM(actions.sizes[:m]) * found[:m]
-    return ca.Function("policy", [state], [ca.if_else(is_found, 1.0, math.nan) * u])
+    saddle = root(x0=start, p=state)["x"]
+    has_converged = ca.Function("residual", [x, scaled], [residual])(state, saddle) <= _LEFT
+    u = ca.DM(actions.sizes[:m]) * saddle[:m]
+    return ca.Function("policy", [state], [ca.if_else(has_converged, 1.0, math.nan) * u])
+
+
+def _root_of_value_at_edge(problem: Game, P: np.ndarray) -> float:
+    """Return the largest sqrt(x'P x) of one state at the edge of the box, 1 without a box."""
+    if problem.half_widths is None:
+        return 1.0
+    return float(np.max(np.sqrt(np.diag(P).clip(0.0)) * problem.half_widths)) or 1.0
 
 
 class _Actions(NamedTuple):

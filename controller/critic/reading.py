@@ -88,12 +88,13 @@ def in_plant_units(
     if isinstance(basis, Basis) and len(states) == basis.states:
         factors["W"] = basis.scaling(states)
     if "H" in parts:
-        signals = np.concatenate(scales)
-        others = np.atleast_1d(parts["H"]).shape[-1] - len(signals)
-        signals = np.pad(signals, (0, max(others, 0)), constant_values=1.0)
-        factors["H"] = np.outer(signals, signals)
+        of_signals = np.concatenate(scales)
+        disturbances = np.atleast_1d(parts["H"]).shape[-1] - len(of_signals)
+        of_signals = np.pad(of_signals, (0, max(disturbances, 0)), constant_values=1.0)
+        factors["H"] = np.outer(of_signals, of_signals)
     converted = dict(parts)
     for name, factor in factors.items():
-        if name in parts and parts[name].shape[-factor.ndim :] == factor.shape:
+        fits_the_plant = name in parts and parts[name].shape[-factor.ndim :] == factor.shape
+        if fits_the_plant:
             converted[name] = parts[name] * factor
     return converted

@@ -201,11 +201,11 @@ class Game(ByValue, Reported):
         n = len(self.A)
         weights = self.weights
         sizes = np.sqrt(np.diag(weights))
-        safe = np.where(sizes > 0.0, sizes, 1.0)
-        values, vectors = np.linalg.eigh(weights / np.outer(safe, safe))
+        divisors = np.where(sizes > 0.0, sizes, 1.0)
+        values, vectors = np.linalg.eigh(weights / np.outer(divisors, divisors))
         root = sizes[:, None] * (vectors * np.sqrt(values.clip(0.0)))
         X, U = root[:n], root[n:]
-        _, sizes_of_U, directions = np.linalg.svd(U / safe[n:, None])
+        _, sizes_of_U, directions = np.linalg.svd(U / divisors[n:, None])
         rank = len(self.R) if is_definite(self.R) else int(np.sum(sizes_of_U > SEMIDEFINITE**0.5))
         X_beyond_U = X @ directions[rank:].T
         Q = X_beyond_U @ X_beyond_U.T
@@ -311,32 +311,15 @@ class Game(ByValue, Reported):
         Raises BadInputError if dt is not positive, if dt is below `SHORTEST` divided by the largest
         entry of A in balanced units, or if the game is in discrete time already.
         """
-        from scipy.linalg import expm
-
         if dt is True:
             raise BadInputError(
                 "dt is True; give the sample time in s, with which to sample a game"
             )
         refuse_unless_positive("dt", dt, " s")
         self.refuse_steps("Game.sampled")
-        scaled_A, units = balanced(self.A)
-        fastest = float(np.abs(scaled_A).max())
-        if dt * fastest < SHORTEST and fastest > 0.0:
-            raise BadInputError(
-                f"dt = {dt:g} s is too short: A of a step would differ from the identity by less"
-                f" than {SHORTEST:g}, and lose its rates to rounding; give at least"
-                f" {SHORTEST / fastest:.2g} s, or solve the game in continuous time"
-            )
         n, m = self.B.shape
-        # d/dt [z; v] = [A B E; 0 0] [z; v] with constant v = [u; d]. With z = units y and
-        # w = sizes v, y' = scaled_A y + (held / sizes) w has entries of similar sizes.
-        held = np.hstack([self.B, self.E]) / units[:, None]
-        sizes = np.abs(held).max(axis=0)  # of each column, a power of two
-        sizes = np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0)))) * (fastest or 1.0)
-        rates = np.hstack([scaled_A, held / sizes])
-        rates_of_held = np.zeros((rates.shape[1] - n, rates.shape[1]))
-        after_step = units[:, None] * expm(dt * np.vstack([rates, rates_of_held]))[:n]
-        A, B, E = np.split(after_step * np.append(1.0 / units, sizes), [n, n + m], axis=1)
+        step = _step_with_held(self.A, np.hstack([self.B, self.E]), dt)
+        A, B, E = np.split(step, [n, n + m], axis=1)
         return replace(
             self,
             A=A,
@@ -391,6 +374,38 @@ class Game(ByValue, Reported):
             )
 
 
+def _step_with_held(A: np.ndarray, held: np.ndarray, dt: float) -> np.ndarray:
+    """Return [Φ Γ] (n, n + k) of the step z⁺ = Φ z + Γ v of z' = A z + held v with constant v.
+
+    Raises BadInputError if dt is below `SHORTEST` divided by the largest entry of A in balanced
+    units.
+
+    A: (n, n)
+    held: (n, k)
+    dt: duration of the step, s
+    """
+    from scipy.linalg import expm
+
+    scaled_A, units = balanced(A)
+    fastest = float(np.abs(scaled_A).max())
+    if dt * fastest < SHORTEST and fastest > 0.0:
+        raise BadInputError(
+            f"dt = {dt:g} s is too short: A of a step would differ from the identity by less"
+            f" than {SHORTEST:g}, and lose its rates to rounding; give at least"
+            f" {SHORTEST / fastest:.2g} s, or solve the game in continuous time"
+        )
+    # d/dt [z; v] = [A held; 0 0] [z; v]. With z = units y and w = sizes v,
+    # y' = scaled_A y + (held / sizes) w has entries of similar sizes.
+    held = held / units[:, None]
+    sizes = np.abs(held).max(axis=0)  # of each column, a power of two
+    sizes = np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0)))) * (fastest or 1.0)
+    rates = np.hstack([scaled_A, held / sizes])
+    rates_of_held = np.zeros((held.shape[1], rates.shape[1]))
+    exponential = expm(dt * np.vstack([rates, rates_of_held]))
+    step = units[:, None] * exponential[: len(A)]
+    return np.asarray(step * np.append(1.0 / units, sizes))
+
+
 def _refuse_other_shapes(game: Game) -> None:
     """Raise BadInputError for empty matrices, and for matrices that do not match A and B."""
     n = len(game.A)
@@ -424,16 +439,17 @@ def _indefinite_weights(game: Game) -> str:
 
 def _with_diagonal(name: str, weights: Any) -> Any:
     """Return Q or R as a matrix if it is given by its diagonal, (n,), and otherwise unchanged."""
-    if isinstance(weights, np.ndarray):
-        is_row = weights.ndim == 1
-    else:
-        is_list = isinstance(weights, (list, tuple))
-        is_row = is_list and not any(isinstance(each, (list, tuple)) for each in weights[:1])
     if isinstance(weights, (int, float, np.number)):
         raise BadInputError(
             f"{name} is the number {shown(weights)}; give a matrix, or its diagonal"
         )
-    return np.diag(numbers_in(f"the diagonal of {name}", weights)) if is_row else weights
+    if isinstance(weights, np.ndarray):
+        is_diagonal = weights.ndim == 1
+    else:
+        is_list = isinstance(weights, (list, tuple))
+        rows = (list, tuple, np.ndarray)
+        is_diagonal = is_list and not any(isinstance(each, rows) for each in weights[:1])
+    return np.diag(numbers_in(f"the diagonal of {name}", weights)) if is_diagonal else weights
 
 
 def _checked_dt(dt: Any) -> float | bool | None:
@@ -460,6 +476,7 @@ def _check_discount(dt: float | bool | None, discount: Any) -> None:
 
 
 def _checked_delta(delta: float) -> float:
+    """Return delta as a float. Raises BadInputError unless delta² is within `LARGEST`, or inf."""
     least = LARGEST**-0.5
     most = LARGEST**0.5
     is_number = isinstance(delta, (int, float, np.floating))
@@ -528,19 +545,19 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
     diagonal = np.diag(matrix)
     if (diagonal < 0.0).any():
         return -np.inf
-    weighed = diagonal > 0.0
-    if matrix[~weighed].any():
+    is_positive = diagonal > 0.0
+    if matrix[~is_positive].any():
         return -np.inf
-    if not weighed.any():
+    if not is_positive.any():
         return 0.0
-    sizes = np.sqrt(diagonal[weighed])
-    scaled = matrix[np.ix_(weighed, weighed)] / sizes / sizes[:, None]
+    sizes = np.sqrt(diagonal[is_positive])
+    scaled = matrix[np.ix_(is_positive, is_positive)] / sizes / sizes[:, None]
     if not np.isfinite(scaled).all():  # M_ij² > M_ii M_jj by far
         return -np.inf
     return float(np.linalg.eigvalsh((scaled + scaled.T) / 2.0)[0])
 
 
-#: Matrices with more rows or columns are not printed.
+#: Matrices with more rows or columns are not printed: they are wider than a terminal.
 _MOST = 12
 
 
