@@ -129,11 +129,12 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
             "--basis lists functions, but the file contains no W; add W, or give --basis a name"
         )
     critic = from_parts(game, parts, psi, policy_in(entries, game.names))
-    return replace(critic, L=L, stated=NOTHING._replace(notes=notes))
+    stated = NOTHING._replace(notes=notes) if notes else NOTHING
+    return replace(critic, L=L, stated=stated)
 
 
 def _critic_of_q_function(entries: Mapping[str, Any], game: Game, scales: FileScales) -> Critic:
-    """Return the critic of the Q-function H in the entries of a file, with its P, K and L if any."""
+    """Return the critic of the Q-function H in a file, with the P, K and L that it has."""
     stored = {name: numbers_in(name, entries[name]) for name in "HPKL" if name in entries}
     stored["H"] = _in_order_of(game, stored["H"], words(entries, "H_signals"))
     parts = in_plant_units(stored, scales)
