@@ -97,14 +97,14 @@ def critic_of_network(path: str | Path, game: Game, reading: Reading) -> Critic:
 def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str) -> Critic:
     """Return the critic of a network whose inputs are the states, or states and inputs (a Q)."""
     n, m = game.B.shape
-    minimized = {
+    of_q_functions = {
         name: policy_of(function, n)
         for name, function in stored.functions.items()
         if function.numel_in(0) == n + m
     }
-    if minimized:
+    if of_q_functions:
         origin = f"{origin} = Q(x, u), u from dQ/du = 0"
-    functions = stored.functions | minimized
+    functions = stored.functions | of_q_functions
     sizes = {name: function.numel_out(0) for name, function in functions.items()}
     kinds = _kinds(sizes, n, m)
     if any(is_taken_as_policy(name, size, m) for name, size in sizes.items()):
@@ -113,7 +113,7 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
     outputs = _outputs_by_kind(functions, kinds, ca.DM(scales) * z)
     stated = stored.stated
     # The policy of a Q minimizes over u: it is the action already.
-    if str(stated.action) and "policy" in outputs and not minimized:
+    if str(stated.action) and "policy" in outputs and not of_q_functions:
         outputs["policy"] = stated.action.of(outputs["policy"])
         origin = f"{origin}, {stated.action}"
     notes = stated.notes
@@ -185,27 +185,43 @@ def is_taken_as_policy(name: str, size: int, m: int) -> bool:
     return name not in OUTPUTS and size == m == 1
 
 
+def _fitting_kinds(name: str, size: int, counts: Mapping[str, int]) -> list[str]:
+    """Return the kinds that an output of a network may have, by its name and its size.
+
+    counts: kind -> number of entries for this plant
+
+    Raises BadInputError if no kind fits.
+    """
+    m = counts["policy"]
+    if is_taken_as_policy(name, size, m):
+        return ["policy"]
+    candidates = [name] if name in counts else list(counts)
+    fitting = [kind for kind in candidates if counts[kind] == size]
+    if not fitting:
+        meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
+        held = ", or the inputs that it moves (--inputs, game.select)" if size < m else ""
+        raise BadInputError(
+            f"the network has {size} outputs, but for this plant {meanings}; give a network "
+            f"with such a number of outputs{held}"
+        )
+    if fitting == ["gradient", "V+policy"]:  # 1 + m = n: V+policy must be named
+        return ["gradient"]
+    return fitting
+
+
 def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
-    """Return the kind of each output of a network, by name of the output."""
+    """Return the kind of each output of a network, by name of the output.
+
+    sizes: name of an output, or requested kind -> number of its entries
+    n, m: numbers of states and of inputs of the plant
+    """
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}
     for name, size in sizes.items():
-        part = "" if name in OUTPUTS else name
-        candidates = [name] if name in counts else list(counts)
-        fitting = [kind for kind in candidates if counts[kind] == size]
-        if is_taken_as_policy(name, size, m):
-            fitting = ["policy"]
-        if fitting == ["gradient", "V+policy"]:  # 1 + m = n: V+policy must be named
-            fitting = ["gradient"]
-        if not fitting:
-            meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
-            held = ", or the inputs that it moves (--inputs, game.select)" if size < m else ""
-            raise BadInputError(
-                f"the network has {size} outputs, but for this plant {meanings}; give a network "
-                f"with such a number of outputs{held}"
-            )
-        if len(fitting) > 1 or (len(sizes) > 1 and name not in counts):
-            words = f"{fitting[0]}={part}"
+        fitting = _fitting_kinds(name, size, counts)
+        is_unclear = len(fitting) > 1 or (len(sizes) > 1 and name not in counts)
+        if is_unclear:
+            words = f"{fitting[0]}={'' if name in OUTPUTS else name}"
             among = f", among {shortened(', '.join(sizes))}," if len(sizes) > 1 else ""
             raise BadInputError(
                 f"a network with {size} outputs{among} may be {' or '.join(fitting)}; select one, "

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -39,7 +40,7 @@ def layers_of(
     part: str,
     is_ordered: bool,
     check: Callable[[list[Layer]], None],
-    sizes: Collection[int] = (),
+    sizes: Collection[int],
 ) -> list[Layer]:
     """Return the layers of a network in order of evaluation.
 
@@ -50,46 +51,54 @@ def layers_of(
     check: raises BadInputError if layers are not a network that can be judged
     sizes: numbers of outputs of a selection that is proposed, () for any
 
-    Raises BadInputError, with a selection that is accepted, if the layers are not one network.
+    Raises BadInputError if the layers are not one network. It proposes words that select one, if
+    there are any.
     """
     if not tensors:
         raise BadInputError("the file contains no tensors; give the weights of linear layers")
-    layers = {name: array for name, array in tensors.items() if not is_deviation(name)}
+    of_layers = {name: array for name, array in tensors.items() if not is_deviation(name)}
+    if part and not any(has_word(name, part) for name in of_layers):
+        raise _no_such_part(part, tensors)
 
-    def selected(words: str) -> list[Layer]:
-        """Return the layers that words select."""
-        chosen = {name: each for name, each in layers.items() if not words or has_word(name, words)}
-        return checked(chosen, words)
+    def network_of(chosen: Tensors, words: str) -> list[Layer]:
+        """Return the layers of tensors, if these are one network that can be judged."""
+        layers = _chain(chosen, words, is_ordered)
+        check(layers)
+        return layers
 
-    def checked(chosen: Tensors, words: str) -> list[Layer]:
-        found = _chain(chosen, words, is_ordered)
-        check(found)
-        return found
+    def selected(words: str) -> Tensors:
+        """Return the tensors that words select."""
+        return {
+            name: each for name, each in of_layers.items() if not words or has_word(name, words)
+        }
 
-    if part and not any(has_word(name, part) for name in layers):
-        names = roots(tensors)
-        advice = "this is a single network: remove the name"
-        if names:
-            advice = f"choose from {shortened(', '.join(names), 200)}"
-        raise BadInputError(f"the file contains no tensors named {shortened(part)!r}; {advice}")
     try:
-        return selected(part)
+        return network_of(selected(part), part)
     except BadInputError as error:
-        own = {name: each for name, each in layers.items() if _is_of_critic(name) == (kind == "V")}
-        if not part and 0 < len(own) < len(layers):
-            try:
-                return checked(own, part)
-            except BadInputError:
-                pass
-        for words in _selections(layers, kind):
-            try:
-                gives = selected(words)[-1].outputs
-            except BadInputError:
-                continue
-            if sizes and gives not in sizes:
-                continue
-            raise _with_selection(error, layers, f"{kind}={words}" if kind else words) from error
-        raise
+        refusal = error
+    of_kind = {
+        name: each for name, each in of_layers.items() if _is_of_critic(name) == (kind == "V")
+    }
+    if not part and 0 < len(of_kind) < len(of_layers):
+        with suppress(BadInputError):
+            return network_of(of_kind, part)
+    for words in _selections(of_layers, kind):
+        with suppress(BadInputError):
+            outputs = network_of(selected(words), words)[-1].outputs
+            if not sizes or outputs in sizes:
+                proposed = f"{kind}={words}" if kind else words
+                refusal = _with_selection(refusal, of_layers, proposed)
+                break
+    raise refusal
+
+
+def _no_such_part(part: str, tensors: Tensors) -> BadInputError:
+    """Return the error that no tensor of a file has a name that was asked for."""
+    names = roots(tensors)
+    advice = "this is a single network: remove the name"
+    if names:
+        advice = f"choose from {shortened(', '.join(names), 200)}"
+    return BadInputError(f"the file contains no tensors named {shortened(part)!r}; {advice}")
 
 
 def _with_selection(error: BadInputError, tensors: Tensors, words: str) -> BadInputError:
@@ -111,14 +120,18 @@ def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
     names = roots(tensors)
 
     def rank(name: str) -> int:
+        """Return 0 for a name of the kind, 1 for an unknown one, and 2 for another kind."""
+        is_of_critic = _is_of_critic(name)
         if kind == "V":
-            return 0 if _is_of_critic(name) else 1
-        return 0 if _OF_POLICIES.search(name) else 2 if _is_of_critic(name) else 1
+            return 0 if is_of_critic else 1
+        if _OF_POLICIES.search(name):
+            return 0
+        return 2 if is_of_critic else 1
 
-    heads = [name.partition(".")[0] for name in names]
-    yield from sorted(dict.fromkeys([*names, *heads]), key=rank)
-    own = [name for name in names if _is_of_critic(name) == (kind == "V")]
-    for neighbors in (own, names):
+    modules = [name.partition(".")[0] for name in names]
+    yield from sorted(dict.fromkeys([*names, *modules]), key=rank)
+    of_kind = [name for name in names if _is_of_critic(name) == (kind == "V")]
+    for neighbors in (of_kind, names):
         for first, last in combinations(range(len(neighbors) + 1), 2):
             yield "+".join(neighbors[first:last])
 
@@ -154,6 +167,7 @@ def _chain(tensors: Tensors, part: str, is_ordered: bool) -> list[Layer]:
 
 
 def _no_layer(name: str, array: np.ndarray, reason: str) -> BadInputError:
+    """Return the error that a tensor is no layer of a network, for a reason."""
     remedy = "" if "; " in reason else "; export the network to ONNX"
     return BadInputError(f"tensor {shortened(name)!r} {array.shape} {reason}{remedy}")
 
@@ -164,32 +178,35 @@ def _kind(layer: Layer) -> str:
 
 
 def _numbers(layer: Layer) -> list[int]:
+    """Return the numbers in the name of a layer."""
     return [int(number) for number in re.findall(r"\d+", layer.name)]
 
 
 def _as_saved(layers: list[Layer]) -> list[Layer]:
     """Return the layers in the order in which they were saved."""
-    last: dict[str, Layer] = {}
+    last_of_kind: dict[str, Layer] = {}
     for layer in layers:
-        before = last.get(_kind(layer))
+        before = last_of_kind.get(_kind(layer))
         if before is not None and _numbers(before) > _numbers(layer):
             raise BadInputError(
                 f"layer {shortened(layer.name)!r} is stored after {shortened(before.name)!r}, so "
                 "the order of the layers is ambiguous; save the layers in ascending order, or "
                 "export the network to ONNX"
             )
-        last[_kind(layer)] = layer
+        last_of_kind[_kind(layer)] = layer
     return layers
 
 
 def _as_numbered(layers: list[Layer], part: str) -> list[Layer]:
     """Return the layers in the order of the words that select them, then of their numbers."""
 
-    def places(layer: Layer) -> list[int]:
-        words = part.split("+")
-        return [*(place for place, word in enumerate(words) if has_word(f"{layer.name}.", word))]
+    words = part.split("+")
 
-    if len({(tuple(places(layer)), _kind(layer)) for layer in layers}) > len(part.split("+")):
+    def places(layer: Layer) -> list[int]:
+        """Return the places of the words that select a layer."""
+        return [place for place, word in enumerate(words) if has_word(f"{layer.name}.", word)]
+
+    if len({(tuple(places(layer)), _kind(layer)) for layer in layers}) > len(words):
         names = shortened(", ".join(layer.name for layer in layers), 80)
         raise BadInputError(
             f"the layers ({names}) have no common name with numbers, and the file format does not "
@@ -199,7 +216,7 @@ def _as_numbered(layers: list[Layer], part: str) -> list[Layer]:
     return sorted(layers, key=lambda layer: (places(layer), _numbers(layer)))
 
 
-def refuse_others(others: Tensors, takes: int, gives: int) -> None:
+def refuse_others(others: Tensors, network_inputs: int, network_outputs: int) -> None:
     """Raise BadInputError if a tensor that is not read may act on a network.
 
     The standard deviation of an action is accepted unless it has an entry for each input. Linear
@@ -207,31 +224,34 @@ def refuse_others(others: Tensors, takes: int, gives: int) -> None:
     to this network.
 
     others: tensors of a state dict that belong to no network that is read
-    takes, gives: number of inputs and of outputs of the network
+    network_inputs, network_outputs: number of inputs and of outputs of the network
     """
-    networks: dict[str, dict[str, np.ndarray]] = {}  # name -> weights of its layers
+    other_networks: dict[str, dict[str, np.ndarray]] = {}  # module -> weights of its layers
     for name, array in others.items():
         if name.endswith("weight") and array.ndim == 2:
-            networks.setdefault(_module(name), {})[name] = array
+            other_networks.setdefault(_module(name), {})[name] = array
     for name, array in others.items():
         is_of_layer = name.endswith(("weight", "bias")) and array.ndim <= 2
-        if is_of_layer and _module(name) in networks:
+        if is_of_layer and _module(name) in other_networks:
             continue
-        may_scale_inputs = array.size == takes != gives
+        may_scale_inputs = array.size == network_inputs and array.size != network_outputs
         if may_scale_inputs or not is_deviation(name):
             raise BadInputError(
                 f"tensor {shortened(name)!r} {array.shape} is not a layer and may act on the "
                 f"network's inputs or outputs; {_ADVICE}"
             )
-    for weights in networks.values():
+    for weights in other_networks.values():
         name, first = next(iter(weights.items()))
         last = list(weights.values())[-1]
         inputs, outputs = first.shape[1], len(last)
         is_value = _is_of_critic(name) and outputs == 1
-        if is_value or (is_deviation(name) and outputs == gives):
+        if is_value or (is_deviation(name) and outputs == network_outputs):
             continue
-        is_parallel = len(weights) == 1 and (inputs, outputs) == (takes, gives)
-        if outputs == takes or inputs == gives or is_parallel:
+        fits_before = outputs == network_inputs
+        fits_after = inputs == network_outputs
+        same_sizes = (inputs, outputs) == (network_inputs, network_outputs)
+        fits_in_parallel = len(weights) == 1 and same_sizes
+        if fits_before or fits_after or fits_in_parallel:
             raise BadInputError(
                 f"tensor {shortened(name)!r} {first.shape} may be a layer that acts on the "
                 f"network's inputs or outputs; {_ADVICE}"
@@ -254,10 +274,12 @@ def _module(name: str) -> str:
 
 
 def _words(name: str) -> set[str]:
+    """Return the words of letters in the name of a tensor, in lower case."""
     return set(re.findall("[a-z]+", name.lower()))
 
 
 def _is_of_critic(name: str) -> bool:
+    """Return whether a tensor belongs by its name to a value or a Q-function."""
     is_q = any(_Q.fullmatch(module) for module in name.split("."))
     return is_q or bool(_words(name) & _OF_CRITICS)
 

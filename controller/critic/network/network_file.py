@@ -139,6 +139,7 @@ def network_in(source: Any, asked: Asked) -> NetworkFile:
 
 
 def _of_graph(path: Path, asked: Asked, parts: Mapping[str, str]) -> NetworkFile:
+    """Return the requested outputs of an ONNX graph in a file."""
     if asked.activation is not None:
         raise BadInputError("an ONNX file already contains the activations; remove activation")
     graph = graph_functions(path, asked.states, asked.inputs, parts)
@@ -173,8 +174,7 @@ def _contents(stored: Any, *, is_ordered: bool) -> _Contents:
         tensors, activations = module_contents(stored)
         return _Contents(tensors, is_ordered, activations=activations)
     flat = without_training(flattened(stored))
-    known = checkpoint_of(flat)
-    tensors, stated = known or (flat, NOTHING)
+    tensors, stated = checkpoint_of(flat) or (flat, NOTHING)
     return _Contents(tensors, is_ordered, stated)
 
 
@@ -195,37 +195,45 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
             return
         check_width(layers[0].inputs, asked.states, 0 if kind == "policy" else asked.inputs)
         if stated.inputs != layers[0].inputs:  # else nothing acts on the observations
-            named = {layer.name for layer in layers}
+            of_network = {layer.name for layer in layers}
             others = {
                 name: each
                 for name, each in tensors.items()
-                if _layer(name) not in named and not has_word(name, words)
+                if _layer(name) not in of_network and not has_word(name, words)
             }
             refuse_others(others, layers[0].inputs, layers[-1].outputs)
 
-    chosen = {
+    networks = {
         kind: layers_of(tensors, kind, part, contents.is_ordered, partial(check, kind), asked.sizes)
         for kind, part in parts.items()
     }
-    on_basis = _layer_on_basis(chosen, asked)
-    read = {layer.name for layers in chosen.values() for layer in layers}
-    unread = [name for name in tensors if _layer(name) not in read]
-    if unread:
-        names = shortened(", ".join(roots(unread)), 200)
-        stated = stated._replace(notes=(*stated.notes, f"not used: {names}"))
+    stated = _with_note_on_unread(stated, tensors, networks)
+    on_basis = _layer_on_basis(networks, asked)
     if on_basis is not None:
         chain = f"{asked.basis_size} functions -> 1"
         return NetworkFile({}, chain, precision, stated, on_basis)
     functions: dict[str, ca.Function] = {}
     rows: dict[str, RowNetwork] = {}
     chains = [stated.algorithm] if stated.algorithm else []
-    for kind, layers in chosen.items():
+    for kind, layers in networks.items():
         layers = _with_activations(layers, contents, asked.activation)
         functions[kind], of_rows = _composed(layers)
         chains.append(_description(kind, layers))
         if of_rows is not None:
             rows[kind] = of_rows
     return NetworkFile(functions, "; ".join(chains), precision, stated, rows=rows)
+
+
+def _with_note_on_unread(
+    stated: Stated, tensors: Mapping[str, np.ndarray], networks: Mapping[str, list[Layer]]
+) -> Stated:
+    """Return what a file states, with a note on the tensors that no network uses."""
+    used = {layer.name for layers in networks.values() for layer in layers}
+    unused = [name for name in tensors if _layer(name) not in used]
+    if not unused:
+        return stated
+    names = shortened(", ".join(roots(unused)), 200)
+    return stated._replace(notes=(*stated.notes, f"not used: {names}"))
 
 
 def refuse_normalizer(stated: Stated) -> None:
@@ -262,10 +270,7 @@ def _parts(network: str) -> dict[str, str]:
 
 
 def _with_policy(parts: Mapping[str, str], words: str) -> dict[str, str]:
-    """Return the requested parts, in which words select the policy, unless others do.
-
-    words: those that select the policy which the file states
-    """
+    """Return the requested parts, with the words that select the policy by default."""
     filled = {}
     for kind, part in parts.items():
         if not part and kind in ("", "policy"):
