@@ -35,6 +35,7 @@ _NAMES = {
 
 
 def _product(a: Any, b: Any) -> Any:
+    """Return the product of a row and a matrix, or of two matrices."""
     if a.shape[1] != b.shape[0]:
         raise BadInputError(f"multiplies {a.shape} and {b.shape}")
     return a @ b
@@ -163,10 +164,10 @@ class GraphFunctions(NamedTuple):
     """Functions of an ONNX graph.
 
     functions: requested kind, or name of the output -> function of x (states,), or of (x, u)
-        (states + inputs,) for a Q.
-    precision: lowest precision of the weights, such as "float32".
-    operators: operators that depend on x with the sizes of their results, in one line.
-    notes: sentences on what the file contains and the functions do not use.
+        (states + inputs,) for a Q
+    precision: lowest precision of the weights, such as "float32"
+    operators: operators that depend on x with the sizes of their results, in one line
+    notes: sentences on what the file contains and the functions do not use
     """
 
     functions: dict[str, ca.Function]
@@ -178,7 +179,7 @@ class GraphFunctions(NamedTuple):
 def graph_functions(
     path: Path, states: int, inputs: int, outputs: Mapping[str, str]
 ) -> GraphFunctions:
-    """Convert the ONNX graph in a file to functions of one state.
+    """Return the ONNX graph in a file as functions of one state.
 
     path: path of the file
     states: number of states of the plant
@@ -193,49 +194,81 @@ def graph_functions(
         raise missing_package("ONNX files require", "onnx") from error
     model = onnx.load_from_string(regular_file(path).read_bytes())
     _refuse_model(onnx, model)
+    traced = _traced(onnx, model, states, inputs)
+    widths = [row.numel() for row in traced.inputs]
+    x = ca.MX.sym("x", sum(widths))
+    parts = ca.horzsplit(x.T, np.cumsum([0, *widths]).tolist())
+    functions = {}
+    chosen = _outputs_of(model.graph, outputs)
+    for kind, name in chosen.items():
+        row = traced.rows.get(name)
+        if row is None:  # a constant output
+            row = ca.MX(ca.DM(np.atleast_2d(traced.arrays[name])))
+        (value,) = ca.substitute([ca.densify(row.T)], traced.inputs, parts)
+        function = ca.Function("network", [x], [value])
+        functions[kind] = function.expand() if traced.size < FEW_WEIGHTS else function
+    others = [item.name for item in model.graph.output if item.name not in chosen.values()]
+    metadata = [f"metadata {each.key}" for each in model.metadata_props]
+    unused = ", ".join(others + metadata)
+    notes = (f"not used: {shortened(unused, 200)}",) if unused else ()
+    return GraphFunctions(functions, traced.precision, traced.operators, notes)
+
+
+class _Traced(NamedTuple):
+    """Values of a graph, by name.
+
+    arrays: each value at the state 0
+    rows: the values that depend on the inputs, as expressions (1, k) of the inputs
+    inputs: symbols of the inputs, (1, k) each
+    precision: lowest precision of the weights, such as "float32"
+    operators: operators that depend on the inputs, with the sizes of their results, in one line
+    size: number of entries of all weights and results
+    """
+
+    arrays: dict[str, np.ndarray]
+    rows: dict[str, ca.MX]
+    inputs: list[ca.MX]
+    precision: str
+    operators: str
+    size: int
+
+
+def _traced(onnx: Any, model: Any, states: int, inputs: int) -> _Traced:
+    """Return the values of a graph for a plant, operator by operator.
+
+    Raises BadInputError if an operator or the inputs are not supported, or if the graph is too
+    large.
+    """
     graph = model.graph
-    stored = {tensor.name: _array(onnx, tensor) for tensor in graph.initializer}
-    arrays, precision = checked_tensors(stored)
+    weights = {tensor.name: _array(onnx, tensor) for tensor in graph.initializer}
+    arrays, precision = checked_tensors(weights)
     size = sum(array.size for array in arrays.values())
     shapes = _inputs_of(graph, set(arrays), states, inputs)
-    # Each value at the state 0 gives its shape. Values that depend on the state also have a row.
     arrays |= {name: np.zeros(shape) for name, shape in shapes.items()}
     rows = {name: ca.MX.sym("x", 1, shape[-1]) for name, shape in shapes.items()}
-    given = list(rows.values())
-    widths = [row.numel() for row in given]
-    steps = [" and ".join(map(str, widths))]
+    symbols = list(rows.values())
+    operators = [" and ".join(str(row.numel()) for row in symbols)]
     for node in graph.node:
         operator = _Operator(onnx, model.opset_import, node)
-        results, kind = operator.at_0([arrays[name] if name else None for name in node.input])
+        results, precision_of_node = operator.at_0(
+            [arrays[name] if name else None for name in node.input]
+        )
         arrays |= dict(zip(node.output, results, strict=True))
-        precision = lowest({precision, kind})
+        precision = lowest({precision, precision_of_node})
         if any(name in rows for name in node.input):
             (output,) = node.output
             row = operator.row([rows.get(name, arrays.get(name)) for name in node.input])
             _refuse_shape(operator.name, arrays[output].shape, row)
             rows[output] = row
             if operator.name not in (*_ARRANGING, "Cast"):
-                steps.append(f"{operator.name} {row.numel()}")
+                operators.append(f"{operator.name} {row.numel()}")
         size += sum(result.size for result in results)
         if size > LARGEST_NETWORK:
             raise BadInputError(
                 f"the graph has more than {LARGEST_NETWORK} entries, the maximum; give a smaller "
                 "network"
             )
-    x = ca.MX.sym("x", sum(widths))
-    parts = ca.horzsplit(x.T, np.cumsum([0, *widths]).tolist())
-    functions = {}
-    chosen = _outputs_of(graph, outputs)
-    for kind, name in chosen.items():
-        row = rows[name] if name in rows else ca.MX(ca.DM(np.atleast_2d(arrays[name])))
-        (value,) = ca.substitute([ca.densify(row.T)], given, parts)
-        function = ca.Function("network", [x], [value])
-        functions[kind] = function.expand() if size < FEW_WEIGHTS else function
-    others = [item.name for item in graph.output if item.name not in chosen.values()]
-    metadata = [f"metadata {each.key}" for each in model.metadata_props]
-    unused = ", ".join(others + metadata)
-    notes = (f"not used: {shortened(unused, 200)}",) if unused else ()
-    return GraphFunctions(functions, precision, " -> ".join(steps), notes)
+    return _Traced(arrays, rows, symbols, precision, " -> ".join(operators), size)
 
 
 def _array(onnx: Any, tensor: Any) -> np.ndarray:
@@ -267,16 +300,19 @@ class _Operator:
 
         self._refuse_size([array for array in arguments if array is not None])
         helper = self._onnx.helper
-        named = {
+        inputs = {
             name: array for name, array in zip(self._node.input, arguments, strict=True) if name
         }
-        ends = [helper.make_empty_tensor_value_info(name) for name in (*named, *self._node.output)]
-        graph = helper.make_graph([self._node], "node", ends[: len(named)], ends[len(named) :])
+        infos_in, infos_out = (
+            [helper.make_empty_tensor_value_info(name) for name in names]
+            for names in (inputs, self._node.output)
+        )
+        graph = helper.make_graph([self._node], "node", infos_in, infos_out)
         single = helper.make_model(graph, opset_imports=self._opsets)
         with self._refused(), np.errstate(all="ignore"):
-            results = ReferenceEvaluator(single).run(None, named)
+            results = ReferenceEvaluator(single).run(None, inputs)
         arrays = dict(zip(self._node.output, map(np.asarray, results), strict=True))
-        if named:
+        if inputs:
             doubles = [a.astype(float) if a.dtype.kind == "f" else a for a in arrays.values()]
             return doubles, "float64"
         checked, precision = checked_tensors(arrays)
@@ -438,10 +474,10 @@ def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
     Without a request, several outputs are told by their names (`_NAMES`).
     """
     names = [item.name for item in graph.output]
-    by_kind = {
+    by_kind = {  # of several names of one kind, the first output
         kind: name for kind, known in _NAMES.items() for name in names[::-1] if name in known
     }
-    found = {}
+    chosen = {}
     for kind, output in outputs.items():
         if output and output not in names:
             raise BadInputError(
@@ -449,11 +485,11 @@ def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
                 f"{shortened(', '.join(names))}"
             )
         if output or len(names) == 1:
-            found[kind] = output or names[0]
+            chosen[kind] = output or names[0]
         elif not kind:
-            found |= by_kind or {name: name for name in names}
+            chosen |= by_kind or {name: name for name in names}
         elif kind in by_kind:
-            found[kind] = by_kind[kind]
+            chosen[kind] = by_kind[kind]
         else:
             words = f"{kind}={names[0]}"
             raise BadInputError(
@@ -461,4 +497,4 @@ def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
                 f'by network="{shortened(words)}"',
                 ("--network", words),
             )
-    return found
+    return chosen
