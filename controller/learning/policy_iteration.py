@@ -22,11 +22,12 @@ from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
 from controller.learning.recording import (
+    RelativeResidual,
     Stack,
     excitation,
     random_pool,
     refuse_poor,
-    residual_sizes,
+    residual_of_value,
 )
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import quadratic_forms
@@ -149,11 +150,11 @@ class RecordedGame:
         loop = self.fitted - self.S(problem) @ P
         return problem.discount - float(np.linalg.eigvals(loop).real.max())
 
-    def residuals(self, P: np.ndarray) -> tuple[float, float]:
-        """Return the relative norms of the residual of the value y'P y (`residual_sizes`)."""
+    def residual(self, P: np.ndarray) -> RelativeResidual:
+        """Return the residual of the game's equation for the value y'P y."""
         slopes = 2.0 * self.states @ P
         costs = quadratic_forms(self.states, self.Q)
-        return residual_sizes(slopes, self.drifts, costs, self.S(Problem(0.0, 1.0)))
+        return residual_of_value(slopes, self.drifts, costs, self.S(Problem(0.0, 1.0)))
 
 
 def without_discount(recorded: RecordedGame, progress: Progress | None) -> np.ndarray:
@@ -168,21 +169,21 @@ def without_discount(recorded: RecordedGame, progress: Progress | None) -> np.nd
     discount, P = first, np.zeros_like(recorded.Q)
     while True:
         problem = Problem(discount, 0.0)
-        found = recorded.iterated(P, problem, MOST_ITERATIONS)
-        margin = -np.inf if found is None else recorded.margin(found, problem)
-        if found is None or margin <= 0.0:
+        P_of_discount = recorded.iterated(P, problem, MOST_ITERATIONS)
+        if P_of_discount is None or recorded.margin(P_of_discount, problem) <= 0.0:
             raise _unstable_mode(discount)
         if discount == 0.0:
-            return found
+            return P_of_discount
         if progress is not None:
             progress(0.5 * (1.0 - discount / first), 1.0, f"discount {discount:.3g} 1/s")
-        P, last = found, discount
-        discount = max(0.0, discount - 0.5 * margin)
+        P, last = P_of_discount, discount
+        discount = max(0.0, discount - 0.5 * recorded.margin(P, problem))
         if discount > (1.0 - SMALLEST_STEP) * last:
             raise _unstable_mode(last)
 
 
 def _unstable_mode(discount: float) -> NoSolutionError:
+    """Return the error that policies at a discount rate leave a mode unstable."""
     return NoSolutionError(
         f"the discount cannot be lowered below {discount:.6g} 1/s, where the learned policies "
         "leave a mode unstable; check that (A, B) is stabilizable and that Q weights the mode"
@@ -202,9 +203,9 @@ def with_disturbance(
     share, step = 0.0, 1.0
     while share < 1.0 and recorded.disturbance.any():
         problem = Problem(0.0, min(1.0, share + step))
-        found = recorded.iterated(P, problem, MOST_OF_A_SHARE)
-        if found is not None and _is_solution(recorded, found, problem):
-            P, share, step = found, problem.share, 2.0 * step
+        P_of_share = recorded.iterated(P, problem, MOST_OF_A_SHARE)
+        if P_of_share is not None and _is_solution(recorded, P_of_share, problem):
+            P, share, step = P_of_share, problem.share, 2.0 * step
         else:
             step /= 2.0
             if step < SMALLEST_STEP:
@@ -220,16 +221,17 @@ def with_disturbance(
 
 
 def _is_solution(recorded: RecordedGame, P: np.ndarray, problem: Problem) -> bool:
+    """Return whether P >= 0 up to rounding, and the loop of its policies is stable."""
     smallest = float(np.linalg.eigvalsh(P)[0])
     return recorded.margin(P, problem) > 0.0 and smallest > -ROUNDED * float(np.abs(P).max())
 
 
 def policy_iteration(
-    game: Game, pool: Stack | None = None, seed: int = 0, progress: Progress | None = None
+    game: Game, pool: Stack | None, seed: int, progress: Progress | None
 ) -> TrainingRun:
     """Return the training run of policy iteration on recorded samples.
 
-    pool: recorded samples, by default four for each weight at random states (`random_pool`)
+    pool: recorded samples; None for four for each weight at random states (`random_pool`)
     seed: seed of the random states
     progress: called with (fraction done, 1, text), or None
 
@@ -242,20 +244,19 @@ def policy_iteration(
     pool, misfit = pool.linear()
     scales = pool.channel_scales()
     recorded = RecordedGame.of(game, pool, scales)
-    samples = recorded.psi.psi(recorded.states)
-    rank = excitation(samples)
-    refuse_poor(rank.rank, rank.size, "the recorded samples")
+    of_samples = excitation(recorded.psi.psi(recorded.states))
+    refuse_poor(of_samples.rank, of_samples.size, "the recorded samples")
     P = with_disturbance(recorded, without_discount(recorded, progress), game.delta, progress)
-    of_cost, of_terms = recorded.residuals(P)
+    residual = recorded.residual(P)
     value = P / np.outer(scales, scales)
     return TrainingRun(
         law="policy-iteration",
         basis="quadratic",
         W=recorded.psi.weights(value),
-        residual_norm=of_cost,
-        settling_residual=of_terms,
+        residual_norm=residual.to_costs,
+        settling_residual=residual.to_terms,
         K=game.gain(value),
-        excitation=rank,
+        excitation=of_samples,
         seed=seed,
         diagnostics={"drift_misfit": misfit},
         names=game.names,

@@ -22,7 +22,13 @@ from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
 from controller.hfa_game import ordinary_deviations
-from controller.learning.recording import Stack, excitation, random_pool, residual_sizes
+from controller.learning.recording import (
+    RelativeResidual,
+    Stack,
+    excitation,
+    random_pool,
+    residual_of_value,
+)
 from controller.learning.ticks import run
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -47,6 +53,17 @@ class TheoremGains(NamedTuple):
     alpha1: float
     alpha2: float
     explicit_step_limit: float
+
+
+class LinearResiduals(NamedTuple):
+    """Residuals ē = regressors W + constants of the samples.
+
+    regressors: σ̄_j = σ_j/n_j, (N_h, M)
+    constants: c̄_j, (N_h,)
+    """
+
+    regressors: np.ndarray
+    constants: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,18 +95,18 @@ class PublishedLaw:
         return np.asarray(np.einsum("ji,ik,jk->j", self.stack.states, Q, self.stack.states))
 
     @cached_property
-    def samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Regressors σ̄_j = σ_j/n_j, (N_h, M), and constants c̄_j, (N_h,), with n = √(1 + σ'σ).
+    def linear_residuals(self) -> LinearResiduals:
+        """Residuals of the samples as functions of the weights, with n = √(1 + σ'σ) (Eq. 32-33).
 
         With the stored policies, B û + E d̂ = -½ S ∂ψ'W(0), σ = ∂ψ (F + B û + E d̂), and the cost
-        of the policies is ¼ (∂ψ'W(0))' S (∂ψ'W(0)) (Eq. 32-33).
+        of the policies is ¼ (∂ψ'W(0))' S (∂ψ'W(0)).
         """
-        slopes = FIRST_WEIGHT * self.gradient.sum(axis=1)
-        pushed = slopes @ self.game.S
-        regressors = np.einsum("jmi,ji->jm", self.gradient, self.drifts - 0.5 * pushed)
-        constants = self.costs + 0.25 * np.sum(pushed * slopes, axis=1)
+        slopes = FIRST_WEIGHT * self.gradient.sum(axis=1)  # ∂ψ'W(0)
+        S_slopes = slopes @ self.game.S
+        regressors = np.einsum("jmi,ji->jm", self.gradient, self.drifts - 0.5 * S_slopes)
+        constants = self.costs + 0.25 * np.sum(S_slopes * slopes, axis=1)
         sizes = np.sqrt(1.0 + np.sum(regressors**2, axis=1))
-        return regressors / sizes[:, None], constants / sizes
+        return LinearResiduals(regressors / sizes[:, None], constants / sizes)
 
     @cached_property
     def gains(self) -> TheoremGains:
@@ -97,7 +114,7 @@ class PublishedLaw:
 
         c₁ = (2γλ₀)^(1-η/2), c₂ = N_h^(-η/2) (2γλ₀)^(1+η/2), α_i = π / (θ T η c_i), T = T_w/2
         """
-        regressors, _ = self.samples
+        regressors = self.linear_residuals.regressors
         lambda_0 = float(np.linalg.svd(regressors, compute_uv=False)[-1] ** 2)
         c1 = (2.0 * GAMMA * lambda_0) ** (1.0 - ETA / 2.0)
         c2 = len(regressors) ** (-ETA / 2.0) * (2.0 * GAMMA * lambda_0) ** (1.0 + ETA / 2.0)
@@ -108,7 +125,7 @@ class PublishedLaw:
 
     def _fastest(self, alpha1: float, alpha2: float) -> float:
         """Return the largest eigenvalue of -∂W'/∂W at W(0), 1/s."""
-        regressors, constants = self.samples
+        regressors, constants = self.linear_residuals
         residuals = np.abs(FIRST_WEIGHT * regressors.sum(axis=1) + constants)
         slopes = (alpha1 + 1.0) * (1.0 - ETA) * residuals**-ETA
         slopes = slopes + (alpha2 + 1.0) * (1.0 + ETA) * residuals**ETA
@@ -116,12 +133,12 @@ class PublishedLaw:
 
     def rate(self, weights: np.ndarray) -> np.ndarray:
         """Return W', the right side of Eq. (46), (M,)."""
-        regressors, constants = self.samples
+        regressors, constants = self.linear_residuals
         residuals = regressors @ weights + constants
         sizes = np.abs(residuals)
-        push = (self.gains.alpha1 + 1.0) * sizes ** (1.0 - ETA)
-        push = push + (self.gains.alpha2 + 1.0) * sizes ** (1.0 + ETA)
-        return np.asarray(-GAMMA * (np.copysign(push, residuals) @ regressors))
+        magnitudes = (self.gains.alpha1 + 1.0) * sizes ** (1.0 - ETA)
+        magnitudes = magnitudes + (self.gains.alpha2 + 1.0) * sizes ** (1.0 + ETA)
+        return np.asarray(-GAMMA * (np.copysign(magnitudes, residuals) @ regressors))
 
     # The members that `controller.run` uses.
 
@@ -156,21 +173,21 @@ class PublishedLaw:
         """Return the time after `tick` ticks, s."""
         return {"time": tick * T_W / ROWS}
 
-    def residuals(self, weights: np.ndarray) -> tuple[float, float]:
-        """Return the relative norms of the residual of the weights (`residual_sizes`)."""
+    def residual(self, weights: np.ndarray) -> RelativeResidual:
+        """Return the residual of the game's equation for the value of the weights."""
         slopes = np.einsum("jmi,m->ji", self.gradient, weights)
-        return residual_sizes(slopes, self.drifts, self.costs, self.game.S)
+        return residual_of_value(slopes, self.drifts, self.costs, self.game.S)
 
 
 def published_law(
-    game: Game, pool: Stack | None = None, seed: int = 0, progress: Progress | None = None
+    game: Game, pool: Stack | None, seed: int, progress: Progress | None
 ) -> TrainingRun:
     """Return the training run of Eq. (46) as printed.
 
     The basis is the paper's for six states, and otherwise the quadratic one.
 
-    pool: recorded samples; by default 50 random states, for the aircraft of the paper in the box
-        of its typical deviations
+    pool: recorded samples; None for 50 random states, for the aircraft of the paper in the box of
+        its typical deviations
     seed: seed of the random states
     progress: called with (fraction done, 1, text), or None
 
@@ -182,13 +199,13 @@ def published_law(
         pool = random_pool(game, max(SAMPLES, psi.size), seed, ordinary_deviations(game.names))
     law = PublishedLaw(game, psi, pool)
     weights = run(law, progress=progress).memory
-    of_cost, of_terms = law.residuals(weights)
+    residual = law.residual(weights)
     return TrainingRun(
         law="published",
         basis=psi.name,
         W=weights,
-        residual_norm=of_cost,
-        settling_residual=of_terms,
+        residual_norm=residual.to_costs,
+        settling_residual=residual.to_terms,
         K=game.gain(psi.matrix(weights)),
         excitation=excitation(psi.psi(pool.states / pool.channel_scales())),
         seed=seed,

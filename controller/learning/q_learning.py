@@ -18,7 +18,7 @@ from controller.critic.training_run import SETTLED, TrainingRun
 from controller.game.basis import Basis, basis
 from controller.game.q_function import of_q_function, q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
-from controller.learning.recording import excitation, natural_spread
+from controller.learning.recording import RelativeResidual, excitation, natural_spread
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import quadratic_forms
 from hfa_support.progress import Progress
@@ -56,16 +56,17 @@ def random_steps(game: Game, seed: int) -> Steps:
     if has_disturbance:
         prices = np.append(prices, np.full(game.E.shape[1], game.delta**2))
     spread = natural_spread(game)
-    cost = float(np.diag(game.Q) @ spread**2) or 1.0
-    moved = np.abs(columns / spread[:, None]).max(axis=0)
-    farthest = 1.0 / np.where(moved > 0.0, moved, 1.0)
-    widths = np.append(spread, np.minimum(farthest, np.sqrt(cost / prices)))
+    cost_of_states = float(np.diag(game.Q) @ spread**2) or 1.0
+    effects = np.abs(columns / spread[:, None]).max(axis=0)  # of a unit, in spreads
+    by_effect = 1.0 / np.where(effects > 0.0, effects, 1.0)
+    by_cost = np.sqrt(cost_of_states / prices)
+    widths = np.append(spread, np.minimum(by_effect, by_cost))
     count = STEPS_PER_WEIGHT * len(widths) * (len(widths) + 1) // 2
     begins = np.random.default_rng(seed).uniform(-widths, widths, (count, len(widths)))
     return Steps(begins, begins @ np.hstack([game.A, columns]).T)
 
 
-def learn_steps(game: Game, seed: int = 0, progress: Progress | None = None) -> TrainingRun:
+def learn_steps(game: Game, seed: int, progress: Progress | None) -> TrainingRun:
     """Return the training run of Q-learning on a game in discrete time, from recorded steps.
 
     Value iteration H <- cost + α extremum of H at x⁺ starts from 0. After 1, 3, 7, ... value
@@ -169,14 +170,17 @@ class QLearner:
     def policy_iteration(self, H: np.ndarray) -> np.ndarray:
         """Return the Q-function of the policies that are optimal for H, applied from x⁺ on.
 
-        Its weights h solve h = inverse (costs + α features(x⁺) h).
+        Its weights h solve h = inverse (costs + α features_after h), with the features of the
+        policies at x⁺.
         """
         self.iterations += 1
-        parts = of_q_function(self.game, H)
-        policies = [-parts["K"], *([parts["L"]] if "L" in parts else [])]
-        following = self.steps.ends @ np.vstack([np.eye(len(self.game.A)), *policies]).T
-        features = self.psi.psi(following / self.scales)
-        equations = np.eye(self.psi.size) - self.game.discount * self.inverse @ features
+        optimum = of_q_function(self.game, H)
+        rows = [np.eye(len(self.game.A)), -optimum["K"]]  # (x, u, w) = rows x
+        if "L" in optimum:
+            rows.append(optimum["L"])
+        begins_after = self.steps.ends @ np.vstack(rows).T
+        features_after = self.psi.psi(begins_after / self.scales)
+        equations = np.eye(self.psi.size) - self.game.discount * self.inverse @ features_after
         return self._of_weights(np.linalg.solve(equations, self.inverse @ self.costs))
 
     def has_saddle(self, H: np.ndarray) -> bool:
@@ -208,28 +212,28 @@ class QLearner:
         root = np.sqrt(self.game.discount)
         return all(root * np.abs(np.linalg.eigvals(loop)).max() < 1.0 for loop in loops)
 
-    def residuals(self, H: np.ndarray) -> tuple[float, float]:
-        """Return the norm of the residual of Bellman's equation over all steps, relative to the
-        norm of the costs, and relative to that of the summed magnitudes of the terms.
-        """
+    def residual(self, H: np.ndarray) -> RelativeResidual:
+        """Return the residual of Bellman's equation over all steps."""
         values = quadratic_forms(self.steps.begins, H)
         after = self._after(of_q_function(self.game, H)["P"])
         error = float(np.linalg.norm(values - self.costs - after))
         terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
-        return error / float(np.linalg.norm(self.costs)), error / float(np.linalg.norm(terms))
+        return RelativeResidual(
+            error / float(np.linalg.norm(self.costs)), error / float(np.linalg.norm(terms))
+        )
 
     def training_run(self, H: np.ndarray, seed: int) -> TrainingRun:
         """Return the result of the last iteration."""
-        of_cost, of_terms = self.residuals(H)
-        parts = of_q_function(self.game, H)
+        residual = self.residual(H)
+        optimum = of_q_function(self.game, H)
         values = basis("quadratic", len(self.game.A))
         return TrainingRun(
             law="Q-learning",
             basis=values.name,
-            W=values.weights(parts["P"]),
-            residual_norm=of_cost,
-            settling_residual=of_terms,
-            K=parts["K"],
+            W=values.weights(optimum["P"]),
+            residual_norm=residual.to_costs,
+            settling_residual=residual.to_terms,
+            K=optimum["K"],
             excitation=excitation(self.features),
             seed=seed,
             names=self.game.names,

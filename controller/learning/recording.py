@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -139,11 +140,11 @@ def natural_spread(game: Game) -> np.ndarray:
 
     balanced, (units, _) = matrix_balance(game.A, permute=False, separate=True)
     eigenvalues = np.linalg.eigvals(balanced)
-    fastest = float(np.abs(eigenvalues).max())
-    forgetting = max(float(eigenvalues.real.max()), 0.0) + 0.1 * (fastest if fastest > 0.0 else 1.0)
-    push = (game.S_control + game.S_disturbance / game.delta**2) / np.outer(units, units)
-    spread = solve_continuous_lyapunov(balanced - forgetting * np.eye(len(units)), -push)
-    variances = np.diag(spread)
+    spectral_radius = float(np.abs(eigenvalues).max()) or 1.0
+    shift = max(float(eigenvalues.real.max()), 0.0) + 0.1 * spectral_radius
+    noise = (game.S_control + game.S_disturbance / game.delta**2) / np.outer(units, units)
+    covariance = solve_continuous_lyapunov(balanced - shift * np.eye(len(units)), -noise)
+    variances = np.diag(covariance)
     return units * np.sqrt(np.where(variances > 0.0, variances, 1.0))
 
 
@@ -165,14 +166,23 @@ def excitation(samples: np.ndarray) -> Excitation:
     )
 
 
-def residual_sizes(
-    slopes: np.ndarray, drifts: np.ndarray, costs: np.ndarray, S: np.ndarray
-) -> tuple[float, float]:
-    """Return two relative norms of the residual e of the game's Hamilton-Jacobi-Isaacs equation.
+class RelativeResidual(NamedTuple):
+    """Norm |e| of the residual of a learner's equation over all samples.
 
-    At sample j, e_j = ∇V'F_j + z_j'Q z_j - ¼ ∇V'S ∇V (paper Eq. 33 with the extremal policies). The
-    first norm is |e| / |z'Qz|, the second is relative to the norm of the summed magnitudes of the
-    terms.
+    to_costs: |e| divided by the norm of the costs
+    to_terms: |e| divided by the norm of the summed magnitudes of the terms of the equation
+    """
+
+    to_costs: float
+    to_terms: float
+
+
+def residual_of_value(
+    slopes: np.ndarray, drifts: np.ndarray, costs: np.ndarray, S: np.ndarray
+) -> RelativeResidual:
+    """Return the residual of the game's Hamilton-Jacobi-Isaacs equation for a value V.
+
+    At sample j, e_j = ∇V'F_j + z_j'Q z_j - ¼ ∇V'S ∇V (paper Eq. 33 with the extremal policies).
 
     slopes: ∇V at the samples, (N_h, n)
     drifts: F_j, (N_h, n)
@@ -184,7 +194,9 @@ def residual_sizes(
         policies = 0.25 * np.einsum("ji,ik,jk->j", slopes, S, slopes)
         error = float(np.linalg.norm(changes.sum(axis=1) + costs - policies))
         terms = np.abs(changes).sum(axis=1) + costs + np.abs(policies)
-        return error / float(np.linalg.norm(costs)), error / float(np.linalg.norm(terms))
+        return RelativeResidual(
+            error / float(np.linalg.norm(costs)), error / float(np.linalg.norm(terms))
+        )
 
 
 def refuse_poor(found: int, needed: int, what: str) -> None:

@@ -61,16 +61,16 @@ def run(learner: Learner, *, progress: Progress | None = None) -> Run:
     """
     memory = learner.start()
     rows = [_row(learner, 0, memory)]
-    every = math.ceil(learner.ticks / (MOST_ROWS - 1))
+    row_every = math.ceil(learner.ticks / (MOST_ROWS - 1))
     report_every = max(1, learner.ticks // REPORTS)
     reported = time.monotonic()
     for tick in range(1, learner.ticks + 1):
         memory = learner.advance(tick - 1, memory)
         last = tick == learner.ticks
-        if tick % every == 0 or last:
+        if tick % row_every == 0 or last:
             rows.append(_row(learner, tick, memory))
-        slow = time.monotonic() - reported > SILENCE
-        if progress is not None and (tick % report_every == 0 or last or slow):
+        is_silent = time.monotonic() - reported > SILENCE
+        if progress is not None and (tick % report_every == 0 or last or is_silent):
             progress(tick / learner.ticks, 1.0, f"t = {rows[-1]['time']:.3g} s")
             reported = time.monotonic()
     return Run(memory, {name: np.array([row[name] for row in rows]) for name in rows[0]})

@@ -89,7 +89,7 @@ def activation_named(name: str) -> str:
 
     Raises BadInputError for an unknown activation.
     """
-    plain = {each.replace("_", ""): each for each in ACTIVATIONS}
-    found = plain.get(name.strip().lower().replace("_", ""), name)
-    refuse_unknown("unknown activation", found, ACTIVATIONS)
-    return found
+    by_letters = {each.replace("_", ""): each for each in ACTIVATIONS}
+    known = by_letters.get(name.strip().lower().replace("_", ""), name)
+    refuse_unknown("unknown activation", known, ACTIVATIONS)
+    return known

@@ -23,10 +23,10 @@ _CLEANRL_HEADS = {"fc_mu": "TD3 or DDPG", "fc_mean": "SAC"}
 
 def checkpoint_of(tensors: Tensors) -> tuple[dict[str, np.ndarray], Stated] | None:
     """Return the layers in a checkpoint and what it states of its policy, or None for others."""
-    for layout in (_rsl_rl, _rl_games, _cleanrl):
-        found = layout(tensors)
-        if found is not None:
-            stated, not_layers = found
+    for read_layout in (_rsl_rl, _rl_games, _cleanrl):
+        checkpoint = read_layout(tensors)
+        if checkpoint is not None:
+            stated, not_layers = checkpoint
             layers = {name: each for name, each in tensors.items() if name not in not_layers}
             return layers, stated
     return None
@@ -93,9 +93,10 @@ def _cleanrl(tensors: Tensors) -> tuple[Stated, list[str]] | None:
     scale, bias = (_find(tensors, f"action_{name}") for name in ("scale", "bias"))
     root = scale.removesuffix("action_scale")
     head = next((each for each in _CLEANRL_HEADS if f"{root}{each}.weight" in tensors), "")
-    own = {name.removeprefix(root).partition(".")[0] for name in tensors if name.startswith(root)}
+    of_actor = [name.removeprefix(root) for name in tensors if name.startswith(root)]
     known = {"fc1", "fc2", head, "fc_logstd", "action_scale", "action_bias"}
-    if not (scale and bias and head and own <= known) or np.any(tensors[scale] < 0.0):
+    is_cleanrl = {name.partition(".")[0] for name in of_actor} <= known
+    if not (scale and bias and head and is_cleanrl) or np.any(tensors[scale] < 0.0):
         return None
     middle, half = np.ravel(tensors[bias]), np.ravel(tensors[scale])
     box = ActionBox("tanh", middle - half, middle + half)

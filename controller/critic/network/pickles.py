@@ -202,33 +202,39 @@ def torch_stream(content: bytes) -> Any:
 
     Raises BadInputError as `unpickled` does.
     """
+    # The file consists of five pickles (number of the format, version, system; the content; keys of
+    # the storages) and the storages. The content is read twice: the first time its storages are
+    # zeros, whose types say how many bytes to read, and the second time they have their numbers.
     stream = io.BytesIO(content)
     storages: dict[str, np.ndarray] = {}
 
     def storage_or_zeros(key: str, kind: str, count: Any) -> np.ndarray:
-        """Return the numbers of a storage, or zeros in the first pass, before they are read."""
+        """Return the numbers of a storage, or zeros before they are read."""
         if key not in storages:
-            left = len(content) - sum(storage.nbytes for storage in storages.values())
-            if not isinstance(count, int) or not 0 <= count * np.dtype(kind).itemsize <= left:
+            bytes_left = len(content) - sum(storage.nbytes for storage in storages.values())
+            size = count * np.dtype(kind).itemsize if isinstance(count, int) else -1
+            if not 0 <= size <= bytes_left:
                 raise BadInputError(
                     "the file is damaged (a storage is larger than the file); save it again"
                 )
             storages[key] = np.zeros(count, kind)
         return storages[key]
 
+    def next_pickle() -> Any:
+        return _Restricted(stream, storage_or_zeros).load()
+
     def load() -> Any:
-        # Number of the format, version, system; content; keys of the storages.
-        places = [stream.tell()]
-        for _ in range(4):
-            _Restricted(stream, storage_or_zeros).load()
-            places.append(stream.tell())
-        keys = _Restricted(stream, storage_or_zeros).load()
+        for _ in ("number of the format", "version", "system"):
+            next_pickle()
+        begin_of_content = stream.tell()
+        next_pickle()
+        keys = next_pickle()
         for key in keys:
             count = int.from_bytes(stream.read(8), "little")
             kind = storages[key].dtype
             storages[key] = np.frombuffer(stream.read(count * kind.itemsize), kind)
-        stream.seek(places[3])  # again, with the numbers
-        return _Restricted(stream, storage_or_zeros).load()
+        stream.seek(begin_of_content)
+        return next_pickle()
 
     return _loaded(load)
 

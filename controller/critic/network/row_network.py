@@ -15,8 +15,6 @@ from controller.critic.network.activations import ACTIVATIONS, OF_CASADI, ON_ARR
 
 #: Function x (N, n) -> y (N, k).
 RowNetwork = Callable[[np.ndarray], np.ndarray]
-
-
 #: A network with a matrix of at least this many entries is wide.
 _WIDE = 2**14
 #: Number of rows per product. The values between the layers then fit into the cache.
@@ -26,10 +24,10 @@ _TOGETHER = 500
 class Layer(NamedTuple):
     """Layer y = activation(weight x + bias).
 
-    name: name in the file, without ".weight".
-    weight: (k, n).
-    bias: (k,).
-    activation: name in `ACTIVATIONS`, or "" for none.
+    name: name in the file, without ".weight"
+    weight: (k, n)
+    bias: (k,)
+    activation: name in `ACTIVATIONS`, or "" for none
     """
 
     name: str
@@ -65,7 +63,7 @@ def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
     biases = [layer.bias.astype(kind) for layer in layers]
     names = [layer.activation for layer in layers]
 
-    def on_some(x: np.ndarray) -> np.ndarray:
+    def on_block(x: np.ndarray) -> np.ndarray:
         for weight, bias, name in zip(columns, biases, names, strict=True):
             x = x @ weight
             x += bias
@@ -74,7 +72,7 @@ def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
 
     def on_rows(x: np.ndarray) -> np.ndarray:
         x = x.astype(kind, copy=False)
-        parts = [on_some(x[first : first + _TOGETHER]) for first in range(0, len(x), _TOGETHER)]
+        parts = [on_block(x[first : first + _TOGETHER]) for first in range(0, len(x), _TOGETHER)]
         return np.concatenate(parts).astype(float, copy=False)
 
     return on_rows

@@ -115,7 +115,31 @@ def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Stated]:
 
 def _stated(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Stated:
     """Return what the member `data` of a zip states of the policy with these tensors."""
-    low, high, _ = _box(data, "action_space", "actions")
+    actions = _box(data, "action_space", "actions")
+    settings = _settings_of(data)
+    of_class = _class_of(data, tensors)
+    observations = _box(data, "observation_space", "observations")
+    activation = settings.get("activation_fn")
+    class_of_activation = str(getattr(activation, "made_of", activation)).rpartition(".")[2]
+    words = [
+        word for word in of_class.network.split("+") if any(has_word(n, word) for n in tensors)
+    ]
+    return Stated(
+        algorithm=_algorithm(of_class, data, settings),
+        network="+".join(words),
+        activation=(
+            of_class.activation if activation is None else activation_named(class_of_activation)
+        ),
+        action=_action_box(of_class, actions, data, settings),
+        is_normalized=of_class.algorithm == "A2C" and _is_normalized(data),
+        seen=_seen(data, of_class.algorithm),
+        observations=observations.names,
+        inputs=observations.low.size,
+    )
+
+
+def _settings_of(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of a policy. Raises BadInputError for one that is not supported."""
     settings = _stored(data, "policy_kwargs") or {}
     if not isinstance(settings, dict):
         raise BadInputError("policy_kwargs is not a dictionary; save the model again")
@@ -125,8 +149,13 @@ def _stated(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> State
                 f"policy_kwargs sets {shown(name)}, which is not supported; {_TO_ONNX}"
             )
     _class_name("features_extractor_class", settings, _EXTRACTORS)
-    of_class = _class_of(data, tensors)
-    lowest, _, names = _box(data, "observation_space", "observations")
+    return settings
+
+
+def _action_box(
+    of_class: _Class, actions: _Box, data: Mapping[str, Any], settings: Mapping[str, Any]
+) -> ActionBox:
+    """Return the way from the output of a policy's network to its action."""
     uses_sde = bool(settings.get("use_sde", data.get("use_sde", False)))
     squash = of_class.squash
     if of_class.algorithm in ("A2C", "ARS") and settings.get("squash_output") is not None:
@@ -135,21 +164,7 @@ def _stated(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> State
         squash = "linear"
     is_clipped = of_class.network == _SAC.network and uses_sde
     clip_mean = _number(settings, "clip_mean", _CLIP_MEAN) if is_clipped else 0.0
-    activation = settings.get("activation_fn")
-    kind = str(getattr(activation, "made_of", activation)).rpartition(".")[2]
-    words = [
-        word for word in of_class.network.split("+") if any(has_word(n, word) for n in tensors)
-    ]
-    return Stated(
-        algorithm=_algorithm(of_class, data, settings),
-        network="+".join(words),
-        activation=of_class.activation if activation is None else activation_named(kind),
-        action=ActionBox(squash, low, high, clip_mean or math.inf),
-        is_normalized=of_class.algorithm == "A2C" and _is_normalized(data),
-        seen=_seen(data, of_class.algorithm),
-        observations=names,
-        inputs=lowest.size,
-    )
+    return ActionBox(squash, actions.low, actions.high, clip_mean or math.inf)
 
 
 def _class_of(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> _Class:
@@ -168,10 +183,10 @@ def _class_of(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> _Cl
         raise BadInputError(
             "the policy is recurrent, which is not supported; give a feed-forward policy"
         )
-    found = _class_name("policy_class", data, tuple(_CLASSES))
-    if not found:
+    policy_class = _class_name("policy_class", data, tuple(_CLASSES))
+    if not policy_class:
         raise BadInputError(f"the zip file does not state its policy_class; {_TO_ONNX}")
-    return _CLASSES[found]
+    return _CLASSES[policy_class]
 
 
 def _algorithm(of_class: _Class, data: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
@@ -183,17 +198,17 @@ def _algorithm(of_class: _Class, data: Mapping[str, Any], settings: Mapping[str,
 
 
 def _class_name(entry: str, data: Mapping[str, Any], known: tuple[str, ...]) -> str:
-    """Return the class in an entry, or "" without this entry. Raises BadInputError for others."""
+    """Return the class in an entry, or "" without one. Raises BadInputError unless it is known."""
     if data.get(entry) is None:
         return ""
     try:
-        found = _stored(data, entry)
+        stored = _stored(data, entry)
     except BadInputError as error:  # its message names the class or function
         raise BadInputError(
             f"{entry} is not a class of Stable-Baselines3 ({str(error).partition(';')[0]}); "
             f"{_TO_ONNX}"
         ) from error
-    made_of = getattr(found, "made_of", None) or shown(found)
+    made_of = getattr(stored, "made_of", None) or shown(stored)
     if made_of not in known:
         raise BadInputError(f"{entry} is {shortened(made_of)}, which is not supported; {_TO_ONNX}")
     return str(made_of)
@@ -252,28 +267,36 @@ def _number(entries: Mapping[str, Any], name: str, usual: float) -> float:
     return number
 
 
-def _box(
-    data: Mapping[str, Any], name: str, what: str
-) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Return the lowest and highest values of a Box, (k,) each, and the names of its entries.
+class _Box(NamedTuple):
+    """Box of actions or observations.
 
-    A dictionary of Boxes is one Box, whose entries have names.
+    low, high: lowest and highest values, (k,) each
+    names: names of the entries, if it is a dictionary of Boxes, else ()
     """
+
+    low: np.ndarray
+    high: np.ndarray
+    names: tuple[str, ...] = ()
+
+
+def _box(data: Mapping[str, Any], name: str, what: str) -> _Box:
+    """Return the Box in an entry of the zip, or its dictionary of Boxes as one."""
     space = _stored(data, name)
     parts = getattr(space, "spaces", None)
-    if isinstance(parts, dict) and what == "observations":
-        ends = {key: _ends(each, f"{what} {shortened(str(key))}") for key, each in parts.items()}
-        names = [
-            f"{key}[{place}]" if len(low) > 1 else str(key)
-            for key, (low, _) in ends.items()
-            for place in range(len(low))
-        ]
-        low, high = (np.concatenate(each) for each in zip(*ends.values(), strict=True))
-        return low, high, tuple(names)
-    return *_ends(space, what), ()
+    if not (isinstance(parts, dict) and what == "observations"):
+        return _Box(*_ends(space, what))
+    ends = {key: _ends(each, f"{what} {shortened(str(key))}") for key, each in parts.items()}
+    names = [
+        f"{key}[{place}]" if len(low) > 1 else str(key)
+        for key, (low, _) in ends.items()
+        for place in range(len(low))
+    ]
+    low, high = (np.concatenate(each) for each in zip(*ends.values(), strict=True))
+    return _Box(low, high, tuple(names))
 
 
 def _ends(space: Any, what: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and highest values of a space that is a Box of vectors, (k,) each."""
     kind = getattr(space, "made_of", type(space).__name__).rpartition(".")[2]
     low = getattr(space, "low", None)
     high = getattr(space, "high", None)
@@ -315,13 +338,15 @@ def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
             )
         if getattr(stored, "norm_obs", True) is False:
             return None, 0
-        parts = _statistics(stored)
+        running_means = _statistics(stored)
         mean, variance = (
-            np.concatenate([np.ravel(numbers_in(f"its {name}", each.get(name))) for each in parts])
+            np.concatenate(
+                [np.ravel(numbers_in(f"its {name}", each.get(name))) for each in running_means]
+            )
             for name in ("mean", "var")
         )
         epsilon, clip = (_number_in(name, vars(stored)) for name in ("epsilon", "clip_obs"))
-        count = parts[0].get("count")
+        count = running_means[0].get("count")
         seen = int(count) if isinstance(count, (int, float)) else 0
         return Normalizer(mean, variance, epsilon, clip, Path(path).name), seen
 

@@ -26,6 +26,8 @@ ORDERED = (".pt", ".pth", ".pkl", ".zip", ".cleanrl_model")
 _SAFETENSORS = {"F16": "<f2", "BF16": "<u2", "F32": "<f4", "F64": "<f8", "I64": "<i8", "I32": "<i4"}
 #: First bytes of a file of torch.save before torch 1.6, the number of its format.
 _OLD_TORCH = b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19."
+#: Levels of nested mappings and lists whose tensors are read.
+_DEEPEST = 4
 #: Precisions of weights, lowest first.
 _PRECISIONS = ("bfloat16", "float16", "float32", "float64")
 
@@ -85,7 +87,7 @@ def flattened(stored: Any, prefix: str = "", depth: int = 0) -> dict[str, np.nda
     tensors: dict[str, np.ndarray] = {}
     if isinstance(stored, (list, tuple)):
         stored = dict(enumerate(stored))
-    if isinstance(stored, Mapping) and depth < 4:
+    if isinstance(stored, Mapping) and depth < _DEEPEST:
         for name, value in stored.items():
             tensors |= flattened(value, f"{prefix}{name}.", depth + 1)
     return tensors
@@ -105,7 +107,7 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
     Raises BadInputError if the tensors have too many entries in total, or if an entry is not a
     finite number.
     """
-    found = {"float64"}
+    precisions = {"float64"}
     for name, array in tensors.items():
         if array.dtype.kind not in "fibu":
             raise BadInputError(
@@ -118,7 +120,7 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
                 "network with finite weights"
             )
         if array.dtype.kind == "f":
-            found.add("bfloat16" if isinstance(array, BFloat16) else str(array.dtype))
+            precisions.add("bfloat16" if isinstance(array, BFloat16) else str(array.dtype))
     if sum(array.size for array in tensors.values()) > LARGEST_NETWORK:
         raise BadInputError(
             f"the tensors have more than {LARGEST_NETWORK} entries in total, the maximum; give a "
@@ -128,7 +130,7 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
         name: np.asarray(array).astype(float) if array.dtype.kind == "f" else array
         for name, array in tensors.items()
     }
-    return doubles, lowest(found)
+    return doubles, lowest(precisions)
 
 
 def lowest(precisions: set[str]) -> str:
@@ -168,6 +170,7 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _not_torch() -> BadInputError:
+    """Return the error that torch.save did not write a file."""
     return BadInputError(
         "the file was not written by torch.save; save state_dict() with torch.save, or export the "
         "network to ONNX"

@@ -27,7 +27,7 @@ _ACTIVATIONS: dict[str, dict[str, Any]] = {
 
 
 def is_module(source: Any) -> bool:
-    """Return whether an object is a torch.nn.Sequential or Linear, also of a pickle (`Inert`)."""
+    """Return whether an object is a torch.nn.Sequential or Linear, also one read from a pickle."""
     return _class_of(source) in ("Sequential", "Linear")
 
 
