@@ -31,16 +31,20 @@ def test_each_parameter_has_its_standard_error(parameter_set):
     np.testing.assert_allclose(np.corrcoef(drawn.T), known, atol=0.05)
 
 
-def test_unusable_sampling_arguments_are_refused(parameter_set):
-    """Parameters without covariance or with value 0, and wrong counts and seeds, are refused."""
-    with pytest.raises(
-        BadInputError, match="the parameters have no covariance, which random samples"
-    ):
-        sample_parameters(replace(parameter_set, covariance=np.zeros((0, 0))), 3, seed=0)
-    zero = replace(parameter_set, values=parameter_set.values._replace(zero_lift_moment=0.0))
-    with pytest.raises(BadInputError, match="zero_lift_moment is identified as 0"):
-        sample_parameters(zero, 3, seed=0)
-    assert len(sample_parameters(parameter_set, 1, seed=0)) == 1
-    for count, seed, message in ((0, 0, "count is 0"), (3, -1, "seed is -1")):
-        with pytest.raises(BadInputError, match=f"{message}; give a whole number of at least"):
-            sample_parameters(parameter_set, count, seed)
+@pytest.mark.parametrize(
+    ("change", "count", "seed", "says"),
+    [
+        ({"covariance": np.zeros((0, 0))}, 3, 0, "the parameters have no covariance"),
+        ({"zero_lift_moment": 0.0}, 3, 0, "zero_lift_moment is identified as 0"),
+        ({}, 0, 0, "count is 0; give a whole number of at least"),
+        ({}, 3, -1, "seed is -1; give a whole number of at least"),
+    ],
+)
+def test_unusable_arguments_are_refused(parameter_set, change, count, seed, says):
+    covariance = change.get("covariance", parameter_set.covariance)
+    values = {name: value for name, value in change.items() if name != "covariance"}
+    parameters = replace(
+        parameter_set, covariance=covariance, values=parameter_set.values._replace(**values)
+    )
+    with pytest.raises(BadInputError, match=says):
+        sample_parameters(parameters, count, seed)

@@ -10,7 +10,7 @@ from game_files import small, stored
 from scipy.sparse import csc_matrix
 from stored_games import stored as stored_game
 
-from controller import critic_in, load_game
+from controller import load_game
 from hfa import BadInputError, Game, read_critic, solve
 from hfa_model import LINEAR_STATES, published_models
 from hfa_model.published import published_data
@@ -201,39 +201,3 @@ def test_damaged_files_are_refused_in_one_line(name, content, said):
     with pytest.raises(BadInputError, match=said) as refusal:
         load_game(name)
     assert "\n" not in str(refusal.value)
-
-
-@pytest.mark.parametrize(
-    ("content", "says"),
-    [
-        ({"state_units": ["ft/s", "kg"]}, "state 2 is in kg in the file"),
-        ({"states": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
-        ({"state_labels": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
-        ({"inputs": ["aileron", "elevator"]}, "the inputs are aileron, elevator in the file"),
-        ({"inputs": ["Aileron", "Elevator"]}, "the inputs are Aileron, Elevator in the file"),
-        ({"states": ["alpha", "V"]}, "the states are alpha, V in the file"),
-    ],
-)
-def test_other_units_and_another_order_of_a_critic_are_refused(content, says):
-    """Units that cannot be converted, and names in another order than the plant's, are refused.
-
-    A gain in other units is converted.
-    """
-    named = {
-        "states": ["speed", "alpha"],
-        "state_units": ["ft/s", "rad"],
-        "inputs": ["elevator", "aileron"],
-    }
-    two = {"A": A2, "B": np.eye(2), "E": np.eye(2), "Q": np.eye(2), "R": np.eye(2), "delta": 9.0}
-    game = load_game(stored("plant.json", **two, **named))
-    K = np.array([[1.0, 2.0], [3.0, 4.0]])
-    critic = critic_in(stored("K.json", K=K, state_units=["m/s", "deg"]), game)
-    np.testing.assert_allclose(critic.K, K * [0.3048, 180.0 / np.pi])
-    for unit, factor in (("kt", 0.3048 * 3600.0 / 1852.0), ("km/h", 0.3048 * 3.6)):
-        critic = critic_in(stored("K.json", K=K, state_units=[unit, "rad"]), game)
-        np.testing.assert_allclose(critic.K, K * [factor, 1.0])
-    with pytest.raises(BadInputError, match=says):
-        critic_in(stored("other.json", K=K, **content), game)
-    Path("K.csv").write_text(",alpha,speed\nelevator,1,2\naileron,3,4\n", "utf-8")
-    with pytest.raises(BadInputError, match="the states are alpha, speed in the file"):
-        critic_in("K.csv", game)

@@ -75,8 +75,6 @@ def test_the_disturbance_of_a_game_is_named_in_its_reports():
         verdict = hfa.verify(game, hfa.from_gain(game, solution.K))
         for report in (solution.report(), verdict.report()):
             assert f"E {named}" in " ".join(str(report).split())
-    with pytest.raises(BadInputError, match="E has no columns; leave E out for the identity"):
-        hfa.game(linear, **weights, E=np.zeros((6, 0)))
 
 
 def test_default_weights_are_those_of_the_plant_file(folder, capsys):

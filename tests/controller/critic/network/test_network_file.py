@@ -160,19 +160,27 @@ def test_layers_of_unknown_order_are_refused():
     assert "does not store their order" in refusal(path, activation="tanh")
 
 
-def test_damaged_and_foreign_files_are_refused():
-    damaged, foreign = "is damaged or is not a network", "was not written by torch.save"
-    for name, content, said in (
-        ("a.pt", b"PK\3\4", damaged),
-        ("b.pt", b"text", foreign),
-        ("c.safetensors", b"\xff" * 20, damaged),
-        ("d.pkl", b"", foreign),
-    ):
-        Path(name).write_bytes(content)
-        assert said in refusal(name)
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.pt", b"PK\3\4", "is damaged or is not a network"),
+        ("b.pt", b"text", "was not written by torch.save"),
+        ("c.safetensors", b"\xff" * 20, "is damaged or is not a network"),
+        ("d.pkl", b"", "was not written by torch.save"),
+    ],
+)
+def test_damaged_and_foreign_files_are_refused(name, content, said):
+    Path(name).write_bytes(content)
+    assert said in refusal(name)
+
+
+def test_a_file_above_the_largest_size_is_refused():
     with Path("large.pt").open("wb") as stream:
         stream.truncate(2**29)
     assert "larger than 256 MiB" in refusal("large.pt")
+
+
+def test_a_program_of_torchscript_is_refused():
     with zipfile.ZipFile("script.pt", "w") as archive:
         for name in ("script/data.pkl", "script/constants.pkl", "script/code/__torch__.py"):
             archive.writestr(name, b"")

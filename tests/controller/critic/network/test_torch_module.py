@@ -82,29 +82,22 @@ def test_another_module_is_read_through_its_state_dict():
         hfa.from_network(GAME, made(), activation="tanh")
 
 
-def test_unsupported_modules_and_settings_are_refused():
-    """Unsupported modules, settings, sizes and numbers are refused by name."""
-    layer = _linear(np.ones((1, 2)), None)
-    for network, said in (
+@pytest.mark.parametrize(
+    ("network", "said"),
+    [
         (_network(_module("Dropout")), "contains Dropout"),
         (_network(_module("ELU", alpha=2.0)), "ELU has alpha = 2.0, but only 1.0 is supported"),
         (
-            _sequential(_module("Tanh"), layer),
+            _sequential(_module("Tanh"), _linear(np.ones((1, 2)), None)),
             "activation Tanh, which does not directly follow a linear layer",
         ),
         (_sequential(_module("Identity")), "no tensors"),
-        (
-            _sequential(layer, _linear(np.ones((1, 3)), None)),
-            "has the input size 3, but layer '0' before it has the output size 1",
-        ),
-        (_sequential(_linear([[np.nan, 1.0]], None)), "not finite"),
-        (_sequential(_linear(np.ones((1, 5)), None)), "the network has 5 inputs; give 2"),
-        (_sequential(_linear(np.ones((9, 2)), None)), "9 outputs"),
-    ):
-        with pytest.raises(BadInputError, match=said):
-            hfa.from_network(GAME, network)
-    with pytest.raises(BadInputError, match="but only torch modules"):
-        hfa.from_network(GAME, lambda z: z)
+        (lambda z: z, "but only torch modules"),
+    ],
+)
+def test_unsupported_modules_and_settings_are_refused(network, said):
+    with pytest.raises(BadInputError, match=said):
+        hfa.from_network(GAME, network)
 
 
 def _above(x, below):
