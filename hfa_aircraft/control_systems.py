@@ -87,6 +87,7 @@ def from_control(
         return dict(zip(states, rates, strict=True)), {name: by_label[name] for name in outputs}
 
     def signal(label: str, start: float = 0.0) -> Signal:
+        """Return the declared signal of a label, or one with its unit, or 1 without one."""
         known = units.get(label, "1")
         return known if isinstance(known, Signal) else Signal(known, start=start)
 

@@ -171,6 +171,7 @@ def relative_to(text: str, folder: Path) -> str:
     """
 
     def from_folder(file: str) -> str:
+        """Return the path of a file relative to the folder."""
         real = Path(os.path.realpath(Path(file).parent), Path(file).name)
         try:
             return Path(os.path.relpath(real, os.path.realpath(folder))).as_posix()

@@ -73,6 +73,7 @@ def remember_record(kind: Any) -> None:
     """
 
     def item(values: Any, name: Any) -> Any:
+        """Return a value by its name, or by an index as of any tuple."""
         if not isinstance(name, str):
             return kind.__getitem__(values, name)
         refuse_unknown("unknown name", name, kind._fields)
@@ -93,6 +94,7 @@ def remember_record(kind: Any) -> None:
 
 
 def _unpickled(names: tuple[str, ...], values: tuple[Any, ...]) -> Any:
+    """Return the named tuple that pickle restores."""
     return record(names)(*values)
 
 

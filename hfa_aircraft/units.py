@@ -101,6 +101,10 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
 
 
 def _signal_in(unit: str, factor: float, signal: Signal) -> Signal:
+    """Return a signal in another unit.
+
+    factor: from the unit of the signal to the other unit
+    """
     return signal._replace(
         unit=unit,
         nominal=signal.nominal * factor,
@@ -162,6 +166,7 @@ def _explain(
     """Return why a trim does not exist, in words with the units of the declaration."""
 
     def solve_declared(hold: Mapping[str, Any], free: tuple[str, ...]) -> dict[str, Any] | None:
+        """Return the trim that `solve` finds, with values in the declared units."""
         found = solve(_scaled(factors, hold), free)
         return None if found is None else _unscaled(factors, found)
 

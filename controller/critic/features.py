@@ -119,4 +119,5 @@ def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.S
 
 
 def _is_finite(number: float) -> bool:
+    """Return whether a constant of a formula is a finite number, and not True or False."""
     return not isinstance(number, bool) and abs(number) < math.inf

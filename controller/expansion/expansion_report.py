@@ -17,7 +17,7 @@ def expansion_report(expansion: Expansion) -> Report:
     names = expansion.game.names
     radii = expansion.radii
     columns = [name_of_value(radius.degree) for radius in radii]
-    rows = [("z'Pz", "", *(_size(radius) for radius in radii))]
+    rows = [("z'Pz", "", *(_size_of_set(radius) for radius in radii))]
     units = names.state_units
     for index, (state, unit) in enumerate(zip(names.states, units, strict=True)):
         extents = [_extent(radius, index, unit) for radius in radii]
@@ -49,7 +49,8 @@ def name_of_value(degree: int) -> str:
     return "V2 + V3" if degree == 3 else f"V2 + ... + V{degree}"
 
 
-def _size(radius: Radius) -> str:
+def _size_of_set(radius: Radius) -> str:
+    """Return c of the set z'Pz <= c as text, "unlimited", or "none"."""
     if math.isinf(radius.c):
         return "unlimited"
     return f"{radius.c:.3g}" if radius.c else "none"

@@ -89,6 +89,7 @@ def flown_until_decayed(
     initial = quadratic_forms(z0, P)
 
     def over(flown: History) -> np.ndarray:
+        """Return the mask of the flights whose z'Pz has decayed or is far, at the last step."""
         z_now = flown.states[:, -1, :-1]  # without the cost
         value = quadratic_forms(z_now, P)
         first = initial[flown.flights]

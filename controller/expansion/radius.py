@@ -98,6 +98,7 @@ class _Search:
     """Search for the radius of values of one expansion."""
 
     def __init__(self, expansion: Expansion) -> None:
+        """Choose the directions of the flights: random ones, and those of the largest terms."""
         self.expansion = expansion
         self.flights = Flights(expansion)
         n = expansion.states
@@ -175,7 +176,10 @@ class _Search:
         return _relative_errors(values, costs)
 
     def _agrees_at_random(self, size: float, degree: int) -> bool:
-        """Return whether flights from states on the boundary agree, random ones and worse ones."""
+        """Return whether flights from random states of a size agree, and from ever worse ones.
+
+        Worse ones are states of this size ever closer to those with the largest errors.
+        """
         n = self.expansion.states
         unit_y = directions(n, _CONFIRMING, _SEED + degree)
         errors = self._errors(size * unit_y, degree)

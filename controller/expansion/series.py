@@ -164,4 +164,5 @@ def _slopes(y: np.ndarray, degree: int, moved: np.ndarray) -> np.ndarray:
 
 
 def _blocks(rows: np.ndarray) -> list[np.ndarray]:
+    """Return rows in blocks of `_TOGETHER`, whose gradients fit into memory."""
     return np.split(rows, range(_TOGETHER, len(rows), _TOGETHER))

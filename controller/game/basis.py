@@ -48,7 +48,8 @@ class Basis(Reported):
         return self.states * (self.states + 1) // 2
 
     @cached_property
-    def _upper(self) -> tuple[np.ndarray, np.ndarray]:
+    def _upper_triangle(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows and columns of the entries ij, i <= j, of a matrix P, in the order of z_i z_j."""
         return np.triu_indices(self.states)
 
     @cached_property
@@ -81,7 +82,7 @@ class Basis(Reported):
         P_ii is the weight of z_i². P_ij is half the weight of z_i z_j.
         """
         P = np.zeros((self.states, self.states))
-        P[self._upper] = 0.5 * np.asarray(weights)[: self.quadratic_size]
+        P[self._upper_triangle] = 0.5 * np.asarray(weights)[: self.quadratic_size]
         return P + P.T
 
     def weights(self, P: np.ndarray) -> np.ndarray:
@@ -90,7 +91,7 @@ class Basis(Reported):
         P: (n, n), symmetric
         """
         weights = np.zeros(self.size)
-        weights[: self.quadratic_size] = (2.0 * P - np.diag(np.diag(P)))[self._upper]
+        weights[: self.quadratic_size] = (2.0 * P - np.diag(np.diag(P)))[self._upper_triangle]
         return weights
 
     def scaling(self, scales: np.ndarray) -> np.ndarray:

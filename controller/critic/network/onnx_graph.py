@@ -50,10 +50,12 @@ def _gemm(
     transA: int = 0,
     transB: int = 0,
 ) -> Any:
+    """Return alpha A B + beta c, with A or B transposed on request."""
     return alpha * _product(a.T if transA else a, b.T if transB else b) + beta * c
 
 
 def _clip(x: Any, low: Any = None, high: Any = None, **ends: float) -> Any:
+    """Return x limited to low and high, which old operator sets have as attributes min and max."""
     low = ends.pop("min", low)
     high = ends.pop("max", high)
     if ends:
@@ -63,11 +65,13 @@ def _clip(x: Any, low: Any = None, high: Any = None, **ends: float) -> Any:
 
 
 def _sum(x: Any, axes: Any = None, keepdims: int = 1, noop_with_empty_axes: int = 0) -> Any:
+    """Return the sum of the entries of a row, or the row itself if it states no axes on purpose."""
     is_unchanged = noop_with_empty_axes and not np.size(() if axes is None else axes)
     return x if is_unchanged else ca.sum2(x)
 
 
 def _mean(x: Any, axes: Any = None, keepdims: int = 1, noop_with_empty_axes: int = 0) -> Any:
+    """Return the mean of the entries of a row, with the exception of `_sum`."""
     total = _sum(x, axes, keepdims, noop_with_empty_axes)
     return total if total is x else total / x.numel()
 
@@ -75,6 +79,7 @@ def _mean(x: Any, axes: Any = None, keepdims: int = 1, noop_with_empty_axes: int
 def _layer_norm(
     x: Any, scale: Any, bias: Any = 0.0, axis: int = -1, epsilon: float = 1e-5, stash_type: int = 1
 ) -> Any:
+    """Return a row with the mean 0 and the variance 1 of its entries, times scale, plus bias."""
     centred = x - ca.sum2(x) / x.numel()
     variance = ca.sum2(centred**2) / x.numel()
     return centred / ca.sqrt(variance + epsilon) * scale + bias
@@ -90,28 +95,33 @@ def _batch_norm(
     momentum: float = 0.9,
     training_mode: int = 0,
 ) -> Any:
+    """Return a row normalized by the mean and the variance of the training, scaled and shifted."""
     if training_mode:
         raise BadInputError("is in training mode; call eval() on the network before the export")
     return (x - mean) / ca.sqrt(variance + epsilon) * scale + bias
 
 
 def _slice(x: Any, starts: Any, ends: Any, axes: Any = None, steps: Any = None) -> Any:
+    """Return the entries of a row from start to end, with the limits of its last axis."""
     step = 1 if steps is None else np.ravel(steps)[-1]
     columns = slice(int(np.ravel(starts)[-1]), int(np.ravel(ends)[-1]), int(step))
     return x[:, list(range(x.numel()))[columns]]
 
 
 def _gather(x: Any, places: Any, axis: int = 0) -> Any:
+    """Return the entries of a row at some places."""
     return x[:, [int(place) for place in np.ravel(places)]]
 
 
 def _cast(x: Any, to: int, saturate: int = 1) -> Any:
+    """Return a row unchanged, whatever float it is converted to: arithmetic is in doubles."""
     if to not in _FLOATS:
         raise BadInputError(f"converts to the ONNX type number {to}, not to a float")
     return x
 
 
 def _same(x: Any, *_: Any, **__: Any) -> Any:
+    """Return a row unchanged, of an operator that only arranges its entries."""
     return x
 
 

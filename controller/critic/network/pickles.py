@@ -151,6 +151,7 @@ class _Restricted(pickle.Unpickler):
         self.content = content
 
     def find_class(self, module: str, name: str) -> Any:
+        """Return what stands for a class or function of the pickle, or refuse it."""
         if (module, name) in _CALLS:
             return _CALLS[module, name]
         if module == "torch" and name in _STORAGES:
@@ -188,6 +189,7 @@ def unpickled(content: bytes, storages: Mapping[str, bytes] | None = None) -> An
     """
 
     def numbers(key: str, kind: str, _: Any) -> np.ndarray:
+        """Return the numbers of a storage by its key."""
         if storages is None or f"data/{key}" not in storages:
             raise BadInputError(
                 "the pickle refers to data outside the file; save all data in one file"

@@ -64,6 +64,7 @@ def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
     names = [layer.activation for layer in layers]
 
     def on_block(x: np.ndarray) -> np.ndarray:
+        """Return the outputs for a few rows."""
         for weight, bias, name in zip(columns, biases, names, strict=True):
             x = x @ weight
             x += bias
@@ -71,6 +72,7 @@ def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
         return x
 
     def on_rows(x: np.ndarray) -> np.ndarray:
+        """Return the outputs for all rows, block by block."""
         x = x.astype(kind, copy=False)
         parts = [on_block(x[first : first + _TOGETHER]) for first in range(0, len(x), _TOGETHER)]
         return np.concatenate(parts).astype(float, copy=False)

@@ -304,7 +304,7 @@ def with_stability_file(
     for name in _OF_FILE:
         if name in given:
             raise given[name].error(f"{name} is in {file.path} too; remove {name}")
-    own = {_plain(name, file): entry for name, entry in given.items()}
+    own = {_name_in_model(name, file): entry for name, entry in given.items()}
     length = _length(own, where)
     _refuse_other_center(own, file, where)
     fixed = _fixed_deflections(own, file, where)
@@ -329,10 +329,10 @@ def with_stability_file(
     return {**entries, **own}
 
 
-def _plain(name: str, file: StabilityFile) -> str:
-    """Return the name of an entry, for a control the identifier in place of AVL's name."""
-    (plain,) = identifiers([name]).values()
-    return plain if plain in file.controls else name
+def _name_in_model(name: str, file: StabilityFile) -> str:
+    """Return the name of an entry; of a control, the identifier in place of AVL's name."""
+    (identifier,) = identifiers([name]).values()
+    return identifier if identifier in file.controls else name
 
 
 def _of_coefficient(

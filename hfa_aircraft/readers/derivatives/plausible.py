@@ -30,8 +30,9 @@ class _Usual(NamedTuple):
 
 
 def _radius(moment: str) -> Callable[[_Values], float]:
-    """Return the radius of gyration by a moment of inertia, in spans, as a function of entries. It
-    is nan for a moment that is not positive, which `inertia_doubt` names.
+    """Return the function from entries to the radius of gyration of a moment of inertia, in spans.
+
+    The radius is nan for a moment that is not positive, which `inertia_doubt` names.
     """
     return lambda of: math.sqrt(max(of(moment), 0.0) / of("mass")) / of("span") or math.nan
 
@@ -147,6 +148,7 @@ def doubts_about(table: Table, parameters: Mapping[str, float]) -> Iterator[str]
     values = {**table.values, **table.derivatives, **parameters}
 
     def of(name: str) -> float:
+        """Return the value of an entry, nan if it is missing."""
         return values.get(name, math.nan)
 
     yield from table.doubts
@@ -199,8 +201,10 @@ def _of_inertias(of: _Values) -> str:
 
 
 def _of_weight(table: Table, of: _Values) -> Iterator[str]:
-    """Yield a sentence if the lift at the stated condition is far above the weight, if the largest
-    lift is below it, or if level flight at this condition has another alpha.
+    """Yield a sentence if lift, weight and alpha at the stated condition contradict each other.
+
+    The lift is far above the weight, the largest lift is below it, or level flight has another
+    alpha.
     """
     air = air_at(table.values.get("altitude", 0.0), table.system)
     pressure = 0.5 * float(air.density) * of("speed") ** 2
@@ -221,15 +225,18 @@ def _of_weight(table: Table, of: _Values) -> Iterator[str]:
 
 
 def _of_alpha(of: _Values, missing: float) -> Iterator[str]:
-    """Yield a sentence if the lift coefficient that is missing at the stated alpha changes alpha
-    too much. A table without alpha has no doubt, nor one whose slope of the lift is doubted.
+    """Yield a sentence if level flight needs another alpha than the stated one.
+
+    A table without alpha has no doubt, nor one whose slope of the lift is doubted.
+
+    missing: lift coefficient that is missing to carry the weight at the stated alpha
     """
     stated, slope = of("alpha"), of("CL_alpha")
-    off = missing / slope if slope else 0.0
-    if math.isfinite(stated) and abs(off) > _OFF_ALPHA and not _doubt_of_slope("CL_alpha", of):
+    change = missing / slope if slope else 0.0
+    if math.isfinite(stated) and abs(change) > _OFF_ALPHA and not _doubt_of_slope("CL_alpha", of):
         yield (
             f"level flight at the condition of the derivatives is at alpha "
-            f"{math.degrees(stated + off):.3g} deg, the table has {math.degrees(stated):.3g} deg; "
-            "CL_0, CD_0 and Cm_0 are those at this alpha, not at alpha 0; check them, the mass, "
+            f"{math.degrees(stated + change):.3g} deg, the table has {math.degrees(stated):.3g}"
+            " deg; CL_0, CD_0 and Cm_0 are those at this alpha, not at alpha 0; check them, the mass, "
             "the speed and their units"
         )

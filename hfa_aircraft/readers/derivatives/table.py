@@ -228,16 +228,16 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Tabl
     limits = {key: _limits(key, each, system) for key, each in pairs.items()}
     thrust = limits.pop(THRUST_INPUT, (0.0, math.inf))
     numbers = {key: each for key, each in entries.items() if key not in {*pairs, *_TEXTS}}
-    found = _numbers_of(numbers, limits, texts, system)
-    values, derivatives = found.values, found.derivatives
-    determined = {each.coefficient.name: each.name for each in found.dimensional}
+    by_kind = _numbers_of(numbers, limits, texts, system)
+    values, derivatives = by_kind.values, by_kind.derivatives
+    determined = {each.coefficient.name: each.name for each in by_kind.dimensional}
     _refuse_missing(values, {*derivatives, *determined}, source.text or _DICTIONARY)
     _refuse_sizes(values, entries)
     _refuse_altitude(values.get("altitude", 0.0), entries, system)
     if "mass" not in values:
         values["mass"] = values["weight"] / GRAVITY[system]
     _refuse_two_forms(entries, determined)
-    _add_dimensional(found, entries, texts["dimensional"], axes, system)
+    _add_dimensional(by_kind, entries, texts["dimensional"], axes, system)
     for slope in (THRUST_BY_SPEED, "thrust_slope"):
         if slope in values or slope in derivatives:
             _refuse_no_drag(slope, entries, derivatives)
@@ -247,7 +247,7 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Tabl
         source=source,
         values=values,
         derivatives=derivatives,
-        meanings=found.meanings,
+        meanings=by_kind.meanings,
         surfaces=limits,
         thrust=thrust,
         axes=axes,
@@ -282,41 +282,41 @@ def _numbers_of(
     surfaces: names of the control surfaces
     texts: name -> text of the entries that are texts
     """
-    found = _Numbers({}, {}, {}, {})
+    by_kind = _Numbers({}, {}, {}, {})
     per_angle = 1.0 / _ANGLES[texts["per"] or "rad"]
     for name, entry in entries.items():
         if name in UNITS:
-            found.values[name] = number(name, entry, _unit(name, system))
+            by_kind.values[name] = number(name, entry, _unit(name, system))
         elif meaning := derivative_of(name, surfaces):
             without_unit = per_angle if meaning.is_by_angle else 1.0
-            found.derivatives[name] = number(name, entry, meaning.unit, without_unit)
-            found.meanings[name] = meaning
+            by_kind.derivatives[name] = number(name, entry, meaning.unit, without_unit)
+            by_kind.meanings[name] = meaning
         elif dimensional := dimensional_of(name, surfaces):
             without_unit = per_angle if dimensional.coefficient.is_by_angle else 1.0
             unit = dimensional.unit(system, _divided(name, entry, texts["dimensional"]))
-            found.dimensional[dimensional] = number(name, entry, unit, without_unit)
+            by_kind.dimensional[dimensional] = number(name, entry, unit, without_unit)
         else:
             raise _unknown(name, entry, surfaces)
-    return found
+    return by_kind
 
 
 def _add_dimensional(
-    found: _Numbers, entries: Mapping[str, Entry], divided: str, axes: str, system: str
+    by_kind: _Numbers, entries: Mapping[str, Entry], divided: str, axes: str, system: str
 ) -> None:
     """Add the derivatives of coefficients that the dimensional derivatives determine.
 
     divided: definition of the dimensional derivatives, one of `DIVIDED`
     """
-    steady = {name: found.derivatives.get(name, 0.0) for name in ("CL_0", "CD_0", "Cm_0")}
-    for derivative, value in found.dimensional.items():
+    steady = {name: by_kind.derivatives.get(name, 0.0) for name in ("CL_0", "CD_0", "Cm_0")}
+    for derivative, value in by_kind.dimensional.items():
         name, coefficient = derivative.name, derivative.coefficient
-        if axes == "body" and derivative.is_about_stability_axes and found.values.get("alpha"):
+        if axes == "body" and derivative.is_about_stability_axes and by_kind.values.get("alpha"):
             raise entries[name].error(
                 f'{name} is about stability axes; give axes = "stability", or alpha = 0'
             )
-        found.meanings[coefficient.name] = coefficient
-        found.derivatives[coefficient.name] = derivative.value(
-            value, divided, found.values, steady, axes, system
+        by_kind.meanings[coefficient.name] = coefficient
+        by_kind.derivatives[coefficient.name] = derivative.value(
+            value, divided, by_kind.values, steady, axes, system
         )
 
 
