@@ -20,7 +20,7 @@ from controller.critic.labels import in_order
 from controller.critic.network.stated import NOTHING, Stated
 from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis, bases_of_size, monomials
-from controller.game.q_function import of_q_function
+from controller.game.q_function import q_extremum
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
@@ -578,7 +578,7 @@ def from_q_function(
 ) -> Critic:
     """Return the critic of a Q-function Q(x, u, w) = [x; u; w]'H [x; u; w] in discrete time.
 
-    P, K and L are those at the extremum of Q over u and w (`of_q_function`).
+    P, K and L are those at the extremum of Q over u and w (`q_extremum`).
 
     game: the game whose solution the critic approximates
     H: symmetric matrix over (x, u, w) or (x, u)
@@ -587,7 +587,7 @@ def from_q_function(
     Raises BadInputError if a matrix has a wrong shape, or H has no extremum.
     """
     H = numbers_in("H", H)
-    matrices = of_q_function(game, H) | dict(parts or {})
+    matrices = q_extremum(game, H) | dict(parts or {})
     critic = from_parts(game, {name: matrices[name] for name in ("P", "K")})
     return replace(critic, H=H, L=matrices.get("L"))
 

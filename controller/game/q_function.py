@@ -33,7 +33,7 @@ def q_function(game: Game, P: np.ndarray) -> np.ndarray:
     return np.asarray(weights + game.discount * plant.T @ P @ plant)
 
 
-def of_q_function(game: Game, H: np.ndarray) -> dict[str, np.ndarray]:
+def q_extremum(game: Game, H: np.ndarray) -> dict[str, np.ndarray]:
     """Return P, K and L, name -> matrix, at the extremum of a Q-function over u and w.
 
       [K; -L] = H_aa⁻¹ H_ax,  P = H_xx - H_xa H_aa⁻¹ H_ax,  a = (u, w)

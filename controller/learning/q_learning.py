@@ -16,7 +16,7 @@ import numpy as np
 
 from controller.critic.training_run import SETTLED, TrainingRun
 from controller.game.basis import Basis, basis
-from controller.game.q_function import of_q_function, q_function
+from controller.game.q_function import q_extremum, q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
 from controller.learning.recording import RelativeResidual, excitation, natural_spread
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -92,7 +92,7 @@ def learn_steps(game: Game, seed: int, progress: Progress | None) -> TrainingRun
             progress(pause, PAUSES, f"{learner.iterations} iterations")
         for _ in range(2**pause):
             H = learner.value_iteration(P)
-            P = of_q_function(game, H)["P"]
+            P = q_extremum(game, H)["P"]
         with suppress(BadInputError, np.linalg.LinAlgError):
             for _ in range(MOST_POLICIES):
                 before, H = H, learner.policy_iteration(H)
@@ -174,7 +174,7 @@ class QLearner:
         policies at x⁺.
         """
         self.iterations += 1
-        optimum = of_q_function(self.game, H)
+        optimum = q_extremum(self.game, H)
         rows = [np.eye(len(self.game.A)), -optimum["K"]]  # (x, u, w) = rows x
         if "L" in optimum:
             rows.append(optimum["L"])
@@ -205,7 +205,7 @@ class QLearner:
         if change > SETTLED * np.abs(after[:n, :n] * squares).max() or not self.has_saddle(after):
             return False
         A, B, E = np.split(self.fitted_plant, [n, n + m], axis=1)
-        policies = of_q_function(self.game, after)
+        policies = q_extremum(self.game, after)
         loops = [A - B @ policies["K"]]
         if "L" in policies:
             loops.append(loops[0] + E @ policies["L"])
@@ -215,7 +215,7 @@ class QLearner:
     def residual(self, H: np.ndarray) -> RelativeResidual:
         """Return the residual of Bellman's equation over all steps."""
         values = quadratic_forms(self.steps.begins, H)
-        after = self._after(of_q_function(self.game, H)["P"])
+        after = self._after(q_extremum(self.game, H)["P"])
         error = float(np.linalg.norm(values - self.costs - after))
         terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
         return RelativeResidual(
@@ -225,7 +225,7 @@ class QLearner:
     def training_run(self, H: np.ndarray, seed: int) -> TrainingRun:
         """Return the result of the last iteration."""
         residual = self.residual(H)
-        optimum = of_q_function(self.game, H)
+        optimum = q_extremum(self.game, H)
         values = basis("quadratic", len(self.game.A))
         return TrainingRun(
             law="Q-learning",

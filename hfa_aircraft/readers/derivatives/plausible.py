@@ -237,6 +237,6 @@ def _of_alpha(of: _Values, missing: float) -> Iterator[str]:
         yield (
             f"level flight at the condition of the derivatives is at alpha "
             f"{math.degrees(stated + change):.3g} deg, the table has {math.degrees(stated):.3g}"
-            " deg; CL_0, CD_0 and Cm_0 are those at this alpha, not at alpha 0; check them, the mass, "
-            "the speed and their units"
+            " deg; CL_0, CD_0 and Cm_0 are those at this alpha, not at alpha 0; check them, the "
+            "mass, the speed and their units"
         )
