@@ -151,24 +151,26 @@ class Fields:
 
         shape: length of each level of lists, or None alone for a list of any length
         """
-        values = np.array(_walked(self._called(name), self.value(name), list(shape)), dtype=float)
-        sides = [len(values) if length is None else length for length in shape]
-        return values.reshape(sides)
+        nested = _nested_doubles(self._called(name), self.value(name), list(shape))
+        values = np.array(nested, dtype=float)
+        return values.reshape([len(values) if length is None else length for length in shape])
 
     def _called(self, name: str) -> str:
+        """Return the name of an entry in messages, with that of its object."""
         return f"{self.where}: {name}" if self.where else name
 
 
-def _walked(where: str, part: Any, shape: list[int | None]) -> Any:
+def _nested_doubles(where: str, part: Any, shape: list[int | None]) -> Any:
     """Return a nested list of doubles. Raises Malformed for another shape (None: any length)."""
     if not shape:
         return _double(where, part)
     require(isinstance(part, list), where, part)
     require(shape[0] in (None, len(part)), where, part)
-    return [_walked(where, entry, shape[1:]) for entry in part]
+    return [_nested_doubles(where, entry, shape[1:]) for entry in part]
 
 
 def _double(where: str, value: Any) -> float:
+    """Return a number of a file. Raises Malformed unless it is finite and exact as a double."""
     require(type(value) in (int, float), where, value)
     require(math.isfinite(value) and abs(value) <= _LARGEST, where, value)
     require(type(value) is float or abs(value) <= _LARGEST_INTEGER, where, value)

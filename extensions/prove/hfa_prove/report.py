@@ -17,8 +17,6 @@ from hfa_prove.statements.schedule import ScheduleStatement
 from hfa_support.reporting.report import Report
 
 SCHEMA = "hfa.proof/1"
-#: Longest list of numbers that a table of a statement's entries shows.
-_LONGEST = 12
 
 
 class Claim(NamedTuple):
@@ -141,6 +139,7 @@ def _digest(statement: ScheduleStatement) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
+    """Return names as text such as "a, b and c"."""
     *first, last = names
     return f"{', '.join(first)} and {last}" if first else last
 
@@ -158,36 +157,35 @@ def _aircraft(statement: ScheduleStatement, model: Model) -> str:
 
 
 def _rows(path: str, value: Any, model: Model) -> list[tuple[str, str]]:
-    """Return one row for each number, list or object of an entry."""
-    if isinstance(value, Mapping) and set(value) <= set(model.signals) and value:
-        return [
-            (path, ", ".join(f"{name} {_value(model, name, at)}" for name, at in value.items()))
-        ]
+    """Return the rows (path, text) of an entry.
+
+    A number, a list of numbers, and an object of values of signals have one row. Any other list or
+    object has those of its parts, whose paths end with their number or name.
+    """
+    if isinstance(value, Mapping) and value and set(value) <= set(model.signals):
+        texts = (f"{name} {_in_unit(model, name, part)}" for name, part in value.items())
+        return [(path, ", ".join(texts))]
     if isinstance(value, Mapping):
-        return [row for name, at in value.items() for row in _rows(f"{path}.{name}", at, model)]
-    if isinstance(value, list) and value and isinstance(value[0], (list, Mapping)):
-        flat = all(not isinstance(each, (list, Mapping)) for part in value for each in part)
-        if not flat or isinstance(value[0], Mapping) or len(value) > _LONGEST:
-            return [
-                row
-                for number, part in enumerate(value)
-                for row in _rows(f"{path}.{number}", part, model)
-            ]
-        return [(f"{path}.{number}", _numbers(part)) for number, part in enumerate(value)]
-    return [(path, _numbers(value) if isinstance(value, list) else _number(value))]
+        parts = list(value.items())
+    elif isinstance(value, list) and value and isinstance(value[0], (list, Mapping)):
+        parts = [(str(number), part) for number, part in enumerate(value)]
+    else:
+        return [(path, _numbers(value) if isinstance(value, list) else _number(value))]
+    return [row for name, part in parts for row in _rows(f"{path}.{name}", part, model)]
 
 
-def _value(model: Model, name: str, value: Any) -> str:
+def _in_unit(model: Model, name: str, value: Any) -> str:
+    """Return the value of a signal, or its limits [lowest, highest], as text with the unit."""
     if isinstance(value, list):
         return " to ".join("-" if end is None else model.describe(name, end) for end in value)
     return model.describe(name, value)
 
 
 def _numbers(values: Sequence[Any]) -> str:
+    """Return numbers as text, separated by commas."""
     return ", ".join(_number(value) for value in values)
 
 
 def _number(value: Any) -> str:
-    if isinstance(value, list):
-        return f"[{_numbers(value)}]"
+    """Return a number with ten digits, or another value of an entry, as text."""
     return f"{value:.10g}" if isinstance(value, float) else str(value)

@@ -72,29 +72,30 @@ def compare(statement: Stated, given: Mapping[str, Given]) -> list[str]:
 
     Raises NoSolutionError if an entry differs from the user's value.
     """
-    stated = {path: (declared, value) for path, declared, value in statement.entries()}
+    entries = list(statement.entries())
+    stated = {path: value for path, _, value in entries}
     for path, own in given.items():
         name = path.rpartition(".")[2]
-        _, value = stated[path]
-        asked = own._replace(value=stored(own.value))
-        if not own.same(value, asked.value):
-            other = _first_other(name, value, asked)
-            what = f"limit of {other}" if name == "limits" else other
+        in_file = own._replace(value=stored(own.value))
+        if not own.same(stated[path], in_file.value):
+            different = _first_difference(name, stated[path], in_file)
+            what = f"limit of {different}" if name == "limits" else different
             raise NoSolutionError(
                 f"{what} in the certificate differs from the value of the options; give the "
                 "options of the proof"
             )
-    not_given = [declared.subject for path, (declared, _) in stated.items() if path not in given]
+    not_given = [declared.subject for path, declared, _ in entries if path not in given]
     return [subject for subject in dict.fromkeys(not_given) if subject]
 
 
-def _first_other(name: str, stated: Any, own: Given) -> str:
+def _first_difference(name: str, stated: Any, own: Given) -> str:
     """Return the first name in an object whose values differ, or the name of another entry."""
     if isinstance(stated, Mapping) and isinstance(own.value, Mapping):
         for key in (*own.value, *stated):
-            changed = {other: value for other, value in own.value.items() if other != key}
+            # The comparison is one of whole objects: of all names, only this one is as stated.
+            with_stated = {other: value for other, value in own.value.items() if other != key}
             if key in stated:
-                changed[key] = stated[key]
-            if not own.same(changed, own.value):
+                with_stated[key] = stated[key]
+            if not own.same(with_stated, own.value):
                 return str(key)
     return name

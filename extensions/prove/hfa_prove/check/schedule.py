@@ -76,6 +76,19 @@ def check_schedule(
     return proved
 
 
+class _Loops(NamedTuple):
+    """The closed loop C, as its n n entries column by column, of trim, scheduling value and gain.
+
+    doubles: C in doubles
+    balls: C in balls
+    derivatives: C, and its derivatives in the free variables and in the scheduling value, in balls
+    """
+
+    doubles: ca.Function
+    balls: BallFunction
+    derivatives: BallFunction
+
+
 class RefutedError(Rejected):
     """Raised if a claim is false at a scheduling value, in double precision."""
 
@@ -97,17 +110,19 @@ class ScheduleProof:
         return SteadyFlight(self.statement.flight)
 
     @cached_property
-    def _loops(self) -> tuple[ca.Function, BallFunction, BallFunction]:
-        """The closed loop C (n n,) in doubles and in balls, and C with its derivatives in w, s."""
+    def _loops(self) -> _Loops:
+        """The closed loop as functions."""
         w, s, numbers, *_, A, B = self.flight.expressions
         m, n = self.statement.gains.K.shape[1:]
         K, slope, origin = ca.SX.sym("K", m, n), ca.SX.sym("slope", m, n), ca.SX.sym("origin")
         loop = ca.vec(A - B @ (K + (s - origin) * slope))
-        more = [ca.vec(K), ca.vec(slope), origin]
-        of_loop = ca.Function("loop", [w, s, numbers, *more], [ca.densify(loop)])
-        balls = self.flight.balls("loop", [loop], *more)
+        gain = [ca.vec(K), ca.vec(slope), origin]
         derivatives = [loop, ca.jacobian(loop, w), ca.jacobian(loop, s)]
-        return of_loop, balls, self.flight.balls("derivatives", derivatives, *more)
+        return _Loops(
+            ca.Function("loop", [w, s, numbers, *gain], [ca.densify(loop)]),
+            self.flight.balls("loop", [loop], *gain),
+            self.flight.balls("derivatives", derivatives, *gain),
+        )
 
     def parts(self) -> list[tuple[float, float]]:
         """Return the parts of the interval between breakpoints of the gains and of P."""
@@ -168,7 +183,7 @@ class ScheduleProof:
         """Return the closed loop C (n, n) at a trim w (f,) in doubles."""
         K = self._gain(s)
         value, slope = (midpoints(entries).ravel(order="F") for entries in (K.value, K.slope))
-        values = self._loops[0](w, s, self.flight.doubles, value, slope, K.origin)
+        values = self._loops.doubles(w, s, self.flight.doubles, value, slope, K.origin)
         n = K.value.ncols()
         return np.array(values).reshape(n, n, order="F")
 
@@ -180,13 +195,12 @@ class ScheduleProof:
         K = self._gain(trims.low)
         gain = [K.value.transpose().entries(), K.slope.transpose().entries(), [exact(K.origin)]]
         n = K.value.ncols()
-        _, loop, derivatives = self._loops
         at = [exact(value) for value in trims.estimate.tolist()]
-        (at_centre,) = loop(at, [trims.middle], self.flight.numbers, *gain)
+        (at_centre,) = self._loops.balls(at, [trims.middle], self.flight.numbers, *gain)
         s = trims.middle + symmetric(trims.half_width)
         # for the mean value theorem, all points between the estimate at the center and the trims
         around = trims.along([offset.union(exact(0.0)) for offset in trims.offset])
-        _, by_w, by_s = derivatives(around, [s], self.flight.numbers, *gain)
+        _, by_w, by_s = self._loops.derivatives(around, [s], self.flight.numbers, *gain)
         f = len(at)
         by_free = arb_mat(f, n * n, by_w).transpose()
         along = arb_mat(n * n, 1, by_s) + by_free * ball_matrix(trims.slope[:, None])
@@ -220,11 +234,11 @@ class ScheduleProof:
 
         With P = P0 + P1 t, the inequality has the further term (C1'P1 + P1 C1)(h² - t²).
         """
-        of_V = linear_part(self.witness.breakpoints, self.witness.P, trims.low)
-        P, slope = of_V.at(trims.middle), of_V.slope
+        table = linear_part(self.witness.breakpoints, self.witness.P, trims.low)
+        P, slope = table.at(trims.middle), table.slope
         half = trims.half_width
         is_constant = len(self.witness.P) == 1  # for any rate, which may be infinite
-        moved = 0 * slope if is_constant else slope * exact(rate)
+        P_rate = 0 * slope if is_constant else slope * exact(rate)
         bend = loop.slope.transpose() * slope
         bend = (bend + bend.transpose()) * arb(0).union(half * half)
         try:
@@ -234,8 +248,8 @@ class ScheduleProof:
         for t in (-half, half):
             product = loop.at(t).transpose() * (P + slope * t)
             S = bend - (product + product.transpose())
-            for side in (moved, -moved):
-                if not is_positive_definite(T.transpose() * (S + side) * T):
+            for of_motion in (P_rate, -P_rate):
+                if not is_positive_definite(T.transpose() * (S + of_motion) * T):
                     raise Rejected("the motion of the scheduling variable is not proved stable")
 
 

@@ -103,6 +103,19 @@ def _expressions(
     )
 
 
+class TrimEstimate(NamedTuple):
+    """Trim at a scheduling value s in doubles, on which no proof depends.
+
+    w: free variables, (f,)
+    slope: their derivative in s, (f,)
+    inverse: inverse of G_w, (f, f)
+    """
+
+    w: np.ndarray
+    slope: np.ndarray
+    inverse: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class TrimPiece:
     """The trims at all scheduling values from `low` to `high`.
@@ -142,6 +155,7 @@ class TrimPiece:
         return self._plus(symmetric(self.half_width), around)
 
     def _plus(self, t: arb, around: Sequence[arb]) -> list[arb]:
+        """Return estimate + slope t + around, f balls."""
         pairs = zip(self.estimate.tolist(), self.slope.tolist(), around, strict=True)
         return [exact(value) + exact(slope) * t + ball for value, slope, ball in pairs]
 
@@ -157,6 +171,7 @@ class TrimPiece:
 
 
 def _inside(inner: Sequence[arb], outer: Sequence[arb]) -> bool:
+    """Return whether each ball is in the interior of the other ball at its place."""
     return all(ball.contains_interior(each) for each, ball in zip(inner, outer, strict=True))
 
 
@@ -217,8 +232,8 @@ class SteadyFlight:
         known = [arb(value, abs(value) * READING) for value in self.doubles[:-1]]
         return [*known, unit_of_schedule(self.flight.model)]
 
-    def estimate(self, guess: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the trim w near a guess, its derivative in s, and the inverse of G_w, in doubles.
+    def estimate(self, guess: np.ndarray, s: float) -> TrimEstimate:
+        """Return the trim at a scheduling value near a guess (f,), by Newton's method.
 
         Raises Undecided if Newton's method does not converge.
         """
@@ -235,7 +250,7 @@ class SteadyFlight:
                 break
         if not np.all(np.abs(step) <= _LAST_STEP * self.nominal):
             raise Undecided("Newton's method for the trim does not converge")
-        return w, -(inverse @ Gs)[:, 0], inverse
+        return TrimEstimate(w, -(inverse @ Gs)[:, 0], inverse)
 
     def trims(self, low: float, high: float, guess: np.ndarray) -> TrimPiece:
         """Return the proved trims from `low` to `high`, all within their limits.
@@ -244,25 +259,27 @@ class SteadyFlight:
 
         Raises Undecided or Rejected if the trims are not proved.
         """
-        s = 0.5 * (low + high)
-        w, slope, Y = self.estimate(guess, s)
+        w, slope, Y = self.estimate(guess, 0.5 * (low + high))
         thin = [exact(0.0)] * len(w)
-        piece = TrimPiece(low, high, w, slope, thin, thin)
+        estimated = TrimPiece(low, high, w, slope, thin, thin)
         least = [symmetric(_LEAST * nominal) for nominal in self.nominal]
-        first = self._krawczyk(piece, Y, least)
+        first = self._krawczyk(estimated, Y, least)
         box = [
             symmetric(_ROOM * abs(ball).upper() + small.rad())
             for ball, small in zip(first, least, strict=True)
         ]
-        offset = self._krawczyk(piece, Y, box)
+        offset = self._krawczyk(estimated, Y, box)
         if not _inside(offset, box):
             raise Rejected("a trim is not proved to exist")
-        found = TrimPiece(low, high, w, slope, box, offset)
-        self._check_limits(found)
-        return found
+        proved = TrimPiece(low, high, w, slope, box, offset)
+        self._check_limits(proved)
+        return proved
 
     def _krawczyk(self, piece: TrimPiece, Y: np.ndarray, box: Sequence[arb]) -> list[arb]:
         """Return the Krawczyk step K of a box E.
+
+        piece: the estimate of the trims
+        Y: approximate inverse of G_w, (f, f)
 
         Raises Rejected if an equation that depends on no free variable is not satisfied exactly.
         """

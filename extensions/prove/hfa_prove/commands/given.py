@@ -48,7 +48,7 @@ def asked_trim(request: CheckRequest) -> AskedTrim:
     return AskedTrim(asked.trim(None, asked.held()), ends)
 
 
-def _names_one(request: CheckRequest, names: tuple[str, ...]) -> bool:
+def _is_any_given(request: CheckRequest, names: tuple[str, ...]) -> bool:
     """Return whether one of these options is given."""
     return any(is_given(request, name) for name in names)
 
@@ -65,7 +65,7 @@ def given_for(
     if trim.ends:
         given["flight.range"] = Given([trim.ends[0], trim.ends[-1]])
     family = Family(trim.given.model, trim.given.common)
-    if _names_one(request, _OF_THE_AIRCRAFT):
+    if _is_any_given(request, _OF_THE_AIRCRAFT):
         content = family.flight(flight.low, flight.high).content()
         for name in ("model", "parameters", "imposed", "limits"):
             given[f"flight.{name}"] = Given(content[name])
@@ -75,7 +75,7 @@ def given_for(
         refuse_weights(request)
         gains = gains_of_file(request.weights, trim.given.model)
         K = Given(gains.K)
-    elif _names_one(request, _OF_THE_GAME):
+    elif _is_any_given(request, _OF_THE_GAME):
         weights = given_weights(request)
         gains = exact_gains(family, statement.gains.breakpoints, **weights)
         K = Given(gains.K, close_to(SAME_GAIN, sizes_of_gain(trim.given.model)))

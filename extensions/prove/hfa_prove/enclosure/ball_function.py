@@ -47,10 +47,12 @@ def _less(a: Any, b: Any) -> arb:
 
 
 def _maximum(a: Any, b: Any) -> Any:
+    """Return the larger of two balls. Raises Undecided unless their order is proved."""
     return b if _is_less(a, b) else a
 
 
 def _minimum(a: Any, b: Any) -> Any:
+    """Return the smaller of two balls. Raises Undecided unless their order is proved."""
     return a if _is_less(a, b) else b
 
 
@@ -147,6 +149,7 @@ class BallFunction:
         self._steps = [self._step(scalars, index) for index in range(count)]
 
     def _step(self, scalars: ca.Function, index: int) -> _Step:
+        """Return an instruction with its operation on balls."""
         code = scalars.instruction_id(index)
         operation: Any = None
         if code == ca.OP_CONST:
@@ -259,6 +262,7 @@ def _of_spline(spline: Spline, a: Any) -> Any:
 
 
 def _refusal(name: str, what: str) -> BadInputError:
+    """Return the error that a proof does not support what the equations use."""
     return BadInputError(
         f"{name}: the equations use {what}, which a proof does not support; use sums, products, "
         "quotients, powers, roots, exp, log, tanh, sin, cos, tan, asin, acos, atan, atan2, min, "

@@ -235,13 +235,18 @@ def _nibbles(text: str) -> Iterator[int]:
 
 @lru_cache(maxsize=64)
 def _hats(grid: tuple[float, ...]) -> tuple[Spline, ...]:
-    """Return the hats of a grid, whose first and last pieces continue linearly."""
+    """Return the hats of a grid, 1 at one of its points and 0 at the others.
+
+    The first and last pieces are continued linearly.
+    """
     hats = []
     x = list(map(Fraction, grid))
+    lengths = [after - before for before, after in pairwise(x)]
     for i in range(len(x)):
         at = [Fraction(k == i) for k in range(len(x))]
         slopes = [
-            (b - a) / (v - u) for (a, b), (u, v) in zip(pairwise(at), pairwise(x), strict=True)
+            (after - before) / length
+            for (before, after), length in zip(pairwise(at), lengths, strict=True)
         ]
         pieces = [(at[0], slopes[0])]
         pieces += [(value, slope) for value, slope in zip(at, [*slopes, slopes[-1]], strict=True)]
@@ -269,10 +274,10 @@ def _b_splines(knots: tuple[float, ...], degree: int) -> tuple[Spline, ...]:
                 )
                 for i in range(len(basis) - 1)
             ]
-        for each, piece in zip(pieces, basis, strict=True):
-            each.append(piece)
+        for of_spline, piece in zip(pieces, basis, strict=True):
+            of_spline.append(piece)
     grid = tuple(map(float, distinct))
-    return tuple(Spline(grid, (*each, zero)) for each in pieces)
+    return tuple(Spline(grid, (*of_spline, zero)) for of_spline in pieces)
 
 
 def _times_line(piece: Coefficients, at: Fraction, slope: int, span: Fraction) -> Coefficients:
@@ -284,6 +289,7 @@ def _times_line(piece: Coefficients, at: Fraction, slope: int, span: Fraction) -
 
 
 def _sum_of(a: Coefficients, b: Coefficients) -> Coefficients:
+    """Return the coefficients of the sum of two polynomials."""
     return tuple(x + y for x, y in zip_longest(a, b, fillvalue=Fraction(0)))
 
 

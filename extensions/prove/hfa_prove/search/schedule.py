@@ -100,8 +100,8 @@ def prove_schedule(
     flight = family.flight(low, high)
     _refuse_uncovered(gains, low, high)
     n = len(flight.model.linear)
-    still = ScheduleWitness(_MOST, np.zeros(0), np.zeros((0, n, n)))
-    samples = _samples(ScheduleProof(ScheduleStatement(flight, gains, 0.0), still))
+    without_P = ScheduleWitness(_MOST, np.zeros(0), np.zeros((0, n, n)))
+    samples = _samples(ScheduleProof(ScheduleStatement(flight, gains, 0.0), without_P))
     slowest = min(samples, key=lambda sample: -_largest_real_part(sample.C))
     sampled = -_largest_real_part(slowest.C)
     if decay_rate is None and not sampled > 0.0:
@@ -111,11 +111,11 @@ def prove_schedule(
             "not stable"
         )
     rate = _SHARE * sampled if decay_rate is None else decay_rate
-    still_statement = ScheduleStatement(flight, gains, rate)
+    of_decay = ScheduleStatement(flight, gains, rate)
     if scheduled_rate is None:
-        return _first_proved([(still_statement, still)], progress)
+        return _first_proved([(of_decay, without_P)], progress)
     wanted = None if scheduled_rate == "largest" else scheduled_rate
-    return _first_proved(_motions(still_statement, samples, wanted), progress)
+    return _first_proved(_motions(of_decay, samples, wanted), progress)
 
 
 def _refuse_uncovered(gains: Gains, low: float, high: float) -> None:
@@ -181,10 +181,12 @@ def _samples(proof: ScheduleProof) -> list[Sample]:
 
 
 def _nominal(model: Model) -> np.ndarray:
+    """Return the nominal values of the linear states, (n,)."""
     return np.array([model.states[name].nominal for name in model.linear])
 
 
 def _largest_real_part(C: np.ndarray) -> float:
+    """Return the largest real part of an eigenvalue of C, 1/s."""
     return float(np.linalg.eigvals(C).real.max())
 
 
@@ -195,6 +197,7 @@ def _motions(
 
     A constant P proves any rate. Otherwise P is linear between breakpoints.
 
+    statement: the claim about the decay
     samples: samples of the closed loop
     wanted: rate to prove, or None for any that is found
     """
@@ -264,6 +267,7 @@ def _piece_of(nodes: np.ndarray, s: float) -> int:
 
 
 def _is_positive(S: np.ndarray) -> bool:
+    """Return whether the symmetric part of S is positive definite, in doubles."""
     return bool(np.linalg.eigvalsh(0.5 * (S + S.T))[0] > 0.0)
 
 
