@@ -114,6 +114,7 @@ def constant_commands(parts: Parts, equations: Equations) -> list[str]:
 
 @lru_cache
 def _elements() -> dict[str, Any]:
+    """Return kind of element -> its entries in `DATA`: read, idle and attributes."""
     data: dict[str, Any] = json.loads(DATA.read_text())
     return data["elements"]
 
@@ -246,4 +247,5 @@ def _notes_on_writers(equations: Equations) -> list[Note]:
 
 
 def _refusal(writer: Writer, fault: str) -> BadInputError:
+    """Return the error on an element that sets a property which it cannot set."""
     return BadInputError(f"{writer.where}: {fault}; remove the element that sets this property")

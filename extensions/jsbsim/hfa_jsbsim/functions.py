@@ -19,18 +19,22 @@ from hfa_support.errors import shortened
 
 
 def _sum(*values: Any) -> Any:
+    """Return the sum of values."""
     return reduce(lambda one, other: one + other, values)
 
 
 def _product(*values: Any) -> Any:
+    """Return the product of values."""
     return reduce(lambda one, other: one * other, values)
 
 
 def _difference(first: Any, *values: Any) -> Any:
+    """Return the first value minus all others."""
     return reduce(lambda one, other: one - other, values, first)
 
 
 def _integer(value: Any) -> Any:
+    """Return a value rounded toward 0."""
     return ca.if_else(value < 0, ca.ceil(value), ca.floor(value))
 
 

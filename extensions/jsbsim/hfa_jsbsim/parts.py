@@ -93,6 +93,7 @@ class Parts:
         return [part for name in SYSTEMS for part in self.sections if part.name == name]
 
     def _needed(self, name: str) -> Element:
+        """Return the first section of this name. Raises BadInputError without one."""
         section = self.section(name)
         if section is None:
             raise BadInputError(f"{self.path}: the aircraft has no <{name}>; add this element")

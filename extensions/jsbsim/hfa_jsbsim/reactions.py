@@ -108,6 +108,7 @@ def _prefix(element: Element) -> str:
 
 
 def _magnitude_name(element: Element) -> str:
+    """Return the last part of the name of the property for the magnitude of a force or moment."""
     return "magnitude" if element.name == "force" else "magnitude-lbsft"
 
 

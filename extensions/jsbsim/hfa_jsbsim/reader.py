@@ -629,6 +629,7 @@ class _Declaration:
                 yield name
 
     def _throttles(self) -> list[str]:
+        """Return the names of the inputs that are throttles."""
         return [name for name in self.inputs if name.startswith("throttle")]
 
     def _splits(self) -> dict[str, tuple[str, str]]:

@@ -231,6 +231,7 @@ def parsed(text: bytes, file: str) -> Element:
     roots: list[Element] = []
 
     def start(name: str, attributes: dict[str, str]) -> None:
+        """Open an element within the open one."""
         parent = open_elements[-1] if open_elements else None
         element = Element(name, Attributes(attributes), file, parser.CurrentLineNumber, parent)
         (parent.children if parent else roots).append(element)
@@ -248,6 +249,7 @@ def parsed(text: bytes, file: str) -> Element:
         open_elements[-1].lines.append((parser.CurrentLineNumber, text))
 
     def check_entity(name: str, is_parameter: int, value: str | None, *_: object) -> None:
+        """Raise BadInputError for an entity that is not a short text."""
         line = parser.CurrentLineNumber
         if value is None or is_parameter or "&" in value or len(value) > _LONGEST_ENTITY:
             fault = (

@@ -153,30 +153,9 @@ class Scenario(Reported):
     def __post_init__(self) -> None:
         """Raise BadInputError if times do not fit each other, or for an invalid factor or delay."""
         check_fields(self)
-        times = {"duration": self.duration, "tick": self.tick, "step": self.step}
-        for name, value in times.items():
-            refuse_unless_positive(name, value, " s")
-        for (name, time), (part, part_time) in pairwise(times.items()):
-            count = time / part_time
-            if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
-                raise BadInputError(
-                    f"{name} is {time:g} s, not a whole number of {part}s of {part_time:g} s;"
-                    f" change {name} or {part}"
-                )
-        if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
-            most = f"give at most {MOST_STEPS * self.step:g} s with a step of {self.step:g} s"
-            raise BadInputError(f"duration is {self.duration:g} s; {most}")
+        self._refuse_wrong_times()
         for name, factor in self.errors.items():
             refuse_unless_positive(f"the factor on {name}", factor)
-        if not 0.0 <= self.delay < math.inf:
-            raise BadInputError(f"delay is {self.delay:g} s; give a finite time of at least 0 s")
-        if not 0.0 < self.interval < math.inf:
-            raise BadInputError(f"sample is {self.interval:g} s; give a finite time above 0 s")
-        for name, time in (("delay", self.delay), ("sample", self.interval)):
-            if not in_samples(time, self.tick).is_whole:
-                raise BadInputError(
-                    f"{name} is {time:g} s; give a multiple of the tick, {self.tick:g} s"
-                )
         if not isinstance(self.gust, Gust | None):
             example = "hfa_flight.OneMinusCosine(length=400.0, peak=5.0, speed=68.0)"
             raise BadInputError(f"gust is {shown(self.gust)}; give a gust such as {example}")
@@ -190,6 +169,31 @@ class Scenario(Reported):
             raise BadInputError(
                 "the scenario has both a gust and random turbulence; remove one of the two"
             )
+
+    def _refuse_wrong_times(self) -> None:
+        """Raise BadInputError if times do not fit each other, or are too long or not positive."""
+        times = {"duration": self.duration, "tick": self.tick, "step": self.step}
+        for name, value in times.items():
+            refuse_unless_positive(name, value, " s")
+        for (name, time), (part, part_time) in pairwise(times.items()):
+            count = time / part_time
+            if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
+                raise BadInputError(
+                    f"{name} is {time:g} s, not a whole number of {part}s of {part_time:g} s;"
+                    f" change {name} or {part}"
+                )
+        if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
+            most = f"give at most {MOST_STEPS * self.step:g} s with a step of {self.step:g} s"
+            raise BadInputError(f"duration is {self.duration:g} s; {most}")
+        if not 0.0 <= self.delay < math.inf:
+            raise BadInputError(f"delay is {self.delay:g} s; give a finite time of at least 0 s")
+        if not 0.0 < self.interval < math.inf:
+            raise BadInputError(f"sample is {self.interval:g} s; give a finite time above 0 s")
+        for name, time in (("delay", self.delay), ("sample", self.interval)):
+            if not in_samples(time, self.tick).is_whole:
+                raise BadInputError(
+                    f"{name} is {time:g} s; give a multiple of the tick, {self.tick:g} s"
+                )
 
     @property
     def steps_per_tick(self) -> int:

@@ -168,6 +168,25 @@ class Turbulence:
         trimmed_at = None
         if height in model.states:
             trimmed_at = float(point.values[height]) / _foot_of_altitude(model)
+        return TurbulentAir(
+            self,
+            *scales,
+            altitude=altitude,
+            feet=feet,
+            speed=gust_speed(point) / feet,
+            interval=interval,
+            ticks=ticks,
+            seed=seed,
+            taken=self._taken(point, feet),
+            trimmed_at=trimmed_at,
+        )
+
+    def _taken(self, point: OperatingPoint, feet: float) -> dict[str, dict[str, float]]:
+        """Return component -> disturbance of the model -> factor (`TurbulentAir.taken`).
+
+        feet: length of a foot in the model's unit
+        """
+        model = point.model
         heading = 0.0
         if "yaw" in model.states:
             heading = point.values["yaw"] * (conversion_factor(model.unit("yaw"), "rad") or 1.0)
@@ -188,18 +207,7 @@ class Turbulence:
                 f"{model.name} has neither a gust input nor the states {needed} in rad, which "
                 f"turbulence requires; declare these, or a disturbance {UPDRAFT}"
             )
-        return TurbulentAir(
-            self,
-            *scales,
-            altitude=altitude,
-            feet=feet,
-            speed=gust_speed(point) / feet,
-            interval=interval,
-            ticks=ticks,
-            seed=seed,
-            taken=taken,
-            trimmed_at=trimmed_at,
-        )
+        return taken
 
     def _altitude(self, point: OperatingPoint) -> float:
         """Return the altitude at which the turbulence is evaluated, in the unit of the model."""

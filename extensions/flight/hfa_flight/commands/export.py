@@ -229,6 +229,7 @@ def _show_written(given: GivenTrim, written: list[Path], notes: Iterable[str] = 
 
 
 def _report(written: list[Path]) -> Report:
+    """Return the report of the written files with their sizes."""
     rows = [(str(path), path.stat().st_size) for path in written]
     table = Table(("file", "bytes"), [(printable(name), str(size)) for name, size in rows])
     listed = [{"file": name, "bytes": size} for name, size in rows]

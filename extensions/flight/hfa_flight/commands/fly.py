@@ -156,6 +156,11 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
         return _smallest_gusts(request, given, request.gust)
     if request.members is not None:
         return _fly_members(request, given, request.members)
+    return _fly_once(request, given)
+
+
+def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
+    """Return the outcome of a single flight."""
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
     from hfa_flight.simulate.flight import fly
     from trim.linear.linearize import linearize
@@ -181,7 +186,7 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
     if plans or request.Q is not None or request.R is not None:
         game = weighted_game(given_weights(request), linearize(model, point)).game
         weights = (game.Q, game.R)
-    simulated = partial(
+    flight_of = partial(
         fly,
         model,
         point,
@@ -191,7 +196,7 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
         weights=weights,
         progress=ProgressLine("simulate"),
     )
-    result = simulated(planned.policy)
+    result = flight_of(planned.policy)
     report = result.report()
     if plans:
         first, *rest = report.title.split("\n")
@@ -200,8 +205,8 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
         from hfa_flight.commands.tracking import with_tracking
         from hfa_flight.policies.policy import GainPolicy
 
-        plain = simulated(GainPolicy(planned.policy.name, planned.tracking.K))
-        report = with_tracking(report, planned.tracking, result, plain)
+        without_feedforward = flight_of(GainPolicy(planned.policy.name, planned.tracking.K))
+        report = with_tracking(report, planned.tracking, result, without_feedforward)
     return Outcome(
         report=report,
         ok=result.ok,

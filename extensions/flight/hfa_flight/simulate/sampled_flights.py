@@ -166,8 +166,8 @@ class SampledFlight:
         """
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
-        inputs = trims[:, n : n + m]
-        memory = np.tile(inputs, (1, self.late.whole + 1))
+        trim_inputs = trims[:, n : n + m]
+        memory = np.tile(trim_inputs, (1, self.late.whole + 1))
         return np.hstack([states, memory, states, states])
 
     def stays(self, states: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
@@ -307,11 +307,13 @@ class SampledRows:
 
 
 def _slices(sizes: tuple[int, ...]) -> tuple[slice, ...]:
+    """Return the slices of successive parts of a vector."""
     ends = np.cumsum([0, *sizes]).tolist()
     return tuple(slice(begin, end) for begin, end in pairwise(ends))
 
 
 def _parts(vector: ca.MX, sizes: tuple[int, ...]) -> list[ca.MX]:
+    """Return the successive parts of a vector."""
     parts: list[ca.MX] = ca.vertsplit(vector, np.cumsum([0, *sizes]).tolist())
     return parts
 

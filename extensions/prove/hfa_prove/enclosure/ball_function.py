@@ -165,6 +165,7 @@ class BallFunction:
         return _Step(code, operation, sources, targets)
 
     def _finite(self, value: float) -> float:
+        """Return a constant of the function. Raises BadInputError unless it is finite."""
         if not math.isfinite(value):
             raise BadInputError(f"{self._name}: the function contains {value}; use finite numbers")
         return value

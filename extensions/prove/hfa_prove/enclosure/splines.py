@@ -221,6 +221,7 @@ class _Entries:
         return place + len(stored)
 
     def _unknown(self) -> BadInputError:
+        """Return the error on a table that CasADi stores in an unknown form."""
         return BadInputError(
             f"the table {self._name} is not stored as by CasADi 3.7 and 3.8 (this is CasADi "
             f"{ca.CasadiMeta.version()}); write it as a polynomial"

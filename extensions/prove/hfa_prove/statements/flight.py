@@ -46,6 +46,7 @@ def _read_limits(file: Fields, name: str, known: Any) -> dict[str, tuple[float, 
 
 
 def _read_range(file: Fields, name: str) -> tuple[float, float]:
+    """Return the ends (low, high) of an interval, low < high."""
     low, high = file.pair(name)
     require(low < high, name, [low, high])
     return low, high

@@ -91,12 +91,14 @@ class ScheduleStatement(Stated):
 
 
 def _read_witness_breakpoints(file: Fields, name: str, known: Any) -> np.ndarray:
+    """Return the scheduling values of P, (l,), none if the statement has no scheduled rate."""
     if known.statement.scheduled_rate is None:
         return np.zeros(0)
     return _read_breakpoints(file, name, known)
 
 
 def _read_matrices(file: Fields, name: str, known: Any) -> np.ndarray:
+    """Return the symmetric matrices P, (l, n, n), none if the statement has no scheduled rate."""
     n = len(known.statement.flight.model.linear)
     if known.statement.scheduled_rate is None:
         return np.zeros((0, n, n))
