@@ -55,31 +55,39 @@ def use_surface_positions(
     positions: dict[str, PilotInput] = {}
     notes = []
     for name in names:
-        if properties.writer(name) is None:
+        loop = _loop_of(name, properties)
+        if loop is None:
             continue
-        try:
-            properties.read(name, "")
-        except LoopError as error:
-            surface = _surface(name)
-            key = surface.removeprefix("left-").removeprefix("right-").replace("-", "_")
-            if key not in inputs:
-                properties.replace(name, properties.read_centered(name, commands))
-                statement = "these have their values for centered controls"
-                notes.append(Note(statement, f"{name} ({error.cause})", error.where))
-                continue
-            sign = -1.0 if surface.startswith("right-aileron") else 1.0
-            if key not in positions:
-                unit = "rad" if name.endswith(("-rad", "-deg")) else "1"
-                limits = _limits(name, surface, properties, sign)
-                positions[key] = PilotInput(ca.SX.sym(key), unit, limits)
-                statement = "the input is the surface position"
-                notes.append(Note(statement, f"{key} ({error.cause})", error.where))
-            _set_surface(name, surface, properties, sign * positions[key].symbol)
+        surface = _surface_name(name)
+        key = surface.removeprefix("left-").removeprefix("right-").replace("-", "_")
+        if key not in inputs:
+            properties.replace(name, properties.read_centered(name, commands))
+            statement = "these have their values for centered controls"
+            notes.append(Note(statement, f"{name} ({loop.cause})", loop.where))
+            continue
+        sign = -1.0 if surface.startswith("right-aileron") else 1.0
+        if key not in positions:
+            unit = "rad" if name.endswith(("-rad", "-deg")) else "1"
+            limits = _limits(name, surface, properties, sign)
+            positions[key] = PilotInput(ca.SX.sym(key), unit, limits)
+            statement = "the input is the surface position"
+            notes.append(Note(statement, f"{key} ({loop.cause})", loop.where))
+        _set_surface(name, surface, properties, sign * positions[key].symbol)
     inputs.update(positions)
     return notes
 
 
-def _surface(name: str) -> str:
+def _loop_of(name: str, properties: Properties) -> LoopError | None:
+    """Return the loop for which a property has no steady-state value, or None."""
+    if properties.writer(name) is not None:
+        try:
+            properties.read(name, "")
+        except LoopError as error:
+            return error
+    return None
+
+
+def _surface_name(name: str) -> str:
     """Return the surface in the name of a property: elevator of fcs/mag-elevator-pos-rad."""
     surface = name.rsplit("/", 1)[-1].removeprefix("mag-")
     for ending in _ENDINGS:

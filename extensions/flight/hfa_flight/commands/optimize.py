@@ -192,15 +192,13 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
         return Outcome(report=table.report(), ok=table.ok, source=given.source)
     initial = trimmed(given) if request.to else deviations
     best = flights.optimize(model, point, initial, game.Q, game.R, limits=limits, policies=policies)
-    history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
-    in_files = {"flight": history}
-    rows = [each for each in best.policies if each.policy in judged]
-    failed = [f"FAIL: {each.policy}: {each.outcome()}" for each in rows if not each.converges]
+    rows = [row for row in best.policies if row.policy in judged]
+    failures = [f"FAIL: {row.policy}: {row.outcome()}" for row in rows if not row.converges]
     report = best.report()
     return Outcome(
-        report=replace(report, title="\n".join([*failed, report.title])),
-        ok=not failed,
+        report=replace(report, title="\n".join([*failures, report.title])),
+        ok=not failures,
         source=given.source,
         figure=best.figure,
-        only_in_files=in_files,
+        only_in_files={"flight": {"time": best.time, "X": best.states, "U": best.inputs}},
     )
