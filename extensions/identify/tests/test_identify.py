@@ -23,7 +23,8 @@ from hfa import identify
 
 
 @cache
-def found(seed=0, pole=0.0):
+def identified(seed=0, pole=0.0):
+    """Return the result of a maneuver with sensor noise, from 50 % off the true values."""
     return identify(begun(1.5), record(seed, pole), FREE)
 
 
@@ -38,7 +39,7 @@ def test_estimates_and_bands():
     1000). Each band is narrower than 30 % of its estimate, the residuals are the sensors' noise, and
     drawn aircraft spread as the covariance says.
     """
-    result = found()
+    result = identified()
     assert result.ok
     assert not result.far
     assert misses(result, {name: true_value(name) for name in FREE}) < 24.3
@@ -58,12 +59,13 @@ def test_coverage(pole):
     """At least 90 % of the bands of 40 records contain the true value, with white noise and with
     colored noise; no residuals are said to follow the inputs.
     """
-    held = []
+    covered = []
     for seed in range(40):
         result = identify(begun(1.2), record(seed, pole), FREE)
-        held += [each.low < true_value(n) < each.high for n, each in result.parameters.items()]
+        for name, estimate in result.parameters.items():
+            covered.append(estimate.low < true_value(name) < estimate.high)
         assert not result.misfits
-    assert np.mean(held) > 0.9
+    assert np.mean(covered) > 0.9
 
 
 def test_colored_noise_widens_the_bands():
@@ -71,7 +73,7 @@ def test_colored_noise_widens_the_bands():
 
     At low frequency the noise is √19 = 4.4 times as large. The result tells the two apart.
     """
-    white, colored = found(), found(pole=0.9)
+    white, colored = identified(), identified(pole=0.9)
     for name in FREE:
         wide, narrow = (each[name].high - each[name].low for each in (colored, white))
         assert 2.0 < wide / narrow < 7.0
@@ -97,7 +99,9 @@ def test_a_table_of_pandas_is_a_record():
     pandas = pytest.importorskip("pandas")
     table = pandas.DataFrame(record()).rename(columns={"alpha": "alpha [deg]"})
     table["alpha [deg]"] = np.degrees(table["alpha [deg]"])
-    assert identify(begun(1.5), table, FREE)["Cm_q"].value == pytest.approx(found()["Cm_q"].value)
+    assert identify(begun(1.5), table, FREE)["Cm_q"].value == pytest.approx(
+        identified()["Cm_q"].value
+    )
 
 
 def test_a_flight_is_a_record():
@@ -115,6 +119,7 @@ def late(values):
 
 
 def spike(values):
+    """Return a column with a single wrong sample."""
     return values + np.where(np.arange(len(values)) == 99, 5.0, 0.0)
 
 

@@ -7,6 +7,7 @@ from jsbsim_reference import measured
 from small_aircraft import needs_jsbsim
 
 from hfa import load_model
+from hfa_jsbsim.reader import data_folder
 
 pytestmark = needs_jsbsim
 #: Aircraft for which this comparison is not possible: they are refused, their engine stops, or
@@ -18,25 +19,15 @@ OTHERS = {
 }
 #: Aircraft whose propellers or engine governors have not settled after two minutes.
 SLOW = {"Short_S23": 1e-3, "wrightFlyer1903": 1e-7}
-ALL = (
-    *(
-        "737",
-        "787-8",
-        "A320",
-        "A4",
-        "B17",
-        "B747",
-        "Boeing314",
-        "C130",
-        "Camel",
-        "Concorde",
-        "DHC6",
-    ),
-    *("F4N", "F80C", "J3Cub", "L17", "MD11", "OV10", "SGS", "Short_S23", "Shuttle", "T37", "T38"),
-    *("X15", "XB-70", "ball", "ballx", "c172p", "c172r", "c182", "dr1", "f104", "f15", "fokker100"),
-    *("global5000", "minisgs", "mk82", "pa28", "paraglider", "pc7", "pogo-jsbsim", "sgs126"),
-    *("p51d", "sgs233", "t6texan2", "wrightFlyer1903"),
-)
+
+
+def compared():
+    """Return the names of JSBSim's aircraft that are compared, none without JSBSim."""
+    folder = data_folder()
+    if folder is None:
+        return []
+    names = {path.name for path in (folder / "aircraft").iterdir() if path.is_dir()}
+    return sorted(names - OTHERS)
 
 
 def random_points(model, count, seed=1):
@@ -67,6 +58,8 @@ def misses(name, count):
 
     The first is that of the accelerations, and the second the relative difference of the thrust. The
     last is the largest relative acceleration of a propeller, which is 0 in JSBSim.
+
+    count: number of points
     """
     model = load_model(f"jsbsim:{name}")
     points = random_points(model, count)
@@ -94,7 +87,7 @@ def test_a_glider_accelerates_as_in_jsbsim():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(set(ALL) - OTHERS))
+@pytest.mark.parametrize("name", compared())
 def test_all_aircraft_accelerate_as_in_jsbsim(name):
     """Accelerations of all aircraft agree with JSBSim within the tolerance of each aircraft.
 
