@@ -7,28 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, hfa
-from game_files import AT_15, LABELS, SMALL, small, stored
-from known_models import game_at
+from game_files import AT_15, SMALL, small, stored
 
-from hfa import solve
 from hfa.main import FAILED
-from hfa_model import INPUTS, LINEAR_STATES
-
-
-@pytest.mark.parametrize(("degrees", "dynamics"), [("5", "published"), ("15", "newton")])
-def test_solve_gives_the_certified_solution(degrees, dynamics):
-    """`hfa solve` reports P, K and the smallest delta of `hfa.solve`, with names and units."""
-    data = answer("solve", "--dihedral", degrees, "--dynamics", dynamics)
-    assert set(data) >= {"schema", "certificate", "disk_margin"} | LABELS
-    exact = solve(game_at(float(degrees), dynamics))
-    for name in ("P", "K", "delta_min"):
-        np.testing.assert_allclose(data[name], getattr(exact, name), rtol=1e-9, err_msg=name)
-    assert (data["delta"], data["delta_margin"]) == (200.0, 200.0 / data["delta_min"])
-    assert data["certificate"]["ok"] is True
-    assert (data["states"], data["inputs"]) == (list(LINEAR_STATES), list(INPUTS))
-    assert data["state_units"] == ["ft/s", "rad", "rad", "rad/s", "rad", "rad/s"]
-    assert data["input_units"] == ["1", "rad", "rad", "rad", "rad"]
-    assert list(data["loop_margins"]) == list(INPUTS)
 
 
 @pytest.mark.parametrize(

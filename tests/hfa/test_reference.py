@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import answer
 from game_files import AT_15
-
-from hfa.exit_codes import BAD_INPUT
 
 COMMAND = ("--reference", "speed=7+0.01t+2sin(0.5t),alpha=5.73,dihedral=28.65")
 
@@ -22,19 +20,3 @@ def test_a_command_is_typed_in_degrees():
     assert si["trims"][0]["needed"]["elevator_center"] == pytest.approx(
         english["trims"][0]["needed"]["elevator_center"], rel=1e-6
     )
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("--reference", "speeds=7"), "did you mean speed"),
-        (("--reference", "speed=exp(t)"), "write sums of terms"),
-        (("--reference", "speed"), "is not NAME=VALUE"),
-    ],
-)
-def test_a_wrong_reference_is_refused_in_one_line(words, said):
-    """Unknown states and other texts are refused before anything is computed."""
-    result = hfa("solve", *AT_15, *words)
-    assert (result.code, result.out) == (BAD_INPUT, "")
-    assert said in result.err
-    assert result.err.count("\n") == 1

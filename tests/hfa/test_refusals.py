@@ -87,6 +87,7 @@ REFUSED = {
             "--dihedral 15 --outputs lift_centre",
             "unknown output 'lift_centre'; did you mean lift_center? choose from speed, alpha",
         ),
+        ("--residualize alpha", "use linear.select(residualize=NAMES) in Python"),
         ("--dihedral 15 -o result.xyz", "the suffix '.xyz' is unknown; use .json"),
         ("--dihedral 15 -o folder.json", "folder.json is a folder"),
     ],
@@ -120,6 +121,9 @@ REFUSED = {
         ("--dihedral 5,10 --order 3", "--order applies to one trim"),
         ("--dihedral 5,10 --reference speed=1", "--reference applies to one trim"),
         ("--dihedral 5,10,95", "dihedral is 95 deg"),
+        ("--dihedral 15 --reference speeds=7", "did you mean speed"),
+        ("--dihedral 15 --reference speed=exp(t)", "write sums of terms"),
+        ("--dihedral 15 --reference speed", "is not NAME=VALUE"),
     ],
     "learn": [
         ("--dihedral 15 --law sarsa", "--law is 'sarsa'; choose from policy-iteration"),
@@ -127,6 +131,7 @@ REFUSED = {
     "verify": [
         ("--dihedral 15", "the following arguments are required: --weights"),
         ("--dihedral 15 --weights given.npz --set activation=tanh", "applies only to a network"),
+        ("--flights 3", "type `hfa optimize --policy FILE --starts N`"),
     ],
     "regenerate": [("--dynamics unsteady", "more than seven states")],
 }

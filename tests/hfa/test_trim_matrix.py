@@ -63,24 +63,32 @@ def test_each_row_balances_in_an_independent_simulation(book):
         assert cells["results"] == RESULTS.get(name, "trimmed")
         if cells["results"] in ("no trim", "doubted"):
             continue
-        found = {key.replace(" (trim)", ""): value for key, value in cells.items() if value}
-        of = {key: float(value) for key, value in found.items() if key.endswith("]")}
-        deg = {key.partition(" [")[0]: math.radians(of[key]) for key in of if "[deg" in key}
+        figures = {
+            heading.replace(" (trim)", ""): float(cell)
+            for heading, cell in cells.items()
+            if cell and heading.endswith("]")
+        }
+        radians = {
+            heading.partition(" [")[0]: math.radians(value)
+            for heading, value in figures.items()
+            if "[deg" in heading
+        }
         body = {**table["mass"], **({"mass": 40.0 * 0.45359237} if name == "heavy" else {})}
         plane = SixDof({**table, "mass": body})
-        alpha, beta = deg["alpha"], deg["beta"]
-        speed, altitude = of["speed [m/s]"], of["altitude [m]"]
+        alpha, beta = radians["alpha"], radians["beta"]
+        speed, altitude = figures["speed [m/s]"], figures["altitude [m]"]
         flow = [math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha) * math.cos(beta)]
-        turning = [deg["roll_rate"], deg["pitch_rate"], deg["yaw_rate"]]
-        x = np.array([*(speed * np.array(flow)), *turning, deg["roll"], deg["pitch"]])
-        u = np.array([of["thrust [N]"], deg["elevator"], deg["aileron"], deg["rudder"]])
+        of_motion = ("roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch")
+        x = np.array([*(speed * np.array(flow)), *(radians[each] for each in of_motion)])
+        surfaces = [radians[each] for each in ("elevator", "aileron", "rudder")]
+        u = np.array([figures["thrust [N]"], *surfaces])
         rates = plane.rates(x, u, altitude)
         if name == "pull-up":
             rates[7] = 0.0
             assert float(cells["load_factor"]) == 1.5
         np.testing.assert_allclose(rates, 0.0, atol=1e-5 * 9.81 * 1.5, err_msg=name)
         knots = calibrated(speed, air(altitude))
-        assert of["calibrated airspeed [kt]"] == pytest.approx(knots, rel=1e-5)
+        assert figures["calibrated airspeed [kt]"] == pytest.approx(knots, rel=1e-5)
     by_mach = rows_of(book / "matrix.csv")["by Mach"]
     assert float(by_mach["speed (trim) [m/s]"]) == pytest.approx(
         0.1 * air(float(by_mach["altitude [m]"])).sound, rel=1e-5

@@ -7,8 +7,6 @@ import numpy as np
 from scipy.io import savemat
 
 AT_15 = ("--dihedral", "15")
-#: Options for a certified run that takes a tenth of a second.
-LABELS = {"plant", "states", "inputs", "state_units", "input_units", "delta"}
 #: A plant with two states and one input.
 SMALL = {
     "A": [[-0.2, 1.0], [-2.0, -0.3]],
