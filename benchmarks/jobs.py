@@ -36,7 +36,8 @@ _AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rud
 
 def start(quick: bool) -> list[Comparison]:
     """Return comparisons of commands, in new processes, with `import control`."""
-    variables = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    variables = {**os.environ}
+    variables.pop("PYTHONDONTWRITEBYTECODE", None)  # a user's modules are compiled once
     run = partial(subprocess.run, check=True, stdout=subprocess.DEVNULL, env=variables)
     command = str(Path(sys.executable).with_name("hfa"))
     gain = Path(tempfile.mkdtemp()) / "K.npz"
@@ -59,7 +60,7 @@ def start(quick: bool) -> list[Comparison]:
     ]
 
 
-class Found(NamedTuple):
+class TrimmedPlant(NamedTuple):
     """States (n,) and inputs (m,) of a trim, and A (n, n) of its linear model."""
 
     states: np.ndarray
@@ -68,7 +69,7 @@ class Found(NamedTuple):
 
 
 def same_points(
-    condition: hfa.TrimCondition, ours: Sequence[Found], theirs: Sequence[Found]
+    condition: hfa.TrimCondition, ours: Sequence[TrimmedPlant], theirs: Sequence[TrimmedPlant]
 ) -> None:
     """Assert that two lists contain the same trims.
 
@@ -93,7 +94,9 @@ def same_points(
         close(A[:, smooth], peer_A[:, smooth], rtol=0.0, atol=2e-3 * abs(A).max())
 
 
-def control_points(condition: hfa.TrimCondition) -> Callable[[str, Sequence[float]], list[Found]]:
+def control_points(
+    condition: hfa.TrimCondition,
+) -> Callable[[str, Sequence[float]], list[TrimmedPlant]]:
     """Return a function that trims and linearizes an aircraft with python-control.
 
     The function (name, values of this variable) returns what is found at each value. Each search
@@ -117,7 +120,7 @@ def control_points(condition: hfa.TrimCondition) -> Callable[[str, Sequence[floa
         outputs=len(imposed_outputs),
     )
 
-    def points(varied: str, values: Sequence[float]) -> list[Found]:
+    def points(varied: str, values: Sequence[float]) -> list[TrimmedPlant]:
         x, u = np.array(first.states), np.array(first.inputs)
         found = []
         for value in values:
@@ -135,7 +138,7 @@ def control_points(condition: hfa.TrimCondition) -> Callable[[str, Sequence[floa
                 root_method="hybr" if is_square else "lm",
             )
             x, u = np.array(point.states), np.array(point.inputs)
-            found.append(Found(x.copy(), u.copy(), control.linearize(system, x, u).A))
+            found.append(TrimmedPlant(x.copy(), u.copy(), control.linearize(system, x, u).A))
         return found
 
     return points
@@ -174,13 +177,14 @@ def one_trim(quick: bool) -> list[Comparison]:
 def _one_trim(
     quick: bool, aircraft: str, condition: hfa.TrimCondition, name: str, goal: float
 ) -> Comparison:
+    """Return the comparison of one trim, at its imposed value of the variable `name`."""
     model, number = condition.model, 20
 
-    def ours() -> list[Found]:
+    def ours() -> list[TrimmedPlant]:
         points = [hfa.trim(model, condition) for _ in range(number)]
         linear = [hfa.linearize(model, point) for point in points]
         return [
-            Found(np.array(point.states), np.array(point.inputs), each.A)
+            TrimmedPlant(np.array(point.states), np.array(point.inputs), each.A)
             for point, each in zip(points, linear, strict=True)
         ]
 
@@ -194,9 +198,13 @@ def sweeps(quick: bool) -> list[Comparison]:
     """Return comparisons of trims and linear models at many points with python-control."""
     f16 = hfa.load_model(f"{ROOT}/examples/f16.py:F16")
     usual = hfa.TrimCondition(f16, f16.trim)
-    kept = {n: v for n, v in usual.imposed.items() if n in f16.variables or n == "gamma"}
+    of_straight_flight = {
+        name: value
+        for name, value in usual.imposed.items()
+        if name in f16.variables or name == "gamma"
+    }
     steady = dict.fromkeys(("speed", "alpha", "pitch_rate", "power"), 0.0)
-    ahead = hfa.TrimCondition(f16, kept | dict.fromkeys(_AHEAD, 0.0), steady)
+    ahead = hfa.TrimCondition(f16, of_straight_flight | dict.fromkeys(_AHEAD, 0.0), steady)
     degrees = np.pi / 180.0
     cases = [
         ("dihedral angles of the HFA", level_flight(0.0), "dihedral", 0.0, 20.0 * degrees, 20.0),
@@ -219,15 +227,16 @@ def _sweep(
     high: float,
     goal: float,
 ) -> Comparison:
+    """Return the comparison of a sweep of the variable `name` from `low` to `high`."""
     count, peer_count = (500, 5) if quick else (10_000, 50)  # python-control needs small steps
     values = np.linspace(low, high, count)
     common = slice(None, None, count // peer_count)
 
-    def ours() -> list[Found]:
+    def ours() -> list[TrimmedPlant]:
         swept = hfa.sweep(condition.model, {name: values}, condition=condition)
         assert swept.trimmed.all()
         points = zip(swept.states[common], swept.inputs[common], swept.A[common], strict=True)
-        return [Found(*each) for each in points]
+        return [TrimmedPlant(*each) for each in points]
 
     theirs = partial(control_points(condition), name, values[common].tolist())
     units, rounds = (count, peer_count), 1 if quick else 5
@@ -256,11 +265,11 @@ def schur_value(game: hfa.Game) -> np.ndarray:
 
 def games(quick: bool) -> list[Comparison]:
     """Return comparisons of `hfa.solve` with the ordered Schur form of the same equation."""
-    found = []
-    sizes = ((6, 25.0), (24, 20.0), (48, 15.0), (96, 15.0))
+    comparisons = []
+    sizes = ((6, 25.0), (24, 20.0), (48, 15.0), (96, 15.0))  # states, permitted ratio of times
     for states, slower in sizes[:1] if quick else sizes:
         drawn = [random_game(states, seed) for seed in range(2 if quick else 960 // states)]
-        found.append(
+        comparisons.append(
             in_turn(
                 f"`hfa.solve` of a game of {states} states: certificate, cost, L2 gain",
                 "the bare equation by SciPy's ordered Schur form, no certificate",
@@ -272,7 +281,7 @@ def games(quick: bool) -> list[Comparison]:
                 partial(np.testing.assert_allclose, rtol=1e-6, atol=1e-8),
             )
         )
-    return found
+    return comparisons
 
 
 def environment(quick: bool) -> list[Comparison]:
@@ -316,6 +325,7 @@ def flight(quick: bool) -> list[Comparison]:
 
 
 def _flight(quick: bool, seconds: float) -> Comparison:
+    """Return the comparison of a flight of some seconds, which ends in the same state for both."""
     from scipy.integrate import solve_ivp
 
     model = hfa.aircraft()

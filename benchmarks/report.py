@@ -74,10 +74,10 @@ def in_turn(
             times[place].append((time.perf_counter() - start) / units[place])
     if not callable(theirs):
         times[1] = [theirs] * rounds
-    ratios = [b / a for a, b in zip(*times, strict=True)]
-    ends = (min(ratios), statistics.median(ratios), max(ratios))
-    our_time, their_time = map(statistics.median, times)
-    return Comparison(job, peer, our_time, their_time, ends, goal)
+    ratios = [their_time / our_time for our_time, their_time in zip(*times, strict=True)]
+    our_median, their_median = map(statistics.median, times)
+    least_to_most = (min(ratios), statistics.median(ratios), max(ratios))
+    return Comparison(job, peer, our_median, their_median, least_to_most, goal)
 
 
 def markdown(rows: Sequence[Comparison]) -> str:
@@ -128,16 +128,17 @@ def store(measured: Mapping[str, Sequence[Comparison]], order: Sequence[str], lo
 
     Raises BadInputError if other jobs were measured on another machine or with other versions.
     """
-    old = stored() if RESULTS.exists() else {"machine": machine(), "loads": {}, "jobs": {}}
-    kept = {name: rows for name, rows in old["jobs"].items() if name in set(order) - set(measured)}
-    if kept and old["machine"] != machine():
+    earlier = stored() if RESULTS.exists() else {"machine": machine(), "loads": {}, "jobs": {}}
+    others = set(order) - set(measured)
+    kept = {name: rows for name, rows in earlier["jobs"].items() if name in others}
+    if kept and earlier["machine"] != machine():
         raise BadInputError(
             "nothing is stored: the other jobs were measured with another machine or other "
             "versions; run all jobs"
         )
-    found = {**kept, **measured}
-    jobs = {name: [list(each) for each in found[name]] for name in order if name in found}
-    loads = {**old["loads"], **dict.fromkeys(measured, load)}
+    rows_of = {**kept, **measured}
+    jobs = {name: [list(row) for row in rows_of[name]] for name in order if name in rows_of}
+    loads = {**earlier["loads"], **dict.fromkeys(measured, load)}
     loads = {name: loads[name] for name in jobs}
     data = {"machine": machine(), "loads": loads, "jobs": jobs}
     before, _, after = PAGE.read_text("utf-8").partition(BEGIN)
@@ -145,20 +146,20 @@ def store(measured: Mapping[str, Sequence[Comparison]], order: Sequence[str], lo
     if not end:
         raise BadInputError(f"{PAGE} has no lines {BEGIN} and {END}; add them")
     write_text(RESULTS, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
-    write_text(PAGE, f"{before}{BEGIN}\n\n{shown(data)}\n{END}{after}")
+    write_text(PAGE, f"{before}{BEGIN}\n\n{figures(data)}\n{END}{after}")
 
 
-def shown(data: Mapping[str, Any]) -> str:
+def figures(data: Mapping[str, Any]) -> str:
     """Return the text of the page: the table of all jobs, and where they were measured.
 
     data: content of results.json
     """
     rows = [Comparison(*row) for rows in data["jobs"].values() for row in rows]
-    of = data["machine"]
-    versions = ", ".join(f"{name} {of[name]}" for name in ("python", *_PACKAGES))
+    on = data["machine"]
+    versions = ", ".join(f"{name} {on[name]}" for name in ("python", *_PACKAGES))
     loads = data["loads"].values()
     return (
-        f"{markdown(rows).rstrip()}\n\nMeasured on {of['processor']} with {of['cores']} cores "
+        f"{markdown(rows).rstrip()}\n\nMeasured on {on['processor']} with {on['cores']} cores "
         f"({versions}); load average before the jobs {min(loads):.2g} to {max(loads):.2g}.\n"
     )
 

@@ -11,7 +11,7 @@ from hfa.paper import level_flight
 def found(condition):
     point = hfa.trim(condition.model, condition)
     A = hfa.linearize(condition.model, point).A
-    return jobs.Found(np.array(point.states), np.array(point.inputs), np.array(A))
+    return jobs.TrimmedPlant(np.array(point.states), np.array(point.inputs), np.array(A))
 
 
 @pytest.mark.filterwarnings("ignore:number of constraints")
@@ -60,4 +60,4 @@ def test_every_job_runs(capsys, monkeypatch):
 
 def test_the_page_shows_the_stored_figures():
     """The page shows the stored results; nothing else compares the two."""
-    assert report.shown(report.stored()) in report.PAGE.read_text("utf-8")
+    assert report.figures(report.stored()) in report.PAGE.read_text("utf-8")
