@@ -93,6 +93,7 @@ def setup(app: Any) -> None:
 
 
 def _without_links_to_the_repository(_app: Any, _page: str, source: list[str]) -> None:
+    """Replace links to files outside docs/ in a page by their texts and paths (`source-read`)."""
     source[0] = re.sub(r"\[([^\]]+)\]\(\.\./([^)#]+)[^)]*\)", r"\1 (`\2`)", source[0])
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from sphinx.pycode import ModuleAnalyzer
 
@@ -17,6 +17,13 @@ from hfa_model.parameters import FIELDS, Parameters
 
 #: Line such as "values: (N, k), all combinations", with one or several names and a description.
 _ENTRY = re.compile(r"^(?!Source)(?P<names>[A-Za-z]\w*(\(.*\))?(, \w+)*): +(?P<text>.*)$")
+
+
+class Part(NamedTuple):
+    """Part of a docstring: an entry "name, name: text", or prose, which has no names."""
+
+    names: list[str]
+    lines: list[str]
 
 
 def read(_app: Any, kind: str, name: str, value: Any, _options: Any, lines: list[str]) -> None:
@@ -33,7 +40,7 @@ def read(_app: Any, kind: str, name: str, value: Any, _options: Any, lines: list
     members = _members(value) if kind == "class" else set()
     parameters = _parameters(value) if kind in ("function", "method") else {}
     prose: list[str] = []
-    for names, paragraph in entries_of(text):
+    for names, paragraph in parts_of(text):
         if not names:
             prose += ["", *escaped(paragraph), ""]
         elif parameters.keys() >= set(names):
@@ -55,36 +62,33 @@ def describe_attributes(owner: type) -> None:
     the descriptions are entries of its docstring.
     """
     comments = ModuleAnalyzer.for_module(owner.__module__).find_attr_docs()
-    text = entries_of((inspect.getdoc(owner) or "").splitlines())
+    parts = parts_of((inspect.getdoc(owner) or "").splitlines())
     if owner is Parameters:
-        text = (
-            ([name], [f"{spec.unit}, {spec.meaning}"]) for name, spec in FIELDS._asdict().items()
+        parts = (
+            Part([name], [f"{spec.unit}, {spec.meaning}"])
+            for name, spec in FIELDS._asdict().items()
         )
-    for names, lines in text:
+    for names, lines in parts:
         comments.update({(owner.__qualname__, name): lines for name in names})
 
 
-def entries_of(text: list[str]) -> Iterator[tuple[list[str], list[str]]]:
-    """Yield the parts of a docstring as pairs (names, lines).
-
-    A part is either an entry "name, name: text" or prose. The list of names is empty for prose.
-    Further lines of an entry begin with a space.
-    """
+def parts_of(text: list[str]) -> Iterator[Part]:
+    """Yield the parts of a docstring. Further lines of an entry begin with a space."""
     names: list[str] = []
     lines: list[str] = []
     for line in text:
         entry = _ENTRY.match(line)
         if entry is not None:
-            yield names, lines
+            yield Part(names, lines)
             names = entry["names"].split(", ")
             lines = [entry["text"]]
         elif names and not line.startswith(" "):
-            yield names, lines
+            yield Part(names, lines)
             names = []
             lines = [line]
         else:
             lines.append(line.strip() if names else line)
-    yield names, lines
+    yield Part(names, lines)
 
 
 def _parted(lines: list[str]) -> tuple[list[str], list[str]]:
@@ -105,6 +109,7 @@ def _parameters(routine: Any) -> dict[str, list[str]]:
 
 
 def _indented(head: str, lines: list[str]) -> list[str]:
+    """Return the lines of an item, the first behind its head and the others indented."""
     return [head + lines[0], *(f"   {line}" for line in lines[1:])]
 
 
@@ -113,11 +118,9 @@ def escaped(lines: list[str]) -> list[str]:
 
     reStructuredText would interpret them as markup.
     """
-    parts = (re.split(r"(`[^`]*`)", line) for line in lines)
-    return [
-        "".join(
-            re.sub(r"([*|_\\])", r"\\\1", part) if i % 2 == 0 else part
-            for i, part in enumerate(line_parts)
-        )
-        for line_parts in parts
-    ]
+
+    def escape(found: re.Match[str]) -> str:
+        quoted = found[0].startswith("`")
+        return found[0] if quoted else f"\\{found[0]}"
+
+    return [re.sub(r"`[^`]*`|[*|_\\]", escape, line) for line in lines]

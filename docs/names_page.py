@@ -51,6 +51,7 @@ def exported(package: str) -> list[str]:
 
 
 def _is_class_of(values: list[object], value: object) -> bool:
+    """Return whether a value is a class that is among some values."""
     return isinstance(value, type) and any(value is other for other in values)
 
 
@@ -100,6 +101,7 @@ def names_page(package: str) -> str:
 
 
 def _restructured(parts: list[str]) -> str:
+    """Return reStructuredText as a block of a Markdown page."""
     return "```{eval-rst}\n" + "\n".join(parts) + "```\n"
 
 
@@ -110,7 +112,7 @@ def results() -> dict[str, list[type]]:
     Each class is listed once, under the first package whose functions return it.
     """
     known = [value_of(package, name) for package in PACKAGES for name in exported(package)]
-    found: dict[str, list[type]] = {package: [] for package in PACKAGES}
+    classes: dict[str, list[type]] = {package: [] for package in PACKAGES}
     for package in PACKAGES:
         for name in names_of(package):
             function = inspect.unwrap(value_of(package, name))
@@ -118,14 +120,15 @@ def results() -> dict[str, list[type]]:
                 continue
             for word in re.findall(r"\w+", str(function.__annotations__.get("return", ""))):
                 kind = function.__globals__.get(word)
-                ours = isinstance(kind, type) and kind.__module__.split(".")[0] in PACKAGES
-                if ours and kind not in known:
-                    found[package].append(kind)
+                is_ours = isinstance(kind, type) and kind.__module__.split(".")[0] in PACKAGES
+                if is_ours and kind not in known:
+                    classes[package].append(kind)
                     known.append(kind)
-    return found
+    return classes
 
 
 def _row(package: str, name: str) -> str:
+    """Return the row of a public name in the table: link, and first sentence of its docstring."""
     paragraph = " ".join(takewhile(str.strip, _text(package, name)))
     sentence = re.split(r"(?<=\w\.) (?=[A-Z])", paragraph)[0]
     return f"   * - :py:obj:`{name} <{package}.{name}>`\n     - {escaped([sentence])[0]}\n"
@@ -148,6 +151,7 @@ def _text(package: str, name: str) -> list[str]:
 
 
 def _entry(package: str, name: str) -> str:
+    """Return the directive of Sphinx that documents a public name."""
     value = value_of(package, name)
     if isinstance(value, type):
         return _class_entry(f"{package}.{name}", value)
@@ -158,6 +162,7 @@ def _entry(package: str, name: str) -> str:
 
 
 def _class_entry(name: str, owner: type) -> str:
+    """Return the directive of a class, and register the descriptions of its attributes."""
     for base in owner.__mro__:
         if base.__module__.partition(".")[0] in PACKAGES:
             describe_attributes(base)
