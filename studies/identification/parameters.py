@@ -263,9 +263,9 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
     near = np.log([abs(getattr(best.parameters.values, name) / ROUGH[name]) for name in IDENTIFIED])
     for done, (description, variant) in enumerate(ALTERNATIVES, start=1):
         noises = near, None, rng.normal(size=near.size) / 3
-        tries = [fit(published_models(), variant, noise=noise) for noise in noises]
-        chosen = min(tries, key=lambda one: one.sum_of_squares)
-        structures.append(Structure(description, chosen.sum_of_squares, chosen.largest))
+        fits = [fit(published_models(), variant, noise=noise) for noise in noises]
+        closest = min(fits, key=lambda one: one.sum_of_squares)
+        structures.append(Structure(description, closest.sum_of_squares, closest.largest))
         if progress is not None:
             progress(done, len(ALTERNATIVES))
     return Identification(best, starts, tables, tuple(structures))
@@ -315,17 +315,27 @@ def fit(
     start = np.exp(noise) if noise is not None else np.ones(len(guess))
     tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": _MAX_EVALUATIONS}
     solution = least_squares(
-        lambda y: problem.entries(y * guess)[0],
+        lambda y: problem.errors(y * guess).values,
         start,
-        lambda y: problem.entries(y * guess)[1] * guess,
+        lambda y: problem.errors(y * guess).jacobian * guess,
         method="lm",
         **tight,
     )
     return _as_fit(problem, np.asarray(solution.x) * guess)
 
 
+class _Errors(NamedTuple):
+    """Errors (entry - print) / half unit, (N,), and their Jacobian with respect to θ, (N, k)."""
+
+    values: np.ndarray
+    jacobian: np.ndarray
+
+
 class _Problem:
-    """Weighted errors of the printed entries and their Jacobian, as functions of parameters θ."""
+    """Weighted errors of the printed entries and their Jacobian, as functions of parameters θ.
+
+    θ are the values of `IDENTIFIED`, (k,).
+    """
 
     def __init__(self, models: Sequence[PublishedModel], structure: Variant) -> None:
         own = replace(hfa.aircraft(), equations=Equations(structure))
@@ -345,7 +355,7 @@ class _Problem:
         self._half_units = [each[self._entries] for each in half_units]
         self._p = np.array([ASSUMED.get(name, (0.0,))[0] for name in Parameters._fields])
         self._known = [Parameters._fields.index(name) for name in IDENTIFIED]
-        self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
+        self._last: tuple[np.ndarray, _Errors] | None = None
 
     def trim_inputs(self, theta: np.ndarray) -> list[np.ndarray]:
         """Return the free trim inputs for each printed matrix pair, by Newton's method."""
@@ -358,46 +368,38 @@ class _Problem:
         z, _ = newton(self._system, start, c)
         return list(z * self._system.scales)
 
-    def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (entry - print) / half unit of each entry that depends on θ, and the Jacobian."""
+    def errors(self, theta: np.ndarray) -> _Errors:
+        """Return the errors of the printed entries at θ, which are kept for the next call."""
         if self._last is None or not np.array_equal(self._last[0], theta):
             values = []
             jacobians = []
-            trims = zip(self._held, self.trim_inputs(theta), strict=True)
-            for (held, inputs), printed, half in zip(
-                trims, self._printed, self._half_units, strict=True
+            for held, inputs, printed, half_units in zip(
+                self._held, self.trim_inputs(theta), self._printed, self._half_units, strict=True
             ):
                 v = np.array([held.get(name, 0.0) for name in hfa.aircraft().variables])
                 v[self._free] = inputs
-                found, by_p = entries_at(self._layout, v, self._p, self._free, self._rows)
-                values.append((found[self._entries] - printed) / half)
-                jacobians.append(by_p[np.ix_(self._entries, self._known)] / half[:, None])
-            self._last = theta.copy(), (np.concatenate(values), np.vstack(jacobians))
+                entries, by_p = entries_at(self._layout, v, self._p, self._free, self._rows)
+                values.append((entries[self._entries] - printed) / half_units)
+                jacobians.append(by_p[np.ix_(self._entries, self._known)] / half_units[:, None])
+            self._last = theta.copy(), _Errors(np.concatenate(values), np.vstack(jacobians))
         return self._last[1]
 
 
 def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
-    printed, jacobian = problem.entries(theta)
-    relative = jacobian * np.abs(theta)
+    """Return the fit whose parameters are θ, with its covariance, singular values and errors."""
+    errors, jacobian = problem.errors(theta)
+    relative = jacobian * np.abs(theta)  # derivatives by relative parameters
     fitted, singular_values, directions = np.linalg.svd(relative, full_matrices=False)
     # The sign of a direction is arbitrary. Its largest component is made positive, so that the
     # result does not depend on the machine.
-    directions *= np.sign(
-        directions[np.arange(len(directions)), np.abs(directions).argmax(axis=1)]
-    )[:, None]
-    inverse = np.linalg.inv(relative.T @ relative)
+    largest = np.abs(directions).argmax(axis=1)
+    directions *= np.sign(directions[np.arange(len(directions)), largest])[:, None]
     rounding = _rounding_covariance(relative)
-    covariance = (
-        inverse
-        @ relative.T
-        @ rounding
-        @ relative
-        @ inverse
-        * np.outer(np.abs(theta), np.abs(theta))
-    )
-    moved = (
-        np.abs(relative).max(axis=1) > 1e-3
-    )  # entries that depend on a parameter by more than rounding errors
+    estimator = np.linalg.inv(relative.T @ relative) @ relative.T  # of relative parameters
+    sizes = np.abs(theta)
+    covariance = estimator @ rounding @ estimator.T * np.outer(sizes, sizes)
+    # Structural zeros depend on no parameter: other entries move by more than .001 half units.
+    depends = np.abs(relative).max(axis=1) > 1e-3
     values = {name: value for name, (value, _, _) in ASSUMED.items()}
     values |= dict(zip(IDENTIFIED, theta.tolist(), strict=True))
     parameters = ParameterSet(
@@ -415,23 +417,27 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
             Input(aileron_center=0.0, **dict(zip(_FREE_INPUTS, inputs.tolist(), strict=True)))
             for inputs in problem.trim_inputs(theta)
         ),
-        sum_of_squares=float(printed @ printed),
-        # Structural zeros do not depend on any parameter and have no rounding error.
+        sum_of_squares=float(errors @ errors),
+        # Structural zeros have no rounding error.
         expected_sum=float(
-            np.trace(rounding[moved][:, moved]) - np.trace(fitted.T @ rounding @ fitted)
+            np.trace(rounding[depends][:, depends]) - np.trace(fitted.T @ rounding @ fitted)
         ),
-        entries=int(np.count_nonzero(moved)),
-        largest=float(np.abs(printed).max()),
+        entries=int(np.count_nonzero(depends)),
+        largest=float(np.abs(errors).max()),
         singular_values=singular_values,
         directions=directions,
     )
 
 
 def _rounding_covariance(relative: np.ndarray) -> np.ndarray:
-    """Return the covariance of the rounding errors of the printed entries, in half units²."""
-    # The rounding error of an entry, uniform within ±h, has the variance h²/3. Entries with equal
-    # derivatives are the same number printed at both angles, for example B(speed, throttle). Their
-    # rounding errors are equal, and the second entry contains no further information.
+    """Return the covariance (N, N) of the rounding errors of the printed entries, in half units².
+
+    The rounding error of an entry, uniform within ±h, has the variance h²/3. Entries with equal
+    derivatives are the same number printed at both angles, for example B(speed, throttle). Their
+    rounding errors are equal, and the second entry contains no further information.
+
+    relative: derivatives of the entries, in half units, by relative parameters, (N, k)
+    """
     distance = np.abs(relative[:, None, :] - relative[None, :, :]).max(axis=2)
     same = distance < 1e-6 * np.abs(relative).max(axis=1)
     return np.where(same | np.eye(len(relative), dtype=bool), 1 / 3, 0.0)

@@ -71,6 +71,14 @@ class TrimDifference(NamedTuple):
     eigenvalue_difference: float
 
 
+class FastRoot(NamedTuple):
+    """Fastest real root at a dihedral angle, deg: read from a figure, and computed, 1/s."""
+
+    dihedral_deg: float
+    read: float
+    computed: float
+
+
 _UNITS = dict(zip(TrimDifference._fields, ("ft/s", "rad", "rad", "rad", "1", "1/s"), strict=True))
 
 
@@ -83,13 +91,19 @@ def outside_data() -> dict[str, Any]:
 def released_trims() -> tuple[ReleasedTrim, ...]:
     """Return the trims of the released simulation, in the order of outside.json."""
     data = outside_data()["released_simulation"]
-    return tuple(
-        ReleasedTrim(
-            speed, data["altitude_ft"], math.radians(degrees), alpha, Input(*inputs), eigenvalues
+    trims = []
+    for speed, degrees, alpha, *inputs, eigenvalues in data["rows"]:
+        trims.append(
+            ReleasedTrim(
+                speed,
+                data["altitude_ft"],
+                math.radians(degrees),
+                alpha,
+                Input(*inputs),
+                tuple(complex(*parts) for parts in eigenvalues),
+            )
         )
-        for speed, degrees, alpha, *inputs, parts in data["rows"]
-        for eigenvalues in [tuple(complex(*part) for part in parts)]
-    )
+    return tuple(trims)
 
 
 def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
@@ -98,23 +112,20 @@ def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
     The printed B contains two of the inputs.
     """
     data = outside_data()["qu_2018"]
-    return tuple(
-        EntryRow(
-            name,
-            row,
-            column,
-            float(digits),
-            float(computed[i, columns.index(column)]),
-            _half_unit(digits),
-        )
-        for name, computed, columns, printed in (
-            ("A", model.A, LINEAR_STATES, LINEAR_STATES),
-            ("B", model.B, INPUTS, data["B_inputs"]),
-        )
-        for i, row in enumerate(LINEAR_STATES)
-        for column, digits in zip(printed, data[name][i], strict=True)
-        if digits is not None
-    )
+    entries = []
+    for name, computed, columns, printed_columns in (
+        ("A", model.A, LINEAR_STATES, LINEAR_STATES),
+        ("B", model.B, INPUTS, data["B_inputs"]),
+    ):
+        for i, row in enumerate(LINEAR_STATES):
+            for column, digits in zip(printed_columns, data[name][i], strict=True):
+                if digits is None:  # not legible, or a misprint
+                    continue
+                value = float(computed[i, columns.index(column)])
+                entries.append(
+                    EntryRow(name, row, column, float(digits), value, _half_unit(digits))
+                )
+    return tuple(entries)
 
 
 def _half_unit(digits: str) -> float:
@@ -130,14 +141,14 @@ class Validation(Checked, Reported):
     dynamics: name of the dynamics
     trims: differences at the trims of the released simulation
     entries: entries of the third printed model
-    fast_roots: (dihedral angle in deg, root read from the figure, computed root), 1/s
+    fast_roots: roots at the ends of Gibson's Fig. 7
     checks: limits on all differences
     """
 
     dynamics: str
     trims: tuple[TrimDifference, ...]
     entries: tuple[EntryRow, ...]
-    fast_roots: tuple[tuple[float, float, float], ...]
+    fast_roots: tuple[FastRoot, ...]
     checks: tuple[Check, ...]
 
     def report(self) -> Report:
@@ -145,14 +156,12 @@ class Validation(Checked, Reported):
         sources = outside_data()
         trims = [
             (
-                *(
-                    shown_value(speed, "ft/s"),
-                    f"{math.degrees(dihedral):g}",
-                    f"{math.degrees(alpha):.3f}",
-                ),
-                *(f"{each:.1e}" for each in off),
+                shown_value(speed, "ft/s"),
+                f"{math.degrees(dihedral):g}",
+                f"{math.degrees(alpha):.3f}",
+                *(f"{difference:.1e}" for difference in differences),
             )
-            for speed, dihedral, alpha, *off in self.trims
+            for speed, dihedral, alpha, *differences in self.trims
         ]
         inexact = [entry for entry in self.entries if entry.half_unit > _ROUNDING]
         about = f"speed {shown_unit('ft/s')}", "dihedral deg", "alpha deg"
@@ -198,13 +207,15 @@ def validate(aircraft: Model) -> Validation:
     known = outside_data()
     # Qu 2018 prints no trim. The released trim at that speed and dihedral angle is used.
     qu = known["qu_2018"]
-    shown = known["gibson_2011"]["fast_dihedral_root"]
-    at = {(each.speed, each.dihedral): model for each, model in models.items()}
-    entries = third_printed_entries(at[qu["speed_ft_s"], math.radians(qu["dihedral_deg"])])
-    roots = []  # fastest real roots at the ends of Gibson's Fig. 7, at 30 ft/s
-    for degrees, root in zip(shown["dihedral_deg"], shown["root_1_s"], strict=True):
-        values = np.linalg.eigvals(at[30.0, math.radians(degrees)].A)
-        roots.append((degrees, root, float(values[values.imag == 0.0].real.min())))
+    figure = known["gibson_2011"]["fast_dihedral_root"]
+    model_at_trim = {(each.speed, each.dihedral): model for each, model in models.items()}
+    third_model = model_at_trim[qu["speed_ft_s"], math.radians(qu["dihedral_deg"])]
+    entries = third_printed_entries(third_model)
+    roots = []
+    for degrees, root in zip(figure["dihedral_deg"], figure["root_1_s"], strict=True):
+        eigenvalues = np.linalg.eigvals(model_at_trim[30.0, math.radians(degrees)].A)
+        fastest = float(eigenvalues[eigenvalues.imag == 0.0].real.min())
+        roots.append(FastRoot(degrees, root, fastest))
     return Validation(
         hfa_model.variant_of(aircraft).name,
         trims,
@@ -232,36 +243,47 @@ def model_at(aircraft: Model, released: ReleasedTrim) -> LinearModel:
 
 
 def _trim_difference(released: ReleasedTrim, model: LinearModel) -> TrimDifference:
+    """Return the differences between a released trim and that of a linear model."""
     thrust, *deflections = np.abs(np.array(model.point.inputs) - np.array(released.inputs)).tolist()
-    paired = [value for root in released.eigenvalues for value in {root, root.conjugate()}]
-    errors = eigenvalue_errors(np.linalg.eigvals(model.A), np.array(paired))
-    off = max(deflections), thrust / released.inputs.throttle, float(errors.max())
-    return TrimDifference(released.speed, released.dihedral, released.alpha, *off)
+    eigenvalues = [value for root in released.eigenvalues for value in {root, root.conjugate()}]
+    errors = eigenvalue_errors(np.linalg.eigvals(model.A), np.array(eigenvalues))
+    return TrimDifference(
+        released.speed,
+        released.dihedral,
+        released.alpha,
+        deflection_difference=max(deflections),
+        thrust_difference=thrust / released.inputs.throttle,
+        eigenvalue_difference=float(errors.max()),
+    )
 
 
 def _checks(
     trims: tuple[TrimDifference, ...],
     entries: tuple[EntryRow, ...],
-    roots: list[tuple[float, float, float]],
+    roots: list[FastRoot],
 ) -> tuple[Check, ...]:
-    found = []
+    """Return the limits on the largest differences of trims, entries and roots."""
+    checks = []
     for speed in dict.fromkeys(each.speed for each in trims):
         for what, (limit, unit) in _DIFFERENCES.items():
-            these = [
+            differences = [
                 (getattr(each, f"{what}_difference"), each.dihedral)
                 for each in trims
                 if each.speed == speed
             ]
-            value, dihedral = max(these)
-            reason = f"{what} off by {value:.2g} {unit} at {math.degrees(dihedral):g} deg"
-            found.append(at_most(f"{what}_{speed:g}_ft_s", value, limit, reason))
-    off = max(entries, key=lambda each: abs(each.half_units))
-    reason = f"{off.name} is printed {off.printed:g} and comes out {off.computed:.6g}"
-    found.append(
-        at_most("third_printed_model_half_units", abs(off.half_units), MOST_HALF_UNITS, reason)
+            largest, dihedral = max(differences)
+            reason = f"{what} off by {largest:.2g} {unit} at {math.degrees(dihedral):g} deg"
+            checks.append(at_most(f"{what}_{speed:g}_ft_s", largest, limit, reason))
+    entry = max(entries, key=lambda each: abs(each.half_units))
+    reason = f"{entry.name} is printed {entry.printed:g} and comes out {entry.computed:.6g}"
+    checks.append(
+        at_most("third_printed_model_half_units", abs(entry.half_units), MOST_HALF_UNITS, reason)
     )
-    far = max(roots, key=lambda each: abs(each[2] - each[1]))
+    root = max(roots, key=lambda each: abs(each.computed - each.read))
     read_to = outside_data()["gibson_2011"]["fast_dihedral_root"]["read_to"]
-    reason = f"{far[2]:.3f} 1/s at {far[0]:g} deg where the figure shows {far[1]:g}"
-    found.append(at_most("gibson_fig_7_fast_root", abs(far[2] - far[1]), read_to, reason))
-    return tuple(found)
+    reason = (
+        f"{root.computed:.3f} 1/s at {root.dihedral_deg:g} deg where the figure shows {root.read:g}"
+    )
+    difference = abs(root.computed - root.read)
+    checks.append(at_most("gibson_fig_7_fast_root", difference, read_to, reason))
+    return tuple(checks)
