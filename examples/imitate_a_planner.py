@@ -22,13 +22,13 @@ import hfa
 SHARE = 0.5
 
 
-def begun(env: gymnasium.Env, seed: int) -> tuple[np.ndarray, dict]:
+def begin_episode(env: gymnasium.Env, seed: int) -> tuple[np.ndarray, dict]:
     """Begin an episode near the trim, and return the observation and `info`."""
     aircraft: Any = env.unwrapped
     rng = np.random.default_rng(seed)
     state = {
-        name: aircraft.point[name] + SHARE * rng.uniform(-size, size)
-        for name, size in aircraft.start_box.items()
+        name: aircraft.point[name] + SHARE * rng.uniform(-half_width, half_width)
+        for name, half_width in aircraft.start_box.items()
     }
     return env.reset(seed=seed, options={"state": state})
 
@@ -41,30 +41,31 @@ def planned_rows(env: gymnasium.Env, flights: int, steps: int = 100) -> tuple[np
     planner = hfa.predictive(
         aircraft.model, point, cost["Q"], cost["R"], dt=aircraft.dt, budget=math.inf
     )
-    half = np.array([(each.max - each.min) / 2 for each in aircraft.model.inputs.values()])
-    seen, done = [], []
-    for number in range(flights):
-        observation, info = begun(env, number)
+    half_ranges = np.array([(each.max - each.min) / 2 for each in aircraft.model.inputs.values()])
+    observations, actions = [], []
+    for seed in range(flights):
+        observation, info = begin_episode(env, seed)
         planner.reset()
         for _ in range(steps):
-            U = planner(0.0, info["X"])
-            seen.append(observation)
-            done.append(np.clip((U - point.u) / half, -1.0, 1.0))
-            observation, _, lost, over, info = env.step(done[-1].astype(np.float32))
-            if lost or over:
+            inputs = planner(0.0, info["X"])
+            action = np.clip((inputs - point.u) / half_ranges, -1.0, 1.0)
+            observations.append(observation)
+            actions.append(action)
+            observation, _, is_lost, is_over, info = env.step(action.astype(np.float32))
+            if is_lost or is_over:
                 break
-    return np.array(seen), np.array(done)
+    return np.array(observations), np.array(actions)
 
 
 def cost(env: gymnasium.Env, gain: np.ndarray, episodes: int = 10) -> float:
     """Return the mean cost of episodes of the policy a = gain z, from seeds not used to fit."""
     total = 0.0
-    for number in range(episodes):
-        observation, _ = begun(env, 1000 + number)
-        lost = over = False
-        while not (lost or over):
+    for seed in range(1000, 1000 + episodes):
+        observation, _ = begin_episode(env, seed)
+        is_lost = is_over = False
+        while not (is_lost or is_over):
             action = np.clip(gain @ observation, -1.0, 1.0).astype(np.float32)
-            observation, reward, lost, over, _ = env.step(action)
+            observation, reward, is_lost, is_over, _ = env.step(action)
             total -= float(reward) / episodes
     return total
 

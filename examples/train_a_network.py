@@ -59,6 +59,7 @@ def fit(
     exact = hfa.solve(game)
     rng = np.random.default_rng(seed)
     n = len(game.A)
+    # Samples in the unit box, denser near 0, and their states.
     y = rng.uniform(-1.0, 1.0, (n, points)) * rng.uniform(0.0, 1.0, points) ** 0.5
     z = box[:, None] * y
     slopes = 2.0 * exact.P @ z * box[:, None]
@@ -83,7 +84,7 @@ def fit(
         for begin, end, shape in zip(ends[:-1], ends[1:], shapes, strict=True)
     ]
     output = x
-    for k in range(0, len(layers), 2):
+    for k in range(0, len(layers), 2):  # the weight and the bias of a layer
         if k > 0:
             output = ACTIVATIONS[activation](output)
         output = layers[k] @ output + ca.repmat(layers[k + 1], 1, points)

@@ -36,21 +36,22 @@ wanted = (-z @ K.T).clamp(-largest, largest)
 def fitted(algorithm):
     """Return a model of Stable-Baselines3 whose policy was fitted to the exact gain."""
     if algorithm is ARS:
-        made = ARS("LinearPolicy", environment, seed=1)
+        learner = ARS("LinearPolicy", environment, seed=1)
     else:
-        made = algorithm("MlpPolicy", environment, policy_kwargs={"net_arch": [8, 8]}, seed=1)
+        learner = algorithm("MlpPolicy", environment, policy_kwargs={"net_arch": [8, 8]}, seed=1)
 
     def torque():
+        """Return the mean torque that the policy commands at the samples."""
         if algorithm in (PPO, A2C, TRPO):
-            return made.policy.get_distribution(z).distribution.mean
-        return made.policy(z) if algorithm is ARS else largest * made.actor(z)
+            return learner.policy.get_distribution(z).distribution.mean
+        return learner.policy(z) if algorithm is ARS else largest * learner.actor(z)
 
-    optimizer = torch.optim.Adam(made.policy.parameters(), lr=0.01)
+    optimizer = torch.optim.Adam(learner.policy.parameters(), lr=0.01)
     for _ in range(2000):
         optimizer.zero_grad()
         ((torque() - wanted) ** 2).mean().backward()
         optimizer.step()
-    return made
+    return learner
 
 
 def save_as_onnx(actor, path):
@@ -72,8 +73,8 @@ def save_as_cleanrl(actor, path):
 
 
 for algorithm in (PPO, A2C, TRPO, SAC, TD3, DDPG, ARS):
-    made = fitted(algorithm)
-    made.save(HERE / algorithm.__name__.lower())
+    learner = fitted(algorithm)
+    learner.save(HERE / algorithm.__name__.lower())
     if algorithm is TD3:
-        save_as_onnx(made.actor, HERE / "td3.onnx")
-        save_as_cleanrl(made.actor, HERE / "td3.cleanrl_model")
+        save_as_onnx(learner.actor, HERE / "td3.onnx")
+        save_as_cleanrl(learner.actor, HERE / "td3.cleanrl_model")

@@ -119,7 +119,7 @@ def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
     ):
         for i, row in enumerate(LINEAR_STATES):
             for column, digits in zip(printed_columns, data[name][i], strict=True):
-                if digits is None:  # not legible, or a misprint
+                if digits is None:  # not printed for this input
                     continue
                 value = float(computed[i, columns.index(column)])
                 entries.append(
