@@ -288,9 +288,20 @@ def shown(value: Any) -> str:
     return shortened(" ".join(repr(value).split("\n")))
 
 
-def printable(text: object) -> str:
-    """Return a text, such as the path of a file, with its control characters escaped."""
-    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in str(text))
+def printable(text: object, lines: bool = False) -> str:
+    r"""Return a text with blanks for other white space, and control characters escaped: \x1b.
+
+    text: a text, a table cell or the path of a file
+    lines: whether line breaks are kept
+    """
+
+    def spelled(letter: str) -> str:
+        if letter.isprintable() or (lines and letter == "\n"):
+            return letter
+        return " " if letter.isspace() else ascii(letter)[1:-1]
+
+    plain = str(text)
+    return plain if plain.isprintable() else "".join(map(spelled, plain))
 
 
 def on_one_line(message: str) -> str:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from hfa_support.errors import imported
+from hfa_support.errors import imported, printable
 from hfa_support.reporting.parts import Contents
 from hfa_support.reporting.rows import Group
-from hfa_support.reporting.text import Table, are_words, flowing, printable
+from hfa_support.reporting.text import Table, are_words, flowing
 
 #: Character with a meaning in LaTeX -> how it is printed.
 _ESCAPED = {each: f"\\{each}" for each in "&%$#_{}"} | {
@@ -24,7 +24,7 @@ def latex_of(report: Contents) -> str:
     r"""Return a report as LaTeX that \input places in a document: its lines and notes are
     paragraphs, its tables `tabular`. Requires pandas and Jinja2.
     """
-    first = printable(report.title, lines=False)
+    first = printable(report.title)
     return "\n".join([f"% {first}", *_blocks(report)])
 
 
@@ -51,7 +51,7 @@ def _blocks(part: Any) -> Iterator[str]:
 
 def _paragraph(text: str) -> str:
     """Return a sentence as a paragraph."""
-    escaped = "".join(_ESCAPED.get(each, each) for each in printable(text, lines=False))
+    escaped = "".join(_ESCAPED.get(each, each) for each in printable(text))
     return f"\\noindent {escaped}\n"
 
 

@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from itertools import groupby
 from typing import Any
 
+from hfa_support.errors import printable
 from hfa_support.reporting.parts import BLANKS, SIGNERS, Contents, Picture
 from hfa_support.reporting.rows import Group
-from hfa_support.reporting.text import Cell, Table, are_words, flowing, is_warning, printable
+from hfa_support.reporting.text import Cell, Table, are_words, flowing, is_warning
 
 #: Style sheet of a report in HTML, on a screen and on paper.
 _STYLE = (
@@ -46,11 +47,13 @@ def markdown_of(report: Contents, level: int) -> str:
 
     level: level of the heading, increased by one for each nested report
     """
-    first, *others = printable(flowing(report.title)).split("\n")
+    first, *others = printable(flowing(report.title), lines=True).split("\n")
     heading = [f"{'#' * level} {first}"] if first else []
-    head = "\n".join(f"- {printable(': '.join(entry))}" for entry in report.head.items())
+    head = "\n".join(
+        f"- {printable(': '.join(entry), lines=True)}" for entry in report.head.items()
+    )
     parts = [_markdown(part, level) for part in report.parts if not isinstance(part, Picture)]
-    notes = [printable(f"Note: {note}") for note in report.notes]
+    notes = [printable(f"Note: {note}", lines=True) for note in report.notes]
     return "\n\n".join(filter(None, [*heading, *others, head, *parts, *notes, report.source]))
 
 
@@ -63,7 +66,7 @@ def _markdown(part: Any, level: int) -> str:
     if isinstance(part, Table):
         return markdown_table(part)
     if isinstance(part, str):
-        return printable(part)
+        return printable(part, lines=True)
     return "\n\n".join(_markdown(each, level) for each in part)
 
 
@@ -207,13 +210,13 @@ def _class(names: list[str]) -> str:
 
 def _cell(cell: Any) -> str:
     """Return the text of a table cell in Markdown, with column, tag and link characters escaped."""
-    text = re.sub(r"<(?=[A-Za-z/!])", "&lt;", printable(str(cell), lines=False))
+    text = re.sub(r"<(?=[A-Za-z/!])", "&lt;", printable(cell))
     return text.replace("|", "\\|").replace("](", "]\\(")
 
 
 def _escaped(text: Any) -> str:
     """Return a text for HTML, with special characters and control characters escaped."""
-    return html.escape(printable(str(text), lines=False))
+    return html.escape(printable(text))
 
 
 def _paragraph(line: str) -> str:

@@ -22,6 +22,7 @@ from reportlab.platypus import (
     Table as Grid,
 )
 
+from hfa_support.errors import printable
 from hfa_support.files import written_whole
 from hfa_support.reporting.parts import BLANKS, SIGNERS, Contents, Picture
 from hfa_support.reporting.pdf_parts import (
@@ -39,7 +40,7 @@ from hfa_support.reporting.pdf_parts import (
     tables,
 )
 from hfa_support.reporting.rows import Group
-from hfa_support.reporting.text import Table, flowing, is_warning, printable
+from hfa_support.reporting.text import Table, flowing, is_warning
 
 #: Margin of a page, and distance of its footer from the edge, points.
 _MARGIN, _FOOT = 34.0, 18.0
@@ -63,14 +64,14 @@ def write_pdf(report: Contents, path: Path) -> None:
     document = BaseDocTemplate(
         stream,
         pageTemplates=[*map(_page_template, _PAGES)],
-        title=printable(report.title.partition("\n")[0], lines=False),
+        title=printable(report.title.partition("\n")[0]),
         creator="hfa",
         invariant=True,  # equal results give equal files
     )
     names = (report.head.get(label, "") for label in ("document", "aircraft"))
 
     class Numbered(_NumberedPages):
-        footer = printable(", ".join(filter(None, names)), lines=False)
+        footer = printable(", ".join(filter(None, names)))
 
     document.build([*_story(report, 0)], canvasmaker=Numbered)
     with written_whole(path) as file:
@@ -149,7 +150,7 @@ def _heading(report: Contents, level: int) -> Iterator[Flowable]:
     """Yield the first line of the title as heading and in the outline, and the others below it."""
     first, _, others = flowing(report.title).partition("\n")
     if first:
-        yield _Entry(printable(first, lines=False), report.anchor, level)
+        yield _Entry(printable(first), report.anchor, level)
         size = _HEADINGS[min(level, len(_HEADINGS) - 1)]
         yield paragraph(first, size, BOLD, spaceAfter=0.3 * size, keepWithNext=1)
     yield from _lines(others)

@@ -25,9 +25,10 @@ from reportlab.platypus import (
     Table as Grid,
 )
 
+from hfa_support.errors import printable
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.rows import Group
-from hfa_support.reporting.text import Table, are_words, blocks_that_fit, printable
+from hfa_support.reporting.text import Table, are_words, blocks_that_fit
 
 #: Names of the font, and its files.
 SANS, BOLD = "Sans", "Sans-Bold"
@@ -76,7 +77,7 @@ def paragraph(
     link: `anchor` of the report that it links to, or ""
     style: fields of ReportLab's `ParagraphStyle`
     """
-    marked = escape(printable(text, lines=False))
+    marked = escape(printable(text))
     if link:
         marked = f'<a href="#{link}">{marked}</a>'
     look = {"fontName": font, "fontSize": size, "leading": _SPACING * size, "splitLongWords": 1}
@@ -188,7 +189,7 @@ def rows_of_group(group: Group) -> Iterator[Flowable]:
     if group.rows:
         rows: list[list[Any]] = [[paragraph(group.title, CELL, BOLD), "", "", ""]]
         for row in group.rows:
-            name, value, unit, note = (printable(cell, lines=False) for cell in row.cells())
+            name, value, unit, note = (printable(cell) for cell in row.cells())
             shown = value if len(value) <= _LONGEST_VALUE else paragraph(value, CELL)
             color = _COLORS.get(row.tone, NOTE)
             rows.append(

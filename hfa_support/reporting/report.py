@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_support.errors import imported, shortened
+from hfa_support.errors import imported, printable, shortened
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.parts import Contents, Part, Picture
 from hfa_support.reporting.results import Result, storable
@@ -20,7 +20,6 @@ from hfa_support.reporting.text import (
     columns,
     matrix_table,
     numbered,
-    printable,
     wrapped,
 )
 
@@ -65,7 +64,8 @@ class Report(Contents):
         shown = [_text(part, color, width) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)
         title, *after = (
-            wrapped(printable(text), width) for text in (self.title, *notes, self.source)
+            wrapped(printable(text, lines=True), width)
+            for text in (self.title, *notes, self.source)
         )
         return "\n\n".join(filter(None, [title, *shown, *after]))
 
@@ -186,7 +186,7 @@ def _text(part: Any, color: bool, width: int | None) -> str:
     if isinstance(part, Table):
         return columns(*part, color=color, width=width)
     if isinstance(part, str):
-        return wrapped(printable(part), width)
+        return wrapped(printable(part, lines=True), width)
     return "\n".join(_text(entry, color, width) for entry in part)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from hfa_support.errors import printable
 from hfa_support.reporting.named import ByName
 from hfa_support.reporting.results import Result, storable, without_empty
 from hfa_support.reporting.text import (
@@ -14,7 +15,6 @@ from hfa_support.reporting.text import (
     WIDTH,
     Table,
     eigenvalue_text,
-    printable,
     short_number,
     shown_unit,
     shown_values,
@@ -123,7 +123,7 @@ class Group(NamedTuple):
         """Return the rows and the sentences as text. Notes are wrapped in a column of their own, or
         stand below their rows where a narrow one has no room for them.
         """
-        below = [wrapped(printable(line), width) for line in self.lines]
+        below = [wrapped(printable(line, lines=True), width) for line in self.lines]
         return "\n".join([*self._row_lines(color, width), *below])
 
     def _row_lines(self, color: bool, width: int | None) -> Iterator[str]:
@@ -131,10 +131,7 @@ class Group(NamedTuple):
         if not self.rows:
             return
         table = self.table()
-        cells = [
-            [printable(cell, lines=False) for cell in row[:3]]
-            for row in (table.header, *table.rows)
-        ]
+        cells = [[printable(cell) for cell in row[:3]] for row in (table.header, *table.rows)]
         of_name, of_value, of_unit = (max(map(len, column)) for column in zip(*cells, strict=True))
         heading, *lines = (
             _GAP.join((name.ljust(of_name), value.rjust(of_value), unit.ljust(of_unit)))
@@ -147,7 +144,7 @@ class Group(NamedTuple):
 
 def _with_note(line: str, row: Row, color: bool, width: int | None) -> Iterator[str]:
     """Yield the line of a row with its note wrapped beside it, or below it if there is no room."""
-    note = printable(row.cells()[3], lines=False)
+    note = printable(row.cells()[3])
     begin = len(line) + len(_GAP)
     is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE)
     indent = begin if is_beside else len(_GAP)

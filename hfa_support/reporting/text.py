@@ -10,6 +10,8 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from hfa_support.errors import printable
+
 #: Smaller numbers, as a fraction of their nominal size, are rounding errors and are shown as 0: a
 #: computed 0 is the sum of terms up to 1e4 times that size, with roundings of 1e4 eps = 2e-12.
 _ROUNDING = 1e-12
@@ -53,22 +55,6 @@ class Cell(str):
         cell.tone = tone
         cell.link = link
         return cell
-
-
-#: Characters that control a terminal or cannot be shown: control characters except line breaks,
-#: direction marks and lone surrogates.
-_OBEYED = re.compile(
-    "[\x00-\x09\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
-)
-
-
-def printable(text: str, lines: bool = True) -> str:
-    r"""Return a text with control characters escaped, for example as \x1b.
-
-    lines: True to keep line breaks; False to replace them by blanks
-    """
-    spelled = _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
-    return spelled if lines else spelled.replace("\n", " ")
 
 
 def matrix_table(
@@ -289,7 +275,7 @@ def columns(
       further blocks, each of which repeats the labels. Cells are never broken.
     """
     cells = (header, *rows)
-    texts = [[printable(str(cell), lines=False) for cell in row] for row in cells]
+    texts = [[printable(cell) for cell in row] for row in cells]
     widths = [max(len(row[i]) for row in texts) for i in range(len(header))]
     blocks = []
     for block in blocks_that_fit(widths, labels, width, len(_GAP)):
