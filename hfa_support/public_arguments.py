@@ -217,10 +217,12 @@ def _annotated_object(name: str, module: str) -> Any:
 def _imported_for_types(module: str, name: str) -> Any:
     """Return the object of an import statement of a module that is not executed, by its name."""
     for statement in ast.walk(ast.parse(inspect.getsource(sys.modules[module]))):
-        if isinstance(statement, ast.Import | ast.ImportFrom):
-            for alias in statement.names:
-                if name == (alias.asname or alias.name):
-                    if isinstance(statement, ast.Import):
-                        return import_module(alias.name)
-                    return getattr(import_module(str(statement.module)), alias.name)
+        if not isinstance(statement, ast.Import | ast.ImportFrom):
+            continue
+        for alias in statement.names:
+            if name != (alias.asname or alias.name):
+                continue
+            if isinstance(statement, ast.Import):
+                return import_module(alias.name)
+            return getattr(import_module(str(statement.module)), alias.name)
     raise NameError(f"{module} does not import {name}")

@@ -189,12 +189,15 @@ def split_unit(text: str) -> tuple[str, str]:
 
 @lru_cache(maxsize=256)
 def _measured(unit: str) -> _Unit | None:
-    """Return a product of units as one unit, or None without a word."""
-    words = _powers(unit)
-    if not words:
+    """Return size and powers of a product of units such as "slug ft^2", or None for "".
+
+    A word that is unknown is a base of its own, of size 1.
+    """
+    factors = _powers(unit)
+    if not factors:
         return None
     size, powers = 1.0, Counter[str]()
-    for word, power in words.items():
+    for word, power in factors.items():
         known = _UNITS.get(word, _Unit(1.0, {word: 1}))
         size *= known.size**power
         for base, exponent in known.powers.items():

@@ -266,7 +266,7 @@ def _failed(
 ) -> Report:
     """Return the report of one of several conditions that has no trim: its values and the reason.
 
-    data: data of the report
+    data: entries of the report, of the nearest point or of the refusal
     """
     values = [f"{name} {model.describe(name, value)}" for name, value in row.values.items()]
     condition = ", ".join(filter(None, (row.name, *values)))

@@ -198,32 +198,32 @@ def _structure(
     root: ElementTree.Element, version: int, variables: Mapping[str, Variable]
 ) -> _Structure:
     """Return what <ModelStructure> lists. Raises BadInputError if it lists no derivatives."""
-    structure = root.find("ModelStructure")
-    parts = [] if structure is None else list(structure)
     if version == 2:
         in_order = list(variables)
 
         def listed(tag: str) -> list[str]:
-            unknowns = [each for part in parts if part.tag == tag for each in part.iter("Unknown")]
+            """Return the names of the unknowns in an element, which have numbers from 1 on."""
+            unknowns = root.findall(f"ModelStructure/{tag}//Unknown")
             return [in_order[int(each.attrib["index"]) - 1] for each in unknowns]
 
         count = int(root.get("numberOfEventIndicators") or 0)
         indicators = [f"event indicator {number}" for number in range(1, count + 1)]
-        found = _Structure(listed("Derivatives"), listed("Outputs"), indicators)
+        structure = _Structure(listed("Derivatives"), listed("Outputs"), indicators)
     else:
         name_of = {each.reference: name for name, each in variables.items()}
 
         def referenced(tag: str) -> list[str]:
-            unknowns = [part for part in parts if part.tag == tag]
-            return [name_of[int(each.attrib["valueReference"])] for each in unknowns]
+            """Return the names of the variables to which the elements of a kind refer."""
+            elements = root.findall(f"ModelStructure/{tag}")
+            return [name_of[int(each.attrib["valueReference"])] for each in elements]
 
         tags = ("ContinuousStateDerivative", "Output", "EventIndicator")
-        found = _Structure(*map(referenced, tags))
-    if not found.rates:
+        structure = _Structure(*map(referenced, tags))
+    if not structure.rates:
         raise BadInputError(
             "the FMU has no continuous states; export a model whose equations have der(x)"
         )
-    return found
+    return structure
 
 
 def _refuse_states(rates: list[str], states: list[str], variables: Mapping[str, Variable]) -> None:

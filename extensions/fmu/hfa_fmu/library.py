@@ -272,6 +272,7 @@ class Instance:
                 self._call("NewDiscreteStates", ctypes.byref(info))
                 again, ends, changed = bool(info.again), bool(info.terminate), bool(info.states)
             else:
+                # As the fields of `_EventInfo`: again, terminate, nominals, states, has_next, next.
                 flags = [ctypes.c_bool() for _ in range(5)]
                 results: list[Any] = [*flags, c_double()]
                 self._call("UpdateDiscreteStates", *map(ctypes.byref, results))

@@ -51,7 +51,7 @@ def models_in(stored: Sequence[Mapping[str, Any]]) -> Models:
 
 
 def are_same_models(models: Models, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
-    """Return whether models equal the given ones at all common angles, of which there is one.
+    """Return whether models equal (A, B) at all common angles, of which there must be one at least.
 
     A_and_B: dihedral angle, deg -> (A, B)
     """
