@@ -204,7 +204,8 @@ def rows_of_group(group: Group) -> Iterator[Flowable]:
 
 
 def drawing(picture: Picture, width: float, height: float) -> Iterator[Flowable]:
-    """Yield a picture as large as the page, or smaller where it fits in what remains then.
+    """Yield a picture in its size, shrunk to the page or to what remains of it, of which at least
+    half the height of the picture must remain.
 
     width, height: of a page, points
     """

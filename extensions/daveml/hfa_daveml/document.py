@@ -210,11 +210,11 @@ class _Reader:
         functions = [self._function(each) for each in self._root.iter("function")]
         variables = [self._variable(each) for each in self._root.iter("variableDef")]
         document = Document(
-            self._path,
-            "" if header is None else header.get("name", ""),
-            self._by_key("variable", ((each.key, each) for each in variables)),
-            self._by_key("function for", ((each.result, each) for each in functions)),
-            tuple(self._case(each) for each in self._root.iter("staticShot")),
+            path=self._path,
+            title="" if header is None else header.get("name", ""),
+            variables=self._by_key("variable", ((each.key, each) for each in variables)),
+            functions=self._by_key("function for", ((each.result, each) for each in functions)),
+            cases=tuple(self._case(each) for each in self._root.iter("staticShot")),
         )
         for function in functions:
             for key in (function.result, *(axis.key for axis in function.axes)):
@@ -266,16 +266,17 @@ class _Reader:
                 )
             formula = math_element[0]
         initial = element.get("initialValue")
+        has_input_mark = element.find("isInput") is not None
         return Variable(
-            key,
-            element.get("name", key),
-            element.get("units", ""),
-            None if initial is None else self._number(initial, place),
-            self._number_or(element.get("minValue"), place, -math.inf),
-            self._number_or(element.get("maxValue"), place, math.inf),
-            formula,
-            element.find("isInput") is not None or element.find("isControl") is not None,
-            element.find("isOutput") is not None,
+            key=key,
+            name=element.get("name", key),
+            units=element.get("units", ""),
+            initial=None if initial is None else self._number(initial, place),
+            least=self._number_or(element.get("minValue"), place, -math.inf),
+            most=self._number_or(element.get("maxValue"), place, math.inf),
+            formula=formula,
+            is_input=has_input_mark or element.find("isControl") is not None,
+            is_output=element.find("isOutput") is not None,
         )
 
     def _function(self, element: ElementTree.Element) -> Function:

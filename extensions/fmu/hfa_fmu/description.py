@@ -170,19 +170,19 @@ def _read(root: ElementTree.Element) -> Description:
         if rate not in structure.rates and state not in states
     ]
     return Description(
-        version,
-        root.get("modelName") or "FMU",
-        exchange.attrib["modelIdentifier"],
-        root.get("guid" if version == 2 else "instantiationToken", ""),
-        provides in ("true", "1"),
-        tuple(shortened(name) for name in structure.indicators),
-        tuple(variables[name] for name in states),
-        tuple(variables[name] for name in structure.rates),
-        tuple(inputs),
-        tuple(constants),
-        tuple(real_outputs),
-        names,
-        tuple(_sentences(in_model, states, names, left_out, unlisted)),
+        version=version,
+        title=root.get("modelName") or "FMU",
+        identifier=exchange.attrib["modelIdentifier"],
+        token=root.get("guid" if version == 2 else "instantiationToken", ""),
+        has_directional=provides in ("true", "1"),
+        indicators=tuple(shortened(name) for name in structure.indicators),
+        states=tuple(variables[name] for name in states),
+        rates=tuple(variables[name] for name in structure.rates),
+        inputs=tuple(inputs),
+        parameters=tuple(constants),
+        outputs=tuple(real_outputs),
+        names=names,
+        offered=tuple(_sentences(in_model, states, names, left_out, unlisted)),
     )
 
 

@@ -227,7 +227,9 @@ def _note_on_similar_names(names: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _about(evaluator: Evaluator, description: Description, start: np.ndarray) -> About:
-    """Return what reports say about an FMU. Its derivatives are used if it gives them."""
+    """Return what reports say about an FMU, and let the evaluator use its derivatives if it gives
+    them at the start values.
+    """
     doubts: tuple[str, ...] = ()
     why_none = _why_no_derivatives(evaluator, description, start)
     evaluator.gives_slopes = not why_none

@@ -66,7 +66,8 @@ HEADED = "speed,alpha\n0,1\n-2,-3\n", '"push"\n0.5\n1\n'
 NAMES = {"states": ["speed", "alpha"], "inputs": ["push"]}
 
 
-def of(**texts):
+def game_of_csv(**texts):
+    """Write matrices to .csv files, and return the game of the first and those beside it."""
     for name, text in texts.items():
         Path(f"{name}.csv").write_text(text, encoding="utf-8")
     return load_game(f"{next(iter(texts))}.csv", Q=np.eye(2), R=np.eye(1), delta=np.inf)
@@ -84,7 +85,7 @@ def of(**texts):
 @pytest.mark.filterwarnings("ignore:.*not given")
 def test_csv_matrices_are_read_with_optional_names(texts, names):
     """A and B are read from .csv files with or without names of rows and columns."""
-    game = of(**texts)
+    game = game_of_csv(**texts)
     np.testing.assert_array_equal(game.A, A)
     np.testing.assert_array_equal(game.B, B)
     assert game.names.states == tuple(names.get("states", ["x1", "x2"]))
@@ -119,7 +120,7 @@ def test_csv_matrices_are_read_with_optional_names(texts, names):
 def test_csv_files_without_a_matrix_are_refused(texts, said):
     """.csv files that do not contain a matrix are refused, and the message states the reason."""
     with pytest.raises(BadInputError, match=said):
-        of(**texts)
+        game_of_csv(**texts)
 
 
 class RunsCode:
