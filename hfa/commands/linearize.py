@@ -31,14 +31,16 @@ class LinearizeRequest(Request, TrimOptions):
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     picture: Path | None = picture_option("Bode plots from each input to each output")
     states: tuple[str, ...] | None = option(
-        "states of the model, in order; default: those of its linear model", "a,b,...", listed_names
+        "states of the model, in order; default: those of its linear model",
+        "NAME,...",
+        listed_names,
     )
     inputs: tuple[str, ...] | None = option(
-        "inputs of the model, in order; default: all", "a,b,...", listed_names, rare=True
+        "inputs of the model, in order; default: all", "NAME,...", listed_names, rare=True
     )
     outputs: tuple[str, ...] | None = option(
         "outputs of the model, in order; default: the states, C = I",
-        "a,b,...",
+        "NAME,...",
         listed_names,
         rare=True,
     )

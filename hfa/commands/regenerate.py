@@ -16,6 +16,7 @@ class RegenerateRequest(Request, AircraftOptions):
 
     aircraft: None = None
     units: None = None
+    mass: None = None
 
 
 @command(RegenerateRequest, loaded_model)

@@ -80,7 +80,7 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
     )
     inputs: tuple[str, ...] = option(
         "inputs that the critic's policy moves; the others stay at the trim; default: all",
-        "NAME,NAME",
+        "NAME,...",
         listed_names,
         default=(),
         rare=True,

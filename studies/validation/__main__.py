@@ -18,6 +18,7 @@ class ValidationRequest(Request, AircraftOptions):
 
     aircraft: None = None
     units: None = None
+    mass: None = None
 
 
 @command(ValidationRequest, loaded_model)

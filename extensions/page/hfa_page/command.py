@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -50,7 +50,9 @@ def _flights(text: str) -> Any:
 class ReportRequest(Request, SeveralTrims):
     """Options of `hfa report`."""
 
+    moved: ClassVar = {"--at": "type --dihedral"}
     aircraft: None = None
+    at: None = None
     units: None = None
     mass: None = None
     isa: None = None
@@ -71,7 +73,7 @@ class ReportRequest(Request, SeveralTrims):
         "dihedral angles of the slider and the root locus, degrees; default 0:20:0.5", "RANGE"
     )
     outputs: tuple[str, ...] | None = option(
-        "outputs for which C and D are added to the page", "a,b,...", listed_names
+        "outputs for which C and D are added to the page", "NAME,...", listed_names
     )
     claims: Any = option(
         "claims.json of studies/section5/results, or the folder that contains the "
