@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
@@ -75,10 +75,10 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
     """
     assert point.found_by is not None  # required by the docstring
     for name in command:
-        if name not in point.model.holdable and not _is_path(point.model, name):
+        if name not in point.model.holdable and not _is_held_by_gamma(point.model, name):
             return CommandedTrim(command, {}, {}, point.model, unheld=name)
     try:
-        found, limits = _held(point, command)
+        found, limits = _trim_without_limits(point, command)
     except (TrimError, BadInputError) as error:
         return CommandedTrim(command, {}, {}, point.model, str(error))
     needed = {name: found[name] for name in limits}
@@ -91,33 +91,40 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
     return CommandedTrim(command, needed, beyond, point.model)
 
 
-def _is_path(model: Model, name: str) -> bool:
-    """Return whether a name is that of the pitch of a model whose trims hold gamma in its place."""
-    return name == "pitch" and "gamma" in model.holdable
+def _is_held_by_gamma(model: Model, name: str) -> bool:
+    """Return whether a state is the pitch of a model whose trims hold gamma in its place."""
+    return name == "pitch" and "pitch" not in model.holdable and "gamma" in model.holdable
 
 
-def _held(
-    point: OperatingPoint, command: Mapping[str, float]
-) -> tuple[OperatingPoint, dict[str, tuple[float, float]]]:
-    """Return the trim at the commands, and the limits of its free variables.
+class _UnlimitedTrim(NamedTuple):
+    """Trim found without limits of its free variables, and the limits that they have."""
 
-    A pitch is held by the gamma at which the trim has this pitch.
+    point: OperatingPoint
+    limits: dict[str, tuple[float, float]]
+
+
+def _trim_without_limits(point: OperatingPoint, command: Mapping[str, float]) -> _UnlimitedTrim:
+    """Return the trim at a command, whose free variables may exceed their limits.
+
+    A pitch that the model does not hold is reached by changes of gamma.
+
+    command: state -> deviation from the trim `point`
 
     Raises TrimError or BadInputError if no trim is found.
     """
     assert point.found_by is not None  # required by the caller
-    held = {name: point[name] + value for name, value in command.items()}
-    pitch = None
-    if "pitch" in held and "pitch" not in point.model.holdable:
-        pitch = held.pop("pitch")
+    held = {name: point[name] + deviation for name, deviation in command.items()}
+    commanded_pitch = None
+    if "pitch" in held and _is_held_by_gamma(point.model, "pitch"):
+        commanded_pitch = held.pop("pitch")
         held["gamma"] = point["gamma"] + command["pitch"] - command.get("alpha", 0.0)
     for _ in range(_MOST_PITCHES):
         condition = release(point.found_by.asked, hold=held)
         limits = {name: condition.limits_of(name) for name in condition.free}
-        wide = release(condition, limits=dict.fromkeys(limits, (-math.inf, math.inf)))
-        found = trim(point.model, wide, point)
-        missing = 0.0 if pitch is None else pitch - found["pitch"]
-        if abs(missing) <= _SAME_PITCH:
-            return found, limits
-        held["gamma"] += missing
+        unlimited = release(condition, limits=dict.fromkeys(limits, (-math.inf, math.inf)))
+        found = trim(point.model, unlimited, point)
+        error = 0.0 if commanded_pitch is None else commanded_pitch - found["pitch"]
+        if abs(error) <= _SAME_PITCH:
+            return _UnlimitedTrim(found, limits)
+        held["gamma"] += error
     raise TrimError("no trim: no gamma has the commanded pitch", found)

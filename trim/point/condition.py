@@ -90,6 +90,7 @@ class TrimCondition:
         self._check_imposed()
 
     def _check_imposed(self) -> None:
+        """Raise BadInputError for an imposed value that is not finite or outside its limits."""
         limits = self.limits_on(tuple(self.imposed))
         for index, (name, value) in enumerate(self.imposed.items()):
             numbers = value.values.tolist() if isinstance(value, LinearTable) else [value]
@@ -118,8 +119,8 @@ class TrimCondition:
 
     @property
     def set_free(self) -> tuple[str, ...]:
-        """Names of the variables that the model imposes by default or that `freed` lists, and that
-        are free.
+        """Names of the free variables that the user set free: those that the model imposes by
+        default, and those that `freed` lists.
         """
         names = dict.fromkeys((*self.model.trim, *self.freed))
         return tuple(name for name in names if name not in self.imposed)
@@ -137,7 +138,7 @@ class TrimCondition:
         Raises BadInputError outside the breakpoints of a table, and if a value is outside its
         limits.
         """
-        by = self.model.schedule
+        by = self.model.schedule  # name of the scheduling variable
         held = dict(hold or {})
         if scheduled is None:
             scheduled = self.imposed.get(by, self.begin.get(by, 0.0))
@@ -265,7 +266,7 @@ class TrimCondition:
         return self.limits.get(name, self.model.limits[name])
 
 
-def refuse_unfit(condition: TrimCondition, model: Model) -> None:
+def refuse_other_units(condition: TrimCondition, model: Model) -> None:
     """Raise BadInputError if only one of a condition and a model is in SI units."""
     if (condition.model.source.native is None) != (model.source.native is None):
         raise BadInputError(
@@ -342,22 +343,19 @@ def stated_values(condition: TrimCondition, varied: Sequence[str] = ()) -> State
     varied: variables, outputs and rates that are also imposed, in place of the condition's
     """
     model = condition.model
-    values = condition.changes.get("imposed", {})
+    changed = model.without_alternatives(condition.changes.get("imposed", {}), varied)
+    rates = {f"{name}_dot": rate for name, rate in condition.rates.items() if rate}
     held = {
         name: value
-        for name, value in model.without_alternatives(values, varied).items()
-        if name not in varied and not isinstance(value, list)
-    }
-    held |= {
-        f"{name}_dot": rate
-        for name, rate in condition.rates.items()
-        if rate and f"{name}_dot" not in varied
+        for name, value in {**changed, **rates}.items()
+        if name not in varied and not isinstance(value, list)  # a list is a table
     }
     imposed = {*condition.imposed, *varied}
-    replaced = {
-        name for group in model.alternatives if not imposed.isdisjoint(group) for name in group
-    }
-    free = [name for name in condition.set_free if name not in imposed | replaced]
+    determined = set(imposed)  # with the names whose alternative is imposed, such as speed by mach
+    for group in model.alternatives:
+        if not imposed.isdisjoint(group):
+            determined |= {*group}
+    free = [name for name in condition.set_free if name not in determined]
     free += [f"{name}_dot" for name in model.steady if name not in condition.rates]
     return StatedValues(held, tuple(free), condition.limits)
 
@@ -367,10 +365,11 @@ def typed_limits(model: Model, limits: Mapping[str, tuple[float, float]]) -> str
 
     limits: name -> (lowest, highest)
     """
-    return " ".join(
-        f"{name}={':'.join(repr(float(shown_values(end, model.unit(name)))) for end in ends)}"
-        for name, ends in limits.items()
-    )
+    words = []
+    for name, ends in limits.items():
+        lowest, highest = (repr(float(shown_values(end, model.unit(name)))) for end in ends)
+        words.append(f"{name}={lowest}:{highest}")
+    return " ".join(words)
 
 
 def _values_and_rates(

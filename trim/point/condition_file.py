@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,26 +53,44 @@ def read_condition(
             hold[variable] = checked(name, value, NUMBER, key) * factor
     limits: dict[str, Any] = {}
     for key, ends in data.get("limits", {}).items():
-        variable, factor = _variable(model, name, key, *model.states)
+        variable, factor = _variable(model, name, key, also=model.states)
         limits[variable] = tuple(end * factor for end in ends)
-    free = tuple(_variable(model, name, key)[0] for key in data.get("free", []))
+    free = tuple(_variable(model, name, key).name for key in data.get("free", []))
     with prefix_errors(name):
         return replace(release(usual, free=free, hold=hold, limits=limits), name=name)
 
 
-def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float]:
-    """Return the variable of a key in a condition file, and the factor to its unit."""
+class _Variable(NamedTuple):
+    """Variable that a key of a condition file names, and the factor from the file to its unit."""
+
+    name: str
+    factor: float
+
+
+def _variable(model: Model, file: str, key: str, also: Collection[str] = ()) -> _Variable:
+    """Return the variable that a key such as "speed" or "alpha_deg" names.
+
+    also: names that are permitted in addition to those of the variables
+
+    Raises BadInputError for an unknown name, and for "_deg" after one that is no angle.
+    """
     name = key.removesuffix("_deg")
-    model.refuse_unheld(f"{file}: unknown trim variable", name, more)
+    model.refuse_unheld(f"{file}: unknown trim variable", name, tuple(also))
     if name == key:
-        return name, model.native_factor(name)
+        return _Variable(name, model.native_factor(name))
     if not model.unit(name).startswith("rad"):
         raise BadInputError(f"{file}: {key} is not an angle; write {name}, in {model.unit(name)}")
-    return name, math.pi / 180.0
+    return _Variable(name, math.pi / 180.0)
 
 
 def _table(model: Model, file: str, key: str, value: Any, factor: float) -> LinearTable:
-    """Return the values of a variable as a table over the scheduling variable."""
+    """Return the rows [breakpoint, value] of a key as a table over the scheduling variable.
+
+    value: the rows, with breakpoints in degrees if the scheduling variable is an angle
+    factor: factor from the unit of the file to that of the variable
+
+    Raises BadInputError if `value` does not consist of such rows.
+    """
     rows = checked(file, value, [[NUMBER]], key)
     if not rows or any(len(row) != 2 for row in rows):
         raise BadInputError(f"{file}: {key} is {shown(value)}; give [{model.schedule}, value] rows")

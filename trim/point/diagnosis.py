@@ -16,7 +16,7 @@ from trim.point.status import BALANCE
 MINOR = 1e-3
 
 
-def failure(problem: TrimProblem, found: np.ndarray) -> str:
+def failure(problem: TrimProblem, nearest: np.ndarray) -> str:
     """Return the reason why a condition has no trim, as one line of text.
 
     - If all equations balance within the limits of the unknowns, the line names the states and
@@ -26,36 +26,40 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
       effect.
 
     problem: the trim problem
-    found: the best unknowns found, (k,), possibly beyond their limits
+    nearest: the best scaled unknowns found, (k,), possibly beyond their limits
     """
-    z = problem.clip(found)
-    off = _imbalances(problem, z)
-    if not off:
+    z = problem.clip(nearest)
+    imbalances = _imbalances(problem, z)
+    if not imbalances:
         broken = problem.system.watched.broken(problem.at(z).y)
         if not broken:
             return "the equations balance, but the search for the least effort does not converge"
         return f"no trim within limits: {'; '.join(broken)}"
     only_rates = all(row.is_rate for row in problem.system.equations.rows)
     kind = "rates" if only_rates else "equations"
-    more = f" and {len(off) - 2} more" if len(off) > 2 else ""
-    causes = "; ".join(_causes(problem, found))
-    return f"no trim: these {kind} do not balance: {', '.join(off[:2])}{more} ({causes})"
+    largest = ", ".join(imbalances[:2])
+    more = f" and {len(imbalances) - 2} more" if len(imbalances) > 2 else ""
+    causes = "; ".join(_causes(problem, nearest))
+    return f"no trim: these {kind} do not balance: {largest}{more} ({causes})"
 
 
-def _causes(problem: TrimProblem, found: np.ndarray) -> Iterator[str]:
-    """Yield the active limits, and the free variables that are too few or without an effect."""
-    balances_beyond_limits = problem.balanced(found)
-    binding = binding_limits(problem, found)
+def _causes(problem: TrimProblem, nearest: np.ndarray) -> Iterator[str]:
+    """Yield the active limits, and the free variables that are too few or without an effect.
+
+    nearest: the best scaled unknowns found, (k,), possibly beyond their limits
+    """
+    balances_beyond_limits = problem.balanced(nearest)
+    binding = binding_limits(problem, nearest)
     yield f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"
     equations, unknowns = problem.count
-    effects = problem.balanced_effects(problem.clip(found)).matrix
+    effects = problem.balanced_effects(problem.clip(nearest)).matrix
     idle = _without_effect(problem, effects)
     if equations > unknowns + len(idle) and not balances_beyond_limits:
         yield f"{equations} equations for {unknowns} unknowns; free more variables"
     if idle:
         yield f"no effect of {' and '.join(idle)}; free another variable"
-    elif not balances_beyond_limits and (alike := _alike(problem, effects)):
-        yield f"{'; '.join(alike)}; free another variable"
+    elif not balances_beyond_limits and (dependent := _dependent_effects(problem, effects)):
+        yield f"{'; '.join(dependent)}; free another variable"
 
 
 def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
@@ -69,22 +73,23 @@ def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str
 
 
 def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return a text for each equation that does not balance, the largest first."""
-    # Equations with a residual much smaller than the largest are omitted.
-    # z (k,)
-    model = problem.model
-    scaled = problem.at(z).residual.tolist()
-    by_size = sorted(
-        zip(problem.system.equations.rows, scaled, strict=True), key=lambda pair: -abs(pair[1])
-    )
-    least = max(BALANCE, MINOR * max(map(abs, scaled)))
-    words = []
-    for row, residual in by_size:
-        if abs(residual) > least:
+    """Return a text such as "speed by -0.3 ft/s^2" for each equation that does not balance, the
+    largest first. Residuals below `MINOR` of the largest are omitted.
+
+    z: scaled unknowns, (k,)
+    """
+    model, rows = problem.model, problem.system.equations.rows
+    residuals = problem.at(z).residual
+    sizes = np.abs(residuals)
+    least = max(BALANCE, MINOR * sizes.max())
+    texts = []
+    for place in np.argsort(-sizes, kind="stable").tolist():
+        if sizes[place] > least:
+            row = rows[place]
             unit = model.rate_unit(row.name) if row.is_rate else model.unit(row.name)
-            word = f"{row.name} by {residual * row.scale:.3g} {unit}"
-            words.append(word.removesuffix(" 1"))
-    return words
+            text = f"{row.name} by {residuals[place] * row.scale:.3g} {unit}"
+            texts.append(text.removesuffix(" 1"))
+    return texts
 
 
 def _without_effect(problem: TrimProblem, effects: np.ndarray) -> list[str]:
@@ -92,62 +97,59 @@ def _without_effect(problem: TrimProblem, effects: np.ndarray) -> list[str]:
 
     effects: Jacobian in balanced units, (m, k)
     """
-    affects = np.any(effects, axis=0).tolist()
-    return [
-        *problem.idle,
-        *(name for name, some in zip(problem.free, affects, strict=True) if not some),
-    ]
+    affected = np.any(effects, axis=0)
+    without = [problem.free[column] for column in np.flatnonzero(~affected)]
+    return [*problem.idle, *without]
 
 
-def _alike(problem: TrimProblem, effects: np.ndarray) -> list[str]:
-    """Return a sentence for each free variable without an effect of its own on the equations.
+def _dependent_effects(problem: TrimProblem, effects: np.ndarray) -> list[str]:
+    """Return a sentence for each free variable whose column of effects is a linear combination of
+    the columns of those before it; none if the Jacobian has full row rank.
 
     effects: Jacobian in balanced units, (m, k), without columns of zeros
     """
-    # The column of such a variable is a linear combination of the columns of the free variables
-    # before it. The list is empty if the Jacobian has full row rank.
     sentences: list[str] = []
-    kept: list[int] = []
+    independent: list[int] = []  # columns
     for column, name in enumerate(problem.free):
-        before = effects[:, kept]
+        before = effects[:, independent]
         shares = np.linalg.lstsq(before, effects[:, column])[0]
         remainder = np.linalg.norm(effects[:, column] - before @ shares)
         if remainder > DEPENDENT:
-            kept.append(column)
+            independent.append(column)
             continue
         significant = np.flatnonzero(np.abs(shares) > DEPENDENT)
-        others = [problem.free[kept[i]] for i in significant]
+        others = [problem.free[independent[i]] for i in significant]
         sentences.append(f"{name} has no effect independent of {' and '.join(others)}")
-    if len(kept) == problem.count.equations:
-        return []
-    return sentences
+    has_full_row_rank = len(independent) == problem.count.equations
+    return [] if has_full_row_rank else sentences
 
 
-def binding_limits(problem: TrimProblem, found: np.ndarray) -> dict[str, str]:
+def binding_limits(problem: TrimProblem, nearest: np.ndarray) -> dict[str, str]:
     """Return a sentence for each free variable at a limit, name -> sentence.
 
     If the equations balance only beyond this limit, the sentence contains the value that balance
     requires.
 
-    found: the best unknowns found, (k,), possibly beyond their limits
+    nearest: the best scaled unknowns found, (k,), possibly beyond their limits
     """
-    z = problem.clip(found)
-    wanted = found if problem.balanced(found) else z
+    z = problem.clip(nearest)
     limits = problem.system.limits
     describe = problem.model.describe
     values = z * problem.system.scales
-    needed = wanted * problem.system.scales
-    low = limits.at_lowest(values)
-    high = limits.at_highest(values)
-    beyond = ~limits.within(needed)
+    required = (nearest if problem.balanced(nearest) else z) * problem.system.scales
+    at_lowest = limits.at_lowest(values)
+    at_highest = limits.at_highest(values)
+    beyond = ~limits.within(required)
     sentences = {}
     for i, name in enumerate(problem.free):
-        if not (low[i] or high[i]):
+        if at_lowest[i]:
+            sentence = f"{name} at minimum {describe(name, limits.lowest[i])}"
+        elif at_highest[i]:
+            sentence = f"{name} at maximum {describe(name, limits.highest[i])}"
+        else:
             continue
-        word, limit = ("minimum", limits.lowest[i]) if low[i] else ("maximum", limits.highest[i])
-        sentence = f"{name} at {word} {describe(name, limit)}"
         if beyond[i]:
-            sentence += f", {describe(name, needed[i])} required"
+            sentence += f", {describe(name, required[i])} required"
         sentences[name] = sentence
     return sentences
 
@@ -166,6 +168,7 @@ def explanation(model: Model, condition: TrimCondition) -> str:
         return ""
 
     def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:
+        """Return name -> value at the trim of the changed condition, or None if none is found."""
         held = {name: value for name, value in hold.items() if name in model.holdable}
         try:
             changed = release(condition.resolved(model), hold=held, free=free)

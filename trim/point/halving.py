@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trim.point.system import NEARLY, TrimSystem
+from trim.point.system import NEARLY, NewtonEnds, TrimSystem
 
 #: Largest number of evaluations of a point.
 MOST_TRIALS = 100
@@ -27,7 +27,7 @@ def newton(
     c: np.ndarray,
     moving: np.ndarray | None = None,
     bounded: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> NewtonEnds:
     """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
 
     A step J d = -r is halved until |r| or |J⁻¹ r| decreases. |J⁻¹ r| does not depend on the scales
@@ -44,34 +44,39 @@ def newton(
     """
     if moving is not None or bounded:
         return _halved_steps(system, z, c, moving, bounded)
-    if not system.is_quick:
-        found = _full_steps(system, z, c) if system.equations.square and len(z) == 1 else None
-        return _halved_steps(system, z, c) if found is None else (found, np.ones(1, dtype=bool))
-    best, settled, unsolved = system.quick_steps(z, c)
-    if unsolved.any():
-        best[unsolved], settled[unsolved] = _halved_steps(system, z[unsolved], c[unsolved])
-    return best, settled
+    if system.is_quick:
+        ends = system.quick_steps(z, c)
+        rest = ~ends.converged
+        if rest.any():
+            ends.z[rest], ends.converged[rest] = _halved_steps(system, z[rest], c[rest])
+        return ends
+    if system.equations.square and len(z) == 1:
+        end = _full_steps(system, z, c)
+        if end is not None:
+            return NewtonEnds(end, np.ones(1, dtype=bool))
+    return _halved_steps(system, z, c)
 
 
 def _full_steps(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> np.ndarray | None:
     """Return the unknowns (1, k) of one point after Newton's method, whose equations are square, or
     None if a step must be halved or is not unique.
     """
-    before = math.inf
+    size_before = math.inf
     for _ in range(MOST_TRIALS):
-        residual, jacobian = _moved(system, z, c)
+        residual, jacobian = _affected_equations(system, z, c)
         size = math.sqrt(residual[0] @ residual[0])
         try:
             step = np.linalg.solve(jacobian, -residual[:, :, None])[:, :, 0]
         except np.linalg.LinAlgError:
             return None
         is_near = size <= NEARLY
-        if not (is_near or size < before) or not step[0] @ step[0] < LONGEST**2:
+        decreases = size < size_before
+        if not (is_near or decreases) or not step[0] @ step[0] < LONGEST**2:
             return None
         z = z + step
         if is_near:
             return z
-        before = size
+        size_before = size
     return None
 
 
@@ -81,11 +86,11 @@ def _halved_steps(
     c: np.ndarray,
     moving: np.ndarray | None = None,
     bounded: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points."""
+) -> NewtonEnds:
+    """Return the ends of Newton's method with halved steps; the arguments are those of `newton`."""
     best = z.copy()
-    settled = np.zeros(len(z), dtype=bool)
-    residual, jacobian = _moved(system, z, c)
+    converged = np.zeros(len(z), dtype=bool)
+    residual, jacobian = _affected_equations(system, z, c)
     search = _Search(
         points=np.arange(len(z)),
         size=_norm(residual),
@@ -99,7 +104,7 @@ def _halved_steps(
         if is_over.any():
             finished = search.of(is_near & np.isfinite(search.step).all(axis=1))
             best[finished.points] += finished.step
-            settled[finished.points] = True
+            converged[finished.points] = True
             search = search.of(~is_over)
         if not search.points.size:
             break
@@ -107,7 +112,7 @@ def _halved_steps(
         if bounded:
             lowest = np.maximum(system.lowest, -system.usual)
             trial = np.clip(trial, lowest, np.minimum(system.highest, system.usual))
-        residual, jacobian = _moved(system, trial, c[search.points])
+        residual, jacobian = _affected_equations(system, trial, c[search.points])
         is_better = search.improved_by(residual, jacobian, moving)
         best[search.points[is_better]] = trial[is_better]
         step = search.step.copy()
@@ -119,7 +124,7 @@ def _halved_steps(
             step=step,
             share=np.where(is_better, 1.0, search.share / 2.0),
         )
-    return best, settled
+    return NewtonEnds(best, converged)
 
 
 class _Search(NamedTuple):
@@ -187,11 +192,14 @@ def newton_step(
     return step
 
 
-def _moved(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _affected_equations(
+    system: TrimSystem, z: np.ndarray, c: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return r (N, m) and J (N, m, k) of the equations that the unknowns affect."""
     residual, jacobian = system.residuals(z, c)
     return residual[:, : system.moved], jacobian
 
 
 def _norm(rows: np.ndarray) -> np.ndarray:
+    """Return the Euclidean norm of each row, (N,)."""
     return np.sqrt(np.einsum("ij,ij->i", rows, rows))

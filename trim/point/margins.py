@@ -114,11 +114,7 @@ def all_margins(
     left: names of free variables that no equation determines
     """
     roles = _roles(model, condition, left)
-    outputs = []
-    for name, signal in model.outputs.items():
-        limited = math.isfinite(signal.min) or math.isfinite(signal.max)
-        if limited or name in {*model.variables, *model.trim, *condition.imposed}:
-            outputs.append(name)
+    outputs = _relevant_outputs(model, condition)
     values = model.outputs_at(x, u, outputs) | x._asdict() | u._asdict()
     limits = {name: condition.limits_of(name) for name in (*model.states, *outputs, *model.inputs)}
     assumed = {}
@@ -126,10 +122,10 @@ def all_margins(
         signal = model.signals[name]
         assumed[name] = signal.assumed and ends == (signal.min, signal.max)
     for state, output in model.replaced.items():
-        own = limits[output]
-        lowest, highest = _limits_through(model, x, u, state, output, limits[state])
-        limits[output] = max(own[0], lowest), min(own[1], highest)
-        if limits[output] != own:
+        declared = limits[output]
+        lowest, highest = _limits_by_state(model, x, u, state, output, limits[state])
+        limits[output] = max(declared[0], lowest), min(declared[1], highest)
+        if limits[output] != declared:
             assumed[output] = assumed[state]
     margins = {}
     for name, (lowest, highest) in limits.items():
@@ -139,6 +135,16 @@ def all_margins(
             name, values[name], role, lowest, highest, signal.unit, signal.nominal, assumed[name]
         )
     return margins
+
+
+def _relevant_outputs(model: Model, condition: TrimCondition) -> list[str]:
+    """Return the outputs with a limit, that a trim imposes, or that replace a state."""
+    variables = {*model.variables, *model.trim, *condition.imposed}
+    return [
+        name
+        for name, signal in model.outputs.items()
+        if name in variables or math.isfinite(signal.min) or math.isfinite(signal.max)
+    ]
 
 
 def _roles(model: Model, condition: TrimCondition, left: Sequence[str]) -> dict[str, str]:
@@ -151,11 +157,16 @@ def _roles(model: Model, condition: TrimCondition, left: Sequence[str]) -> dict[
     return roles
 
 
-def _limits_through(
+def _limits_by_state(
     model: Model, x: Any, u: Any, state: str, output: str, limits: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the limits of an output that follow from those of the state it replaces."""
-    # The output is y = y0 + slope (value - value0), with value0 of the state and y0 at the trim.
+    """Return the limits of an output that follow from those of the state it replaces.
+
+    The output is affine in the state: y(value) = y(trim) + slope (value - value at the trim).
+
+    x, u: state and input at the trim, by name
+    limits: (lowest, highest) of the state
+    """
     value = getattr(x, state)
     step = model.states[state].nominal
     moved = x._replace(**{state: value + step})

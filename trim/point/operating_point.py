@@ -251,7 +251,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def _unmoved(self) -> list[str]:
-        """Names of the unbalanced angular rates whose equation no input changes."""
+        """Names of the angular rates whose equations do not balance, and which no input changes."""
         roles = recognized(self.model.states)
         B = self.model.at(self.states, self.inputs).B
         names = [roles[role] for role in ("p", "q", "r") if role in roles]
@@ -321,6 +321,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             return self
 
         def converted(values: Record) -> Record:
+            """Return states or inputs in the units of `model`."""
             in_model = {}
             for name, value in values._asdict().items():
                 factor = conversion_factor(self.model.unit(name), model.unit(name)) or 1.0
@@ -330,7 +331,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         states, inputs = converted(self.states), converted(self.inputs)
         return OperatingPoint(states, inputs, {}, self.status, model)
 
-    # Doors: functions of a point, which the package `trim` offers.
+    # Functions of a point, which the package `trim` offers.
 
     @cached_property
     def sheet(self) -> Sheet:
@@ -406,28 +407,28 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
                 f"{path} is not an operating point of schema {SCHEMA}; save the operating point "
                 "again"
             )
-        names = {
-            kind: {f"{name}*": NUMBER for name in getattr(model, kind)}
-            for kind in ("states", "inputs")
+        entries = {
+            **_FILE,
+            "states*": {f"{name}*": NUMBER for name in model.states},
+            "inputs*": {f"{name}*": NUMBER for name in model.inputs},
         }
-        found = checked(
-            str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]}
-        )
-        stated = found.get("state_units", {}) | found.get("input_units", {})
-        for values in (found["states"], found["inputs"]):
-            for name in values:
-                unit = model.unit(name)
-                factor = conversion_factor(stated.get(name, unit), unit)
-                if factor is None:
-                    known = dict.fromkeys((unit, si_unit(unit)))
-                    raise BadInputError(
-                        f"{path}: {name} is in {shortened(stated[name])}; use {' or '.join(known)}"
-                    )
-                values[name] = values[name] * factor
+        stored = checked(str(path), data, entries)
+        units = stored.get("state_units", {}) | stored.get("input_units", {})
+        values = {}
+        for name, value in (stored["states"] | stored["inputs"]).items():
+            unit = model.unit(name)
+            factor = conversion_factor(units.get(name, unit), unit)
+            if factor is None:
+                known = dict.fromkeys((unit, si_unit(unit)))
+                raise BadInputError(
+                    f"{path}: {name} is in {shortened(units[name])}; use {' or '.join(known)}"
+                )
+            values[name] = value * factor
         states, inputs = (
-            record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs")
+            record(tuple(names))(**{name: values[name] for name in names})
+            for names in (model.states, model.inputs)
         )
-        return OperatingPoint(states, inputs, found["residuals"], Status(found["status"]), model)
+        return OperatingPoint(states, inputs, stored["residuals"], Status(stored["status"]), model)
 
 
 def origin(model: Model) -> OperatingPoint:

@@ -55,6 +55,17 @@ class BalancedEffects(NamedTuple):
         return np.linalg.svd(self.matrix)[2][self.rank :] / self.lengths
 
 
+class SearchEnd(NamedTuple):
+    """End of one search for a trim.
+
+    z: scaled unknowns, (k,), which need not be a trim
+    initial_point: number of the initial point of the search, 0 for the default one
+    """
+
+    z: np.ndarray
+    initial_point: int
+
+
 class Count(NamedTuple):
     """Numbers of equations and of unknowns of a trim."""
 
@@ -142,7 +153,9 @@ class TrimProblem:
             )
 
     def _instead(self, name: str) -> str:
-        """Return advice on what to hold or free, because it decides an imposed output, or ""."""
+        """Return advice for an imposed output that no free variable changes: to hold or free in its
+        place one of the parameters or variables on which it depends.
+        """
         layout = self.model.layout
         x, u, p = layout.symbols("x", "u", "p")
         _, output = layout.expressions([components(x), components(u), components(p)], (name,))
@@ -150,11 +163,13 @@ class TrimProblem:
         names = (*layout.names.parameters, *layout.variables)
         deciding = [each for each, is_used in zip(names, used, strict=True) if is_used]
         parameters = [each for each in deciding if each in layout.names.parameters]
-        chosen = (parameters or deciding)[:_MOST_DECIDING]
-        if not chosen:
+        advised = (parameters or deciding)[:_MOST_DECIDING]
+        if not advised:
             return "; remove this value"
-        typed = "" if parameters else f", or --free {chosen[0]}"
-        return f"; in its place, hold {' or '.join(chosen)} (--hold {chosen[0]}=VALUE{typed})"
+        typed = f"--hold {advised[0]}=VALUE"
+        if not parameters:
+            typed += f", or --free {advised[0]}"
+        return f"; in its place, hold {' or '.join(advised)} ({typed})"
 
     def keeping(self, kept: tuple[str, ...], *, from_start: bool = True) -> TrimProblem:
         """Return the problem in which some states are imposed at their start values.
@@ -213,19 +228,14 @@ class TrimProblem:
         unknowns = system.limits.within(z * system.scales)
         return bool(unknowns.all() and system.watched.within(self.at(z).y).all())
 
-    def unwound(self, z: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return a solution with large angles reduced, and whether a large angle remains.
-
-        The angles are reduced by full revolutions. An angle is large if it exceeds 90 deg and has
-        no limits. If the reduced angles are not a solution, the solution is returned unchanged.
+    def unwound(self, z: np.ndarray) -> np.ndarray:
+        """Return a solution, (k,), with angles beyond 90 deg that have no limits reduced by full
+        revolutions, or unchanged if the reduced angles are no solution.
 
         z: solution in scaled unknowns, (k,)
         """
-        if not self.system.far_out(z).any():
-            return z, False
-        shorter = self.system.wrapped(z)
-        ends = shorter if self.solved(shorter) else z
-        return ends, bool(self.system.far_out(ends).any())
+        wrapped = self.system.wrapped(z)
+        return wrapped if self.solved(wrapped) else z
 
     def far_out(self, values: Mapping[str, float]) -> list[str]:
         """Return texts on free angles without limits that exceed 90 deg, such as "bank 154 deg".

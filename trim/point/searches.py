@@ -18,7 +18,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import usual_condition
 from trim.point.halving import newton
-from trim.point.problem import TrimProblem
+from trim.point.problem import SearchEnd, TrimProblem
 from trim.point.status import BALANCE
 from trim.point.system import Structure, TrimSystem, equations as equations_of
 
@@ -34,72 +34,67 @@ _FARTHEST = 1.0
 _INSIDE = 1e-9
 
 
-def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield the unknowns at the end of each further search for a trim, as (number of its initial
-    point, 0 for the default one, unknowns (k,)).
+def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[SearchEnd]:
+    """Yield the end of each further search for a trim, after the first one has failed.
 
-    The searches are, in this order:
+    The searches have these initial points, in this order:
 
     - 0: Newton's method from the least-squares solution within the limits
     - 0: continuation from the trim that the model declares, if `_continued` finds a solution
     - 0: the least-squares solution itself
     - 1, 2, ...: bounded Newton's method from other initial points
 
-    The unknowns need not be a trim.
-
     guess: initial point of the first search, (k,)
     """
     problem.at(guess)  # raises where the equations have no finite value: no search is made then
     nearest = _bounded_least_squares(problem, guess)
-    yield 0, problem.newton(nearest)
+    yield SearchEnd(problem.newton(nearest), 0)
     continued = _continued(problem)
     if continued is not None:
-        yield 0, continued
-    yield 0, nearest
-    yield from enumerate(problem.ends_within([*problem.starts(guess)]), start=1)
+        yield SearchEnd(continued, 0)
+    yield SearchEnd(nearest, 0)
+    for number, z in enumerate(problem.ends_within([*problem.starts(guess)]), start=1):
+        yield SearchEnd(z, number)
 
 
-def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield the unknowns at the end of each search for a trim of least effort, as (number of its
-    initial point, 0 for the default one, unknowns (k,)).
+def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[SearchEnd]:
+    """Yield the end of each search for a trim of least effort.
 
-    The searches are, in this order:
+    The searches have these initial points, in this order:
 
     - 0: from the guess
     - 0: from the least-squares solution within the limits, if this solution is a trim
     - 0: the least-squares solution itself
     - 1, 2, ...: from other initial points
 
-    The unknowns need not be a trim.
-
     guess: first initial point, (k,)
     """
     problem.at(guess)  # raises where the equations have no finite value: no search is made then
-    yield 0, _least_effort(problem, guess)
+    yield SearchEnd(_least_effort(problem, guess), 0)
     nearest = _polished(problem, _bounded_least_squares(problem, guess))
     if problem.solved(nearest):
-        yield 0, _least_effort(problem, nearest)
-    yield 0, nearest
+        yield SearchEnd(_least_effort(problem, nearest), 0)
+    yield SearchEnd(nearest, 0)
     for number, start in enumerate(problem.starts(guess), start=1):
-        yield number, _least_effort(problem, start)
+        yield SearchEnd(_least_effort(problem, start), number)
 
 
 def _continued(problem: TrimProblem) -> np.ndarray | None:
-    """Return the unknowns (k,) found by continuation from the declared trim, or None."""
-    # The values at the declared trim, c0, balance the equations. The imposed ones of them change to
-    # the requested values, c1: c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1.
-    # The result is None if the system is not square or has other unknowns than the problem, the
-    # declared trim is not found, Newton's method fails before s = 1, or nothing changes.
+    """Return the unknowns (k,) found by continuation from the model's declared trim, or None.
+
+    The imposed values c0 at the declared trim change to the requested ones, c1:
+    r(z, c0 + s (c1 - c0)) = 0, s from 0 to 1.
+    """
+    # None: the system is not square or has other unknowns than the problem, the declared trim is
+    # not found, Newton's method fails before s = 1, or nothing changes.
     if not problem.system.equations.square:
         return None
     declared = _declared_trim(problem.model)
     if declared is None:
         return None
-    requested = {
-        **problem.condition.imposed,
-        **{f"{name}_dot": rate for name, rate in problem.condition.rates.items() if rate},
-    }
-    before = {name: 0.0 if name in problem.model.rates else declared[name] for name in requested}
+    rates = {f"{name}_dot": rate for name, rate in problem.condition.rates.items() if rate}
+    requested = {**problem.condition.imposed, **rates}
+    before = {name: 0.0 if name in rates else declared[name] for name in requested}
     changed = [name for name in requested if requested[name] != before[name]]
     if not changed:
         return None
@@ -108,16 +103,16 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
         return None
     c0 = system.constants(1, {name: np.array([before[name]]) for name in changed})
     c1 = system.constants(1, {name: np.array([requested[name]]) for name in changed})
-    return _marched(system, c0, c1)
+    return _continuation(system, c0, c1)
 
 
-def _marched(system: TrimSystem, c0: np.ndarray, c1: np.ndarray) -> np.ndarray | None:
-    """Return the unknowns (k,) for the constants c1, by continuation from c0, or None.
+def _continuation(system: TrimSystem, c0: np.ndarray, c1: np.ndarray) -> np.ndarray | None:
+    """Return the unknowns (k,) with r(z, c1) = 0, by continuation from those for c0, or None.
 
     Each step extrapolates the unknowns along dz/ds, and is halved if Newton's method fails.
     """
-    z, settled = newton(system, system.start[None], c0)
-    if not settled[0]:
+    z, converged = newton(system, system.start[None], c0)
+    if not converged[0]:
         return None
     s = 0.0
     slope = np.zeros_like(z)  # dz/ds
@@ -125,10 +120,10 @@ def _marched(system: TrimSystem, c0: np.ndarray, c1: np.ndarray) -> np.ndarray |
     for _ in range(_MOST_STEPS):
         target = min(1.0, s + step)
         extrapolated = z + (target - s) * slope
-        found, settled = newton(system, extrapolated, c0 + target * (c1 - c0))
-        if settled[0] and np.abs(found - extrapolated).max() < _FARTHEST:
-            slope = (found - z) / (target - s)
-            z, s = found, target
+        end, converged = newton(system, extrapolated, c0 + target * (c1 - c0))
+        if converged[0] and np.abs(end - extrapolated).max() < _FARTHEST:
+            slope = (end - z) / (target - s)
+            z, s = end, target
             step *= 2.0
         else:
             step /= 2.0
@@ -154,8 +149,7 @@ def _declared_trim(model: Model) -> dict[str, float] | None:
 
 
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
-    """Return the unknowns (k,) after Newton's method with those at a limit fixed."""
-    # z (k,)
+    """Return the unknowns (k,) after Newton's method from z, (k,), with those at a limit fixed."""
     system = problem.system
     z = problem.clip(z)
     at_lowest = system.limits.at_lowest(z * system.scales)
@@ -169,9 +163,10 @@ def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
 
 
 def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Return the scaled unknowns (k,) within the limits that minimize |r|²."""
-    # Unknowns with equal limits are constant.
-    # guess (k,)
+    """Return the scaled unknowns (k,) within the limits that minimize |r|², near a guess (k,).
+
+    Unknowns with equal limits are constant.
+    """
     from scipy.optimize import least_squares
 
     nearest = problem.clip(guess)
@@ -225,9 +220,9 @@ _IPOPT: dict[str, Any] = {
 
 @lru_cache(maxsize=16)
 def _effort_program(structure: Structure) -> ca.Function:
-    """Return the IPOPT solver for a trim of least effort."""
-    # The effort is the sum of z_i² of the free inputs. All unknowns z are decision variables. The
-    # constraints g are the residuals that the unknowns affect, and the watched signals.
+    """Return the IPOPT solver for the z with the least Σ z_i² of the free inputs, under constraints
+    g: the residuals that the unknowns affect, and the watched signals.
+    """
     e = equations_of(structure)
     inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names.inputs]
     scales = ca.DM([signal.scale for signal in structure.watched])
@@ -254,10 +249,9 @@ def _effort_program(structure: Structure) -> ca.Function:
 
 
 def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Return the unknowns within limits with the least Σ (u_i / scale_i)² of inputs."""
-    # The minimum is a local one near the guess. The unknowns are scaled, (k,), and need not be a
-    # trim.
-    # guess (k,)
+    """Return the scaled unknowns (k,) within limits with the least Σ (u_i / scale_i)² of inputs, a
+    local minimum near a guess (k,). They need not be a trim.
+    """
     system = problem.system
     balanced = np.zeros(system.moved)
     scales = np.array([signal.scale for signal in system.structure.watched])

@@ -5,15 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from typing import NamedTuple
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
-from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
+from trim.point.condition import TrimCondition, refuse_other_units, release, usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.problem import TrimProblem
+from trim.point.problem import SearchEnd, TrimProblem
 from trim.point.status import Status
 from trim.point.uniqueness import is_determined, keepable, kept_states
 
@@ -103,7 +102,7 @@ def trim(
     40.27
     """
     condition = condition or usual_condition(model)
-    refuse_unfit(condition, model)
+    refuse_other_units(condition, model)
     held = {**(hold or {}), **held}
     if at is not None:
         if model.schedule in held:
@@ -152,38 +151,26 @@ def _unique(problem: TrimProblem) -> OperatingPoint:
     return OperatingPoint._of(problem, found.z, Status.TRIMMED, found.initial_point)
 
 
-class Found(NamedTuple):
-    """Trim at the end of a search.
+def solution(problem: TrimProblem) -> SearchEnd:
+    """Return the first trim that the searches find.
 
-    z: scaled unknowns, (k,)
-    initial_point: number of the initial point of the search, 0 for the default one
+    A trim in which an angle without limits exceeds 90 deg is returned only if no other is found.
+
+    Raises TrimError if no trim is found.
     """
-
-    z: np.ndarray
-    initial_point: int
-
-
-def solution(problem: TrimProblem) -> Found:
-    """Return the first trim that the searches find."""
-    # Unknowns are balanced if the equations hold, also beyond limits, and solved within limits.
-    # The nearest ones are the last balanced ones, else the end of the first search.
-    # A trim in which an angle without limits exceeds 90 deg is returned only if no other trim is
-    # found.
-    # Raises TrimError if no trim is found.
     guess = problem.clip(problem.system.start)
     if not problem.free:  # nothing is free, and the point is an equilibrium
-        return Found(guess, 0)
-    nearest = guess
+        return SearchEnd(guess, 0)
+    nearest = guess  # the last unknowns that balance beyond limits, else the first search's end
     number = 0
-    far_out: Found | None = None
-    for number, z in _searched(problem, guess):
+    far_out: SearchEnd | None = None
+    for z, number in _search_ends(problem, guess):
         if problem.solved(z):
-            z, is_far = problem.unwound(z)
-            if not is_far:
-                return Found(z, number)
-            far_out = far_out or Found(z, number)
-            continue
-        if problem.balanced(z):
+            end = SearchEnd(problem.unwound(z), number)
+            if not problem.system.far_out(end.z).any():
+                return end
+            far_out = far_out or end
+        elif problem.balanced(z):
             nearest = z
             # If only inputs are free, the equations are nearly affine and have one solution.
             if problem.system.only_inputs:
@@ -192,14 +179,14 @@ def solution(problem: TrimProblem) -> Found:
             nearest = z
     if far_out is not None:
         return far_out
-    raise _failed(problem, nearest, number)
+    raise _error_of(problem, nearest, number)
 
 
-def _failed(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimError:
+def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimError:
     """Return the error of a condition without a trim.
 
-    nearest: best unknowns found, (k,)
-    others: number of other initial points
+    nearest: best scaled unknowns found, (k,)
+    others: number of other initial points from which a search failed
     """
     from trim.point.diagnosis import binding_limits, failure
 
@@ -215,14 +202,13 @@ def _failed(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimError
     return TrimError(message, attempt, required)
 
 
-def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield (number of the initial point, unknowns (k,)) at the end of each search."""
-    # The first search is Newton's method from the guess, unless there are more unknowns than
-    # equations. The searches of `searches.py` follow.
-    # guess (k,)
+def _search_ends(problem: TrimProblem, guess: np.ndarray) -> Iterator[SearchEnd]:
+    """Yield the end of each search: Newton's method from the guess (k,), unless there are more
+    unknowns than equations, then the searches of `searches.py`.
+    """
     equations, unknowns = problem.count
     if unknowns <= equations:
-        yield 0, problem.newton(guess)
+        yield SearchEnd(problem.newton(guess), 0)
     from trim.point import searches
 
     others = searches.of_least_effort if unknowns > equations else searches.in_balance

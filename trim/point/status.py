@@ -10,7 +10,7 @@ BALANCE = 1e-10
 RESULTS = "results"
 #: Columns of a table of conditions that are neither a variable nor a parameter.
 NAME, FREE, LIMIT = "name", "free", "limit"
-#: As what one of several trims is counted.
+#: Results of the trims in a table of conditions.
 TRIMMED, STALLED, DOUBTED, UNTRIMMED = "trimmed", "stalled", "doubted", "no trim"
 
 

@@ -179,13 +179,13 @@ def step_rows(equations: Equations, steps: int) -> RowFunction:
     arguments = [equations.z, equations.c]
     step = ca.Function("step", arguments, [after, ca.norm_2(moved)], {"cse": True})
     z, norm = step(*arguments)
-    settled = ca.SX(1)
+    converges = ca.SX(1)
     for _ in range(steps - 1):
-        before = norm
+        norm_before = norm
         z, norm = step(z, equations.c)
-        falls = ca.logic_or(norm < before, norm <= NEARLY)
-        settled = ca.logic_and(settled, falls)
-    ends = [z, ca.logic_and(settled, norm <= NEARLY)]
+        decreases = ca.logic_or(norm < norm_before, norm <= NEARLY)
+        converges = ca.logic_and(converges, decreases)
+    ends = [z, ca.logic_and(converges, norm <= NEARLY)]
     return RowFunction(ca.Function("steps", arguments, ends, {"cse": True}))
 
 
@@ -220,29 +220,29 @@ def _structure(
     limits: (name, lowest, highest), instead of the model's limits
     """
     held = {*dict(imposed), *varied}
-    moving = dict(rates)
-    following = [name for name in (*model.states, *model.outputs) if name not in model.variables]
+    is_nonzero_rate = dict(rates)
+    dependent = [name for name in (*model.states, *model.outputs) if name not in model.variables]
     rows = []
     for name in model.states:
         rate = f"{name}_dot"
-        if name in moving or rate in varied:
-            is_zero = rate not in varied and not moving[name]
-            rows.append(Row(name, True, "" if is_zero else rate, model.rate_scale(name)))
-    for name in following:
+        if name in is_nonzero_rate or rate in varied:
+            has_value = rate in varied or is_nonzero_rate[name]
+            rows.append(Row(name, True, rate if has_value else "", model.rate_scale(name)))
+    for name in dependent:
         if name in held:
             rows.append(Row(name, False, name, model.signals[name].nominal))
     given = {*varied, *(row.imposed for row in rows)}
     given.update(name for name, is_nonzero in imposed if is_nonzero or name in model.outputs)
     free = [name for name in model.variables if name not in held]
     ends = model.limits | {name: (low, high) for name, low, high in limits}
-    watched = [name for name in following if name not in held and ends[name] != _UNLIMITED]
+    watched = [name for name in dependent if name not in held and ends[name] != _UNLIMITED]
     return Structure(
-        model.layout,
-        tuple(name for name in (*model.holdable, *model.rates) if name in given),
-        tuple(Scaled(name, model.signals[name].nominal) for name in free),
-        tuple(rows),
-        tuple(Scaled(name, model.signals[name].nominal) for name in watched),
-        tuple(name for name, p in model.parameters.items() if not (p.start or name in varied)),
+        layout=model.layout,
+        given=tuple(name for name in (*model.holdable, *model.rates) if name in given),
+        unknowns=tuple(Scaled(name, model.signals[name].nominal) for name in free),
+        rows=tuple(rows),
+        watched=tuple(Scaled(name, model.signals[name].nominal) for name in watched),
+        zero=tuple(name for name, p in model.parameters.items() if not (p.start or name in varied)),
     )
 
 
@@ -322,10 +322,10 @@ def equations(structure: Structure) -> Equations:
     Raises BadInputError for a free variable that affects the equations only in steps.
     """
     e = _expressions(structure)
-    of_all = ca.jacobian(e.residual, _column(e.free.values()))
-    structure.layout.refuse_steps(of_all, list(e.free))
-    moved, unmoved, active = _dependence(of_all)
-    jacobian = ca.sparsify(of_all)[moved, active]
+    by_all = ca.jacobian(e.residual, _column(e.free.values()))  # by all free variables
+    structure.layout.refuse_steps(by_all, list(e.free))
+    moved, unmoved, active = _dependence(by_all)
+    jacobian = ca.sparsify(by_all)[moved, active]
     solved = tuple(structure.unknowns[column] for column in active)
     names = {unknown.name for unknown in solved}
     idle = tuple(name for name in e.free if name not in names)
@@ -376,6 +376,32 @@ class Evaluation(NamedTuple):
     residual: np.ndarray
     jacobian: np.ndarray
     finite: bool
+
+
+class NewtonEnds(NamedTuple):
+    """Ends of Newton's method from N initial points.
+
+    z: (N, k), scaled unknowns
+    converged: (N,), mask of the points at which the method has converged
+    """
+
+    z: np.ndarray
+    converged: np.ndarray
+
+
+class LinearizedPoints(NamedTuple):
+    """Trims and linear models of N points.
+
+    signals: (N, n + m + w), the n states, the m inputs, and the w watched signals
+    A: (N, n, n), derivatives of the rates with respect to the states
+    B: (N, n, m), derivatives of the rates with respect to the inputs
+    residual: (N, e), residuals of the trim in scaled units
+    """
+
+    signals: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    residual: np.ndarray
 
 
 class TrimSystem:
@@ -458,13 +484,8 @@ class TrimSystem:
         residual, jacobian = self.equations.residual_rows(z, c)
         return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
 
-    def linear(
-        self, z: np.ndarray, c: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the trims, linear models and residuals of N points.
-
-        The result consists of x, u and the w watched signals (N, n + m + w), A (N, n, n), B (N, n,
-        m) and the residuals r (N, e).
+    def linear(self, z: np.ndarray, c: np.ndarray) -> LinearizedPoints:
+        """Return the trims and linear models of N points.
 
         z: (N, k), scaled unknowns
         c: (N, ..), constants that differ between the points
@@ -473,22 +494,17 @@ class TrimSystem:
         n = len(self.model.states)
         m = len(self.model.inputs)
         ends = np.cumsum([n + m + len(self.structure.watched), n * n, n * m])
-        point, A, B, residual = np.split(flat, ends, axis=1)
-        return point, A.reshape(len(z), n, n), B.reshape(len(z), n, m), residual
+        signals, A, B, residual = np.split(flat, ends, axis=1)
+        return LinearizedPoints(signals, A.reshape(len(z), n, n), B.reshape(len(z), n, m), residual)
 
-    def quick_steps(
-        self, z: np.ndarray, c: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the unknowns (N, k) after a few full Newton steps, and two masks (N,).
-
-        The first mask marks the points that converged, the second mask all other points.
+    def quick_steps(self, z: np.ndarray, c: np.ndarray) -> NewtonEnds:
+        """Return the unknowns after a few full Newton steps at N points, and which converged.
 
         z: (N, k), initial scaled unknowns
         c: (N, ..), constants that differ between the points
         """
         after, flags = step_rows(self.equations, self.steps)(z, c)
-        settled = flags[:, 0] == 1.0
-        return after, settled, ~settled
+        return NewtonEnds(after, flags[:, 0] == 1.0)
 
     def at(self, z: np.ndarray, c: np.ndarray) -> Evaluation:
         """Return the state, input, residuals and Jacobian of the equations at one point.
@@ -533,10 +549,11 @@ class TrimSystem:
         return table
 
     def _constant(self, name: str, columns: Mapping[str, np.ndarray]) -> float | np.ndarray:
-        """Return the value of a constant that is not given for each point."""
-        # The result is an array (N,) if the condition has a table over the scheduling variable, and
-        # otherwise one number.
-        # columns (N,)
+        """Return the value of a constant that has no column: a number, or an array (N,) if the
+        condition has a table of it over the scheduling variable.
+
+        columns: as for `constants`
+        """
         if name in self.equations.idle:
             return self.declared[name]
         if name in self.model.rates:

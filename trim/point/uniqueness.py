@@ -15,12 +15,13 @@ from trim.point.system import TrimSystem
 
 
 def keepable(problem: TrimProblem) -> list[str]:
-    """Return the unknown states, and outputs in their place, that nobody set free by name."""
+    """Return the unknowns that a trim may keep at their start values (`keepable_in`)."""
     return keepable_in(problem.system, problem.asked.set_free)
 
 
 def keepable_in(system: TrimSystem, set_free: Sequence[str] = ()) -> list[str]:
-    """Return the unknown states, and outputs in their place, that nobody set free by name.
+    """Return the unknowns that a trim may keep at their start values, if the equations do not
+    determine them: states, and outputs in their place, that the user did not set free by name.
 
     set_free: names that were set free, in addition to those of the system's condition
     """
@@ -52,12 +53,12 @@ def undetermined(problem: TrimProblem, z: np.ndarray) -> Undetermined:
     directions = problem.balanced_effects(z).directions()
     if not len(directions):
         return Undetermined([], 0)
-    moved = directions * problem.system.scales / _sizes(problem)
-    basis, _ = np.linalg.qr(moved.T)
-    parts = np.linalg.norm(basis, axis=1)
+    relative_to_sizes = directions * problem.system.scales / _sizes(problem)
+    basis, _ = np.linalg.qr(relative_to_sizes.T)
+    movements = np.linalg.norm(basis, axis=1)  # largest part of each unknown in a unit direction
     # Unknowns that move alike to seven digits, as `DEPENDENT`, keep the order of the model.
-    order = np.argsort(-np.round(parts, 7), kind="stable")
-    names = [problem.free[i] for i in order if parts[i] > DEPENDENT]
+    order = np.argsort(-np.round(movements, 7), kind="stable")
+    names = [problem.free[i] for i in order if movements[i] > DEPENDENT]
     return Undetermined(names, len(directions))
 
 
@@ -89,13 +90,15 @@ def kept_states(
 
 
 def _candidates(problem: TrimProblem, points: list[np.ndarray]) -> list[str]:
-    """Return the states that could be kept, the first best, at the first of some scaled unknowns
-    (k,) at which the equations do not determine all.
+    """Return the states that a trim could keep because the equations do not determine them, the one
+    that moves farthest for its size first.
+
+    points: scaled unknowns, (k,) each, of which the first with such states decides
     """
     for z in points:
         with suppress(BadInputError, ArithmeticError):
-            free = undetermined(problem, z).names
-            if candidates := [name for name in free if name in keepable(problem)]:
+            names = undetermined(problem, z).names
+            if candidates := [name for name in names if name in keepable(problem)]:
                 return candidates
     return []
 

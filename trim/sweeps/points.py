@@ -17,7 +17,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
 from trim.point.condition import (
     TrimCondition,
-    refuse_unfit,
+    refuse_other_units,
     release,
     usual_condition,
 )
@@ -100,7 +100,7 @@ def trim_points(
         )
     if condition is None:
         condition = usual_condition(model)
-    refuse_unfit(condition, model)
+    refuse_other_units(condition, model)
     given_variables, given_values = variables, values
     variables, values, condition = _with_true_speed(model, variables, values, condition)
     system = _system(model, condition, variables, start)
