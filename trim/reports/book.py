@@ -25,7 +25,7 @@ from hfa_support.reporting.text import (
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import RESULTS, TRIMMED
-from trim.reports.configuration import PARAMETER_OF_ENTRY, configuration_of
+from trim.reports.configuration import PARAMETER_OF_ENTRY, Quantity, configuration_of
 from trim.reports.first_lines import subject
 from trim.reports.matrix import result_of
 from trim.reports.trimmed import Trimmed
@@ -65,7 +65,7 @@ class Condition(NamedTuple):
 
     @property
     def result(self) -> str:
-        """As what the trim counts."""
+        """Result of the trim: "trimmed", "stalled", "doubted" or "no trim"."""
         return result_of(self.report.sheet)
 
 
@@ -106,27 +106,41 @@ def _numbered(number: int, count: int, condition: Condition) -> Condition:
 
 
 def _loading(conditions: Sequence[Condition]) -> dict[str, str]:
-    """Return mass and center of gravity as the aircraft was loaded, and over the conditions."""
+    """Return label -> text of the mass and the center of gravity: as the aircraft was loaded, and
+    over the conditions.
+    """
     points = [condition.point for condition in conditions if condition.point is not None]
-    configurations = [(point, configuration_of(Trimmed(point))) for point in points]
-    entries = {}
+    configurations = [configuration_of(Trimmed(point)) for point in points]
+    texts = {}
     for name, label in _LOADED.items():
-        known = [(point, at_point[name]) for point, at_point in configurations if name in at_point]
-        if not known:
-            continue
-        unit = known[0][1].unit
-        loaded = (_as_loaded(point, name, entry.value) for point, entry in known)
-        first = next((value for value in loaded if value is not None), None)
-        values = [entry.value for _, entry in known]
-        low, high = (short_number(end, unit, 6) for end in (min(values), max(values)))
-        ends = low if low == high else f"{low} to {high}"
-        texts = [f"{beside_unit(ends, unit)} in the conditions"]
-        if first is not None:
-            usual = short_number(first, unit, 6)
-            same = usual == ends
-            texts = [f"{beside_unit(usual, unit)} as loaded", *([] if same else texts)]
-        entries[label] = "; ".join(texts)
-    return entries
+        known = [
+            (point, configuration[name])
+            for point, configuration in zip(points, configurations, strict=True)
+            if name in configuration
+        ]
+        if known:
+            texts[label] = _loading_text(name, known)
+    return texts
+
+
+def _loading_text(name: str, known: Sequence[tuple[OperatingPoint, Quantity]]) -> str:
+    """Return an entry of the configuration as text: "14 kg as loaded; 13.5 to 15 kg in the
+    conditions".
+
+    known: trim, and the entry there
+    """
+    unit = known[0][1].unit
+    values = [entry.value for _, entry in known]
+    lowest, highest = (short_number(end, unit, 6) for end in (min(values), max(values)))
+    range_text = lowest if lowest == highest else f"{lowest} to {highest}"
+    in_conditions = f"{beside_unit(range_text, unit)} in the conditions"
+    for point, entry in known:
+        loaded = _as_loaded(point, name, entry.value)
+        if loaded is not None:
+            loaded_text = short_number(loaded, unit, 6)
+            as_loaded = f"{beside_unit(loaded_text, unit)} as loaded"
+            return as_loaded if loaded_text == range_text else f"{as_loaded}; {in_conditions}"
+    return in_conditions
 
 
 def _as_loaded(point: OperatingPoint, name: str, value: float) -> float | None:
@@ -146,15 +160,16 @@ def _as_loaded(point: OperatingPoint, name: str, value: float) -> float | None:
 
 
 def _used_controls(conditions: Sequence[Condition]) -> list[str]:
-    """Return the inputs that are not 0 in each condition."""
+    """Return the inputs that are not 0 in some condition."""
     points = [condition.point for condition in conditions if condition.point is not None]
-    return [
-        name
-        for name in (points[0].model.inputs if points else ())
-        if not all(
-            is_zero(point.margins[name].value, point.margins[name].scale) for point in points
-        )
-    ]
+    if not points:
+        return []
+
+    def is_used(name: str) -> bool:
+        margins = [point.margins[name] for point in points]
+        return not all(is_zero(margin.value, margin.scale) for margin in margins)
+
+    return [*filter(is_used, points[0].model.inputs)]
 
 
 def _matrix(conditions: Sequence[Condition]) -> tuple[Table | str, ...]:
@@ -164,18 +179,18 @@ def _matrix(conditions: Sequence[Condition]) -> tuple[Table | str, ...]:
     notes = []
     for number, condition in enumerate(conditions, start=1):
         called = f"{number} {condition.name}".rstrip()
-        entries.append({**_name_cells(condition, called), **_figures(condition, controls)})
-        said = {row.name: str(row.value) for row in condition.report.sheet}
-        texts = [said[name] for name in _SAID if name in said]
-        if texts:
-            notes.append(f"{called}: {'; '.join(texts)}")
+        entries.append({**_name_cells(condition, called), **_figure_cells(condition, controls)})
+        values = {row.name: str(row.value) for row in condition.report.sheet}
+        sentences = [values[name] for name in _SAID if name in values]
+        if sentences:
+            notes.append(f"{called}: {'; '.join(sentences)}")
     header = tuple(dict.fromkeys(name for entry in entries for name in entry))
     table = Table(header, [tuple(entry.get(name, "") for name in header) for entry in entries])
     return table, *notes
 
 
 def _name_cells(condition: Condition, called: str) -> dict[str, str]:
-    """Return the cells that name a condition and say as what it counts."""
+    """Return the cells with the name, the flight and the result of a condition, by heading."""
     tone = "" if condition.result == TRIMMED else "bad"
     flight = condition.report.head.get("condition", "")
     link = condition.report.anchor
@@ -186,16 +201,18 @@ def _name_cells(condition: Condition, called: str) -> dict[str, str]:
     }
 
 
-def _figures(condition: Condition, controls: Sequence[str]) -> dict[str, str]:
-    """Return alpha, the controls with the used share of their travel, and key figures."""
+def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, str]:
+    """Return the cells with alpha, the controls, and key figures of a trim, by heading."""
     point = condition.point
     if point is None:
         return {}
     cells: dict[str, str] = {}
     alpha = Trimmed(point).roles.get("alpha")
     if alpha:
-        cells |= [_value(point.margins[alpha], is_control=False)]
-    cells |= [_value(point.margins[name], is_control=True) for name in controls]
+        margin = point.margins[alpha]
+        cells[_heading(margin)] = Cell(short_number(margin.value, margin.unit))
+    for name in controls:
+        cells[_heading(point.margins[name])] = _control_cell(point.margins[name])
     rows = {row.name: row for row in condition.report.sheet}
     for heading, name in _FIGURES.items():
         if name in rows:
@@ -205,14 +222,18 @@ def _figures(condition: Condition, controls: Sequence[str]) -> dict[str, str]:
     return cells
 
 
-def _value(margin: Margin, is_control: bool) -> tuple[str, str]:
-    """Return a heading and a value, with the used share of the travel of a control."""
+def _heading(margin: Margin) -> str:
+    """Return the heading of a variable's column: "elevator [deg]"."""
     unit = shown_unit(margin.unit)
-    heading = margin.name if unit in ("", "1") else f"{margin.name} [{unit}]"
+    return margin.name if unit in ("", "1") else f"{margin.name} [{unit}]"
+
+
+def _control_cell(margin: Margin) -> Cell:
+    """Return the value of a control with the used share of its travel: "-1.37 (5 %)"."""
     text = short_number(margin.value, margin.unit)
-    if is_control and math.isfinite(margin.used) and text != "0":
+    if math.isfinite(margin.used) and text != "0":
         text = f"{text} ({100.0 * margin.used:.0f} %)"
-    return heading, Cell(text, "bad" if margin.at_limit and is_control else "")
+    return Cell(text, "bad" if margin.at_limit else "")
 
 
 # The figure
@@ -253,31 +274,34 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
 
 
 def _panels(conditions: Sequence[Condition]) -> dict[str, dict[str, list[float]]]:
-    """Return label of an axis -> name of a line -> its value at each condition, or nan."""
+    """Return label of an axis -> name of a line -> its value at each condition, or nan.
+
+    Lines of nan alone, and panels without a line, are omitted.
+    """
+    points = [condition.point for condition in conditions]
+    first = next((point for point in points if point is not None), None)
+    alpha = None if first is None else Trimmed(first).roles.get("alpha")
     panels: dict[str, dict[str, list[float]]] = {}
-    point = next((each.point for each in conditions if each.point is not None), None)
-    alpha = None if point is None else Trimmed(point).roles.get("alpha")
-    if point is not None and alpha:
-        unit = point.model.unit(alpha)
+    if first is not None and alpha:
+        unit = first.model.unit(alpha)
         angles = [
-            math.nan if each.point is None else float(shown_values(each.point[alpha], unit))
-            for each in conditions
+            math.nan if point is None else float(shown_values(point[alpha], unit))
+            for point in points
         ]
         panels[beside_unit(f"{alpha},", unit)] = {alpha: angles}
-    used = {
-        name: [
-            math.nan if each.point is None else 100.0 * each.point.margins[name].used
-            for each in conditions
+    panels["travel used, %"] = {
+        control: [
+            math.nan if point is None else 100.0 * point.margins[control].used for point in points
         ]
-        for name in _used_controls(conditions)
+        for control in _used_controls(conditions)
     }
-    panels["travel used, %"] = used
     panels["static margin, chord"] = {"static margin": [*map(_static_margin, conditions)]}
-    return {
-        label: drawn
-        for label, lines in panels.items()
-        if (drawn := {name: line for name, line in lines.items() if not all(map(math.isnan, line))})
-    }
+    drawn = {}
+    for label, lines in panels.items():
+        known = {name: line for name, line in lines.items() if not all(map(math.isnan, line))}
+        if known:
+            drawn[label] = known
+    return drawn
 
 
 def _static_margin(condition: Condition) -> float:

@@ -8,7 +8,7 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Group, Row
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import TRIMMED
-from trim.reports.first_lines import mode_lines, without_lines
+from trim.reports.first_lines import mode_lines, without_line_numbers
 from trim.reports.limits import ASSUMED
 from trim.reports.matrix import result_of
 from trim.reports.trimmed import Trimmed
@@ -36,23 +36,24 @@ _ALSO = (" from the table's", " per g", " per knot")
 def brief(report: Report, point: OperatingPoint) -> Report:
     """Return the report of a trim with the rows that are read first.
 
-    These are airspeeds, variables that are not 0 with their limits,
-    performance, stability, the modes, and levels that are not 1. The data and records are those of
-    the report.
+    These are airspeeds, variables that are not 0 with their limits, performance, stability, the
+    modes, and levels that are not 1. The data and records are those of the report.
 
     report: the whole report
     point: the trim
     """
-    groups = [group for each in report.sheet.groups if (group := _short(each)).rows]
+    groups = [group for each in report.sheet.groups if (group := _shortened(each)).rows]
     trimmed = Trimmed(point)
     modes = f"no modes: {trimmed.fault}"
     if not trimmed.fault:
         modes = mode_lines(trimmed.modes, point.model)
     sentences = [part for part in report.parts if type(part) is tuple]
-    of_the_file = without_lines(point.model.about.notes)
+    of_the_file = without_line_numbers(point.model.about.notes)
     notes = [note for note in report.notes if note not in of_the_file]
     count = len(report.sheet) - sum(len(group.rows) for group in groups)
-    left_out = f"--full adds {count} rows" + " and notes" * (len(notes) < len(report.notes))
+    left_out = f"--full adds {count} rows"
+    if len(notes) < len(report.notes):
+        left_out += " and notes"
     parts = [*groups, *filter(None, [modes]), *sentences, f"{left_out}; -o FILE has all"]
     return replace(report, parts=parts, notes=notes)
 
@@ -64,18 +65,19 @@ def brief_list(report: Report) -> Report:
     report: the overview, then a report for each trim
     """
     overview, *sheets = report.parts
-    named = [
-        each for each in sheets if isinstance(each, Report) and result_of(each.sheet) != TRIMMED
+    titles = [
+        each.title
+        for each in sheets
+        if isinstance(each, Report) and result_of(each.sheet) != TRIMMED
     ]
-    lines = [each.title for each in named]
-    return replace(report, parts=[overview, *lines, "--full prints each sheet; -o FILE has all"])
+    return replace(report, parts=[overview, *titles, "--full prints each sheet; -o FILE has all"])
 
 
-def _short(group: Group) -> Group:
-    """Return a group with the rows that are printed."""
+def _shortened(group: Group) -> Group:
+    """Return a group with the rows that are read first, and the meaning of the stars in them."""
     rows = tuple(row for row in group.rows if _is_read_first(group.title, row))
-    is_starred = any("*" in row.note for row in rows)
-    return group._replace(rows=rows, lines=(ASSUMED,) if is_starred else ())
+    has_star = any("*" in row.note for row in rows)
+    return group._replace(rows=rows, lines=(ASSUMED,) if has_star else ())
 
 
 def _is_read_first(title: str, row: Row) -> bool:

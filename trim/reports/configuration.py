@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any, NamedTuple
 
 from hfa_aircraft.model import Model
@@ -58,11 +59,11 @@ def configuration_of(trimmed: Trimmed) -> dict[str, Quantity]:
     model = point.model
     native = model.native
     configuration: dict[str, Quantity] = {}
+    in_si = native is not model
     if native.about.configuration is not None:
         vectors = ((model.states, point.x), (model.inputs, point.u), (model.parameters, model.p))
-        values = [model.native_values(tuple(names), vector) for names, vector in vectors]
-        for name, (value, unit) in native.about.configuration(*values).items():
-            in_si = native is not model
+        native_vectors = [model.native_values(tuple(names), vector) for names, vector in vectors]
+        for name, (value, unit) in native.about.configuration(*native_vectors).items():
             factor = si_factor(unit) if in_si else 1.0
             number = value if isinstance(value, str) else float(value) * factor
             configuration[name] = Quantity(number, si_unit(unit) if in_si else unit)
@@ -84,44 +85,49 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
     Parameters that are not as the model was loaded follow.
     """
     model = trimmed.given.model
-    configuration = configuration_of(trimmed)
-    labels = {name: label for name, label in _ENTRIES.items() if name in configuration}
-    notes = {name: _angle_of(model, name, entry.value) for name, entry in configuration.items()}
-    entries = dict(configuration)
-    for name, value in model.changed.items():
-        entry = _ENTRY_OF_PARAMETER.get(name, name)
-        unit = model.unit(name)
-        angle = _angle_of(model, name, model.parameters[name].start)
-        loaded = f"as loaded: {shown_value(value, unit)}"
-        notes[entry] = ", ".join(filter(None, (angle, loaded)))
-        if entry not in configuration:
-            entries[entry] = Quantity(model.parameters[name].start, unit)
-            labels[entry] = name
+    entries = configuration_of(trimmed)
+    labels = {name: label for name, label in _ENTRIES.items() if name in entries}
+    notes = {name: _lever_angle(model, name, entry.value) for name, entry in entries.items()}
+    for parameter, loaded in model.changed.items():
+        name = _ENTRY_OF_PARAMETER.get(parameter, parameter)
+        value, unit = model.parameters[parameter].start, model.unit(parameter)
+        texts = (_lever_angle(model, parameter, value), f"as loaded: {shown_value(loaded, unit)}")
+        notes[name] = ", ".join(filter(None, texts))
+        if name not in entries:
+            entries[name] = Quantity(value, unit)
+            labels[name] = parameter
     rows: list[Row | Lacking] = [
         Row(label, *entries[name], notes.get(name, ""), digits=6) for name, label in labels.items()
     ]
     for name, label in labels.items():
         full = model.signals[name].full if name in model.signals else 0.0
-        if full:  # as it acts, beside the share that is typed
+        if full:  # the angle of a lever, whose value is a share
             rows.append(Row(f"{label} angle", entries[name].value * full, "rad", rare=True))
     if entries.keys() & _ENTRIES.keys() or "alpha" in trimmed.roles:
-        missing = [label for name, label in _ENTRIES.items() if name not in (*entries, *_OPTIONAL)]
-        has_center = any(name.startswith("center_of_gravity") for name in entries)
-        others = [label for label in missing if not label.startswith("c.g.")]
-        missing = others if has_center else ["c.g.", *others]
-        rows += [Lacking(label, "") for label in missing]
+        rows += [Lacking(label, "") for label in _missing_labels(entries)]
     return rows
 
 
+def _missing_labels(entries: Collection[str]) -> list[str]:
+    """Return the labels of the entries that are unknown; "c.g." if its position is."""
+    missing = [label for name, label in _ENTRIES.items() if name not in (*entries, *_OPTIONAL)]
+    labels = [label for label in missing if not label.startswith("c.g.")]
+    has_center = any(name.startswith("center_of_gravity") for name in entries)
+    return labels if has_center else ["c.g.", *labels]
+
+
 def configuration_lines(trimmed: Trimmed) -> list[str]:
-    """Return a sentence on inertias of no rigid body, unless the first lines contain it."""
+    """Return a sentence on inertias that no rigid body has, unless the first lines contain it."""
     doubt = inertias_doubt(trimmed)
-    is_said = doubt in trimmed.model.doubts or holds_inertias(trimmed)
-    return [doubt] if doubt and not is_said else []
+    is_in_first_lines = doubt in trimmed.model.doubts or holds_inertias(trimmed)
+    return [doubt] if doubt and not is_in_first_lines else []
 
 
-def _angle_of(model: Model, name: str, value: Any) -> str:
-    """Return the angle of what a lever moves as text: "15 of 40 deg", or "" for other entries."""
+def _lever_angle(model: Model, name: str, value: Any) -> str:
+    """Return the angle of what a lever moves as text: "15 of 40 deg", or "" if the signal is none.
+
+    value: share of the travel of the lever
+    """
     signal = model.signals.get(name)
     if signal is None or not signal.full:
         return ""

@@ -7,17 +7,16 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from hfa_aircraft.matrices import LINEAR
-from hfa_aircraft.model import Model, altitudes
+from hfa_aircraft.model import altitudes
 from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import ROUNDING
-from hfa_support.reporting.text import digits_with_unit, is_zero, shown_value
+from hfa_support.reporting.text import is_zero, shown_value
 from hfa_support.units import STANDARD_GRAVITY, conversion_factor
 from trim.point.condition import release
-from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.reports.configuration import configuration_of, holds_inertias, inertias_doubt
-from trim.reports.trimmed import Trimmed
+from trim.reports.trimmed import Trimmed, named_value_text, value_text
 
 #: Largest usual angle of attack, deg.
 _STEEPEST = 60.0
@@ -62,12 +61,13 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
     is_aircraft = ("alpha" in roles or "lift" in model.outputs) and LINEAR not in model.about.notes
     is_still = speed and abs(trimmed.given[speed]) < _STANDING * model.states[speed].nominal
     if is_aircraft and is_still:
-        yield f"the speed is {_number(model, speed, trimmed.given[speed])}, no flight; hold a speed"
+        here = value_text(model, speed, trimmed.given[speed])
+        yield f"the speed is {here}, no flight; hold a speed"
     if {"drag", "lift"} <= {*model.outputs}:
         drag, lift = trimmed["drag"], trimmed["lift"]
         if drag < -ROUNDING * abs(lift):  # the drag is a component of the force that has the lift
-            yield f"the drag is {_number(model, 'drag', drag)}, below 0; check signs and units"
-    yield from _off_the_condition(trimmed)
+            yield f"the drag is {value_text(model, 'drag', drag)}, below 0; check signs and units"
+    yield from _far_from_the_speed_of_the_data(trimmed)
     for identity in _IDENTITIES if trimmed.given.ok else ():
         number = identity.compared(trimmed)
         if number < identity.least or number > identity.most:
@@ -87,8 +87,8 @@ def _steep(trimmed: Trimmed) -> str:
         for name in _OF_AIR
         if name in model.outputs and is_zero(point[name], model.outputs[name].nominal)
     ]
-    words = [_with_value(point, trimmed.roles["alpha"])]
-    words += [f"{name} {_number(model, name, 0.0)}" for name in without_air]
+    words = [named_value_text(point, trimmed.roles["alpha"])]
+    words += [f"{name} {value_text(model, name, 0.0)}" for name in without_air]
     doubt = f"{', '.join(words)}: {'no' if without_air else 'hardly a'} flight"
     if model.about.equations == "derivatives":
         return f"{doubt}; the data may have degrees without a unit"
@@ -102,13 +102,13 @@ def _flight_options(trimmed: Trimmed) -> str:
     """
     model, condition = trimmed.given.model, trimmed.given.trim_problem.condition
     alpha, speed = trimmed.roles["alpha"], trimmed.roles.get("speed", "")
-    taken = {*condition.imposed}
-    if not taken.isdisjoint(model.airspeeds):
-        taken.add(speed)
-    motion = [name for name in (speed, "altitude") if name in model.states and name not in taken]
+    imposed = {*condition.imposed}
+    if not imposed.isdisjoint(model.airspeeds):
+        imposed.add(speed)
+    motion = [name for name in (speed, "altitude") if name in model.states and name not in imposed]
     hold = {name: model.states[name].start for name in motion}
-    is_default = {name: condition.imposed.get(name) == value for name, value in model.trim.items()}
-    free = [name for name in model.inputs if is_default.get(name)]
+    defaults = {name for name, value in model.trim.items() if condition.imposed.get(name) == value}
+    free = [name for name in model.inputs if name in defaults]
     try:
         flown = trim(model, release(condition, hold=hold, free=free))
     except (BadInputError, NoSolutionError):
@@ -126,35 +126,38 @@ def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
     """
     roles, states = trimmed.roles, trimmed.slopes.states
     by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
-    turning, coupled = float(by_sideslip[states.index(roles["r"])]), 0.0
+    yawing = float(by_sideslip[states.index(roles["r"])])
+    rolling = 0.0  # Ixz / Izz times ∂(dp/dt)/∂β
     configuration = configuration_of(trimmed)
     if "p" in roles and {"Izz", "Ixz"} <= {*configuration}:
         coupling = configuration["Ixz"].value / configuration["Izz"].value
-        coupled = coupling * float(by_sideslip[states.index(roles["p"])])
-    return turning - coupled < -ROUNDING * (abs(turning) + abs(coupled))
+        rolling = coupling * float(by_sideslip[states.index(roles["p"])])
+    return yawing - rolling < -ROUNDING * (abs(yawing) + abs(rolling))
 
 
-def _off_the_condition(trimmed: Trimmed) -> Iterator[str]:
+def _far_from_the_speed_of_the_data(trimmed: Trimmed) -> Iterator[str]:
     """Yield a sentence if the speed is far from that of derivatives with respect to the speed."""
     domain, speed = trimmed.given.model.domain, trimmed.roles.get("speed", "")
     if not domain.by_speed or speed not in domain.reference:
         return
     stated, here = domain.reference[speed], trimmed.given[speed]
     if abs(here - stated) > _NEAR_SPEED * stated:
+        percent = 100.0 * abs(here / stated - 1.0)
         yield (
-            f"{', '.join(domain.by_speed)} are for {_number(trimmed.given.model, speed, stated)}, "
-            f"{100.0 * abs(here / stated - 1.0):.0f} % off: forces and thrust are uncertain here"
+            f"{', '.join(domain.by_speed)} are for "
+            f"{value_text(trimmed.given.model, speed, stated)}, {percent:.0f} % off: forces and "
+            "thrust are uncertain here"
         )
 
 
-def _si(trimmed: Trimmed, name: str, unit: str) -> float:
+def _value_in(trimmed: Trimmed, name: str, unit: str) -> float:
     """Return a value of the trim in a unit; nan if it is unknown or has another quantity."""
     if name not in trimmed.values:
         return math.nan
     return trimmed[name] * (conversion_factor(trimmed.unit(name), unit) or math.nan)
 
 
-def _of_configuration(trimmed: Trimmed, name: str, unit: str) -> float:
+def _configured_in(trimmed: Trimmed, name: str, unit: str) -> float:
     """Return an entry of the configuration in a unit, or nan."""
     entry = configuration_of(trimmed).get(name)
     if entry is None or isinstance(entry.value, str):
@@ -164,27 +167,30 @@ def _of_configuration(trimmed: Trimmed, name: str, unit: str) -> float:
 
 def _speed(trimmed: Trimmed) -> float:
     """Return the true airspeed, m/s, or nan."""
-    return _si(trimmed, trimmed.roles.get("speed", ""), "m/s") or math.nan
+    return _value_in(trimmed, trimmed.roles.get("speed", ""), "m/s") or math.nan
 
 
-def _lift_of_weight(trimmed: Trimmed) -> float:
-    """Return the lift without what the thrust may carry, relative to that of the load factor."""
-    lift, weight = _si(trimmed, "lift", "N"), _si(trimmed, "weight", "N")
-    carried = _si(trimmed, "load_factor", "1") * weight
-    thrust = _si(trimmed, trimmed.thrust_name, "N")
+def _lift_beyond_thrust(trimmed: Trimmed) -> float:
+    """Return 1 plus the part of lift minus load factor times weight that no thrust explains, per
+    weight. An unknown thrust may be as large as the weight.
+    """
+    lift, weight = _value_in(trimmed, "lift", "N"), _value_in(trimmed, "weight", "N")
+    excess = lift - _value_in(trimmed, "load_factor", "1") * weight
+    thrust = _value_in(trimmed, trimmed.thrust_name, "N")
     if math.isnan(thrust):
         thrust = weight
-    return 1.0 + math.copysign(max(0.0, abs(lift - carried) - abs(thrust)), lift - carried) / weight
+    beyond_thrust = math.copysign(max(0.0, abs(excess) - abs(thrust)), excess)
+    return 1.0 + beyond_thrust / weight
 
 
-def _weight_of_mass(trimmed: Trimmed) -> float:
+def _weight_by_mass(trimmed: Trimmed) -> float:
     """Return the weight relative to mass times gravity, of the model if it has one."""
     model = trimmed.given.model
     gravity = STANDARD_GRAVITY
     if "gravity" in model.parameters:
         factor = conversion_factor(model.unit("gravity"), "m/s^2") or math.nan
         gravity = model.parameters["gravity"].start * factor
-    return _si(trimmed, "weight", "N") / (_of_configuration(trimmed, "mass", "kg") * gravity)
+    return _value_in(trimmed, "weight", "N") / (_configured_in(trimmed, "mass", "kg") * gravity)
 
 
 def _density_ratio(trimmed: Trimmed) -> float:
@@ -192,18 +198,18 @@ def _density_ratio(trimmed: Trimmed) -> float:
     level for a model without an altitude.
     """
     names = altitudes(trimmed.model)
-    altitude = _si(trimmed, names[0], "m") if names else 0.0
-    density = 2.0 * _si(trimmed, "dynamic_pressure", "N/m^2") / _speed(trimmed) ** 2
+    altitude = _value_in(trimmed, names[0], "m") if names else 0.0
+    density = 2.0 * _value_in(trimmed, "dynamic_pressure", "N/m^2") / _speed(trimmed) ** 2
     return density / float(air_at(altitude, "si").density)
 
 
 def _temperature(trimmed: Trimmed) -> float:
     """Return the temperature of speed and Mach number, K."""
-    mach = _si(trimmed, "mach", "1") or math.nan
+    mach = _value_in(trimmed, "mach", "1") or math.nan
     return (_speed(trimmed) / mach) ** 2 / (HEAT_RATIO * GAS_CONSTANT)
 
 
-def _neutral_points_apart(trimmed: Trimmed) -> float:
+def _difference_of_static_margins(trimmed: Trimmed) -> float:
     """Return the difference of the static margin of the rates and that of the outputs, chords.
 
     Without Iyy, only their signs are compared: Iyy is then that of margins of equal size.
@@ -215,16 +221,18 @@ def _neutral_points_apart(trimmed: Trimmed) -> float:
     if not {"pitching_moment", "lift"} <= {*slopes.outputs}:
         return math.nan
     place = slopes.states.index(alpha)
-    moment, lift = (
-        float(slopes.outputs[name].by_states[place])
-        * (conversion_factor(trimmed.unit(name), unit) or math.nan)
-        for name, unit in (("pitching_moment", "N m"), ("lift", "N"))
-    )
-    inertia = _of_configuration(trimmed, "Iyy", "kg m^2")
+
+    def by_alpha(name: str, unit: str) -> float:
+        """Return the slope of an output over alpha, in a unit per radian, or nan."""
+        factor = conversion_factor(trimmed.unit(name), unit) or math.nan
+        return float(slopes.outputs[name].by_states[place]) * factor
+
+    moment = by_alpha("pitching_moment", "N m")
+    inertia = _configured_in(trimmed, "Iyy", "kg m^2")
     rate = float(slopes.A[slopes.states.index(q), place])
-    angular = math.copysign(moment, rate) if math.isnan(inertia) else inertia * rate
-    arm = lift * _si(trimmed, "reference_chord", "m")
-    return (moment - angular) / arm if arm else math.nan
+    moment_of_rate = math.copysign(moment, rate) if math.isnan(inertia) else inertia * rate
+    lift_times_chord = by_alpha("lift", "N") * _value_in(trimmed, "reference_chord", "m")
+    return (moment - moment_of_rate) / lift_times_chord if lift_times_chord else math.nan
 
 
 #: A thrust carries a part of the weight. Gravity changes by 1 % with latitude and height. Hot and
@@ -232,12 +240,12 @@ def _neutral_points_apart(trimmed: Trimmed) -> float:
 #: to 330 K. Thrust and the lag of the downwash are in the rates alone.
 _IDENTITIES = (
     _Identity(
-        _lift_of_weight, 0.8, 1.2,
+        _lift_beyond_thrust, 0.8, 1.2,
         "lift and thrust do not carry the weight at this load factor (a ratio of {:.3g}); check "
         "the outputs lift, weight and load_factor",
     ),
     _Identity(
-        _weight_of_mass, 0.97, 1.03,
+        _weight_by_mass, 0.97, 1.03,
         "the weight is {:.3g} times mass and gravity; check them and their units",
     ),
     _Identity(
@@ -250,17 +258,8 @@ _IDENTITIES = (
         "Mach number and speed are those of air of {:.3g} K; check them and their units",
     ),
     _Identity(
-        _neutral_points_apart, -0.2, 0.2,
+        _difference_of_static_margins, -0.2, 0.2,
         "the static margins of the rate of the pitch rate and of the output pitching_moment are "
         "{:.3g} chords apart; check the output's sign and unit, and Iyy",
     ),
 )  # fmt: skip
-
-
-def _with_value(point: OperatingPoint, name: str) -> str:
-    return f"{name} {_number(point.model, name, point[name])}"
-
-
-def _number(model: Model, name: str, value: float) -> str:
-    """Return a value with its unit as text, "40,000 ft"."""
-    return digits_with_unit(value, model.unit(name), 5, model.signal(name).nominal)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import ISA
+from hfa_aircraft.signals import ISA, Signal
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import (
     WIDTH,
@@ -20,11 +20,10 @@ from hfa_support.reporting.text import (
 )
 from trim.linear.modes import Mode
 from trim.point.margins import Margin
-from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
 from trim.reports.doubts import doubts_of
-from trim.reports.performance import stalled_at
-from trim.reports.trimmed import Trimmed
+from trim.reports.performance import stall_lines_at
+from trim.reports.trimmed import Trimmed, named_value_text, value_text
 
 #: Difference of load factors that is said: that of a bank of 8 deg.
 _LOAD = 1e-2
@@ -35,7 +34,7 @@ _MOST_VALUES = 4
 _MOST_MODES = 6
 
 
-def without_lines(notes: Iterable[str]) -> list[str]:
+def without_line_numbers(notes: Iterable[str]) -> list[str]:
     """Return notes without numbers of lines, as in "<input> 899 896" and "f16.xml: 406"."""
     return [re.sub(r"(?<=>)(?: \d+)+|(?<=\.xml:) \d+", "", note) for note in notes]
 
@@ -50,10 +49,10 @@ def first_line(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str
     """
     model = trimmed.given.model
     condition = ", ".join(condition_words(trimmed))
-    lines = [f"{subject(model)} {done}" + f": {condition}" * bool(condition)]
+    lines = [f"{subject(model)} {done}: {condition}" if condition else f"{subject(model)} {done}"]
     if modes is not None:
         lines.append(_unstable([*modes], model.time_unit))
-    lines += [*stalled_at(trimmed), *uniqueness_lines(trimmed.given)]
+    lines += [*stall_lines_at(trimmed), *uniqueness_lines(trimmed)]
     lines += [f"Check: {doubt}" for doubt in doubts_of(trimmed)]
     return "\n".join(lines)
 
@@ -75,20 +74,22 @@ def title_of(trimmed: Trimmed) -> str:
     return "\n".join(lines)
 
 
-def uniqueness_lines(point: OperatingPoint) -> list[str]:
+def uniqueness_lines(trimmed: Trimmed) -> list[str]:
     """Return lines on the states that keep their start values because no equation determines them,
     and on the variables that remain free in a trim that is one of many.
     """
+    point = trimmed.given
     lines = []
     if point.found_by is not None and point.found_by.kept:
-        kept = ", ".join(_with_value(point, name) for name in point.found_by.kept)
+        kept = ", ".join(named_value_text(point, name) for name in point.found_by.kept)
         lines.append(f"At its start value, as the trim does not determine it: {kept}")
-    names, count = point._undetermined
+    names, to_hold = point._undetermined
     if names:
-        how_many = "one" if count == 1 else str(count)
+        verb = "is" if len(names) == 1 else "are"
+        how_many = "one" if to_hold == 1 else str(to_hold)
         lines.append(
-            f"One of many: {', '.join(names)} {'is' if len(names) == 1 else 'are'} free; hold "
-            f"{how_many} (--hold {names[0]}=VALUE)"
+            f"One of many: {', '.join(names)} {verb} free; hold {how_many} "
+            f"(--hold {names[0]}=VALUE)"
         )
     return lines
 
@@ -121,34 +122,56 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
     condition = None if point.found_by is None else point.found_by.asked
     imposed = {} if condition is None else condition.imposed
     changed = {} if condition is None else condition.changes.get("imposed", {})
-    speed = trimmed.roles.get("speed", "")
-    if speed:
-        path = [*_path_words(trimmed)]
-        yield from path
-        groups = [group for group in model.alternatives if speed in group]
-        typed = [name for group in groups for name in group[1:] if name in imposed]
-        named = [f"{name} {_number(model, name, imposed[name])}" for name in typed]
-        yield from named or [_number(model, speed, point[speed])]
-        if "altitude" in model.states:
-            yield _number(model, "altitude", point["altitude"])
-        if ISA in model.parameters and model.parameters[ISA].start:
-            yield f"ISA {model.parameters[ISA].start:+g} K"
-        names = [model.schedule] if model.schedule in (*model.states, *model.inputs) else []
-        names += ["load_factor"] * _has_own_load_factor(trimmed)
-        engines_out = engines_without_power(trimmed, imposed)
-        said = {speed, "altitude", "gamma", "turn_rate", *typed, *engines_out}
-        wanted = dict.fromkeys((*names, *changed))
-        yield from (_with_value(point, name) for name in wanted if name not in said)
-        yield from engines_out.values()
+    if "speed" in trimmed.roles:
+        yield from _flight_words(trimmed, imposed, changed)
     else:
-        yield from (_with_value(point, name) for name in [*imposed][:_MOST_VALUES])
+        yield from (named_value_text(point, name) for name in [*imposed][:_MOST_VALUES])
     if condition is not None:
         for name, rate in condition.rates.items():
             if rate:
-                yield f"{name}_dot {_number(model, f'{name}_dot', rate)}"
+                yield f"{name}_dot {value_text(model, f'{name}_dot', rate)}"
 
 
-def _has_own_load_factor(trimmed: Trimmed) -> bool:
+def _flight_words(
+    trimmed: Trimmed, imposed: Mapping[str, Any], changed: Iterable[str]
+) -> Iterator[str]:
+    """Yield the texts of `condition_words` on an aircraft with a speed, but for the rates.
+
+    imposed: name -> value that the condition imposes
+    changed: names that it imposes otherwise than by default
+    """
+    point, model = trimmed.given, trimmed.given.model
+    speed = trimmed.roles["speed"]
+    yield from _path_words(trimmed)
+    in_place_of_speed = [
+        name
+        for group in model.alternatives
+        if speed in group
+        for name in group[1:]
+        if name in imposed
+    ]
+    for name in in_place_of_speed:
+        yield f"{name} {value_text(model, name, imposed[name])}"
+    if not in_place_of_speed:
+        yield value_text(model, speed, point[speed])
+    if "altitude" in model.states:
+        yield value_text(model, "altitude", point["altitude"])
+    if ISA in model.parameters and model.parameters[ISA].start:
+        yield f"ISA {model.parameters[ISA].start:+g} K"
+    names = [*changed]
+    if _has_unusual_load_factor(trimmed):
+        names.insert(0, "load_factor")
+    if model.schedule in (*model.states, *model.inputs):
+        names.insert(0, model.schedule)
+    engines_out = engines_without_power(trimmed, imposed)
+    said = {speed, "altitude", "gamma", "turn_rate", *in_place_of_speed, *engines_out}
+    for name in dict.fromkeys(names):
+        if name not in said:
+            yield named_value_text(point, name)
+    yield from engines_out.values()
+
+
+def _has_unusual_load_factor(trimmed: Trimmed) -> bool:
     """Return whether the load factor is not that of steady flight along a straight path, cos γ."""
     if "load_factor" not in trimmed.model.outputs:
         return False
@@ -164,7 +187,7 @@ def _path_words(trimmed: Trimmed) -> Iterator[str]:
         climb = f"{'climb' if gamma > 0 else 'descent'} {digits(math.degrees(abs(gamma)))} deg"
         yield "level" if _is_level(trimmed) else climb
     if not _is_straight(trimmed):
-        yield f"turn {_number(model, 'turn_rate', trimmed['turn_rate'])}"
+        yield f"turn {value_text(model, 'turn_rate', trimmed['turn_rate'])}"
     if not all(_is_steady(trimmed, name) for name in trimmed.roles.values()):
         yield "accelerated"
 
@@ -206,48 +229,43 @@ def engines_without_power(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[
     """Return input or switch -> "engine 1 out (throttle1)" for each engine whose input is held at
     its lowest value, or whose switch engine1 is held at 0, while that of another one is not.
 
-    The first engine is engine 1, whatever the number in its name (throttle0).
+    imposed: the names that the condition imposes
     """
     model = trimmed.given.model
-    all_out: dict[str, str] = {}
-    for engines, values in (
-        (model.inputs, {name: trimmed.given[name] for name in model.inputs}),
-        (model.parameters, dict(zip(model.parameters, model.p.tolist(), strict=True))),
-    ):
-        found = {name: match for name in engines if (match := _ENGINE.fullmatch(name))}
-        in_order = sorted(found, key=lambda name: (len(name), name))
-        out = {
-            name: f"engine {_engine(match['number'], in_order.index(name))} out ({name})"
-            for name, match in found.items()
-            if name in imposed or engines is model.parameters
-            if is_zero(max(values[name] - max(engines[name].min, 0.0), 0.0), engines[name].nominal)
-        }
-        if len(out) < len(found):
-            all_out |= out
-    return all_out
+    inputs = {name: trimmed.given[name] for name in model.inputs}
+    switches = dict(zip(model.parameters, model.p.tolist(), strict=True))
+    return _engines_out(model.inputs, inputs, imposed) | _engines_out(
+        model.parameters, switches, switches
+    )
 
 
-def _engine(number: str, place: int) -> str:
-    """Return the number of an engine, counted from 1, or its side.
+def _engines_out(
+    signals: Mapping[str, Signal], values: Mapping[str, float], held: Collection[str]
+) -> dict[str, str]:
+    """Return name -> "engine 1 out (throttle1)" for those of several engines whose lever or switch
+    is held at its lowest value, at least 0; none if all are.
 
-    number: number or side in its name
-    place: its place among the engines, from 0
+    The first engine is engine 1, whatever the number in its name (throttle0).
+
+    signals: inputs or parameters, of which those with a name of `_ENGINE` belong to engines
+    values: name -> value
+    held: names of the signals that are held
     """
-    return str(place + 1) if number.isdigit() else number
-
-
-def _with_value(point: OperatingPoint, name: str) -> str:
-    return f"{name} {_number(point.model, name, point[name])}"
-
-
-def _number(model: Model, name: str, value: float) -> str:
-    """Return a value with its unit as text, "40,000 ft"."""
-    return digits_with_unit(value, model.unit(name), 5, model.signal(name).nominal)
+    engines = {name: match for name in signals if (match := _ENGINE.fullmatch(name))}
+    in_order = sorted(engines, key=lambda name: (len(name), name))
+    out = {}
+    for name, match in engines.items():
+        lowest = max(signals[name].min, 0.0)
+        if name in held and is_zero(max(values[name] - lowest, 0.0), signals[name].nominal):
+            side = match["number"]  # a number or a side
+            engine = in_order.index(name) + 1 if side.isdigit() else side
+            out[name] = f"engine {engine} out ({name})"
+    return out if len(out) < len(engines) else {}
 
 
 def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
-    """Return alpha, each input that is not 0 with its limits, and L/D: "alpha 2.8 deg, elevator
-    -1.37 of ±30 deg, throttle 40.1 of 200, L/D 22.4".
+    """Return alpha, each input that is not 0 with its limits, and L/D as text: "alpha 2.8 deg,
+    elevator -1.37 of ±30 deg, throttle 40.1 of 200, L/D 22.4".
 
     ratio: the row L/D, or None if the model has no forces
     """

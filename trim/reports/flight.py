@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 
 from hfa_aircraft.limits import NEAR
-from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.atmosphere import (
     GAS_CONSTANT,
     HEAT_RATIO,
@@ -29,18 +28,18 @@ def flight_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     the condition of the derivatives, and ranges in which the model is valid.
     """
     if "speed" in trimmed.roles:
-        yield from airspeeds(trimmed)
-        yield from outputs(trimmed, OUTPUTS)
-        yield from air(trimmed)
+        yield from airspeed_rows(trimmed)
+        yield from output_rows(trimmed, OUTPUTS)
+        yield from air_rows(trimmed)
     elif trimmed.model.about.atmosphere:
         yield Row("atmosphere", trimmed.model.about.atmosphere)
-    yield from changes(trimmed)
-    yield from from_the_table(trimmed)
-    yield from validity(trimmed)
+    yield from unbalanced_rates(trimmed)
+    yield from distances_from_the_table(trimmed)
+    yield from validity_rows(trimmed)
 
 
-def outputs(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) -> Iterator[Row]:
-    """Yield the rows of those of some outputs that the model has, in its units."""
+def output_rows(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) -> Iterator[Row]:
+    """Yield a row for each of the named outputs that the model has, in its units."""
     given = trimmed.given.model
     for name in names:
         if name in given.outputs:
@@ -48,7 +47,7 @@ def outputs(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) -> Ite
             yield Row(name.replace("_", " "), value, unit, rare=rare)
 
 
-def airspeeds(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+def airspeed_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     """Yield the true, the equivalent and the calibrated airspeed, kt.
 
     The static pressure is p = 2 q / (1.4 M²). The calibrated airspeed is that at which the impact
@@ -74,76 +73,73 @@ def dynamic_pressure(trimmed: Trimmed) -> float | str:
         return reason
     unit = trimmed.unit("dynamic_pressure")
     factor = conversion_factor(unit, "N/m^2")
-    return (
-        f"no unit of pressure in {unit}" if factor is None else trimmed["dynamic_pressure"] * factor
-    )
+    if factor is None:
+        return f"no unit of pressure in {unit}"
+    return trimmed["dynamic_pressure"] * factor
 
 
-def air(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+def air_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     """Yield density and temperature, which follow from dynamic pressure, speed and Mach number, or
     else the name of the atmosphere.
     """
-    name = trimmed.model.about.atmosphere
-    speed = trimmed.roles["speed"]
-    pressure = dynamic_pressure(trimmed)
-    unit = trimmed.unit(speed)
-    to_metres = conversion_factor(unit, "m/s")
-    if not name:
+    atmosphere = trimmed.model.about.atmosphere
+    if not atmosphere:
         yield Lacking("atmosphere", "")
         return
+    speed = trimmed.roles["speed"]
+    unit = trimmed.unit(speed)
+    to_metres = conversion_factor(unit, "m/s")
+    pressure = dynamic_pressure(trimmed)
     if isinstance(pressure, str) or to_metres is None or not trimmed[speed]:
-        yield Row("atmosphere", name)
+        yield Row("atmosphere", atmosphere)
         return
     velocity = trimmed[speed] * to_metres
-    density = 2.0 * pressure / velocity**2
+    density = 2.0 * pressure / velocity**2  # kg/m³
     if unit == "m/s":
-        yield Row("density", density, "kg/m^3", name)
+        yield Row("density", density, "kg/m^3", atmosphere)
     else:
         slugs_per_foot3 = density * (conversion_factor("kg/m^3", "slug/ft^3") or 1.0)
-        yield Row("density", slugs_per_foot3, "slug/ft^3", name)
+        yield Row("density", slugs_per_foot3, "slug/ft^3", atmosphere)
     temperature = (velocity / trimmed["mach"]) ** 2 / (HEAT_RATIO * GAS_CONSTANT)
     yield Row("temperature", temperature, "K")
 
 
-def changes(trimmed: Trimmed) -> Iterator[Row]:
+def unbalanced_rates(trimmed: Trimmed) -> Iterator[Row]:
     """Yield the rates that the condition does not balance and that are not 0."""
     model = trimmed.given.model
+    balanced = trimmed.given.trim_problem.asked.rates
     for name, rate in trimmed.rates.items():
-        if name not in trimmed.given.trim_problem.asked.rates and abs(
-            rate
-        ) > BALANCE * model.rate_scale(name):
+        if name not in balanced and abs(rate) > BALANCE * model.rate_scale(name):
             yield Row(f"{name}_dot", rate, model.rate_unit(name), "not balanced")
 
 
-def from_the_table(trimmed: Trimmed) -> Iterator[Row]:
-    """Yield the distances from the condition of the derivatives of a table."""
+def distances_from_the_table(trimmed: Trimmed) -> Iterator[Row]:
+    """Yield the difference of each value from that for which a table's derivatives are."""
     model = trimmed.given.model
-    for name, value in model.domain.reference.items():
+    for name, stated in model.domain.reference.items():
         unit = model.unit(name)
-        note = (
-            f"table: {digits_with_unit(value, unit, 4)}"
-            if math.isfinite(value)
-            else "table: unknown"
-        )
-        difference = trimmed.given[name] - value
-        is_same = _is_same(model, name, trimmed.given[name])
-        yield Row(f"{name} from the table's", difference, unit, note, rare=is_same)
+        text = digits_with_unit(stated, unit, 4) if math.isfinite(stated) else "unknown"
+        difference = trimmed.given[name] - stated
+        is_same = _is_as_in_the_table(trimmed, name)
+        yield Row(f"{name} from the table's", difference, unit, f"table: {text}", rare=is_same)
 
 
 def same_as_the_table(trimmed: Trimmed) -> list[str]:
-    """Return a sentence on the values at the condition of the derivatives of a table."""
-    model = trimmed.given.model
-    same = [name for name in model.domain.reference if _is_same(model, name, trimmed.given[name])]
+    """Return a list with a sentence on the values that are those of a table's derivatives."""
+    reference = trimmed.given.model.domain.reference
+    same = [name for name in reference if _is_as_in_the_table(trimmed, name)]
     return [f"condition of the derivatives: {', '.join(same)} as in the table"] if same else []
 
 
-def _is_same(model: Model, name: str, here: float) -> bool:
-    """Return whether a value is printed as that of the table."""
+def _is_as_in_the_table(trimmed: Trimmed, name: str) -> bool:
+    """Return whether a value is that of a table's derivatives, up to `NEAR`."""
+    model = trimmed.given.model
     stated = model.domain.reference[name]
-    return abs(here - stated) <= NEAR * (model.signal(name).nominal + abs(stated))
+    difference = abs(trimmed.given[name] - stated)
+    return difference <= NEAR * (model.signal(name).nominal + abs(stated))
 
 
-def validity(trimmed: Trimmed) -> Iterator[Row]:
+def validity_rows(trimmed: Trimmed) -> Iterator[Row]:
     """Yield for each range of validity whether the trim is in it."""
     model = trimmed.given.model
     for name, (lowest, highest, source) in model.domain.range.items():

@@ -35,16 +35,16 @@ def mode_figures(trimmed: Trimmed, airplane: Airplane) -> ModeFigures:
         qualities = graded(qualities, chosen)
         lines = level_lines(qualities, [mode.name for mode in trimmed.modes], chosen, why)
     rows: list[Row] = []
+    time = trimmed.model.time_unit
     for mode in trimmed.modes:
-        unit, times = f"1/{trimmed.model.time_unit}", _times(trimmed, mode)
-        rows.append(Row(f"{mode.name} eigenvalue", mode.eigenvalue, unit, times))
+        times = _times_text(mode, time)
+        rows.append(Row(f"{mode.name} eigenvalue", mode.eigenvalue, f"1/{time}", times))
         family = mode.name.partition(" (")[0]
         of_mode = [row for row in qualities if _belongs(row.name, family)]
         qualities = [row for row in qualities if row not in of_mode]
         if mode.eigenvalue.imag and not of_mode:
-            frequency = f"rad/{trimmed.model.time_unit}"
             of_mode = [
-                Row(f"{mode.name} frequency", mode.frequency, frequency, in_degrees=False),
+                Row(f"{mode.name} frequency", mode.frequency, f"rad/{time}", in_degrees=False),
                 Row(f"{mode.name} damping", mode.damping),
             ]
         rows += of_mode
@@ -52,21 +52,24 @@ def mode_figures(trimmed: Trimmed, airplane: Airplane) -> ModeFigures:
 
 
 def _belongs(quality: str, family: str) -> bool:
-    """Return whether a handling quality is one of a mode."""
+    """Return whether a handling quality belongs to the modes of a family, such as "phugoid"."""
     if family == "short period" and quality in ("CAP", "n/alpha"):
         return True
     return quality.startswith(f"{family} ")
 
 
-def _times(trimmed: Trimmed, mode: Mode) -> str:
-    """Return period and time to half or double of a mode as text."""
-    unit = trimmed.model.time_unit
-    words = [f"period {mode.period:.4g} {unit}"] if mode.eigenvalue.imag else []
-    if mode.eigenvalue.real:
-        time, change = (
-            (mode.time_to_half, "half") if mode.stable else (mode.time_to_double, "double")
-        )
-        words.append(f"time to {change} {time:.4g} {unit}")
+def _times_text(mode: Mode, unit: str) -> str:
+    """Return period and time to half or double of a mode as text.
+
+    unit: unit of time
+    """
+    words = []
+    if mode.eigenvalue.imag:
+        words.append(f"period {mode.period:.4g} {unit}")
+    if mode.stable:
+        words.append(f"time to half {mode.time_to_half:.4g} {unit}")
+    elif mode.eigenvalue.real:
+        words.append(f"time to double {mode.time_to_double:.4g} {unit}")
     return ", ".join(words)
 
 
@@ -134,9 +137,9 @@ class _Oscillation(NamedTuple):
 
 
 def _oscillation(trimmed: Trimmed, family: str) -> _Oscillation | None:
-    """Return the natural frequency, rad/s, and damping ratio of the mode with a declared name."""
-    # The mode must consist of one conjugate pair, or of two real eigenvalues of the same sign.
-    # Otherwise the result is None.
+    """Return the natural frequency and damping ratio of the mode with a declared name, or None
+    unless it consists of one conjugate pair or of two real eigenvalues of the same sign.
+    """
     values = _eigenvalues(trimmed, family)
     if len(values) == 1 and values[0].imag:
         values = [values[0], values[0].conjugate()]
@@ -154,11 +157,12 @@ def _bank_per_sideslip(trimmed: Trimmed) -> Iterator[Row]:
     """Yield |φ/β| of the eigenvector of the Dutch roll, if bank and sideslip are linear states."""
     states = trimmed.model.linear
     names = [trimmed.roles.get("phi", ""), trimmed.roles.get("beta", "")]
-    pair = [value for value in _eigenvalues(trimmed, "dutch roll") if value.imag]
-    if not {*names} <= {*states} or not pair:
+    oscillating = [value for value in _eigenvalues(trimmed, "dutch roll") if value.imag]
+    if not {*names} <= {*states} or not oscillating:
         return
     values, vectors = np.linalg.eig(trimmed.A * trimmed.per_second)
-    shape = np.abs(vectors[:, int(np.argmin(np.abs(values - pair[0])))])
+    nearest = int(np.argmin(np.abs(values - oscillating[0])))
+    shape = np.abs(vectors[:, nearest])
     bank, sideslip = (shape[states.index(name)] for name in names)
     if sideslip:
         yield Row("dutch roll phi/beta", float(bank / sideslip))
@@ -166,12 +170,12 @@ def _bank_per_sideslip(trimmed: Trimmed) -> Iterator[Row]:
 
 def _anticipation(trimmed: Trimmed, frequency: float) -> Iterator[Row]:
     """Yield n/alpha, unless it is unknown or 0, and the parameter CAP if it is positive."""
-    pulled = trimmed.pull_up
-    if pulled is None or not pulled.alpha or not pulled.load_factor:
+    pull_up = trimmed.pull_up
+    if pull_up is None or not pull_up.alpha or not pull_up.load_factor:
         return
-    ratio = pulled.load_factor / pulled.alpha
-    if math.isnan(ratio):
+    load_per_alpha = pull_up.load_factor / pull_up.alpha
+    if math.isnan(load_per_alpha):
         return
-    yield Row("n/alpha", ratio, "1/rad")
-    if frequency**2 / ratio > 0:
-        yield Row("CAP", frequency**2 / ratio, "1/s^2")
+    yield Row("n/alpha", load_per_alpha, "1/rad")
+    if frequency**2 / load_per_alpha > 0:
+        yield Row("CAP", frequency**2 / load_per_alpha, "1/s^2")

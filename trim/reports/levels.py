@@ -101,13 +101,10 @@ def usual_class(trimmed: Trimmed) -> UsualClass:
     These numbers are a convention of this tool. MIL-F-8785C, 1.3, describes the classes in words:
     I small and light, II of medium weight, III large and heavy, IV of high maneuverability.
     """
-    most = (
-        trimmed.model.outputs["load_factor"].max
-        if "load_factor" in trimmed.model.outputs
-        else math.inf
-    )
-    if _MANEUVERABLE <= most < math.inf:
-        return UsualClass("IV", f"load factor up to {most:.3g}")
+    outputs = trimmed.model.outputs
+    largest_load = outputs["load_factor"].max if "load_factor" in outputs else math.inf
+    if _MANEUVERABLE <= largest_load < math.inf:
+        return UsualClass("IV", f"load factor up to {largest_load:.3g}")
     weight = _weight(trimmed)
     unit_per_lbf = None if weight is None else conversion_factor("lbf", weight.unit)
     if weight is None or unit_per_lbf is None:
@@ -138,7 +135,7 @@ def _weight(trimmed: Trimmed) -> Quantity | None:
 
 
 def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
-    """Return rows with the levels of those qualities of modes that the standard grades.
+    """Return rows with a level added to each quality of a mode that the standard grades.
 
     rows: handling qualities
     airplane: class and category
@@ -182,10 +179,12 @@ class _Rule(NamedTuple):
 
 
 def _least(*values: float) -> Limits:
+    """Return the limits of the levels 1, 2 and 3 with these smallest values."""
     return [Span(least=value) for value in values]
 
 
 def _most(*values: float) -> Limits:
+    """Return the limits of the levels 1, 2 and 3 with these largest values."""
     return [Span(most=value) for value in values]
 
 
@@ -199,9 +198,9 @@ def _rules(mode: str, qualities: Mapping[str, float], airplane: Airplane) -> Ite
         case "dutch roll":
             yield from _of_dutch_roll(qualities, airplane)
         case "roll":
-            slowest = {"A": ("I", "IV"), "B": (), "C": _AGILE}[airplane.category]
-            agile = airplane.class_ in slowest
-            limits = _most(1.0, 1.4, 10.0) if agile else _most(1.4, 3.0, 10.0)
+            faster_classes = {"A": ("I", "IV"), "B": (), "C": _AGILE}[airplane.category]
+            is_faster = airplane.class_ in faster_classes
+            limits = _most(1.0, 1.4, 10.0) if is_faster else _most(1.4, 3.0, 10.0)
             yield _Rule("roll time constant", "3.3.1.2", limits)
             yield _of_roll_spiral(mode, airplane)
         case "spiral":
@@ -295,31 +294,32 @@ def _note(level: int, rule: _Rule, is_negative: bool) -> str:
 def level_lines(
     rows: Sequence[Row], modes: Iterable[str], airplane: Airplane, why: str
 ) -> list[str]:
-    """Return sentences on the class and the category, on modes without a rule and missing modes.
+    """Return sentences on the class and the category, the modes for which the standard has no rule,
+    and the modes with a rule that the aircraft does not have.
 
     rows: handling qualities with their levels
     modes: names of the modes at the trim
     why: reason for the class, or ""
     """
-    levels = [row.name for row in rows if row.level is not None]
-    if not levels:
+    graded_names = [row.name for row in rows if row.level is not None]
+    if not graded_names:
         return [f"{STANDARD}: not in this model: no mode that it has a rule for"]
     reason = f" (by hfa's convention, {why}; --class changes it)" if why else ""
     category = f"category {airplane.category} (--category changes it)"
-    said = [f"{STANDARD}: class {airplane.class_}{reason}, {category}"]
+    sentences = [f"{STANDARD}: class {airplane.class_}{reason}, {category}"]
     families = dict.fromkeys(name.partition(" (")[0] for name in modes)
-    without = [
+    without_rule = [
         f"{family} (real eigenvalues)" if family in _MODES else family
         for family in families
-        if not any(name.startswith(f"{family} ") for name in levels)
+        if not any(name.startswith(f"{family} ") for name in graded_names)
     ]
-    if without:
-        said.append(f"{STANDARD} has no rule for: {', '.join(without)}")
-    coupled = any(f"{mode} {_COUPLED}" in levels for mode in ("roll", "spiral"))
-    present = {*families, "roll", "spiral"} if coupled else {*families}
+    if without_rule:
+        sentences.append(f"{STANDARD} has no rule for: {', '.join(without_rule)}")
+    is_coupled = any(f"{mode} {_COUPLED}" in graded_names for mode in ("roll", "spiral"))
+    present = {*families, "roll", "spiral"} if is_coupled else {*families}
     if absent := [mode for mode in _MODES if mode not in present]:
-        said.append(f"{', '.join(absent)}: not in this model")
-    return said
+        sentences.append(f"{', '.join(absent)}: not in this model")
+    return sentences
 
 
 def _limits_text(limits: Limits) -> str:

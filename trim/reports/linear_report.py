@@ -16,7 +16,7 @@ from hfa_support.reporting.text import WIDTH, Table, degrees, matrix_table, wrap
 from trim.linear.frequency import responses_at_modes, responses_table
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
-from trim.reports.first_lines import first_line, mode_lines, without_lines
+from trim.reports.first_lines import first_line, mode_lines, without_line_numbers
 from trim.reports.handling_qualities import handling_qualities
 from trim.reports.trimmed import Trimmed
 
@@ -69,46 +69,23 @@ def report_of_linear(
     responses: whether to add the frequency responses at the natural frequencies of the modes
     beside: what is known from elsewhere
     """
-    point = model.point
-    signals = point.model
-    trimmed = Trimmed(point)
-    modes = model.modes
+    signals = model.model
+    trimmed = Trimmed(model.point)
     blocks = _blocks(model)
-    matrix_names = [block.name for block in blocks]
-    equations = "x' = A x + B u, "
-    if "C" in matrix_names:
-        equations += "y = C x + D u, "
-    title = "\n".join(
-        [
-            first_line(trimmed, "linearized", modes),
-            mode_lines(modes, signals),
-            f"{equations}x = X - X0, u = U - U0",
-            wrapped(
-                f"{', '.join(matrix_names[:-1])} and {matrix_names[-1]} in {units_in_words(model)};"
-                " X0 and U0 in the units of their table",
-                WIDTH,
-            ),
-        ]
-    )
     parts: list[Part] = [_matrix(block) for block in blocks]
     data = storable(model)
     if beside is not None:
         parts.append(beside.accuracy)
         data |= beside.data
-    names = (*model.states, *model.inputs)
-    offsets = (*model.state_offsets.tolist(), *model.input_offsets.tolist())
-    offset_rows = [
-        (name, *degrees(value, signals.unit(name)))
-        for name, value in zip(names, offsets, strict=True)
-    ]
-    parts.append(Table(("offset", "value", "unit"), offset_rows))
-    parts.append(modes_table(modes, signals.time_unit))
+    parts += [_offsets_table(model), modes_table(model.modes, signals.time_unit)]
     if beside is not None:
         parts += beside.others
     qualities = tuple(handling_qualities(trimmed))
     if qualities:
-        of_all = f", all {len(signals.linear)} states" * (len(model.states) < len(signals.linear))
-        parts.append(Group(f"handling qualities{of_all}", qualities))
+        title = "handling qualities"
+        if len(model.states) < len(signals.linear):  # they are those of the whole linear model
+            title += f", all {len(signals.linear)} states"
+        parts.append(Group(title, qualities))
         data["handling_qualities"] = {row.name: row for row in qualities}
     if responses:
         at_modes = responses_at_modes(model)
@@ -117,7 +94,36 @@ def report_of_linear(
     if beside is not None:
         parts += beside.printed
     records = _records(model, blocks, None if beside is None else beside.bands)
-    return Report(title, parts, without_lines(model.warnings), data, records)
+    notes = without_line_numbers(model.warnings)
+    return Report(_first_lines(model, trimmed, blocks), parts, notes, data, records)
+
+
+def _first_lines(model: LinearModel, trimmed: Trimmed, blocks: Sequence[Block]) -> str:
+    """Return the condition, the modes, the equations, and the units of the matrices."""
+    names = [block.name for block in blocks]
+    equations = "x' = A x + B u, y = C x + D u, " if "C" in names else "x' = A x + B u, "
+    units = (
+        f"{', '.join(names[:-1])} and {names[-1]} in {units_in_words(model)}; X0 and U0 in the "
+        "units of their table"
+    )
+    lines = [
+        first_line(trimmed, "linearized", model.modes),
+        mode_lines(model.modes, model.model),
+        f"{equations}x = X - X0, u = U - U0",
+        wrapped(units, WIDTH),
+    ]
+    return "\n".join(lines)
+
+
+def _offsets_table(model: LinearModel) -> Table:
+    """Return a table of the offsets X0 and U0, with angles in degrees."""
+    names = (*model.states, *model.inputs)
+    offsets = (*model.state_offsets.tolist(), *model.input_offsets.tolist())
+    rows = [
+        (name, *degrees(value, model.model.unit(name)))
+        for name, value in zip(names, offsets, strict=True)
+    ]
+    return Table(("offset", "value", "unit"), rows)
 
 
 def _records(
@@ -125,10 +131,11 @@ def _records(
 ) -> Table:
     """Return a table in full precision of the entries and offsets of a linear model.
 
-    bands: as in `Beside`, for a column of their own; None without this column
+    Each row is (matrix, row name, column name, value, unit, band). An offset has "X0" or "U0" in
+    place of a matrix.
+
+    bands: as in `Beside`; None without this column
     """
-    # Each row is (matrix, row name, column name, value, unit, band). An offset has "X0" or "U0" in
-    # place of a matrix.
     rows: list[tuple[Any, ...]] = []
     for block in blocks:
         of_block = (bands or {}).get(block.name)
@@ -152,25 +159,23 @@ def units_in_words(model: LinearModel) -> str:
 
     Signals in units other than the common ones are listed after "but".
     """
-    units = model.model.units
-    length = next(
-        (unit for state in model.state_units for unit in _base_units(state) if unit in _LENGTHS), ""
-    )
-    names = dict.fromkeys((*model.states, *model.inputs, *model.outputs))
+    state_bases = [base for unit in model.state_units for base in _base_units(unit)]
+    length = next((base for base in state_bases if base in _LENGTHS), "")
     time = model.model.time_unit
-    common = {"rad", length, time}
-    others: dict[str, list[str]] = {}
+    common = ("rad", length, time)
     present = {time}
-    for name, unit in zip(names, units(tuple(names)), strict=True):
+    names_by_unit: dict[str, list[str]] = {}  # of the other units
+    for name in dict.fromkeys((*model.states, *model.inputs, *model.outputs)):
+        unit = model.model.unit(name)
         bases = _base_units(unit)
-        if bases <= common:
+        if bases <= {*common}:
             present |= bases
         else:
-            others.setdefault(unit, []).append(name)
-    words = ", ".join(unit for unit in ("rad", length, time) if unit in present)
-    if others:
-        listed = [f"{', '.join(names)} in {unit}" for unit, names in others.items()]
-        words += f", but {'; '.join(listed)}"
+            names_by_unit.setdefault(unit, []).append(name)
+    words = ", ".join(unit for unit in common if unit in present)
+    if names_by_unit:
+        others = [f"{', '.join(names)} in {unit}" for unit, names in names_by_unit.items()]
+        words += f", but {'; '.join(others)}"
     return words
 
 
@@ -185,6 +190,7 @@ def matrices(model: LinearModel) -> list[Table]:
 
 
 def _matrix(block: Block) -> Table:
+    """Return a table of the entries of a matrix."""
     return matrix_table(block.name, block.rows, block.columns, block.values)
 
 

@@ -13,7 +13,7 @@ from trim.point.status import DOUBTED, FREE, LIMIT, NAME, RESULTS, STALLED, TRIM
 
 
 def result_of(sheet: Sheet) -> str:
-    """Return as what a trim counts, by the rows of its sheet."""
+    """Return the result of a trim by its sheet: "no trim", "stalled", "doubted" or "trimmed"."""
     names = {row.name for row in sheet}
     for row, result in (("failure", UNTRIMMED), ("stalled", STALLED), ("doubts", DOUBTED)):
         if row in names:
@@ -56,23 +56,23 @@ def matrix(asked: Sequence[Sheet], sheets: Sequence[Sheet]) -> Table:
     A file of conditions may be this table: its columns before `results` state the conditions. A
     value that only some conditions state has a second column, "NAME (trim) [UNIT]".
     """
-    typed, found = matrix_of(asked), matrix_of(sheets)
-    header: list[str] = []
-    new = []
-    for index, heading in enumerate(found.header):
-        called = heading
-        if heading in typed.header:
-            stated = [row[typed.header.index(heading)] for row in typed.rows]
-            if all(
-                cell != "" or row[index] == "" for cell, row in zip(stated, found.rows, strict=True)
-            ):
-                continue  # each condition states this value
+    conditions, results = matrix_of(asked), matrix_of(sheets)
+    headings: dict[int, str] = {}  # place of a column of the results -> its heading
+    for place, heading in enumerate(results.header):
+        if heading not in conditions.header:
+            headings[place] = heading
+        elif not _states_each_value(conditions, results, heading):
             name, bracket, unit = heading.partition(" [")
-            called = f"{name} (trim){bracket}{unit}"
-        header.append(called)
-        new.append(index)
+            headings[place] = f"{name} (trim){bracket}{unit}"
     rows = [
-        (*of_asked, result_of(sheet), *(of_found[index] for index in new))
-        for of_asked, sheet, of_found in zip(typed.rows, sheets, found.rows, strict=True)
+        (*condition, result_of(sheet), *(result[place] for place in headings))
+        for condition, sheet, result in zip(conditions.rows, sheets, results.rows, strict=True)
     ]
-    return Table((*typed.header, RESULTS, *header), rows)
+    return Table((*conditions.header, RESULTS, *headings.values()), rows)
+
+
+def _states_each_value(conditions: Table, results: Table, heading: str) -> bool:
+    """Return whether the conditions state each value that the results have in a column."""
+    stated = [row[conditions.header.index(heading)] for row in conditions.rows]
+    found = [row[results.header.index(heading)] for row in results.rows]
+    return all(cell != "" or value == "" for cell, value in zip(stated, found, strict=True))

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 from hfa_support.reporting.rows import Lacking, Row, Sheet
 from hfa_support.units import conversion_factor
-from trim.reports.flight import OUTPUTS, dynamic_pressure, outputs
+from trim.reports.flight import OUTPUTS, dynamic_pressure, output_rows
 from trim.reports.trimmed import Trimmed
 
 #: Unit of a power in a model -> unit on the sheet, and factor.
@@ -31,7 +31,7 @@ _LOAD = 1e-3
 
 def performance_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     """Yield loads, L/D, thrust, climb, power and stall of an aircraft, then its other outputs."""
-    rows: list[Row | Lacking] = [*outputs(trimmed, _LOADS)]
+    rows: list[Row | Lacking] = [*output_rows(trimmed, _LOADS)]
     if {"speed", "alpha"} <= {*trimmed.roles}:
         rows += [*lift_and_drag(trimmed), *thrust(trimmed), *stall(trimmed)]
     yield from rows
@@ -39,7 +39,7 @@ def performance_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     known = {*_KNOWN, *model.variables, *trimmed.given.trim_problem.asked.imposed}
     known |= {row.name.replace(" ", "_") for row in rows}
     others = tuple(name for name in model.outputs if name not in known)
-    yield from outputs(trimmed, others, rare=True)
+    yield from output_rows(trimmed, others, rare=True)
 
 
 def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
@@ -54,14 +54,14 @@ def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         unit = f"{trimmed.unit('drag')} {trimmed.unit(speed)}"
         shown, factor = _POWERS.get(unit, (unit, 1.0))
         yield Row("power required", trimmed["drag"] * trimmed[speed] * factor, shown)
-    if not no_force(trimmed):
+    if not lacks_coefficient(trimmed):
         force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
         yield Row(_LIFT, trimmed["lift"] / force)
         if "drag" in trimmed.model.outputs:
             yield Row("drag coefficient", trimmed["drag"] / force)
 
 
-def no_force(trimmed: Trimmed) -> str:
+def lacks_coefficient(trimmed: Trimmed) -> str:
     """Return why the lift has no coefficient, or ""."""
     names = ("lift", "dynamic_pressure", "reference_area")
     return trimmed.lacks(*names) or trimmed.zero(*names[1:])
@@ -95,14 +95,15 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     load factor of the trim if it is another one, and the stall speed at 1 g, V sqrt(W / largest
     lift). Without a weight, the load factor is that of the lift.
     """
-    reason = no_force(trimmed) or trimmed.zero("lift")
+    reason = lacks_coefficient(trimmed) or trimmed.zero("lift")
     largest = None if reason else trimmed.largest_lift
     if largest is None:
         yield Lacking(_RATIO, reason or "no CL_max, and lift without a maximum")
         return
     force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
-    known = math.isfinite(largest.alpha)
-    where = f"at alpha {math.degrees(largest.alpha):.4g} deg" if known else ""
+    where = ""
+    if math.isfinite(largest.alpha):
+        where = f"at alpha {math.degrees(largest.alpha):.4g} deg"
     yield Row(_LARGEST, largest.lift / force, note=where)
     has_weight = "weight" in trimmed.model.outputs and trimmed["weight"] > 0.0
     if largest.lift <= 0.0:
@@ -124,7 +125,7 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 
 
 def stall_speed(trimmed: Trimmed, share: float) -> Iterator[Row]:
-    """Yield the stall speed at 1 g, kt, of which the share of the speed is known."""
+    """Yield the stall speed at 1 g, kt: a share of the speed."""
     speed = trimmed.roles["speed"]
     knots = conversion_factor(trimmed.unit(speed), "kt")
     if knots is None:
@@ -140,22 +141,21 @@ def stall_speed(trimmed: Trimmed, share: float) -> Iterator[Row]:
         yield Row("stall speed at 1 g", equivalent, "kt", f"Vs, KEAS; {true:.4g} KTAS")
 
 
-def stalled_at(trimmed: Trimmed) -> list[str]:
+def stall_lines_at(trimmed: Trimmed) -> list[str]:
     """Return sentences on a trim beyond the largest lift."""
     if not trimmed.given.ok or not {"speed", "alpha"} <= {*trimmed.roles}:
         return []
-    return stalled(Sheet.of([("", [*lift_and_drag(trimmed), *stall(trimmed)], ())]))
+    return stall_lines(Sheet.of([("", [*lift_and_drag(trimmed), *stall(trimmed)], ())]))
 
 
-def stalled(sheet: Sheet) -> list[str]:
+def stall_lines(sheet: Sheet) -> list[str]:
     """Return sentences on a trim beyond the largest lift, by the rows of its sheet."""
     rows = {row.name: row for row in sheet}
-    largest = rows.get(_LARGEST)
-    if largest is None:
+    if _LARGEST not in rows:
         return []
-    most, here = float(largest), float(rows[_LIFT])
+    largest, lift = float(rows[_LARGEST]), float(rows[_LIFT])
     if sheet.lacking.get(_RATIO) == _PASSED:
-        return [f"STALLED: {_PASSED}, CL {most:.4g} {largest.note}"]
-    if here > most:
-        return [f"STALLED: CL {here:.4g} is above CL_max {most:.4g} of the table"]
+        return [f"STALLED: {_PASSED}, CL {largest:.4g} {rows[_LARGEST].note}"]
+    if lift > largest:
+        return [f"STALLED: CL {lift:.4g} is above CL_max {largest:.4g} of the table"]
     return []

@@ -20,9 +20,9 @@ _NOISE = 1e-14
 
 
 def equations_of(point: OperatingPoint) -> dict[str, dict[str, Any]]:
-    """Return data on each equation of a trim, state or output -> data."""
-    # The data are the imposed value, the residual, its tolerance, the unit, and whether the
-    # equation balances.
+    """Return state or output -> data on its equation: the imposed value, the residual, its
+    tolerance, the unit, and whether it balances.
+    """
     condition = point.trim_problem.asked
     imposed = {**condition.imposed, **condition.rates}
     equations = {}
@@ -39,8 +39,12 @@ def equations_of(point: OperatingPoint) -> dict[str, dict[str, Any]]:
 
 
 def equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:
-    """Return a table of the equations, with those that do not balance first."""
-    # The column of imposed rates is omitted if all imposed rates are 0.
+    """Return a table of the equations, with those that do not balance first.
+
+    The column of imposed rates is omitted if all imposed rates are 0.
+
+    equations: data of `equations_of`
+    """
     states = point.model.states
     with_rates = any(entry["imposed"] for name, entry in equations.items() if name in states)
     scaled = point.scaled_residuals
@@ -74,15 +78,11 @@ def balance_row(point: OperatingPoint) -> Row:
     """Return the row of the largest residual of the equations, relative to their scales."""
     count = len(point.residuals)
     wrong = sum(abs(each) > BALANCE for each in point.scaled_residuals.values())
-    verdict = (
-        f"{wrong} of {count} equations do not balance"
-        if wrong
-        else f"all {count} equations balance"
-    )
+    verdict, tone = f"all {count} equations balance", ""
+    if wrong:
+        verdict, tone = f"{wrong} of {count} equations do not balance", "bad"
     note = f"of its scale, tolerance {BALANCE:.0e}: {verdict}"
-    return Row(
-        "largest residual", point.residual, note=note, least=_NOISE, tone="bad" * bool(wrong)
-    )
+    return Row("largest residual", point.residual, note=note, least=_NOISE, tone=tone)
 
 
 def other_trims(problem: TrimProblem, point: OperatingPoint) -> list[OperatingPoint]:
@@ -102,19 +102,19 @@ def other_trims(problem: TrimProblem, point: OperatingPoint) -> list[OperatingPo
         return []
     starts.append(problem.unknowns(declared_start(problem.model, problem.asked.imposed)))
     trims = [trim]
-    for solution in problem.ends_within(starts):
-        if problem.solved(solution) and not any(_is_one(problem, solution, z) for z in trims):
-            trims.append(solution)
+    for z in problem.ends_within(starts):
+        if problem.solved(z) and not any(_are_one_trim(problem, z, known) for known in trims):
+            trims.append(z)
     return [OperatingPoint._of(problem, z, Status.TRIMMED) for z in trims[1:]]
 
 
-def _is_one(problem: TrimProblem, z: np.ndarray, other: np.ndarray) -> bool:
+def _are_one_trim(problem: TrimProblem, z: np.ndarray, other: np.ndarray) -> bool:
     """Return whether two solutions, (k,), are one trim: the equations also balance between them."""
     return all(problem.balanced(z + share * (other - z)) for share in (0.25, 0.5, 0.75))
 
 
 class Search(NamedTuple):
-    """What is said on the search for a trim.
+    """What a report says on the search for a trim.
 
     data: entries of the file
     sentences: sentences on unusual features
@@ -145,15 +145,11 @@ def search_of(point: OperatingPoint) -> Search:
         sentences.append(
             f"Found from initial point {point.initial_point} of {STARTS} between the limits"
         )
-    limits = problem.system.limits
-    free = np.isinf(limits.lowest) & np.isinf(limits.highest)
-    names = ", ".join(problem.free[i] for i in np.flatnonzero(free))
-    unlimited = f"No limits are declared for {names}; check that the values are reachable"
     if problem.idle:
         idle = ", ".join(problem.idle)
         sentences.append(f"Neither held nor determined, kept at the start value: {idle}")
     sentences += [_other_trim(problem, point, other) for other in others]
-    search = {
+    data = {
         "equations": equations,
         "unknowns": unknowns,
         "least_effort": unknowns > equations,
@@ -163,16 +159,27 @@ def search_of(point: OperatingPoint) -> Search:
         "undetermined": point._undetermined.names,
         "other_trims": [{name: other.values[name] for name in problem.free} for other in others],
     }
-    return Search(search, sentences, [unlimited] if names else [])
+    return Search(data, sentences, _unlimited(problem))
+
+
+def _unlimited(problem: TrimProblem) -> list[str]:
+    """Return a list with a sentence on the free variables without limits, if there are any."""
+    limits = problem.system.limits
+    is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
+    names = ", ".join(problem.free[i] for i in np.flatnonzero(is_unlimited))
+    if not names:
+        return []
+    return [f"No limits are declared for {names}; check that the values are reachable"]
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
     """Return a sentence on another trim, with an initial point that leads to it."""
     model = problem.model
-    apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values))
-    names = [problem.free[i] for i in np.flatnonzero(apart > MINOR * apart.max())]
+    differences = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values))
+    different = np.flatnonzero(differences > MINOR * differences.max())
+    names = [problem.free[i] for i in different]
     values = ", ".join(f"{name} {model.describe(name, other.values[name])}" for name in names)
-    # states decide which trim is found; the search chooses the inputs that balance them
+    # States decide which trim is found; the search chooses the inputs that balance them.
     begin = [name for name in names if name not in model.inputs] or names
     typed = ",".join(
         f"{name}={shown_value(other.values[name], model.unit(name))}" for name in begin

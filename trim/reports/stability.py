@@ -10,6 +10,8 @@ from trim.reports.trimmed import Trimmed
 #: Methods of the control gradients.
 _PER_G = "steady pull-up; lags follow"
 _PER_KNOT = "trims 0.5 kt slower and faster"
+#: Figures that derivatives give.
+_FIGURES = ("static margin", "neutral point behind c.g.", "control per g", "control per knot")
 
 
 def stability_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
@@ -17,12 +19,7 @@ def stability_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     if not {"speed", "alpha"} <= {*trimmed.roles}:
         return
     if trimmed.fault:
-        for name in (
-            "static margin",
-            "neutral point behind c.g.",
-            "control per g",
-            "control per knot",
-        ):
+        for name in _FIGURES:
             yield Lacking(name, "a derivative is not a number")
         return
     yield from static_margin(trimmed)
@@ -54,21 +51,21 @@ def static_margin(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 
 def control_gradients(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     """Yield the changes of the pitching input per load factor and per knot."""
-    pulled = trimmed.pull_up
-    if pulled is None:
+    pull_up = trimmed.pull_up
+    if pull_up is None:
         for name in ("control per g", "CAP", "control per knot"):
             yield Lacking(name, "no input pitches the aircraft without delay")
         return
-    unit = trimmed.unit(pulled.name)
-    called = pulled.name.replace("_", " ")
+    unit = trimmed.unit(pull_up.name)
+    control = pull_up.name.replace("_", " ")
     if "load_factor" not in trimmed.model.outputs:
         yield Lacking("control per g", "no output load_factor")
         yield Lacking("CAP", "no output load_factor")
-    elif pulled.load_factor:
-        yield Row(f"{called} per g", 1.0 / pulled.load_factor, f"{unit}/g", _PER_G)
-    change = trimmed.change_per_knot(pulled.name)
+    elif pull_up.load_factor:
+        yield Row(f"{control} per g", 1.0 / pull_up.load_factor, f"{unit}/g", _PER_G)
+    change = trimmed.change_per_knot(pull_up.name)
     if change is None:
         reason = "no trims 0.5 kt slower and faster that free the control"
         yield Lacking("control per knot", reason)
     else:
-        yield Row(f"{called} per knot", change, f"{unit}/kt", _PER_KNOT)
+        yield Row(f"{control} per knot", change, f"{unit}/kt", _PER_KNOT)

@@ -24,14 +24,14 @@ from trim.reports.first_lines import (
     subject,
     title_of,
     uniqueness_lines,
-    without_lines,
+    without_line_numbers,
 )
 from trim.reports.flight import flight_rows, same_as_the_table
 from trim.reports.handling_qualities import mode_figures
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane, chosen_airplane
 from trim.reports.limits import ASSUMED, limit_rows, named_nearest, nearest_first, variable_rows
 from trim.reports.matrix import asked_of, matrix
-from trim.reports.performance import performance_rows, stalled
+from trim.reports.performance import performance_rows, stall_lines
 from trim.reports.search import balance_row, equations_of, equations_table
 from trim.reports.stability import stability_rows
 from trim.reports.trimmed import Trimmed
@@ -61,10 +61,11 @@ def sheet_of(point: OperatingPoint, airplane: Airplane = DEFAULT_AIRPLANE) -> Sh
 def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
     point = trimmed.given
-    assumed = [ASSUMED] * any(each.nearer and each.assumed for each in point.margins.values())
+    has_assumed = any(each.nearer and each.assumed for each in point.margins.values())
+    assumed = [ASSUMED] if has_assumed else []
     variables = variable_rows(trimmed)
-    imposed = {row.name for row in variables}
-    flight = [row for row in flight_rows(trimmed) if row.name not in imposed]
+    variable_names = {row.name for row in variables}
+    flight = [row for row in flight_rows(trimmed) if row.name not in variable_names]
     flight.append(balance_row(point))
     groups: list[tuple[str, Any, Any]] = [
         ("condition", flight, same_as_the_table(trimmed)),
@@ -85,25 +86,25 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
 
 
 def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
-    """Return what the first lines and the sentences of a sheet say, as rows, and what limits and
-    levels amount to.
+    """Return rows with what the first lines and the sentences of a sheet say, the limits that are
+    reached, and the worst level.
 
-    sheet: the other groups
+    sheet: the other groups of the sheet
     """
     point = trimmed.given
     condition = None if point.found_by is None else point.found_by.asked
     imposed = {} if condition is None else condition.imposed
     margins = point.margins.values()
     said: dict[str, Iterable[str]] = {
-        "stalled": stalled(sheet),
+        "stalled": stall_lines(sheet),
         "doubts": doubts_of(trimmed),
-        "not determined": uniqueness_lines(point),
+        "not determined": uniqueness_lines(trimmed),
         "far out": point._far_out,
         "engines out": engines_without_power(trimmed, imposed).values(),
         "limits reached": [each.name for each in nearest_first(trimmed) if each.at_limit],
         "assumed limits": [each.name for each in margins if each.nearer and each.assumed],
         "search": [*trimmed.search.sentences, *trimmed.search.unlimited],
-        "notes": without_lines(point.warnings),
+        "notes": without_line_numbers(point.warnings),
     }
     for title, _, lines in sheet.groups:
         said[f"on {title}"] = [line for line in lines if line != ASSUMED]
@@ -138,7 +139,7 @@ def report_of(
     search = trimmed.search
     equations = equations_of(point)
     nearest = named_nearest(nearest_first(trimmed))
-    stalls = stalled(sheet)
+    stalls = stall_lines(sheet)
     parts: list[Any] = [*sheet.shown(full)]
     if full or not all(entry["ok"] for entry in equations.values()):
         parts.append(equations_table(point, equations))
@@ -150,7 +151,7 @@ def report_of(
     parts += others
     controls = control_lines(trimmed, {row.name: row for row in sheet}.get("L/D"))
     title = "\n".join(filter(None, [title_of(trimmed), controls]))
-    notes = point.warnings if full else without_lines(point.warnings)
+    notes = point.warnings if full else without_line_numbers(point.warnings)
     data = {
         "schema": "hfa.trim/1",
         "dynamics": point.dynamics,
@@ -224,6 +225,6 @@ def saved_report(point: OperatingPoint) -> Report:
         (kind, name, float(shown_values(value, unit)), shown_unit(unit))
         for kind, name, value, unit in rows
     ]
-    notes = without_lines(point.warnings)
+    notes = without_line_numbers(point.warnings)
     title = title_of(Trimmed(point))
     return Report(title, [Table(header, shown)], notes, storable(point), Table(header, records))

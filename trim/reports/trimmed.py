@@ -16,6 +16,7 @@ from hfa_aircraft.model import Model, recognized
 from hfa_support.errors import BadInputError, NoSolutionError, NotFiniteError
 from hfa_support.matrices import ROUNDING, balanced
 from hfa_support.reporting.named import ByName
+from hfa_support.reporting.text import digits_with_unit
 from hfa_support.units import conversion_factor
 from trim.linear.kinks import linearization_at
 from trim.linear.modes import Mode, modes_of
@@ -32,6 +33,16 @@ _ANGLES = 200
 _ACCURACY = 1e-7
 #: Change of the speed between a trim and its neighbors, kt.
 _KNOTS = 0.5
+
+
+def value_text(model: Model, name: str, value: float) -> str:
+    """Return a value of a signal with its unit as text, in five digits: "40,000 ft"."""
+    return digits_with_unit(value, model.unit(name), 5, model.signal(name).nominal)
+
+
+def named_value_text(point: OperatingPoint, name: str) -> str:
+    """Return a signal with its value at a point as text: "beta 5 deg"."""
+    return f"{name} {value_text(point.model, name, point[name])}"
 
 
 class Slopes(NamedTuple):
@@ -185,23 +196,12 @@ class Trimmed:
 
     @cached_property
     def quasi_steady(self) -> Slopes:
-        """Derivatives with lags residualized, x2 = -A22⁻¹ (A21 x1 + B2 u), by the other states.
-
-        Lags are linear states without a meaning in the motion of a body: they are no state that
-        `recognized` names, no position whose rate is a state, and no rate of a position. They are
-        kept if they have no stable steady state.
+        """Derivatives by the states that are no lags, with the lags residualized:
+        x2 = -A22⁻¹ (A21 x1 + B2 u) for the lags x2 and the other states x1.
         """
         slopes = self.slopes
         names = slopes.states
-        of_motion = {*self.roles.values(), "altitude"}
-        for position, row in enumerate(slopes.A):
-            moving = np.flatnonzero(row)
-            if len(moving) == 1 and moving[0] != position and not slopes.B[position].any():
-                of_motion |= {names[position], names[moving[0]]}
-        linear = self.model.linear
-        lags = [i for i, name in enumerate(names) if name in linear and name not in of_motion]
-        if lags and np.linalg.eigvals(slopes.A[np.ix_(lags, lags)]).real.max() >= 0.0:
-            lags = []
+        lags = self._lags()
         kept = [i for i in range(len(names)) if i not in lags]
         A22 = slopes.A[np.ix_(lags, lags)]
         lags_by_states = -np.linalg.solve(A22, slopes.A[np.ix_(lags, kept)])
@@ -218,6 +218,27 @@ class Trimmed:
         rates = with_lags(slopes.A[kept], slopes.B[kept])
         outputs = {name: with_lags(*each) for name, each in slopes.outputs.items()}
         return Slopes(tuple(names[i] for i in kept), rates.by_states, rates.by_inputs, outputs)
+
+    def _lags(self) -> list[int]:
+        """Return the indices of the linear states without a meaning in the motion of a body, or
+        none if these have no stable steady state.
+
+        They are no state that `recognized` names, no altitude, no position whose rate is a state,
+        and no rate of a position.
+        """
+        slopes = self.slopes
+        names = slopes.states
+        of_motion = {*self.roles.values(), "altitude"}
+        for position, row in enumerate(slopes.A):
+            depends_on = np.flatnonzero(row)
+            is_integral = len(depends_on) == 1 and depends_on[0] != position
+            if is_integral and not slopes.B[position].any():
+                of_motion |= {names[position], names[depends_on[0]]}
+        linear = self.model.linear
+        lags = [i for i, name in enumerate(names) if name in linear and name not in of_motion]
+        if lags and np.linalg.eigvals(slopes.A[np.ix_(lags, lags)]).real.max() >= 0.0:
+            return []
+        return lags
 
     @cached_property
     def search(self) -> Search:
@@ -301,20 +322,18 @@ class Trimmed:
         if self.fault:
             return "a derivative is not a number"
         slopes = self.slopes.outputs[name]
-        motion = {*self.roles.values(), "altitude"}
-        changing = [
-            state for state, slope in zip(model.states, slopes.by_states, strict=True) if slope
-        ]
-        if engine := [state for state in changing if state not in motion]:
-            return f"the thrust follows the state {engine[0]}"
-        moving = [each for each, slope in zip(model.inputs, slopes.by_inputs, strict=True) if slope]
-        inputs = self.point.inputs._replace(**{each: model.inputs[each].max for each in moving})
-        value = math.inf
-        if moving and np.isfinite(inputs).all():
-            value = model.outputs_at(self.point.states, inputs, (name,))[name]
-        if not math.isfinite(value):
+        of_motion = {*self.roles.values(), "altitude"}
+        for state, slope in zip(model.states, slopes.by_states, strict=True):
+            if slope and state not in of_motion:
+                return f"the thrust follows the state {state}"
+        levers = [each for each, slope in zip(model.inputs, slopes.by_inputs, strict=True) if slope]
+        full = self.point.inputs._replace(**{each: model.inputs[each].max for each in levers})
+        thrust = math.inf
+        if levers and np.isfinite(full).all():
+            thrust = model.outputs_at(self.point.states, full, (name,))[name]
+        if not math.isfinite(thrust):
             return "no upper limit of the inputs that change the thrust"
-        return value
+        return thrust
 
     @cached_property
     def largest_lift(self) -> LargestLift | None:
@@ -330,26 +349,23 @@ class Trimmed:
             valid_from, valid_to, _ = model.domain.range[alpha]
             lowest, highest = max(lowest, valid_from), min(highest, valid_to)
         is_limited = math.isfinite(lowest) and math.isfinite(highest)
-        trimmed = self[alpha]
-        above = np.linspace(trimmed, max(highest, trimmed), _ANGLES) if is_limited else None
+        here = self[alpha]
+        above = np.linspace(here, max(highest, here), _ANGLES) if is_limited else None
         lift = self._lift_over(alpha)
         if "largest_lift_coefficient" in model.outputs:
             force = self["dynamic_pressure"] * self["reference_area"]
             largest = force * self["largest_lift_coefficient"]
-            return LargestLift(
-                largest, math.nan if above is None else _first_at(lift, above, largest)
-            )
+            reached_at = math.nan if above is None else _first_at(lift, above, largest)
+            return LargestLift(largest, reached_at)
         if above is None:
             return None
         slopes = np.diff(lift(above))
         is_stalled = bool(slopes.size and slopes[0] < 0.0)
-        below = np.linspace(trimmed, min(lowest, trimmed), _ANGLES)
+        below = np.linspace(here, min(lowest, here), _ANGLES)
         peak = _first_peak(lift, below if is_stalled else above)
-        return (
-            None
-            if peak is None
-            else LargestLift(float(lift(np.array([peak]))[0]), peak, is_stalled)
-        )
+        if peak is None:
+            return None
+        return LargestLift(float(lift(np.array([peak]))[0]), peak, is_stalled)
 
     def _lift_over(self, alpha: str) -> Callable[[np.ndarray], np.ndarray]:
         """Return the function: angles of attack (N,) -> `lift` (N,), otherwise at the point."""
@@ -362,8 +378,10 @@ class Trimmed:
 
 
 def _first_peak(lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> float | None:
-    """Return the angle of the first maximum of the lift along some angles, or None."""
-    # A table that is constant beyond its last breakpoint has no maximum of the lift.
+    """Return the angle of the first maximum of the lift along some angles, or None.
+
+    A lift that remains constant, as beyond the last breakpoint of a table, has no maximum.
+    """
     lifts = lift(angles)
     falls = np.flatnonzero(np.diff(lifts) < -ROUNDING * np.abs(lifts).max())
     if not falls.size or falls[0] == 0:
