@@ -34,8 +34,20 @@ _APART = 1e-6
 #: Smallest jump of a rate, as a fraction of the change due to the slopes, and of the rate's scale,
 #: whose balance in a trim is 1e-10.
 _JUMP, _LEAST_JUMP = 1e-2, 1e-9
-#: Empty result: no points, no states and inputs.
-_NOWHERE = (np.zeros(0, dtype=int), np.zeros(0, dtype=int))
+
+
+class NearSwitches(NamedTuple):
+    """Points near a switch of the equations, and the states and inputs that affect a switch.
+
+    points: indices of the points
+    columns: indices of the states and inputs, states first
+    """
+
+    points: np.ndarray
+    columns: np.ndarray
+
+
+_NOWHERE = NearSwitches(np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 
 
 class MeanSlopes(NamedTuple):
@@ -74,13 +86,13 @@ def mean_at_kinks(
         points = near[first : first + _AT_ONCE]
         z = np.concatenate([x[points], u[points]], axis=1)
         for column in columns.tolist():
-            slopes, words = _beside(model, z, p[points], jacobian[points, :, column], column)
-            jacobian[points, :, column] = slopes
-            for row, note in words:
-                notes.setdefault(int(points[row]), []).append(note)
+            found = _mean_along(model, z, p[points], jacobian[points, :, column], column)
+            jacobian[points, :, column] = found.slopes
+            for place, note in found.notes:
+                notes.setdefault(int(points[place]), []).append(note)
     n = len(model.states)
-    said_at = {point: tuple(notes[point]) for point in sorted(notes)}
-    return MeanSlopes(jacobian[:, :, :n], jacobian[:, :, n:], said_at)
+    notes_in_order = {point: tuple(notes[point]) for point in sorted(notes)}
+    return MeanSlopes(jacobian[:, :, :n], jacobian[:, :, n:], notes_in_order)
 
 
 def linearization_at(
@@ -108,11 +120,8 @@ def linearization_at(
     return exact._replace(A=found.A[0], B=found.B[0]), found.notes[0]
 
 
-def near_switches(
-    model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the indices of the points near a switch, and of the states and inputs that affect a
-    switch.
+def near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> NearSwitches:
+    """Return the points near a switch, and the states and inputs that affect a switch.
 
     A point is near a switch if finite-difference steps of the states and inputs may reach the
     switch. There are two special cases:
@@ -131,7 +140,7 @@ def near_switches(
     if switches is None:
         if not _calls_functions(model.layout):
             return _NOWHERE
-        return np.flatnonzero(np.isfinite(x).all(axis=1)), np.arange(len(steps))
+        return NearSwitches(np.flatnonzero(np.isfinite(x).all(axis=1)), np.arange(len(steps)))
     distances, moves = switches(x, u, p)
     near = distances <= 0.0
     if not near.any():
@@ -139,8 +148,8 @@ def near_switches(
     points = np.flatnonzero(near.any(axis=1))
     moving = moves.reshape(*distances.shape, -1)[near]
     if not moving.any(axis=1).all():  # a switch that depends on z in second order only
-        return points, np.arange(len(steps))
-    return points, np.flatnonzero(moving.any(axis=0))
+        return NearSwitches(points, np.arange(len(steps)))
+    return NearSwitches(points, np.flatnonzero(moving.any(axis=0)))
 
 
 @lru_cache(maxsize=16)
@@ -166,8 +175,9 @@ def rates_of(layout: Layout) -> ca.Function:
 
 @lru_cache(maxsize=16)
 def _calls_functions(layout: Layout) -> bool:
-    """Return whether the equations call functions whose operations are not visible."""
-    # Such functions are `casadi.interpolant` and functions that are not inlined.
+    """Return whether the equations call functions whose operations are not visible:
+    `casadi.interpolant`, and functions that are not inlined.
+    """
     rates = rates_of(layout)
     return ca.OP_CALL in {rates.instruction_id(k) for k in range(rates.n_instructions())}
 
@@ -225,11 +235,25 @@ def _switching(rates: ca.Function, vectors: list[ca.SX]) -> list[ca.SX]:
     return [switch for switch in switches if ca.depends_on(switch, ca.vertcat(x, u))]
 
 
-def _beside(
+class _Note(NamedTuple):
+    """Sentence on a kink or a jump at one of several points."""
+
+    place: int  # index of the point
+    sentence: str
+
+
+class _MeanAlong(NamedTuple):
+    """Slopes of the rates along one state or input at N points, (N, n), and notes on kinks."""
+
+    slopes: np.ndarray
+    notes: list[_Note]
+
+
+def _mean_along(
     model: Model, z: np.ndarray, p: np.ndarray, slopes: np.ndarray, column: int
-) -> tuple[np.ndarray, list[tuple[int, str]]]:
-    """Return the slopes of the rates at N points along one state or input, (N, n), and notes on
-    kinks, (index of a point, sentence).
+) -> _MeanAlong:
+    """Return the slopes of the rates at N points along one state or input, with the mean of both
+    sides where these differ.
 
     z: (N, n + m), states and inputs
     p: (N, k), parameters
@@ -239,44 +263,52 @@ def _beside(
     name, signal = [*model.states.items(), *model.inputs.items()][column]
     rate_scales = _rate_scales(model)
     step = _BESIDE * steps_of(model)[column]
-    rates_below, below, bent_below = _extrapolated(model, z, p, column, -step)
-    rates_above, above, bent_above = _extrapolated(model, z, p, column, step)
-    bent = bent_below + bent_above
-    allowed = _APART * (rate_scales / signal.nominal + np.abs(slopes)) + bent
-    kinks = np.maximum(np.abs(below - slopes), np.abs(above - slopes)) > allowed
-    gap = np.abs(rates_above - rates_below - step * (above + below))
-    usual = step * (np.abs(above) + np.abs(below) + bent / _JUMP)
-    jumps = gap > _JUMP * usual + _LEAST_JUMP * rate_scales
-    if not (kinks | jumps).any():
-        return slopes, []
-    mean = np.where(kinks, (below + above) / 2.0, slopes)
+    below = _side(model, z, p, column, -step)
+    above = _side(model, z, p, column, step)
+    changes = below.changes + above.changes
+    allowed = _APART * (rate_scales / signal.nominal + np.abs(slopes)) + changes
+    differences = np.maximum(np.abs(below.slopes - slopes), np.abs(above.slopes - slopes))
+    kinks = differences > allowed
+    gap = np.abs(above.rates - below.rates - step * (above.slopes + below.slopes))
+    by_slopes = step * (np.abs(above.slopes) + np.abs(below.slopes) + changes / _JUMP)
+    jumps = gap > _JUMP * by_slopes + _LEAST_JUMP * rate_scales
+    mean = np.where(kinks, (below.slopes + above.slopes) / 2.0, slopes)
     matrix = "A" if column < len(model.states) else "B"
-    states = model.state_names
     notes = []
-    for point, row in np.argwhere(kinks | jumps).tolist():
-        state = states[row]
+    for place, row in np.argwhere(kinks | jumps).tolist():
+        state = model.state_names[row]
         entry = f"{matrix}({state}, {name})"
-        if jumps[point, row]:
-            slope = mean[point, row] + 0.0  # without -0
-            note = (
+        if jumps[place, row]:
+            slope = mean[place, row] + 0.0  # without -0
+            sentence = (
                 f"jump: the rate of {state} jumps as {name} passes its value; {entry} is "
                 f"{slope:.5g}, without the jump"
             )
         else:
-            slope_below, slope_above = below[point, row] + 0.0, above[point, row] + 0.0
-            note = (
+            slope_below, slope_above = (side.slopes[place, row] + 0.0 for side in (below, above))
+            sentence = (
                 f"kink: {entry} is {slope_below:.5g} below and {slope_above:.5g} above "
                 "the trim; their mean is used"
             )
-        notes.append((point, note))
-    return mean, notes
+        notes.append(_Note(place, sentence))
+    return _MeanAlong(mean, notes)
 
 
-def _extrapolated(
-    model: Model, z: np.ndarray, p: np.ndarray, column: int, step: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rates a step away from N points, the slopes on this side of the points, and the
-    change of the slopes in a step, (N, n) each.
+class _Side(NamedTuple):
+    """Rates and slopes on one side of N points, (N, n) each.
+
+    rates: rates a step away from the points
+    slopes: slopes of the rates at the points, extrapolated from this side
+    changes: magnitudes of the change of the slopes in a step
+    """
+
+    rates: np.ndarray
+    slopes: np.ndarray
+    changes: np.ndarray
+
+
+def _side(model: Model, z: np.ndarray, p: np.ndarray, column: int, step: float) -> _Side:
+    """Return rates and slopes along a state or input on the side of N points to which a step leads.
 
     The slopes are 2 J(step) - J(2 step), with an error of the order of step² J''.
     """
@@ -287,7 +319,7 @@ def _extrapolated(
     at, farther = z + step * direction, z + 2.0 * step * direction
     rates, near = along(at[:, :n], at[:, n:], p, direction)
     _, far = along(farther[:, :n], farther[:, n:], p, direction)
-    return rates, 2.0 * near - far, np.abs(near - far)
+    return _Side(rates, 2.0 * near - far, np.abs(near - far))
 
 
 @lru_cache(maxsize=16)

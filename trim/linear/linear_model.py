@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -134,36 +134,20 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
                     "at least one state and one input"
                 )
         names = PlantNames(states, inputs).completed(n, m)
-        shown = tuple(outputs)
-        if C is None:
-            shown = shown or names.states
-            C = np.eye(n)
-        else:
-            shown = shown or _labels(C, 0)
-            C = _labelled("C", C, shown, names.states)
-            shown = shown or numbered("y", len(C))
-        D = np.zeros((len(C), m)) if D is None else _labelled("D", D, shown, names.inputs)
-        for matrix_name, matrix, width in (("C", C, n), ("D", D, m)):
-            if matrix.shape != (len(C), width):
-                wanted = shape_text((len(C), width))
-                raise BadInputError(f"{matrix_name} is {shape_text(matrix.shape)}; give {wanted}")
-        if len(shown) != len(C):
-            raise BadInputError(
-                f"outputs has {len(shown)} names, but C has {len(C)} rows; give a name for each row"
-            )
-        rows = dict(zip(shown, zip(C, D, strict=True), strict=True))
+        output = _output_equation(C, D, tuple(outputs), names)
+        rows = dict(zip(output.names, zip(output.C, output.D, strict=True), strict=True))
         return cls(
             A=A,
             B=B,
-            C=C,
-            D=D,
+            C=output.C,
+            D=output.D,
             states=names.states,
             inputs=names.inputs,
             point=origin(plant_model(name, names, A, B, rows)),
-            outputs=shown,
+            outputs=output.names,
             E=np.zeros((n, 0)),
-            F=np.zeros((len(C), 0)),
-            output_offsets=np.zeros(len(C)),
+            F=np.zeros((len(rows), 0)),
+            output_offsets=np.zeros(len(rows)),
             disturbances=(),
             kinks=(),
         )
@@ -392,6 +376,43 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
             "rate": ("rate", list(self.states)),
         }
         return dataset(matrices, names, self.model.title)
+
+
+class _OutputEquation(NamedTuple):
+    """Output equation y = C x + D u, with C (k, n), D (k, m) and the names of the outputs."""
+
+    C: np.ndarray
+    D: np.ndarray
+    names: tuple[str, ...]
+
+
+def _output_equation(
+    C: ArrayLike | None, D: ArrayLike | None, outputs: tuple[str, ...], names: PlantNames
+) -> _OutputEquation:
+    """Return the output equation of a plant; the arguments are those of `LinearModel.of`.
+
+    names: names of the states and inputs
+
+    Raises BadInputError as `LinearModel.of` does.
+    """
+    n, m = len(names.states), len(names.inputs)
+    if C is None:
+        C = np.eye(n)
+        outputs = outputs or names.states
+    else:
+        outputs = outputs or _labels(C, 0)
+        C = _labelled("C", C, outputs, names.states)
+        outputs = outputs or numbered("y", len(C))
+    D = np.zeros((len(C), m)) if D is None else _labelled("D", D, outputs, names.inputs)
+    for matrix_name, matrix, width in (("C", C, n), ("D", D, m)):
+        if matrix.shape != (len(C), width):
+            right_shape = shape_text((len(C), width))
+            raise BadInputError(f"{matrix_name} is {shape_text(matrix.shape)}; give {right_shape}")
+    if len(outputs) != len(C):
+        raise BadInputError(
+            f"outputs has {len(outputs)} names, but C has {len(C)} rows; give a name for each row"
+        )
+    return _OutputEquation(C, D, outputs)
 
 
 def is_state_space(system: object) -> bool:

@@ -103,8 +103,6 @@ def modes_of(
     coincide = weights.sum(axis=0) <= np.finfo(float).eps  # w v is 0 for a double eigenvalue
     weights = np.where(coincide, np.abs(right) ** 2, weights)
     shares = weights / weights.sum(axis=0)
-    in_families = {state for members in families.values() for state in members}
-    alone = {state: (state,) for state in states if state not in in_families}
 
     values = []
     participations = []
@@ -113,9 +111,11 @@ def modes_of(
         if value.imag >= 0.0:  # a pair is one mode
             values.append(value)
             participations.append(dict(zip(states, shares[:, index].tolist(), strict=True)))
-    names = [
-        _largest_family(participation, {**families, **alone}) for participation in participations
-    ]
+
+    in_families = {state for members in families.values() for state in members}
+    of_single_states = {state: (state,) for state in states if state not in in_families}
+    all_families = {**families, **of_single_states}
+    names = [_largest_family(participation, all_families) for participation in participations]
     if np.count_nonzero(eigenvalues == 0.0) > 2:
         names = [
             "neutral" if value == 0.0 else name for name, value in zip(names, values, strict=True)
@@ -223,6 +223,7 @@ def _distinguished(names: list[str]) -> list[str]:
 
 
 def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
+    """Return the mode of an eigenvalue, with its damping, frequency and times."""
     frequency = abs(value)
     decay = 0.0 - value.real
     return Mode(

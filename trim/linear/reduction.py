@@ -26,13 +26,13 @@ def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) ->
     if isinstance(chosen, str) or not isinstance(chosen, Iterable):
         chosen = [chosen]
     chosen = list(chosen)
-    positions = {name: index for index, name in enumerate(known)}
+    position_of = {name: index for index, name in enumerate(known)}
     for index, name in enumerate(chosen):
-        if not isinstance(name, str) or name not in positions:
+        if not isinstance(name, str) or name not in position_of:
             refuse_unknown(f"unknown {what}", name, known)
         if name in chosen[:index]:
             raise BadInputError(f"{what} {name} is named twice; remove one {name}")
-    return [positions[name] for name in chosen]
+    return [position_of[name] for name in chosen]
 
 
 def omitted_positions(
@@ -156,18 +156,22 @@ def _reduced(
     kept: _Kept,
     columns: list[int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a pair of matrices of the reduced system: A and C, B and D, or E and F."""
-    # The matrices include the effect of the states that follow without delay.
+    """Return the derivatives of rates and outputs of the reduced system, with the effect of the
+    states that follow without delay: A and C, B and D, or E and F.
+
+    of_rates, of_outputs: derivatives of all rates and outputs: A and C, B and D, or E and F
+    columns: columns of the derivatives that are kept
+    """
     rows, following, outputs = kept
-    rates = of_rates[:, columns]
+    by_columns = of_rates[:, columns]
     shown = of_outputs[np.ix_(outputs, columns)]
     if not following:
-        return rates[rows], shown
+        return by_columns[rows], shown
     A22 = whole.A[np.ix_(following, following)]
-    followed = -np.linalg.solve(A22, rates[following])
+    followers_by_columns = -np.linalg.solve(A22, by_columns[following])
     return (
-        rates[rows] + whole.A[np.ix_(rows, following)] @ followed,
-        shown + whole.C[np.ix_(outputs, following)] @ followed,
+        by_columns[rows] + whole.A[np.ix_(rows, following)] @ followers_by_columns,
+        shown + whole.C[np.ix_(outputs, following)] @ followers_by_columns,
     )
 
 
@@ -182,7 +186,9 @@ def reduction_note(kept: Matrices, whole: Matrices) -> str:
     if not truncated:
         return ""
     eigenvalues = spectrum(whole.A).values
-    percent = 100.0 * max(_distance(value, eigenvalues) for value in spectrum(kept.A).values)
+    percent = 100.0 * max(
+        _relative_distance(value, eigenvalues) for value in spectrum(kept.A).values
+    )
     verb = "is" if len(truncated) == 1 else "are"
     return (
         f"{', '.join(truncated)} {verb} left out (truncated); the eigenvalues differ by up to "
@@ -191,8 +197,8 @@ def reduction_note(kept: Matrices, whole: Matrices) -> str:
     )
 
 
-def _distance(value: complex, eigenvalues: np.ndarray) -> float:
-    """Return the least distance of a value from eigenvalues, each relative to their size."""
+def _relative_distance(value: complex, eigenvalues: np.ndarray) -> float:
+    """Return the least |value - λ| / |λ| over eigenvalues λ, 0 for one of them."""
     distances = np.abs(value - eigenvalues)
     sizes = np.abs(eigenvalues)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -25,7 +25,7 @@ from trim.point.halving import newton, newton_step
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.point.status import BALANCE, Status
-from trim.point.system import TrimSystem
+from trim.point.system import NewtonEnds, TrimSystem
 from trim.point.uniqueness import keepable_in
 
 #: Possible statuses of a point.
@@ -108,8 +108,8 @@ def trim_points(
     if kept:
         system = _system(model, release(condition, hold=kept), variables, start)
     points = _settled_together(system, variables, values)
-    within = _true_rows(condition.limits_on(given_variables).within(given_values))
-    refused = ~within & (points.status == TRIMMED)  # as of a parameter
+    within = _rows_all_true(condition.limits_on(given_variables).within(given_values))
+    refused = ~within & (points.status == TRIMMED)  # `trim` says which value is beyond its limit
     points.status[refused] = NO_TRIM
     points.one_by_one[refused] = True
     slow = np.flatnonzero(points.one_by_one).tolist()
@@ -245,42 +245,46 @@ def _system(
 
 
 def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:
-    """Return the trims and linear models that Newton's method finds for all points together."""
-    # - TRIMMED: the equations balance within the limits.
-    # - BEYOND_LIMITS: the equations balance only beyond the limits, and all unknowns are inputs.
-    # - NO_TRIM, marked in `one_by_one`: all other points, and every point if the system is not
-    #   square.
+    """Return the trims and linear models that Newton's method finds for all points together.
+
+    - TRIMMED: the equations balance within the limits.
+    - BEYOND_LIMITS: the equations balance only beyond the limits, and all unknowns are inputs.
+    - NO_TRIM, marked in `one_by_one`: all other points, and every point if the system is not
+      square.
+    """
     model = system.model
     n = len(model.states)
     m = len(model.inputs)
     count = len(values)
     if not system.equations.square or not count:
-        nothing = np.full(count, NO_TRIM, dtype=np.int8)
+        status = np.full(count, NO_TRIM, dtype=np.int8)
         shapes = ((n,), (m,), (n, n), (n, m))
         x, u, A, B = (np.full((count, *shape), np.nan) for shape in shapes)
-        return Points(nothing, x, u, A, B, {}, nothing == NO_TRIM)
+        return Points(status, x, u, A, B, {}, one_by_one=status == NO_TRIM)
     c = _constants(system, variables, values)
     z = _starts(system, variables, values)
-    z, settled = newton(system, z, c)
-    if not settled.all():
-        _settle_from_neighbours(system, values, z, c, settled)
-    point, A, B, residual = system.linear(z, c)
+    ends = newton(system, z, c)
+    if not ends.converged.all():
+        _settle_from_neighbours(system, values, c, ends)
+    found = system.linear(ends.z, c)
     names = (*model.states, *model.inputs, *system.watched.names)
-    within = _true_rows(system.condition.limits_on(names).within(point))
-    of_free = system.limits.within(z * system.scales)  # also for a free output, such as gamma
-    within &= _true_rows(of_free & ~system.far_out(z))
-    balanced = _true_rows(np.abs(residual) <= BALANCE)
+    within = _rows_all_true(system.condition.limits_on(names).within(found.signals))
+    within_of_unknowns = system.limits.within(ends.z * system.scales)  # also of a free output
+    within &= _rows_all_true(within_of_unknowns & ~system.far_out(ends.z))
+    balanced = _rows_all_true(np.abs(found.residual) <= BALANCE)
     status = np.where(balanced & within, TRIMMED, NO_TRIM)
     if system.only_inputs:
         status[balanced & ~within] = BEYOND_LIMITS
-    states = point[:, :n]
-    inputs = point[:, n : n + m]
-    return Points(status.astype(np.int8), states, inputs, A, B, {}, status == NO_TRIM)
+    states = found.signals[:, :n]
+    inputs = found.signals[:, n : n + m]
+    return Points(
+        status.astype(np.int8), states, inputs, found.A, found.B, {}, one_by_one=status == NO_TRIM
+    )
 
 
-def _true_rows(mask: np.ndarray) -> np.ndarray:
+def _rows_all_true(mask: np.ndarray) -> np.ndarray:
     """Return the mask (N,) of the rows of a mask (N, k) in which all entries are True."""
-    return np.full(len(mask), True) if mask.all() else np.asarray(mask.all(axis=1))
+    return np.asarray(mask.all(axis=1))
 
 
 def _starts(
@@ -288,13 +292,18 @@ def _starts(
     variables: tuple[str, ...],
     values: np.ndarray,
 ) -> np.ndarray:
-    """Return the initial scaled unknowns of each point, (N, k)."""
-    # - `system.start` for every point, if all unknowns are inputs or no variable is given
-    # - otherwise a Taylor polynomial about the solution z_c at the center c of the point's cell,
-    #   z(c + d) = z_c + s d + b d², quadratic for a single variable, linear for several
-    # The cells divide the space of the variables and are fixed for a model. The result for a point
-    # therefore does not depend on the other points. A term that changes an unknown by `_STEEPEST`
-    # or more over a cell is omitted, because the search could converge to another solution.
+    """Return the initial scaled unknowns of each point, (N, k).
+
+    - `system.start` for every point, if all unknowns are inputs or no variable is given
+    - otherwise a Taylor polynomial about the solution z_c at the center c of the point's cell,
+      z(c + d) = z_c + s d + b d², quadratic for a single variable, linear for several
+
+    The cells divide the space of the variables and are fixed for a model. The result for a point
+    therefore does not depend on the other points. A term that changes an unknown by `_STEEPEST` or
+    more over a cell is omitted, because the search could converge to another solution.
+
+    values: (N, v), values of the variables
+    """
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
     signals = {**system.model.rates, **system.model.signals}
@@ -303,9 +312,9 @@ def _starts(
     widths = np.array([width * signals[name].nominal for name in variables])
     places = values / widths
     centers, cell_of_point = _cells_of(places)
-    begun = _begun(system, variables, centers * widths)
-    solved, is_solved = newton(system, begun, _constants(system, variables, centers * widths))
-    solved[~is_solved] = begun[~is_solved]
+    starts = _declared_starts(system, variables, centers * widths)
+    solved, is_solved = newton(system, starts, _constants(system, variables, centers * widths))
+    solved[~is_solved] = starts[~is_solved]
     cells = _Cells(centers, widths, solved, is_solved)
     z = solved[cell_of_point]
     d = places - centers[cell_of_point]
@@ -333,7 +342,7 @@ class _Cells(NamedTuple):
     is_solved: np.ndarray
 
     def gentle(self, changes: np.ndarray) -> np.ndarray:
-        """Return the changes over a cell (cells, k), 0 where they are steep or unknown."""
+        """Return changes over a cell (cells, k), 0 where they are steep or unknown."""
         is_gentle = self.is_solved & (np.abs(changes).max(axis=1) < _STEEPEST)
         return np.where(is_gentle[:, None], changes, 0.0)
 
@@ -383,14 +392,18 @@ def _cells_of(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return cells, numbers.ravel()[np.cumsum(is_next) - 1]
 
 
-def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Return the initial scaled unknowns that the model computes for given values, (N, k)."""
+def _declared_starts(
+    system: TrimSystem, variables: tuple[str, ...], values: np.ndarray
+) -> np.ndarray:
+    """Return the declared initial scaled unknowns at N points, or those that the model computes
+    from the imposed values (`Trimming.initial`), (N, k).
+    """
     starts = np.tile(system.start, (len(values), 1))
     columns = dict(zip(variables, values.T, strict=True))
-    begun = system.model.trimming.initial({**system.condition.imposed, **columns})
+    computed = system.model.trimming.initial({**system.condition.imposed, **columns})
     for column, name in enumerate(system.equations.unknowns):
-        if name in begun:
-            starts[:, column] = begun[name] / system.scales[column]
+        if name in computed:
+            starts[:, column] = computed[name] / system.scales[column]
     return starts
 
 
@@ -400,33 +413,34 @@ def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarra
 
 
 def _settle_from_neighbours(
-    system: TrimSystem, values: np.ndarray, z: np.ndarray, c: np.ndarray, settled: np.ndarray
+    system: TrimSystem, values: np.ndarray, c: np.ndarray, ends: NewtonEnds
 ) -> None:
-    """Solve unsolved points from the solutions of their nearest solved points."""
-    # The repetition ends after `_ROUNDS` rounds, or if no point has a new neighbor. z and settled
-    # are changed in place.
-    # values (N, variables), z (N, k), c (N, ..), settled (N,)
+    """Search the points that have not converged from the solutions of their nearest neighbors that
+    have, and store the solutions in `ends`, until no point has a new neighbor.
+
+    values: (N, v), values of the variables
+    c: (N, ..), constants of the equations
+    """
     from scipy.spatial import cKDTree
 
     spread = np.ptp(values, axis=0)
     places = (values - values.min(axis=0)) / np.where(spread > 0.0, spread, 1.0)
-    tried_from = np.full(len(z), -1)
+    tried_from = np.full(len(values), -1)  # the last neighbor from which each point was searched
     for _ in range(_ROUNDS):
-        sources = np.flatnonzero(settled)
-        waiting = np.flatnonzero(~settled)
-        if not sources.size or not waiting.size:
+        solved = np.flatnonzero(ends.converged)
+        waiting = np.flatnonzero(~ends.converged)
+        if not solved.size or not waiting.size:
             return
-        _, index = cKDTree(places[sources]).query(places[waiting])
-        neighbour = sources[index]
-        fresh = neighbour != tried_from[waiting]
-        waiting = waiting[fresh]
-        neighbour = neighbour[fresh]
+        _, index = cKDTree(places[solved]).query(places[waiting])
+        neighbour = solved[index]
+        is_new = neighbour != tried_from[waiting]
+        waiting, neighbour = waiting[is_new], neighbour[is_new]
         if not waiting.size:
             return
         tried_from[waiting] = neighbour
-        ends, now_settled = newton(system, z[neighbour], c[waiting])
-        z[waiting[now_settled]] = ends[now_settled]
-        settled[waiting[now_settled]] = True
+        z, converged = newton(system, ends.z[neighbour], c[waiting])
+        ends.z[waiting[converged]] = z[converged]
+        ends.converged[waiting[converged]] = True
 
 
 def _settle_alone(
@@ -438,8 +452,10 @@ def _settle_alone(
     row: np.ndarray,
     start: OperatingPoint | None,
 ) -> None:
-    """Trim one point by `trim`, and store its result in `points`."""
-    # If there is no trim, the reason is stored in `failures`.
+    """Trim point i by `trim`, and store the trim, or the reason why there is none, in `points`.
+
+    row: values of the variables at the point
+    """
     try:
         model = model_at(model, variables, row)
         point = trim(model, condition_at(condition, variables, row), start)

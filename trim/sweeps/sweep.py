@@ -248,7 +248,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         if not self.trimmed.any():
             return ()
         first = int(np.argmax(self.trimmed))
-        return _names_of(self.eigenvalues[first], self.A[first], self.model)
+        return _mode_names_of(self.eigenvalues[first], self.A[first], self.model)
 
     @property
     def modes(self) -> ByName[SweptMode]:
@@ -320,9 +320,22 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def _draw(self, axes: Axes, columns: np.ndarray) -> None:
         """Draw the paths of some eigenvalues along the last variable, and mark their ends.
 
-        Of several paths of a mode, the first is the thinnest and the last the thickest.
-
         columns: mask of the eigenvalues, (n,)
+        """
+        self._draw_paths(axes, columns)
+        self._mark_ends(axes, columns)
+        if len(self._lines()) > 1:
+            self._label_widths(axes)
+        axes.axvline(0.0, color="gray", linewidth=0.8)
+        axes.margins(0.05, 0.12)
+        axes.locator_params(axis="x", nbins=6)
+        axes.set_xlabel(f"real part, 1/{self.model.time_unit}")
+        axes.set_ylabel(f"imaginary part, 1/{self.model.time_unit}")
+        axes.grid(alpha=0.3)
+
+    def _draw_paths(self, axes: Axes, columns: np.ndarray) -> None:
+        """Draw a path of each eigenvalue for each line of points. Of several paths of a mode, the
+        first is the thinnest and the last the thickest.
         """
         names = list(dict.fromkeys(self.mode_names))
         for column in np.flatnonzero(columns).tolist():
@@ -336,6 +349,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 )
             if column == self.mode_names.index(name):
                 path.set_label(name)
+
+    def _mark_ends(self, axes: Axes, columns: np.ndarray) -> None:
+        """Mark the eigenvalues at the first and at the last trim of each line of points, and label
+        the marks with the values of the last variable there.
+        """
         unit = self.plan.units[-1]
         places = np.arange(len(self))
         trimmed = [places[line][self.trimmed[line]] for line in self._lines()]
@@ -352,22 +370,20 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 markersize=5,
                 label=beside_unit(f"{self.variables[-1]} {' or '.join(values)}", unit),
             )
-        if len(self._lines()) > 1:
-            for place, width, word in ((0, _THIN, "thin"), (-1, _THICK, "thick")):
-                first = self._lines()[place].start
-                others = zip(self.variables, self.values[first], self.plan.units, strict=True)
-                texts = [
-                    beside_unit(f"{name} {shown_value(value, unit, '.4g')}", unit)
-                    for name, value, unit in [*others][:-1]
-                ]
-                label = f"{word}: {', '.join(texts)}"
-                axes.plot([], [], color="black", linewidth=width, label=label)
-        axes.axvline(0.0, color="gray", linewidth=0.8)
-        axes.margins(0.05, 0.12)
-        axes.locator_params(axis="x", nbins=6)
-        axes.set_xlabel(f"real part, 1/{self.model.time_unit}")
-        axes.set_ylabel(f"imaginary part, 1/{self.model.time_unit}")
-        axes.grid(alpha=0.3)
+
+    def _label_widths(self, axes: Axes) -> None:
+        """Label the thinnest and the thickest paths with the values of all variables but the last:
+        "thin: speed 30 m/s".
+        """
+        for line, width, word in ((0, _THIN, "thin"), (-1, _THICK, "thick")):
+            point = self._lines()[line].start
+            varied = zip(self.variables, self.values[point], self.plan.units, strict=True)
+            texts = [
+                beside_unit(f"{name} {shown_value(value, unit, '.4g')}", unit)
+                for name, value, unit in [*varied][:-1]
+            ]
+            label = f"{word}: {', '.join(texts)}"
+            axes.plot([], [], color="black", linewidth=width, label=label)
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -441,6 +457,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         units = {name: model.unit(name) for name in names}
 
         def row(i: int) -> tuple[str, ...]:
+            """Return the values at a point, and its stall and limits."""
             numbers = [shown_value(values[name][i], units[name], ".4g") for name in names]
             stall = ["STALLED"] if self.stalled[i] else []
             reached = [*stall, *self._limits_reached(i)]
@@ -471,12 +488,13 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         cells: function from the number of a point with a trim to its cells
         """
         varied = zip(self.variables, self.plan.units, strict=True)
-        called = ["condition"] if self.plan.names else []
-        header = (*called, *(f"{name} {shown_unit(unit)}" for name, unit in varied), *names)
+        name_heading = ["condition"] if self.plan.names else []
+        header = (*name_heading, *(f"{name} {shown_unit(unit)}" for name, unit in varied), *names)
 
         def row(i: int) -> tuple[str, ...]:
-            made = tuple("-" for _ in names) if self.reasons[i] else cells(i)
-            return *self._varied(i), *made
+            """Return the swept values of a point, and its cells, or dashes without a trim."""
+            of_point = tuple("-" for _ in names) if self.reasons[i] else cells(i)
+            return *self._varied(i), *of_point
 
         count = len(self.reasons)
         if count <= _LONGEST:
@@ -490,8 +508,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return the name of point i, if it has one, and the values of the swept variables there as
         text.
         """
-        called = (self.plan.names[i],) if self.plan.names else ()
-        return *called, *map(shown_value, self.values[i], self.plan.units)
+        name = (self.plan.names[i],) if self.plan.names else ()
+        return *name, *map(shown_value, self.values[i], self.plan.units)
 
     def records(self) -> Table:
         """Return a table in full precision with one row for each point, a file of conditions.
@@ -507,26 +525,14 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         headings = [with_shown_unit(*each) for each in zip(names, units, strict=True)]
         stated = self.plan.stated()
         count = len(self.variables)
-        header = [NAME] if self.plan.names else []
-        header += [
+        header = (
+            *((NAME,) if self.plan.names else ()),
             *headings[:count],
             *stated,
-            RESULTS,
-            "failure",
-            "limits reached",
+            *(RESULTS, "failure", "limits reached"),
             *headings[count:],
-        ]
-        for number in range(1, len(model.linear) + 1):
-            header += [
-                f"{part} eigenvalue {number} [1/{model.time_unit}]"
-                for part in ("real", "imaginary")
-            ]
-        for matrix, columns in (("A", model.linear), ("B", tuple(model.inputs))):
-            for row_name in model.linear:
-                header += [
-                    f"{matrix}({row_name}, {column}) [{model.entry_unit(row_name, column)}]"
-                    for column in columns
-                ]
+            *_headings_of_linear_model(model),
+        )
         point = np.hstack([self.values, self.states, self.inputs])
         shown = np.transpose(
             [shown_values(column, unit) for column, unit in zip(point.T, units, strict=True)]
@@ -547,7 +553,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 *np.concatenate([shown[i, count:], *matrices]).tolist(),
             )
 
-        return Table(tuple(header), RowsMade(len(self.reasons), row))
+        return Table(header, RowsMade(len(self.reasons), row))
 
     def __len__(self) -> int:
         return len(self.reasons)
@@ -562,7 +568,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         the number of a point that does not exist, and BadInputError for any other name.
         """
 
-        return column(self, index) if isinstance(index, str) else linear_model_at(self, index)
+        return _column(self, index) if isinstance(index, str) else _linear_model_at(self, index)
 
     def _ipython_key_completions_(self) -> tuple[str, ...]:
         return (*self.variables, *self.model.states, *self.model.inputs)
@@ -664,9 +670,24 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return linear
 
 
+def _headings_of_linear_model(model: Model) -> list[str]:
+    """Return the headings of the parts of the eigenvalues, and of the entries of A and B."""
+    headings = []
+    for number in range(1, len(model.linear) + 1):
+        for part in ("real", "imaginary"):
+            headings.append(f"{part} eigenvalue {number} [1/{model.time_unit}]")
+    for matrix, columns in (("A", model.linear), ("B", tuple(model.inputs))):
+        for row in model.linear:
+            for column in columns:
+                unit = model.entry_unit(row, column)
+                headings.append(f"{matrix}({row}, {column}) [{unit}]")
+    return headings
+
+
 def _mode_text(eigenvalues: np.ndarray) -> str:
-    """Return the eigenvalues of a mode at one point as text."""
-    # A conjugate pair is printed once with ±, a single member of a pair with its sign.
+    """Return the eigenvalues of a mode at one point as text: a conjugate pair once with ±, and a
+    single member of a pair with its sign.
+    """
     words = []
     for value in eigenvalues:
         paired = value.imag != 0 and value.conjugate() in eigenvalues
@@ -746,7 +767,8 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
     one_by_one = 0
     for first in range(0, plan.count, CHUNK):
         chunk = slice(first, min(first + CHUNK, plan.count))
-        rows = run_points(*plan.task(chunk.start, chunk.stop), _after(first, plan, progress))
+        task = plan.task(chunk.start, chunk.stop)
+        rows = run_points(*task, _progress_of_chunk(progress, plan, first))
         # Points beyond the limits have states and inputs, but nan in A and B.
         is_trimmed = (rows["status"] == TRIMMED)[:, None]
         states[chunk] = np.where(is_trimmed, rows["states"], np.nan)
@@ -769,15 +791,17 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
     )
 
 
-def _after(first: int, plan: SweepPlan, progress: Progress | None) -> Progress | None:
-    """Return the progress of a sweep as that of a chunk which begins with the point `first`."""
+def _progress_of_chunk(progress: Progress | None, plan: SweepPlan, first: int) -> Progress | None:
+    """Return the function to which a chunk that begins with the point `first` reports its progress,
+    which is that of the whole sweep.
+    """
     if progress is None:
         return None
 
-    def of_sweep(done: float, total: float, what: str = "", /) -> None:
+    def report(done: float, total: float, what: str = "", /) -> None:
         progress(first + done, plan.count, what)
 
-    return of_sweep
+    return report
 
 
 def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> list[str]:
@@ -798,9 +822,8 @@ def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> list[str]:
     return reasons
 
 
-def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str, ...]:
-    """Return the name of the mode that belongs to each eigenvalue of A, (k,)."""
-    # eigenvalues (k,), A (k, k)
+def _mode_names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str, ...]:
+    """Return the name of the mode of A, (k, k), that belongs to each of its eigenvalues, (k,)."""
     modes = modes_of(A, model.linear, model.modes)
     names = []
     for value in eigenvalues:
@@ -811,10 +834,14 @@ def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str
 
 
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
-    """Return pairs of neighbors among the trimmed points of a grid, (M, 2)."""
-    # Neighbors are adjacent along a line of the grid. Points without a trim between them are
-    # skipped. The points are numbered among the trimmed points.
-    # trimmed (N,)
+    """Return pairs of neighbors among the trimmed points of a grid, (M, 2), which are numbered
+    among the trimmed points.
+
+    Neighbors are adjacent along a line of the grid. Points without a trim between them are skipped.
+
+    sizes: number of points along each axis
+    trimmed: (N,), mask of the points with a trim
+    """
     numbers = np.cumsum(trimmed) - 1
     index = np.arange(trimmed.size).reshape(sizes)
     pairs = []
@@ -829,7 +856,7 @@ def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
     return np.asarray(numbers[np.concatenate(pairs)])
 
 
-def linear_model_at(swept: Sweep, index: int) -> LinearModel:
+def _linear_model_at(swept: Sweep, index: int) -> LinearModel:
     """Return the linear model of a point of a sweep, with its operating point.
 
     index: number of the point; negative numbers count from the end
@@ -856,7 +883,7 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     return point.linearize()
 
 
-def column(swept: Sweep, name: str) -> np.ndarray:
+def _column(swept: Sweep, name: str) -> np.ndarray:
     """Return the values of a swept variable, a state or an input at all points of a sweep, (N,).
 
     Raises BadInputError for any other name.
