@@ -61,13 +61,13 @@ def draw_curves(
     lines: slices of the N values, each drawn as a line
     """
     x, x_unit, x_values = across
-    places = shown_values(x_values, x_unit)
+    shown_x = shown_values(x_values, x_unit)
     axes = pyplot_figure(8.0, 1.0 + 2.0 * len(series)).subplots(len(series), sharex=True)
     for panel, (name, values) in zip(np.ravel(axes), series.items(), strict=True):
         unit = model.unit(name) if name in model.signals else "1"
         shown = shown_values(values, unit)
         for line in lines:
-            panel.plot(places[line], shown[line])
+            panel.plot(shown_x[line], shown[line])
         panel.set_ylabel(beside_unit(name, unit, ", "))
         panel.grid(alpha=0.3)
     panel.set_xlabel(beside_unit(x, x_unit, ", "))

@@ -65,6 +65,7 @@ def panels_from_the_front(point: OperatingPoint) -> tuple[Panel, Panel, Panel]:
     sine = np.sin(point.states.dihedral)
 
     def outer(side: int) -> Panel:
+        """Return an outer panel, on the left (-1) or the right (1) of the picture."""
         hinge = np.array([side * half, 0.0])
         along = np.array([side * cosine, sine])
         return Panel(
@@ -129,6 +130,7 @@ def front_view(point: OperatingPoint) -> Figure:
 
 
 def _title(point: OperatingPoint, scale: float) -> str:
+    """Return dynamics, status and flight condition of the trim, and the scale of the arrows."""
     aircraft, x = point.model, point.states
     where = (
         f"dihedral {aircraft.describe('dihedral', x.dihedral)}",
@@ -142,8 +144,7 @@ def _title(point: OperatingPoint, scale: float) -> str:
 
 
 def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, color: str) -> None:
-    """Draw an arrow from the point `place`, and a text beyond the end of the arrow."""
-    # place (2,), arrow (2,)
+    """Draw an arrow, (2,), from the point `place`, (2,), and a text beyond its end."""
     end = place + arrow
     style = {"arrowstyle": "-|>", "color": color, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", xy=tuple(end), xytext=tuple(place), arrowprops=style)

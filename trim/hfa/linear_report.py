@@ -37,19 +37,17 @@ def linear_model_report(model: LinearModel, *, responses: bool = False) -> Repor
 def _beside(model: LinearModel) -> Beside:
     """Return what is known of a linear model of the flexible aircraft from elsewhere."""
     aircraft = model.model
-    names_of_print = (LINEAR_STATES, INPUTS)
-    if aircraft.name not in VARIANTS or (model.states, model.inputs) != names_of_print:
+    has_printed_signals = model.states == LINEAR_STATES and model.inputs == INPUTS
+    if aircraft.name not in VARIANTS or not has_printed_signals:
         return Beside(_accuracy(None, model, None), [], [], {}, {})
     problem = model.point.found_by
     bands = None
     if problem is not None and has_bands(parameters_of(aircraft.native)):
         bands = entry_bands(default_parameters(), problem.asked, model)
+    by_matrix = {} if bands is None else {"A": bands.A, "B": bands.B}
+    data: dict[str, Any] = {f"{name}_band": band for name, band in by_matrix.items()}
     other = with_other_dynamics(model.point)
     others: list[Group] = []
-    printed: list[Table] = []
-    data: dict[str, Any] = {}
-    if bands is not None:
-        data |= {"A_band": bands.A, "B_band": bands.B}
     if other is not None:
         name = other.point.dynamics
         differences = mode_differences(model.modes, other.modes)
@@ -61,10 +59,10 @@ def _beside(model: LinearModel) -> Beside:
             "mode_differences": differences,
         }
     published = printed_at(model.point)
+    printed: list[Table] = []
     if published is not None and aircraft.source.native is None:  # printed in feet
         printed.append(comparison_table(model, published))
         data["printed"] = {"A": published.A, "B": published.B}
-    by_matrix = {} if bands is None else {"A": bands.A, "B": bands.B}
     return Beside(_accuracy(bands, model, other), others, printed, by_matrix, data)
 
 
@@ -80,13 +78,16 @@ def _accuracy(bands: Bands | None, model: LinearModel, other: LinearModel | None
         )
     if other is not None:
         differences = np.abs(other.A - model.A), np.abs(other.B - model.B)
-        own = np.abs(np.hstack([model.A, model.B])).ravel()
-        place = int(np.hstack(differences).argmax())
-        percent = f" ({100.0 * max(d.max() for d in differences) / own[place]:.3g} %)"
-        sentences.append(
+        all_differences = np.hstack(differences).ravel()
+        place = int(all_differences.argmax())
+        size = float(np.abs(np.hstack([model.A, model.B])).ravel()[place])
+        sentence = (
             f"Largest difference of an entry to {other.point.dynamics} dynamics: "
-            f"{_largest(*differences)}{percent if own[place] else ''}"
+            f"{_largest(*differences)}"
         )
+        if size:
+            sentence += f" ({100.0 * all_differences[place] / size:.3g} %)"
+        sentences.append(sentence)
     return "\n".join(sentences)
 
 

@@ -73,8 +73,8 @@ def track_modes(
     paired = _paired(A, nominal, pairs)
     order = np.empty(paired.values.shape, dtype=int)  # number of the eigenvalue in each column
     order[0] = order_fastest_first(paired.values[0])
-    for before, point, match in _along_tree(pairs, paired):
-        order[point] = match[order[before]]
+    for link in _along_tree(pairs, paired):
+        order[link.point] = link.match[order[link.before]]
     return np.take_along_axis(paired.values, order, axis=1)
 
 
@@ -92,23 +92,27 @@ def _modes(A: np.ndarray, nominal: np.ndarray) -> _Modes:
 
 
 def _inverse(right: np.ndarray) -> np.ndarray:
-    """Return the left eigenvectors of N matrices, (N, n, n), as rows."""
-    # If modes of a matrix coincide, the pseudo-inverse of its eigenvectors is returned.
-    # right (N, n, n)
+    """Return the left eigenvectors of N matrices as rows, (N, n, n): the inverse of the right
+    ones, or their pseudo-inverse if modes of a matrix coincide.
+
+    right: (N, n, n), eigenvectors as columns
+    """
     try:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:
         return np.linalg.pinv(right, rcond=_PARALLEL)
-    shared = ~(np.abs(left).max(axis=(1, 2)) < 1.0 / _PARALLEL)
-    left[shared] = np.linalg.pinv(right[shared], rcond=_PARALLEL)
+    have_coinciding_modes = ~(np.abs(left).max(axis=(1, 2)) < 1.0 / _PARALLEL)
+    left[have_coinciding_modes] = np.linalg.pinv(right[have_coinciding_modes], rcond=_PARALLEL)
     return left
 
 
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
-    """Return pairs of points, (M, 2), that connect all N points of a sweep."""
-    # The result contains the neighbors, and pairs along the path that connect separate groups of
-    # neighbors.
-    # neighbours (K, 2), path (N - 1, 2)
+    """Return pairs of points, (M, 2), that connect all N points of a sweep: the neighbors, and the
+    pairs along the path that connect separate groups of neighbors.
+
+    neighbours: (K, 2), pairs of neighbors
+    path: (N - 1, 2), pairs of consecutive points
+    """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
@@ -133,13 +137,22 @@ class _Paired(NamedTuple):
     gains: np.ndarray
 
 
-def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[tuple[int, int, np.ndarray]]:
-    """Yield (point, next point, pairing) along the tree of the most similar neighbors.
+class _Link(NamedTuple):
+    """Link of a tree of points, from a point to the next one.
 
-    The tree begins at the first point. The pairing (n,) contains, for each eigenvalue of the point,
-    the index of its match at the next point.
+    before, point: indices of the two points
+    match: (n,), for each eigenvalue of the first point, the index of its match at the second
+    """
 
-    pairs: (M, 2)
+    before: int
+    point: int
+    match: np.ndarray
+
+
+def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[_Link]:
+    """Yield the links of the tree of the most similar neighbors, which begins at the first point.
+
+    pairs: (M, 2), pairs of neighbors
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
@@ -157,7 +170,7 @@ def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[tuple[int, int, 
     for point in order[1:].tolist():
         match = paired.matches[pair_to[point]]
         is_second = pairs[pair_to[point], 1] == point
-        yield int(predecessors[point]), point, match if is_second else np.argsort(match)
+        yield _Link(int(predecessors[point]), point, match if is_second else np.argsort(match))
 
 
 def _paired(A: np.ndarray, nominal: np.ndarray, pairs: np.ndarray) -> _Paired:
@@ -192,19 +205,20 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     first, second = pairs.T
     gain = _gain(modes.at(first), modes.at(second))
     best = gain.argmax(axis=2)
-    # If the best column of each row is a different one, these columns are the best permutation.
-    # The two members of a pair have equal gains with a real eigenvalue.
-    shared = (np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1)
-    pairs_at = np.count_nonzero(modes.values.imag > 0.0, axis=1)
-    for i in np.flatnonzero(shared | (pairs_at[first] != pairs_at[second])).tolist():
+    # If the best column of each row is a different one, these columns are the best permutation,
+    # unless a pair becomes real: its members have equal gains with a real eigenvalue.
+    is_shared = (np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1)
+    pair_count = np.count_nonzero(modes.values.imag > 0.0, axis=1)
+    becomes_real = pair_count[first] != pair_count[second]
+    for i in np.flatnonzero(is_shared | becomes_real).tolist():
         best[i] = _best_permutation(gain[i], modes.values[first[i]], modes.values[second[i]])
     return best, np.take_along_axis(gain, best[:, :, None], axis=2)[:, :, 0].sum(axis=1)
 
 
 def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
-    """Return the gain of pairing eigenvalue i of a point with j of another, (.., n, n)."""
-    # The gain is min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), with the spectral
-    # projections P_i and Q_j.
+    """Return the gain of pairing eigenvalue λ_i of a point with μ_j of another, (.., n, n):
+    min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), with the projectors P_i and Q_j.
+    """
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
     distance = np.abs(modes.values[..., None] - others.values[..., None, :])
     speed, other_speed = np.abs(modes.values), np.abs(others.values)

@@ -31,13 +31,12 @@ def stalled(
     is_declared = {*_LARGEST} <= {*model.outputs}
     symbols = model.layout.symbols("x", "u", "p")
     names = ("lift", *(_LARGEST if is_declared else ()))
-    _, found = model.layout.expressions([components(vector) for vector in symbols], names)
-    lift = found[0]
+    _, outputs = model.layout.expressions([components(vector) for vector in symbols], names)
+    lift = outputs[0]
     if is_declared:
-        left = found[1] * found[2] * found[3] - lift
+        reserve = outputs[1] * outputs[2] * outputs[3] - lift
     else:
-        left = ca.jacobian(lift, symbols[0][model.state_places([alpha])[0]])
-    (values,) = RowFunction(ca.Function("left", symbols, [ca.densify(left)]))(
-        states, inputs, parameters
-    )
-    return np.asarray(values[:, 0] < 0.0)
+        reserve = ca.jacobian(lift, symbols[0][model.state_places([alpha])[0]])
+    reserve_rows = RowFunction(ca.Function("reserve", symbols, [ca.densify(reserve)]))
+    (reserves,) = reserve_rows(states, inputs, parameters)
+    return np.asarray(reserves[:, 0] < 0.0)

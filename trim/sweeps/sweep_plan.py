@@ -108,6 +108,10 @@ class SweepPlan:
             condition_at(self.condition, self.variables, corner)
 
     def _checked_axis(self, name: str, values: Any) -> Steps | tuple[float, ...]:
+        """Return the values of a variable as steps or numbers.
+
+        Raises BadInputError for an unknown name, and for values that are no list of numbers.
+        """
         self.model.refuse_unheld("cannot sweep", name, tuple(self.model.parameters))
         if isinstance(values, Steps):
             return values
@@ -169,10 +173,10 @@ class SweepPlan:
         """Extreme values of each swept variable, name -> (lowest, highest)."""
         ends = {}
         for name, values in self.axes.items():
-            few = values
+            extremes = values
             if isinstance(values, Steps):
-                few = (values[0], values[len(values) - 1])
-            ends[name] = (float(np.min(few)), float(np.max(few)))
+                extremes = (values[0], values[len(values) - 1])
+            ends[name] = (float(np.min(extremes)), float(np.max(extremes)))
         return ends
 
     @property
