@@ -79,7 +79,9 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
         option = f"--free {name}" + " in place of --hold" * (name in given.hold)
         if is_rate:
             options.append(option)
-        elif not (point._far_out or _is_printed_alike(model, name, usual.get(name), point[name])):
+        elif not (
+            point._large_angles or _is_printed_alike(model, name, usual.get(name), point[name])
+        ):
             held = "".join(
                 f"--hold {each}={shown_value(value, model.unit(each))} "
                 for each, value in weak.items()

@@ -102,9 +102,10 @@ def direct_disturbances(point: OperatingPoint, kept: Sequence[str]) -> tuple[str
     if not lags or not disturbances:
         return disturbances
     whole = linearize(model, point, full=True, disturbances=disturbances)
-    rows, omitted = np.isin(whole.states, kept), np.isin(whole.states, lags)
-    through = np.any(whole.A[np.ix_(rows, omitted)], axis=0) & np.any(whole.E[omitted], axis=1)
-    return () if through.any() else disturbances
+    is_kept, is_lag = np.isin(whole.states, kept), np.isin(whole.states, lags)
+    acts_on_kept = np.any(whole.A[np.ix_(is_kept, is_lag)], axis=0)  # of each lag
+    is_disturbed = np.any(whole.E[is_lag], axis=1)
+    return () if (acts_on_kept & is_disturbed).any() else disturbances
 
 
 def level_model(model: Model, scheduled: float) -> LinearModel:

@@ -110,8 +110,8 @@ def _halved_steps(
             break
         trial = best[search.points] + search.share[:, None] * search.step
         if bounded:
-            lowest = np.maximum(system.lowest, -system.usual)
-            trial = np.clip(trial, lowest, np.minimum(system.highest, system.usual))
+            lowest = np.maximum(system.lowest, -system.quarter_turn)
+            trial = np.clip(trial, lowest, np.minimum(system.highest, system.quarter_turn))
         residual, jacobian = _affected_equations(system, trial, c[search.points])
         is_better = search.improved_by(residual, jacobian, moving)
         best[search.points[is_better]] = trial[is_better]

@@ -245,9 +245,9 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return undetermined(self.found_by, self.found_by.unknowns(self.values))
 
     @property
-    def _far_out(self) -> list[str]:
+    def _large_angles(self) -> list[str]:
         """Texts on free angles without limits that exceed 90 deg, such as "bank 154 deg"."""
-        return [] if self.found_by is None else self.found_by.far_out(self.values)
+        return [] if self.found_by is None else self.found_by.large_angles(self.values)
 
     @property
     def _unmoved(self) -> list[str]:

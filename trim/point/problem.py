@@ -237,12 +237,12 @@ class TrimProblem:
         wrapped = self.system.wrapped(z)
         return wrapped if self.solved(wrapped) else z
 
-    def far_out(self, values: Mapping[str, float]) -> list[str]:
+    def large_angles(self, values: Mapping[str, float]) -> list[str]:
         """Return texts on free angles without limits that exceed 90 deg, such as "bank 154 deg".
 
         values: variable -> value
         """
-        far = self.system.far_out(self.unknowns(values))
+        far = self.system.beyond_quarter_turn(self.unknowns(values))
         names = [self.free[i] for i in np.flatnonzero(far)]
         return [f"{name} {self.model.describe(name, values[name])}" for name in names]
 
@@ -280,7 +280,7 @@ class TrimProblem:
         if not unknowns or equations > unknowns or self.system.equations.is_affine:
             return
         system = self.system
-        far = np.minimum(_FAR, system.usual)
+        far = np.minimum(_FAR, system.quarter_turn)
         lowest = np.where(np.isfinite(system.lowest), system.lowest, guess - far)
         highest = np.where(np.isfinite(system.highest), system.highest, guess + far)
         polynomial = np.concatenate([[1.0], np.zeros(unknowns - 1), [-1.0, -1.0]])

@@ -167,7 +167,7 @@ def solution(problem: TrimProblem) -> SearchEnd:
     for z, number in _search_ends(problem, guess):
         if problem.solved(z):
             end = SearchEnd(problem.unwound(z), number)
-            if not problem.system.far_out(end.z).any():
+            if not problem.system.beyond_quarter_turn(end.z).any():
                 return end
             far_out = far_out or end
         elif problem.balanced(z):

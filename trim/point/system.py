@@ -29,8 +29,8 @@ NEARLY = 1e-7
 _STEPS, _STEPS_OF_MANY = 4, 2
 _FEW = 6
 _UNLIMITED = (-math.inf, math.inf)
-#: Unit -> half-width of the usual range of an angle without limits.
-_USUAL = {"rad": math.pi / 2, "deg": 90.0}
+#: Unit of an angle -> 90 deg in this unit.
+_QUARTER_TURN = {"rad": math.pi / 2, "deg": 90.0}
 
 
 class Scaled(NamedTuple):
@@ -415,8 +415,8 @@ class TrimSystem:
     start: (k,), initial scaled unknowns
     limits: limits of the unknowns, in the units of the model
     lowest, highest: (k,), limits of the unknowns in scaled units
-    usual: (k,), 90 deg for angles without limits or with assumed ones, in scaled units, and inf for
-        other unknowns
+    quarter_turn: (k,), 90 deg in scaled units for angles without limits or with assumed ones, and
+        inf for other unknowns
     watched: limits of the watched states and outputs
     row_scales: (e,), scale of each equation
     moved: number m of equations that the unknowns affect, which are the first m equations
@@ -446,7 +446,7 @@ class TrimSystem:
         self.scales = self.equations.scales
         self.start = self.unknowns(self.begin)
         self.limits = condition.limits_on(self.equations.unknowns)
-        self.lowest, self.highest, self.usual = _scaled_limits(self.limits, self.equations)
+        self.lowest, self.highest, self.quarter_turn = _scaled_limits(self.limits, self.equations)
         self.watched = condition.limits_on([each.name for each in self.structure.watched])
         self.row_scales = self.equations.row_scales
         self.moved = self.equations.moved
@@ -458,12 +458,12 @@ class TrimSystem:
         """True if all unknowns are inputs."""
         return set(self.equations.unknowns) <= set(self.model.inputs)
 
-    def far_out(self, z: np.ndarray) -> np.ndarray:
+    def beyond_quarter_turn(self, z: np.ndarray) -> np.ndarray:
         """Return the mask (..., k) of the angles without limits that exceed 90 deg.
 
         z: scaled unknowns, (..., k)
         """
-        return np.abs(z) > self.usual
+        return np.abs(z) > self.quarter_turn
 
     def wrapped(self, z: np.ndarray) -> np.ndarray:
         """Return the scaled unknowns (..., k), with large angles reduced by full revolutions.
@@ -472,8 +472,9 @@ class TrimSystem:
 
         z: scaled unknowns, (..., k)
         """
-        turn = np.where(np.isfinite(self.usual), 4.0 * self.usual, 1.0)
-        return np.where(self.far_out(z), z - turn * np.round(z / turn), z)
+        revolution = np.where(np.isfinite(self.quarter_turn), 4.0 * self.quarter_turn, 1.0)
+        reduced = z - revolution * np.round(z / revolution)
+        return np.where(self.beyond_quarter_turn(z), reduced, z)
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the residuals r (N, e) and their Jacobian J (N, m, k).
@@ -574,26 +575,26 @@ class TrimSystem:
 
 
 class _ScaledLimits(NamedTuple):
-    """The arrays `lowest`, `highest` and `usual` of `TrimSystem`, (k,) each, in scaled units."""
+    """The arrays `lowest`, `highest` and `quarter_turn` of `TrimSystem`, (k,) each."""
 
     lowest: np.ndarray
     highest: np.ndarray
-    usual: np.ndarray
+    quarter_turn: np.ndarray
 
 
 @lru_cache(maxsize=64)
 def _scaled_limits(limits: Limits, equations: Equations) -> _ScaledLimits:
-    """Return the limits of the unknowns, and the usual range of angles without limits, or with
-    assumed ones; it is infinite for other unknowns.
+    """Return the limits of the unknowns in scaled units, and 90 deg for angles without limits or
+    with assumed ones, inf for other unknowns.
     """
     is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
     is_assumed = limits.assumed.astype(bool)
-    usual_ranges = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
-    usual = np.where(is_unlimited | is_assumed, usual_ranges, math.inf)
+    quarter_turns = [_QUARTER_TURN.get(limits.model.unit(name), math.inf) for name in limits.names]
+    quarter_turn = np.where(is_unlimited | is_assumed, quarter_turns, math.inf)
     return _ScaledLimits(
         limits.lowest / equations.scales,
         limits.highest / equations.scales,
-        usual / equations.scales,
+        quarter_turn / equations.scales,
     )
 
 

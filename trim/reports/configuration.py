@@ -55,7 +55,7 @@ def configuration_of(trimmed: Trimmed) -> dict[str, Quantity]:
     The values are those of `About.configuration`, or of parameters, outputs and inputs with these
     names. Without a mass, it is the weight divided by the gravity.
     """
-    point = trimmed.given
+    point = trimmed.point
     model = point.model
     native = model.native
     configuration: dict[str, Quantity] = {}
@@ -84,7 +84,7 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
 
     Parameters that are not as the model was loaded follow.
     """
-    model = trimmed.given.model
+    model = trimmed.point.model
     entries = configuration_of(trimmed)
     labels = {name: label for name, label in _ENTRIES.items() if name in entries}
     notes = {name: _lever_angle(model, name, entry.value) for name, entry in entries.items()}

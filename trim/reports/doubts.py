@@ -44,7 +44,7 @@ class _Identity(NamedTuple):
 
 def doubts_of(trimmed: Trimmed) -> list[str]:
     """Return sentences on data and on values of the trim that are probably wrong."""
-    doubts = [*trimmed.given.model.doubts, *doubts_at(trimmed)]
+    doubts = [*trimmed.point.model.doubts, *doubts_at(trimmed)]
     if holds_inertias(trimmed) and (doubt := inertias_doubt(trimmed)):
         doubts.append(doubt)
     return [*dict.fromkeys(doubts)]
@@ -54,25 +54,25 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
     """Yield sentences on values that data in wrong units or with wrong signs cause: alpha, drag,
     directional stability, figures that contradict each other.
     """
-    model, roles = trimmed.given.model, trimmed.roles
+    model, roles = trimmed.point.model, trimmed.roles
     if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _STEEPEST:
         yield _steep(trimmed)
     speed = roles.get("speed", "")
     is_aircraft = ("alpha" in roles or "lift" in model.outputs) and LINEAR not in model.about.notes
-    is_still = speed and abs(trimmed.given[speed]) < _STANDING * model.states[speed].nominal
+    is_still = speed and abs(trimmed.point[speed]) < _STANDING * model.states[speed].nominal
     if is_aircraft and is_still:
-        here = value_text(model, speed, trimmed.given[speed])
+        here = value_text(model, speed, trimmed.point[speed])
         yield f"the speed is {here}, no flight; hold a speed"
     if {"drag", "lift"} <= {*model.outputs}:
         drag, lift = trimmed["drag"], trimmed["lift"]
         if drag < -ROUNDING * abs(lift):  # the drag is a component of the force that has the lift
             yield f"the drag is {value_text(model, 'drag', drag)}, below 0; check signs and units"
     yield from _far_from_the_speed_of_the_data(trimmed)
-    for identity in _IDENTITIES if trimmed.given.ok else ():
+    for identity in _IDENTITIES if trimmed.point.ok else ():
         number = identity.compared(trimmed)
         if number < identity.least or number > identity.most:
             yield identity.says.format(number)
-    is_known = {"beta", "r", "speed"} <= {*roles} and trimmed.given.ok and not trimmed.fault
+    is_known = {"beta", "r", "speed"} <= {*roles} and trimmed.point.ok and not trimmed.fault
     if is_known and _is_unstable_in_yaw(trimmed):
         yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
 
@@ -81,7 +81,7 @@ def _steep(trimmed: Trimmed) -> str:
     """Return a sentence on an alpha at which nothing flies: what is 0 without air, the cause in a
     table, and the options of a flight.
     """
-    point, model = trimmed.given, trimmed.given.model
+    point, model = trimmed.point, trimmed.point.model
     without_air = [
         name
         for name in _OF_AIR
@@ -100,7 +100,7 @@ def _flight_options(trimmed: Trimmed) -> str:
     """Return the options that hold speed and altitude at the start values of the model and free its
     inputs, or "" if they lead to no trim, or to one that is as steep.
     """
-    model, condition = trimmed.given.model, trimmed.given.trim_problem.condition
+    model, condition = trimmed.point.model, trimmed.point.trim_problem.condition
     alpha, speed = trimmed.roles["alpha"], trimmed.roles.get("speed", "")
     imposed = {*condition.imposed}
     if not imposed.isdisjoint(model.airspeeds):
@@ -137,15 +137,15 @@ def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
 
 def _far_from_the_speed_of_the_data(trimmed: Trimmed) -> Iterator[str]:
     """Yield a sentence if the speed is far from that of derivatives with respect to the speed."""
-    domain, speed = trimmed.given.model.domain, trimmed.roles.get("speed", "")
+    domain, speed = trimmed.point.model.domain, trimmed.roles.get("speed", "")
     if not domain.by_speed or speed not in domain.reference:
         return
-    stated, here = domain.reference[speed], trimmed.given[speed]
+    stated, here = domain.reference[speed], trimmed.point[speed]
     if abs(here - stated) > _NEAR_SPEED * stated:
         percent = 100.0 * abs(here / stated - 1.0)
         yield (
             f"{', '.join(domain.by_speed)} are for "
-            f"{value_text(trimmed.given.model, speed, stated)}, {percent:.0f} % off: forces and "
+            f"{value_text(trimmed.point.model, speed, stated)}, {percent:.0f} % off: forces and "
             "thrust are uncertain here"
         )
 
@@ -185,7 +185,7 @@ def _lift_beyond_thrust(trimmed: Trimmed) -> float:
 
 def _weight_by_mass(trimmed: Trimmed) -> float:
     """Return the weight relative to mass times gravity, of the model if it has one."""
-    model = trimmed.given.model
+    model = trimmed.point.model
     gravity = STANDARD_GRAVITY
     if "gravity" in model.parameters:
         factor = conversion_factor(model.unit("gravity"), "m/s^2") or math.nan

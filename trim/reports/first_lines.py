@@ -47,7 +47,7 @@ def first_line(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str
     done: "trimmed" or "linearized"
     modes: modes of the linear model at the point, or None for a point that is not a trim
     """
-    model = trimmed.given.model
+    model = trimmed.point.model
     condition = ", ".join(condition_words(trimmed))
     lines = [f"{subject(model)} {done}: {condition}" if condition else f"{subject(model)} {done}"]
     if modes is not None:
@@ -64,11 +64,11 @@ def title_of(trimmed: Trimmed) -> str:
     Further lines name an angle without limits that exceeds 90 deg, and state that the search did
     not begin at the default initial point.
     """
-    point = trimmed.given
+    point = trimmed.point
     has_modes = point.ok and not trimmed.fault
     lines = [first_line(trimmed, str(point.status), trimmed.modes if has_modes else None)]
-    if point._far_out:
-        lines.append(f"Far out: {point._far_out[0]}")
+    if point._large_angles:
+        lines.append(f"Far out: {point._large_angles[0]}")
     if point.initial_point:
         lines.append("Not from the default initial point")
     return "\n".join(lines)
@@ -78,7 +78,7 @@ def uniqueness_lines(trimmed: Trimmed) -> list[str]:
     """Return lines on the states that keep their start values because no equation determines them,
     and on the variables that remain free in a trim that is one of many.
     """
-    point = trimmed.given
+    point = trimmed.point
     lines = []
     if point.found_by is not None and point.found_by.kept:
         kept = ", ".join(named_value_text(point, name) for name in point.found_by.kept)
@@ -118,7 +118,7 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
     is accelerated, values that are imposed otherwise than by default, and imposed rates. For a
     model without a speed, they are the first imposed values.
     """
-    point, model = trimmed.given, trimmed.given.model
+    point, model = trimmed.point, trimmed.point.model
     condition = None if point.found_by is None else point.found_by.asked
     imposed = {} if condition is None else condition.imposed
     changed = {} if condition is None else condition.changes.get("imposed", {})
@@ -140,7 +140,7 @@ def _flight_words(
     imposed: name -> value that the condition imposes
     changed: names that it imposes otherwise than by default
     """
-    point, model = trimmed.given, trimmed.given.model
+    point, model = trimmed.point, trimmed.point.model
     speed = trimmed.roles["speed"]
     yield from _path_words(trimmed)
     in_place_of_speed = [
@@ -216,13 +216,13 @@ def _is_straight(trimmed: Trimmed) -> bool:
 
 def _imposed(trimmed: Trimmed) -> Mapping[str, float]:
     """Return the values that the condition of the point imposes, name -> value."""
-    found = trimmed.given.found_by
+    found = trimmed.point.found_by
     return {} if found is None else found.condition.imposed
 
 
 def _is_steady(trimmed: Trimmed, state: str) -> bool:
     """Return whether the rate of a state is 0 as accurately as equations balance."""
-    return abs(trimmed.rates[state]) <= BALANCE * trimmed.given.model.rate_scale(state)
+    return abs(trimmed.rates[state]) <= BALANCE * trimmed.point.model.rate_scale(state)
 
 
 def engines_without_power(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[str, str]:
@@ -231,8 +231,8 @@ def engines_without_power(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[
 
     imposed: the names that the condition imposes
     """
-    model = trimmed.given.model
-    inputs = {name: trimmed.given[name] for name in model.inputs}
+    model = trimmed.point.model
+    inputs = {name: trimmed.point[name] for name in model.inputs}
     switches = dict(zip(model.parameters, model.p.tolist(), strict=True))
     return _engines_out(model.inputs, inputs, imposed) | _engines_out(
         model.parameters, switches, switches
@@ -269,12 +269,12 @@ def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
 
     ratio: the row L/D, or None if the model has no forces
     """
-    model, margins = trimmed.given.model, trimmed.given.margins
+    model, margins = trimmed.point.model, trimmed.point.margins
     words = []
     alpha = trimmed.roles.get("alpha")
     if alpha:
         angle = digits_with_unit(
-            trimmed.given[alpha], model.unit(alpha), nominal=model.signal(alpha).nominal
+            trimmed.point[alpha], model.unit(alpha), nominal=model.signal(alpha).nominal
         )
         words.append(f"{alpha} {angle}")
     moved = [name for name in model.inputs if not is_zero(margins[name].value, margins[name].scale)]

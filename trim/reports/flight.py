@@ -40,10 +40,10 @@ def flight_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 
 def output_rows(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) -> Iterator[Row]:
     """Yield a row for each of the named outputs that the model has, in its units."""
-    given = trimmed.given.model
+    given = trimmed.point.model
     for name in names:
         if name in given.outputs:
-            value, unit = trimmed.given[name], given.unit(name)
+            value, unit = trimmed.point[name], given.unit(name)
             yield Row(name.replace("_", " "), value, unit, rare=rare)
 
 
@@ -106,8 +106,8 @@ def air_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 
 def unbalanced_rates(trimmed: Trimmed) -> Iterator[Row]:
     """Yield the rates that the condition does not balance and that are not 0."""
-    model = trimmed.given.model
-    balanced = trimmed.given.trim_problem.asked.rates
+    model = trimmed.point.model
+    balanced = trimmed.point.trim_problem.asked.rates
     for name, rate in trimmed.rates.items():
         if name not in balanced and abs(rate) > BALANCE * model.rate_scale(name):
             yield Row(f"{name}_dot", rate, model.rate_unit(name), "not balanced")
@@ -115,37 +115,37 @@ def unbalanced_rates(trimmed: Trimmed) -> Iterator[Row]:
 
 def distances_from_the_table(trimmed: Trimmed) -> Iterator[Row]:
     """Yield the difference of each value from that for which a table's derivatives are."""
-    model = trimmed.given.model
+    model = trimmed.point.model
     for name, stated in model.domain.reference.items():
         unit = model.unit(name)
         text = digits_with_unit(stated, unit, 4) if math.isfinite(stated) else "unknown"
-        difference = trimmed.given[name] - stated
+        difference = trimmed.point[name] - stated
         is_same = _is_as_in_the_table(trimmed, name)
         yield Row(f"{name} from the table's", difference, unit, f"table: {text}", rare=is_same)
 
 
 def same_as_the_table(trimmed: Trimmed) -> list[str]:
     """Return a list with a sentence on the values that are those of a table's derivatives."""
-    reference = trimmed.given.model.domain.reference
+    reference = trimmed.point.model.domain.reference
     same = [name for name in reference if _is_as_in_the_table(trimmed, name)]
     return [f"condition of the derivatives: {', '.join(same)} as in the table"] if same else []
 
 
 def _is_as_in_the_table(trimmed: Trimmed, name: str) -> bool:
     """Return whether a value is that of a table's derivatives, up to `NEAR`."""
-    model = trimmed.given.model
+    model = trimmed.point.model
     stated = model.domain.reference[name]
-    difference = abs(trimmed.given[name] - stated)
+    difference = abs(trimmed.point[name] - stated)
     return difference <= NEAR * (model.signal(name).nominal + abs(stated))
 
 
 def validity_rows(trimmed: Trimmed) -> Iterator[Row]:
     """Yield for each range of validity whether the trim is in it."""
-    model = trimmed.given.model
+    model = trimmed.point.model
     for name, (lowest, highest, source) in model.domain.range.items():
         unit = model.unit(name)
         ends = " to ".join(shown_value(end, unit, ".5g") for end in (lowest, highest))
-        is_inside = is_in_range(model, name, trimmed.given[name])
+        is_inside = is_in_range(model, name, trimmed.point[name])
         yield Row(
             f"{name} in its range",
             "inside" if is_inside else "OUTSIDE",

@@ -24,7 +24,7 @@ ASSUMED = "* assumed: no data of the aircraft state this limit"
 def variable_rows(trimmed: Trimmed) -> list[Row]:
     """Return the states, relevant outputs and inputs with their status and limits."""
     rows = []
-    for name, margin in trimmed.given.margins.items():
+    for name, margin in trimmed.point.margins.items():
         role = "imposed" if margin.role == "held" else margin.role
         limits = _limits_text(margin, name in trimmed.model.inputs)
         note = f"{role}, {limits}" if limits else role
@@ -61,7 +61,7 @@ def nearest_first(trimmed: Trimmed) -> list[Margin]:
     These are free variables and held inputs. Those at their limit come first, then declared limits,
     then assumed ones. The angle of attack is also limited by that of the largest lift.
     """
-    inputs, margins = trimmed.model.inputs, trimmed.given.margins
+    inputs, margins = trimmed.model.inputs, trimmed.point.margins
     limited = [
         margin
         for name, margin in margins.items()
@@ -75,7 +75,7 @@ def nearest_first(trimmed: Trimmed) -> list[Margin]:
 
 def _limit_of_the_largest_lift(trimmed: Trimmed, alpha: Margin) -> Margin | None:
     """Return the margin of alpha with its value at the largest lift as highest, if it is nearer."""
-    if "speed" not in trimmed.roles or not trimmed.given.ok or lacks_coefficient(trimmed):
+    if "speed" not in trimmed.roles or not trimmed.point.ok or lacks_coefficient(trimmed):
         return None
     largest = trimmed.largest_lift
     if largest is None or largest.passed or not math.isfinite(largest.alpha):

@@ -35,8 +35,8 @@ def performance_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     if {"speed", "alpha"} <= {*trimmed.roles}:
         rows += [*lift_and_drag(trimmed), *thrust(trimmed), *stall(trimmed)]
     yield from rows
-    model = trimmed.given.model
-    known = {*_KNOWN, *model.variables, *trimmed.given.trim_problem.asked.imposed}
+    model = trimmed.point.model
+    known = {*_KNOWN, *model.variables, *trimmed.point.trim_problem.asked.imposed}
     known |= {row.name.replace(" ", "_") for row in rows}
     others = tuple(name for name in model.outputs if name not in known)
     yield from output_rows(trimmed, others, rare=True)
@@ -143,7 +143,7 @@ def stall_speed(trimmed: Trimmed, share: float) -> Iterator[Row]:
 
 def stall_lines_at(trimmed: Trimmed) -> list[str]:
     """Return sentences on a trim beyond the largest lift."""
-    if not trimmed.given.ok or not {"speed", "alpha"} <= {*trimmed.roles}:
+    if not trimmed.point.ok or not {"speed", "alpha"} <= {*trimmed.roles}:
         return []
     return stall_lines(Sheet.of([("", [*lift_and_drag(trimmed), *stall(trimmed)], ())]))
 

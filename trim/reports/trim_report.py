@@ -60,7 +60,7 @@ def sheet_of(point: OperatingPoint, airplane: Airplane = DEFAULT_AIRPLANE) -> Sh
 
 def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
-    point = trimmed.given
+    point = trimmed.point
     has_assumed = any(each.nearer and each.assumed for each in point.margins.values())
     assumed = [ASSUMED] if has_assumed else []
     variables = variable_rows(trimmed)
@@ -91,7 +91,7 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
 
     sheet: the other groups of the sheet
     """
-    point = trimmed.given
+    point = trimmed.point
     condition = None if point.found_by is None else point.found_by.asked
     imposed = {} if condition is None else condition.imposed
     margins = point.margins.values()
@@ -99,7 +99,7 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
         "stalled": stall_lines(sheet),
         "doubts": doubts_of(trimmed),
         "not determined": uniqueness_lines(trimmed),
-        "far out": point._far_out,
+        "far out": point._large_angles,
         "engines out": engines_without_power(trimmed, imposed).values(),
         "limits reached": [each.name for each in nearest_first(trimmed) if each.at_limit],
         "assumed limits": [each.name for each in margins if each.nearer and each.assumed],
@@ -134,7 +134,7 @@ def report_of(
 
     others: figures of other models at the same condition
     """
-    point = trimmed.given
+    point = trimmed.point
     sheet = sheet_at(trimmed, airplane)
     search = trimmed.search
     equations = equations_of(point)
@@ -184,7 +184,7 @@ def report_of(
         parts,
         notes,
         data,
-        matrix([asked_of(trimmed.given)], [sheet]),
+        matrix([asked_of(trimmed.point)], [sheet]),
         head=head,
         sheet=sheet,
     )

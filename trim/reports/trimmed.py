@@ -95,29 +95,29 @@ class LargestLift(NamedTuple):
 class Trimmed:
     """An operating point with the results that several figures need, each computed once.
 
-    Values are in radians and coherent units.
+    Values are in radians and coherent units, so that figures are those of any units.
 
-    given: the point in the units of its condition
-    point: the point in coherent units
-    model: its model
+    point: the point in the units of its condition
+    coherent: the point in coherent units
+    model: model in coherent units
     roles: role in the motion of a rigid body -> state ("speed", "alpha", "theta", ...)
     """
 
-    def __init__(self, given: OperatingPoint) -> None:
-        self.given = given
-        self.point = given.in_coherent_units
-        self.model: Model = self.point.model
+    def __init__(self, point: OperatingPoint) -> None:
+        self.point = point
+        self.coherent = point.in_coherent_units
+        self.model: Model = self.coherent.model
         self.roles = recognized(self.model.states)
 
     @cached_property
     def values(self) -> dict[str, float]:
         """State, input or output -> value."""
-        return dict(self.point)
+        return dict(self.coherent)
 
     @cached_property
     def rates(self) -> dict[str, float]:
         """State -> its rate, in the units of the condition."""
-        return self.given.model.rates_at(self.given.states, self.given.inputs)
+        return self.point.model.rates_at(self.point.states, self.point.inputs)
 
     def __getitem__(self, name: str) -> float:
         return self.values[name]
@@ -154,7 +154,7 @@ class Trimmed:
         """The derivatives with mean slopes at kinks, or why they do not exist."""
         names = [name for name in _SLOPED if name in self.model.outputs]
         try:
-            slopes, _ = linearization_at(self.model, self.point.x, self.point.u, names)
+            slopes, _ = linearization_at(self.model, self.coherent.x, self.coherent.u, names)
         except NotFiniteError as error:
             return str(error)
         return slopes
@@ -243,7 +243,7 @@ class Trimmed:
     @cached_property
     def search(self) -> Search:
         """What is said on the search for the trim."""
-        return search_of(self.given)
+        return search_of(self.point)
 
     # Maneuvers.
 
@@ -284,21 +284,21 @@ class Trimmed:
 
         The result is None if the speed is free or the input is held, or if a trim does not exist.
         """
-        given = self.given
+        point = self.point
         speed = self.roles["speed"]
-        knot = conversion_factor("kt", given.model.unit(speed))
-        held = given.trim_problem.condition
-        if knot is None or speed not in held.imposed or name in held.imposed:
+        knot = conversion_factor("kt", point.model.unit(speed))
+        condition = point.trim_problem.condition
+        if knot is None or speed not in condition.imposed or name in condition.imposed:
             return None
         values = []
         for change in (-_KNOTS, _KNOTS):
-            imposed = {**held.imposed, speed: given[speed] + change * knot}
+            imposed = {**condition.imposed, speed: point[speed] + change * knot}
             try:
-                values.append(trim(given.model, replace(held, imposed=imposed), given)[name])
+                values.append(trim(point.model, replace(condition, imposed=imposed), point)[name])
             except (BadInputError, NoSolutionError):  # beyond the limits
                 return None
         slope = (values[1] - values[0]) / (2.0 * _KNOTS)
-        return slope * (conversion_factor(given.model.unit(name), self.unit(name)) or 1.0)
+        return slope * (conversion_factor(point.model.unit(name), self.unit(name)) or 1.0)
 
     # Thrust and lift.
 
@@ -327,10 +327,10 @@ class Trimmed:
             if slope and state not in of_motion:
                 return f"the thrust follows the state {state}"
         levers = [each for each, slope in zip(model.inputs, slopes.by_inputs, strict=True) if slope]
-        full = self.point.inputs._replace(**{each: model.inputs[each].max for each in levers})
+        full = self.coherent.inputs._replace(**{each: model.inputs[each].max for each in levers})
         thrust = math.inf
         if levers and np.isfinite(full).all():
-            thrust = model.outputs_at(self.point.states, full, (name,))[name]
+            thrust = model.outputs_at(self.coherent.states, full, (name,))[name]
         if not math.isfinite(thrust):
             return "no upper limit of the inputs that change the thrust"
         return thrust
@@ -371,8 +371,8 @@ class Trimmed:
         """Return the function: angles of attack (N,) -> `lift` (N,), otherwise at the point."""
         model = self.model
         angle = ca.SX.sym(alpha)
-        state = self.point.states._replace(**{alpha: angle})
-        _, lift = model.layout.expressions((state, self.point.inputs, model.p), ("lift",))
+        state = self.coherent.states._replace(**{alpha: angle})
+        _, lift = model.layout.expressions((state, self.coherent.inputs, model.p), ("lift",))
         function = ca.Function("lift", [angle], [lift])
         return lambda angles: np.asarray(function(angles[None]).full()[0])
 

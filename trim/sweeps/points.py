@@ -270,7 +270,7 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     names = (*model.states, *model.inputs, *system.watched.names)
     within = _rows_all_true(system.condition.limits_on(names).within(found.signals))
     within_of_unknowns = system.limits.within(ends.z * system.scales)  # also of a free output
-    within &= _rows_all_true(within_of_unknowns & ~system.far_out(ends.z))
+    within &= _rows_all_true(within_of_unknowns & ~system.beyond_quarter_turn(ends.z))
     balanced = _rows_all_true(np.abs(found.residual) <= BALANCE)
     status = np.where(balanced & within, TRIMMED, NO_TRIM)
     if system.only_inputs:
