@@ -141,5 +141,4 @@ def deviations_of(point: OperatingPoint, X: Any) -> np.ndarray:
             f"X has shape {states.shape}; give the {len(trim)} states of one sample: "
             f"{', '.join(point.model.states)}"
         )
-    away: np.ndarray = states - trim
-    return away
+    return np.asarray(states - trim)

@@ -162,9 +162,10 @@ def scheduled_gains(
     start = base.values[model.schedule]
     if commands is None or not commands.names:
         commands = CommandSteps((model.schedule,), np.zeros(1), np.zeros((1, 1)))
-    values = np.append(start + commands.values, start)
-    schedule.refuse_beyond(float(values.min()), float(values.max()))
-    breakpoints = np.unique(np.linspace(values.min(), values.max(), _TRIMS))
+    commanded_values = np.append(start + commands.values, start)
+    lowest, highest = float(commanded_values.min()), float(commanded_values.max())
+    schedule.refuse_beyond(lowest, highest)
+    breakpoints = np.unique(np.linspace(lowest, highest, _TRIMS))
     trims = [trim(model, condition(value)) for value in breakpoints.tolist()]
     path = TrimPath(
         base,

@@ -65,19 +65,19 @@ def read_actor(wanted: Wanted) -> Actor:
     source = wanted.policy.get("file")
     of_gain: dict[str, Any] = {}
     if isinstance(source, ca.Function):
-        what: Any = "the function"
+        origin: Any = "the function"
         stored = network_in(source, Asked(wanted.observations))
     elif isinstance(source, (str, Path)):
-        what = wanted.folder / source
-        stored, of_gain = _read(what, wanted)
+        origin = wanted.folder / source
+        stored, of_gain = _read(origin, wanted)
     else:
         raise BadInputError(
             f"policy.file is {shown(source)}; give the path of the file that contains the policy"
         )
     ((name, function),) = stored.functions.items()
-    _refuse_sizes(function, what, wanted)
+    _refuse_sizes(function, origin, wanted)
     stated = stored.stated
-    with prefix_errors(what):
+    with prefix_errors(origin):
         action = _action(stated.action, wanted)
     normalizer, notes = _normalizer(stated, wanted)
     return Actor(
@@ -127,7 +127,10 @@ def gain_function(K: np.ndarray) -> ca.Function:
 
 
 def box_of(boxes: Mapping[str, Any]) -> ActionBox:
-    """Return the boxes of a deployment file, infinite for an action without a box."""
+    """Return the boxes of a deployment file, infinite for an action without a box.
+
+    boxes: action -> [lowest, highest], or None
+    """
     low = np.full(len(boxes), -np.inf)
     high = np.full(len(boxes), np.inf)
     for place, box in enumerate(boxes.values()):
@@ -137,7 +140,9 @@ def box_of(boxes: Mapping[str, Any]) -> ActionBox:
 
 
 def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
-    """Return the way from output to action: that of the file, or else of the deployment.
+    """Return squash and box from the network's output to the action.
+
+    They are those of the policy's file, or else those that the deployment lists.
 
     Raises BadInputError if the two differ, or if a squashed action has no finite box.
     """
@@ -145,28 +150,28 @@ def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
     squash = wanted.policy.get("squash")
     low, high = stated.low, stated.high
     if low is None or high is None:
-        made = listed._replace(squash="tanh" if squash else "")
+        action = listed._replace(squash="tanh" if squash else "")
     else:
-        made = stated
+        action = stated
         if squash is not None and squash != bool(stated.squash):
             raise BadInputError(
                 f"policy.squash is {shown(squash)}, but the file states {stated}; "
                 "remove policy.squash"
             )
         for place, (name, box) in enumerate(wanted.boxes.items()):
-            own = [float(low[place]), float(high[place])]
+            stored = [float(low[place]), float(high[place])]
             # Boxes in files are rounded to single precision.
-            if box is not None and not np.allclose(box, own, rtol=1e-6, atol=1e-9):
+            if box is not None and not np.allclose(box, stored, rtol=1e-6, atol=1e-9):
                 raise BadInputError(
-                    f"action.{name}.box is {shown(box)}, but the policy contains the box {own}; "
+                    f"action.{name}.box is {shown(box)}, but the policy contains the box {stored}; "
                     f"remove action.{name}.box"
                 )
-    if made.squash and not np.isfinite(np.array([made.low, made.high], dtype=float)).all():
+    if action.squash and not np.isfinite(np.array([action.low, action.high], dtype=float)).all():
         raise BadInputError(
             "a policy with squashed actions requires a box for each action; give box = [lowest, "
             "highest]"
         )
-    return made
+    return action
 
 
 def _normalizer(stated: Stated, wanted: Wanted) -> tuple[Normalizer | None, tuple[str, ...]]:
@@ -180,39 +185,39 @@ def _normalizer(stated: Stated, wanted: Wanted) -> tuple[Normalizer | None, tupl
     if entry is None:
         missing = "the policy was trained behind a VecNormalize; give its file as policy.normalizer"
         return stated.normalizer, (missing,) * stated.is_normalized
-    seen = 0
+    count = 0  # of the observations from which the normalizer was made, 0 if unknown
     normalizer: Normalizer | None
     if isinstance(entry, Mapping):
         normalizer = Normalizer(**entry)
     else:
-        normalizer, seen = read_normalizer(wanted.folder / entry)
+        normalizer, count = read_normalizer(wanted.folder / entry)
     if normalizer is not None and normalizer.mean.size != wanted.observations:
         raise BadInputError(
             f"{normalizer.origin} normalizes {normalizer.mean.size} observations, but the "
             f"deployment file lists {wanted.observations}; give the normalizer of this policy"
         )
     least, most = stated.seen
-    if seen == 0 or least <= seen <= most:
+    if count == 0 or least <= count <= most:
         return normalizer, ()
     reason = "it was not saved with this policy"
-    if seen > most:
+    if count > most:
         reason += ", unless learn() was called several times"
     return normalizer, (
-        f"policy.normalizer saw {seen} observations, but the policy was trained with {least}: "
+        f"policy.normalizer saw {count} observations, but the policy was trained with {least}: "
         f"{reason}",
     )
 
 
-def _refuse_sizes(function: ca.Function, what: Any, wanted: Wanted) -> None:
+def _refuse_sizes(function: ca.Function, origin: Any, wanted: Wanted) -> None:
     """Raise BadInputError unless a function has as many inputs and outputs as the deployment."""
     takes, gives = function.numel_in(0), function.numel_out(0)
     if takes != wanted.observations:
         raise BadInputError(
-            f"{what} requires {takes} observations, but the deployment file lists "
+            f"{origin} requires {takes} observations, but the deployment file lists "
             f"{wanted.observations}; list all training observations, in the order used in training"
         )
     if gives != len(wanted.boxes):
         raise BadInputError(
-            f"{what} returns {gives} actions, but the deployment file lists {len(wanted.boxes)}; "
+            f"{origin} returns {gives} actions, but the deployment file lists {len(wanted.boxes)}; "
             "list all training actions, in the order used in training"
         )

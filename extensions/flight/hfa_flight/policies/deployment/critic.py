@@ -59,7 +59,7 @@ def _critic(path: str | Path, deployment: Deployment, game: Game, reading: Readi
         raise BadInputError(f"an observation depends on the inputs; {by_flights}")
     deployed.refuse_undefined_at([linear.point])
     z = symbols_for([deployed.act], len(game.A))
-    u = _inputs(deployed, linear, z, game.names.inputs)
+    u = _inputs_at(z, deployed, linear, game.names.inputs)
     actor, normalizer = deployment.actor, deployment.normalizer
     parts = [f"policy {Path(path).name}: {actor.chain}"]
     if normalizer is not None:
@@ -82,14 +82,17 @@ def _refuse_other_inputs(deployed: Deployed, game: Game) -> None:
         )
 
 
-def _inputs(deployed: Deployed, linear: LinearModel, z: ca.SX, names: tuple[str, ...]) -> ca.SX:
-    """Return the inputs with these names, in deviations from the trim, at the deviations z."""
+def _inputs_at(z: ca.SX, deployed: Deployed, linear: LinearModel, names: tuple[str, ...]) -> ca.SX:
+    """Return the policy's inputs at the deviations z of the linear states, from the trim, (m',).
+
+    names: names of the returned inputs
+    """
     point = linear.point
     model = point.model
-    rows = np.eye(len(model.states))[:, model.state_places(linear.states)]
-    X = ca.DM(point.x) + ca.DM(rows) @ z
+    from_linear = np.eye(len(model.states))[:, model.state_places(linear.states)]
+    X = ca.DM(point.x) + ca.DM(from_linear) @ z
     U = ca.DM(point.u)
     trim = ca.DM(deployed.trim_vector(point))
     commanded = deployed.unlimited_inputs(deployed.act(deployed.observe(X, U, trim)), X, U, trim)
-    moved = np.eye(len(model.inputs))[model.input_places(names)]
-    return ca.DM(moved) @ (commanded - U)
+    named = np.eye(len(model.inputs))[model.input_places(names)]
+    return ca.DM(named) @ (commanded - U)

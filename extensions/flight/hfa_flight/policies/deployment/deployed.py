@@ -178,23 +178,20 @@ class Deployed:
         The unit of an observation is that of its signal times the scale.
         """
         deployment = self.deployment
-        stated = deployment.actor.of_gain
-        observed = [entry.get("formula", name) for name, entry in deployment.observation.items()]
-        for name, entry, unit in zip(
-            observed, deployment.observation.values(), stated.get("state_units", ()), strict=False
-        ):
-            own = self.model.unit(name) if name in self.model.states else ""
-            expected = conversion_factor(unit, own)
+        of_gain = deployment.actor.of_gain
+        state_units, input_units = of_gain.get("state_units", ()), of_gain.get("input_units", ())
+        for (name, entry), unit in zip(deployment.observation.items(), state_units, strict=False):
+            signal = entry.get("formula", name)
+            unit_of_model = self.model.unit(signal) if signal in self.model.states else ""
+            expected = conversion_factor(unit, unit_of_model)
             scale = float(entry.get("scale", 1.0))
             if expected is not None and not math.isclose(scale, expected, rel_tol=1e-3):
                 raise BadInputError(
-                    f"K is a gain per {unit} of {name}, but the deployment file divides {name} in "
-                    f"{own} by {scale:g}; give scale = {expected:.6g}, or remove state_units from "
-                    "the file"
+                    f"K is a gain per {unit} of {signal}, but the deployment file divides {signal} "
+                    f"in {unit_of_model} by {scale:g}; give scale = {expected:.6g}, or remove "
+                    "state_units from the file"
                 )
-        for (name, entry), unit in zip(
-            deployment.action.items(), stated.get("input_units", ()), strict=False
-        ):
+        for (name, entry), unit in zip(deployment.action.items(), input_units, strict=False):
             factor = conversion_factor(unit, self.model.unit(name))
             if "map" not in entry and factor is not None and not math.isclose(factor, 1.0):
                 raise BadInputError(

@@ -126,7 +126,7 @@ class Deployment(Reported):
 
         The content of the policy's files is omitted. An unpickled copy reads the files again.
         """
-        return {each.name: getattr(self, each.name) for each in fields(self)}
+        return {table.name: getattr(self, table.name) for table in fields(self)}
 
     @staticmethod
     def load(path: str | Path) -> Deployment:
@@ -181,6 +181,7 @@ class Deployment(Reported):
         )
 
     def _check_policy(self) -> None:
+        """Raise BadInputError for a wrong squash or normalizer."""
         squash = self.policy.get("squash")
         if squash is not None and not isinstance(squash, bool):
             raise BadInputError(f"policy.squash is {shown(squash)}; give true or false")
@@ -194,6 +195,7 @@ class Deployment(Reported):
             )
 
     def _check_observation(self) -> None:
+        """Raise BadInputError without observations, and for a wrong `about` or `scale`."""
         if not self.observation:
             raise BadInputError("observation is empty; list the inputs of the network, in order")
         for name, entry in self.observation.items():
@@ -206,6 +208,7 @@ class Deployment(Reported):
                 raise BadInputError(f"observation.{name}.scale is 0; give a divisor other than 0")
 
     def _check_action(self) -> None:
+        """Raise BadInputError without actions, and for a wrong box."""
         if not self.action:
             raise BadInputError(
                 "action is empty; list the inputs of the aircraft that the "
@@ -220,6 +223,7 @@ class Deployment(Reported):
                 )
 
     def _check_timing(self) -> None:
+        """Raise BadInputError for a delay that is too long to be assessed."""
         if self.delay > MOST_SAMPLES * self.dt:
             raise BadInputError(
                 f"timing.delay is {self.delay:g} s; give at most "
@@ -317,10 +321,10 @@ class Deployment(Reported):
 
         The policy's files are reread only if the table `policy` is replaced.
         """
-        made = replace(self, **changes)
+        changed = replace(self, **changes)
         if "policy" not in changes and "actor" in self.__dict__:
-            made.__dict__["actor"] = self.__dict__["actor"]
-        return made
+            changed.__dict__["actor"] = self.__dict__["actor"]
+        return changed
 
 
 def sampled_policy(path: Path, model: Model, dt: float) -> Deployment:
@@ -332,16 +336,16 @@ def sampled_policy(path: Path, model: Model, dt: float) -> Deployment:
     Raises BadInputError if K has another shape, other units that cannot be converted, or another
     sample time, if a network was trained behind a normalizer, or if the file contains neither.
     """
-    is_of_layers = is_network(path)
+    has_network = is_network(path)
     deployment = Deployment(
-        policy={"file": path.name if is_of_layers else _sampled_gain(path, model, dt)},
+        policy={"file": path.name if has_network else _sampled_gain(path, model, dt)},
         observation={name: {} for name in model.linear},
         action={name: {} for name in model.inputs},
         timing={"dt": dt},
         folder=path.parent,
         origin=str(path),
     )
-    if is_of_layers:
+    if has_network:
         with prefix_errors(path):
             refuse_normalizer(deployment.actor.stated)
     return deployment

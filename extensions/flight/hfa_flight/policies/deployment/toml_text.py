@@ -19,11 +19,13 @@ def toml_text(tables: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _toml_entry(name: str, value: Any) -> str:
+    """Return "name = value", with the name in quotes where TOML requires them."""
     key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
     return f"{key} = {_toml_value(value)}"
 
 
 def _toml_value(value: Any) -> str:
+    """Return a value as TOML."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(_toml_entry(*entry) for entry in value.items()) + "}"
     if isinstance(value, (list, tuple)):
