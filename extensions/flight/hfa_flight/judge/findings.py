@@ -109,12 +109,14 @@ def where_text(points: Sequence[AssessedPoint], among: Sequence[AssessedPoint]) 
 
 
 def _no_equilibrium(point: AssessedPoint) -> _AtTrim | None:
+    """Return the failure of a policy without an equilibrium."""
     if point.equilibrium is not None:
         return None
     return _AtTrim(Severity.FAILURE, "no equilibrium near the trim")
 
 
 def _saturation(point: AssessedPoint) -> _AtTrim | None:
+    """Return the failure of an equilibrium at which actions or inputs are saturated."""
     if point.equilibrium is None or not point.equilibrium.clips:
         return None
     what = " and ".join(point.equilibrium.clips)
@@ -123,12 +125,14 @@ def _saturation(point: AssessedPoint) -> _AtTrim | None:
 
 
 def _beyond_limits(point: AssessedPoint) -> _AtTrim | None:
+    """Return the failure of an equilibrium beyond the limits of a state."""
     if not point.beyond:
         return None
     return _AtTrim(Severity.FAILURE, f"at the equilibrium, {point.beyond[0]}")
 
 
 def _instability(point: AssessedPoint) -> _AtTrim | None:
+    """Return the failure of a sampled loop that is unstable at its equilibrium."""
     if not point.radius >= 1.0:
         return None
     text = f"unstable at its equilibrium (spectral radius {point.radius:.5f})"
@@ -148,6 +152,7 @@ def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) ->
 
 
 def _convergence(point: AssessedPoint) -> _AtTrim | None:
+    """Return the finding on the flights that stay and do not converge, or that all converge."""
     flown = point.flights
     if flown is None:
         return _AtTrim(Severity.NOTE, "no flight was simulated")
@@ -205,6 +210,7 @@ def _steady_state_error(point: AssessedPoint) -> _AtTrim | None:
 
 
 def _linear_cost(point: AssessedPoint) -> _AtTrim | None:
+    """Return the note on the cost of the sampled loop above the optimum."""
     if point.cost is None or not point.holds:
         return None
     worst = point.cost.worst
@@ -216,6 +222,7 @@ def _linear_cost(point: AssessedPoint) -> _AtTrim | None:
 
 
 def _clipped_observations(point: AssessedPoint) -> _AtTrim | None:
+    """Return the warning that the normalizer clips observations at the equilibrium."""
     if point.equilibrium is None or not point.equilibrium.clipped_observations:
         return None
     names = ", ".join(point.equilibrium.clipped_observations)
@@ -223,6 +230,7 @@ def _clipped_observations(point: AssessedPoint) -> _AtTrim | None:
 
 
 def _integration(point: AssessedPoint) -> _AtTrim | None:
+    """Return the warning that the integration of the flights is not accurate."""
     error = point.integration
     if error is None or error.is_resolved:
         return None

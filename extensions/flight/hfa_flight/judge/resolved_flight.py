@@ -41,10 +41,12 @@ def resolved_flight(
     model = flight.deployed.model
 
     def flown(refinement: int) -> _Flown:
+        """Return the flights with so many times the integration steps in a sample."""
         finer = replace(flight, steps_per_sample=refinement * flight.steps_per_sample)
         return _Flown(finer, _largest_deviations(finer, cases, seed))
 
     def figures(flown: _Flown) -> Figures:
+        """Return the figures that must hardly change: the largest deviations of linear states."""
         largest = dict(zip(model.states, flown.largest.tolist(), strict=True))
         return {
             f"the largest deviation of {name}": ReportedFigure(

@@ -153,9 +153,11 @@ class AircraftEnvironment(gymnasium.Env):
         return self._observation(), reward, lost, over, info
 
     def _observation(self) -> np.ndarray:
+        """Return the observations of the sample in single precision, (k,)."""
         return self.episode.observation.astype(np.float32)
 
     def _info(self) -> dict[str, Any]:
+        """Return the entries of `info` that every sample has."""
         episode = self.episode
         info: dict[str, Any] = {"X": episode.states, "U": episode.inputs, "trim": episode.owner}
         if episode.varied:

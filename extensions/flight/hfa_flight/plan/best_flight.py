@@ -291,16 +291,19 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return np.array(self._drawn_in(pyplot_figure(10.0, 8.0)).axes)
 
     def _drawn_in(self, figure: Figure) -> Figure:
+        """Draw the best flight and the compared ones, up to the horizon, in a figure."""
         curves = []
         for number, flown in enumerate((self.flown, *self.compared)):
             end = f"{flown.cost:.5g}" if flown.converges else flown.loss
             label = f"{flown.policy if number else 'best flight found'}: {end}"
             shown = flown.times <= self.seconds
             values = signals_of(self.model, flown.states[shown], flown.inputs[shown])
-            style, is_whole = f"C{number}{'--' if number else '-'}", not number or flown.converges
+            style = f"C{number}{'--' if number else '-'}"
+            is_whole = number == 0 or flown.converges
             curves.append(Curve(label, style, flown.times[shown], values, is_whole))
         return flight_figure(figure, self.problem.envelope, curves, self.title())
 
 
 def _saturated(names: Sequence[str]) -> str:
+    """Return which inputs are saturated as text, such as "no input saturated"."""
     return f"{', '.join(names) or 'no input'} saturated"

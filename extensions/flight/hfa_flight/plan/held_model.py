@@ -93,12 +93,13 @@ class HeldModel:
         _, n, m = self.scaled.sizes
         columns = ca.MX.sym("columns", n, 1 + n + m)
 
-        def moved(columns: Any, _: float) -> Any:
+        def rates(columns: Any, _: float) -> Any:
+            """Return the rates of z and S: f, and ∂f/∂z S + [0 ∂f/∂v]."""
             rate, jacobian = self.slopes(ca.vertcat(columns[:, 0], v))
             of_inputs = ca.horzcat(ca.DM.zeros(n, n), jacobian[:, n:])
             return ca.horzcat(rate, jacobian[:, :n] @ columns[:, 1:] + of_inputs)
 
-        after = ca.densify(rk4(moved, columns, h))
+        after = ca.densify(rk4(rates, columns, h))
         return ca.Function("step_slopes", [columns, v, h], [after])
 
     def _held(self, step: ca.Function, count: int) -> ca.Function:
@@ -114,6 +115,7 @@ class HeldModel:
         return ca.Function(f"{step.name()}_{count}", [begin, v, seconds], [after])
 
     def _symbols(self) -> _Symbols:
+        """Return new symbols of states, inputs and a duration."""
         _, n, m = self.scaled.sizes
         sizes = (n, m, 1)
         return _Symbols(*(ca.MX.sym(*each) for each in zip(_Symbols._fields, sizes, strict=True)))
@@ -173,6 +175,7 @@ class HeldModel:
 
     @cached_property
     def _one(self) -> BoundFunction:
+        """Machine code of `sample`."""
         return BoundFunction(machine_code(self.sample))
 
     def after(self, z: np.ndarray, v: np.ndarray, seconds: float) -> np.ndarray:

@@ -75,6 +75,7 @@ class KeptInside(Policy):
         latest = self.held[0]
 
         def sample(tick: int, measured: np.ndarray) -> np.ndarray:
+            """Return the held inputs of a tick, which change at a sample."""
             nonlocal latest
             if tick % self.ticks:
                 return latest

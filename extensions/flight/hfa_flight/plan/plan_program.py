@@ -112,41 +112,15 @@ class PlanProgram:
     def __init__(self, count: int, n: int, m: int, soft: np.ndarray, fast: np.ndarray) -> None:
         self.fast = fast
         self._n, self._m = n, m
-        both, slacks, middles = n + m, len(soft), len(fast)
-        # Unknowns of a hold, and its rows: the equations, and two for each limit.
-        width, height = both + slacks, n + 2 * (slacks + middles)
-        # Each entry of H and A is the number of a value that `step` computes, beginning with 1.
-        H = np.zeros((count * width + n, count * width + n), dtype=int)
-        A = np.zeros((count * height, len(H)), dtype=int)
-        sizes = [count * each for each in (both**2, slacks)]
-        of_holds, of_slacks, at_end = np.split(
-            np.arange(1, sum(sizes) + n * n + 1), np.cumsum(sizes)
-        )
-        of_holds, of_slacks = of_holds.reshape(count, both, both), of_slacks.reshape(count, slacks)
-        moves = 3 + np.arange(count * n * both).reshape(count, n, both)
-        between = 1 + moves.max() + np.arange(count * middles * both).reshape(count, middles, both)
-        one, minus = 1, 2
-        for k in range(count):
-            first, row = k * width, k * height
-            columns, slack = first + np.arange(both), first + both + np.arange(slacks)
-            H[np.ix_(columns, columns)] = of_holds[k]
-            H[slack, slack] = of_slacks[k]
-            A[row : row + n, columns] = moves[k]
-            A[row + np.arange(n), first + width + np.arange(n)] = minus
-            row += n
-            for limited, beyond in ((moves[k, soft], slack), (between[k], slack[fast])):
-                for sign in (minus, one):
-                    rows = row + np.arange(len(beyond))
-                    A[rows[:, None], columns], A[rows, beyond] = limited, sign
-                    row += len(beyond)
-        H[-n:, -n:] = at_end.reshape(n, n)
-        of_H, self._numbers_of_H = _sparse(H)
-        of_A, self._numbers_of_A = _sparse(A)
+        numbers = _numbers_of_values(count, n, m, soft, fast)
+        of_H, self._numbers_of_H = _sparse(numbers.H)
+        of_A, self._numbers_of_A = _sparse(numbers.A)
+        limits, slacks = len(soft) + len(fast), len(soft)
         stages: dict[str, Any] = {
             "N": count,
             "nx": [n] * (count + 1),
             "nu": [m + slacks] * count + [0],
-            "ng": [height - n] * count + [0],
+            "ng": [2 * limits] * count + [0],
         }
         options: dict[str, Any] = {**stages, "inf": _FAR, "hpipm": _OPTIONS, "error_on_fail": False}
         solve = ca.conic("plan", "hpipm", {"h": of_H, "a": of_A}, {**options, "print_time": False})
@@ -196,6 +170,51 @@ class PlanProgram:
             self._memory = memory
             return int(status)
         return None
+
+
+class _Numbers(NamedTuple):
+    """Matrices H and A of a program, with the number of a value in place of each entry.
+
+    The values of H are those of W of each hold, of the curvatures of the slacks, and of P. Those of
+    A are 1, -1, and the derivatives of the states at the ends and at the middles of the holds.
+    Numbers begin with 1, and 0 is no entry.
+    """
+
+    H: np.ndarray
+    A: np.ndarray
+
+
+def _numbers_of_values(count: int, n: int, m: int, soft: np.ndarray, fast: np.ndarray) -> _Numbers:
+    """Return the matrices of the program of `PlanProgram` with N holds, with its arguments.
+
+    The rows of A of a hold are the n equations, then for the limits at its end and for those at its
+    middle first the upper sides, x - slack, then the lower ones, x + slack.
+    """
+    both, slacks, middles = n + m, len(soft), len(fast)
+    unknowns, rows_of_hold = both + slacks, n + 2 * (slacks + middles)
+    H = np.zeros((count * unknowns + n, count * unknowns + n), dtype=int)
+    A = np.zeros((count * rows_of_hold, len(H)), dtype=int)
+    sizes = np.array([count * both**2, count * slacks, n * n])
+    W, curvatures, P = np.split(np.arange(1, sizes.sum() + 1), np.cumsum(sizes)[:-1])
+    W, curvatures = W.reshape(count, both, both), curvatures.reshape(count, slacks)
+    one, minus = 1, 2
+    ends = 3 + np.arange(count * n * both).reshape(count, n, both)
+    at_middles = 1 + ends.max() + np.arange(count * middles * both).reshape(count, middles, both)
+    for k in range(count):
+        first, row = k * unknowns, k * rows_of_hold
+        states_and_inputs, slack = first + np.arange(both), first + both + np.arange(slacks)
+        H[np.ix_(states_and_inputs, states_and_inputs)] = W[k]
+        H[slack, slack] = curvatures[k]
+        A[row : row + n, states_and_inputs] = ends[k]
+        A[row + np.arange(n), first + unknowns + np.arange(n)] = minus
+        row += n
+        for limited, beyond in ((ends[k, soft], slack), (at_middles[k], slack[fast])):
+            for sign in (minus, one):
+                rows = row + np.arange(len(beyond))
+                A[rows[:, None], states_and_inputs], A[rows, beyond] = limited, sign
+                row += len(beyond)
+    H[-n:, -n:] = P.reshape(n, n)
+    return _Numbers(H, A)
 
 
 def _gradient(cost: PlanCost) -> np.ndarray:

@@ -240,6 +240,7 @@ class FlightProblem:
         return z
 
     def _deviations_of(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
+        """Return an initial condition as deviations z, (k,), not checked against the limits."""
         if isinstance(start, OperatingPoint):
             return self._deviations_of_trim(start)
         z = np.zeros(len(self.states))

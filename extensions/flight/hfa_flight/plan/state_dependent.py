@@ -138,6 +138,7 @@ class RiccatiLaw:
 
     @cached_property
     def _slopes(self) -> BoundFunction:
+        """Machine code of (z, v) -> the derivatives of the rates by both."""
         return BoundFunction(machine_code(smooth_slopes(self._scaled.problem)))
 
     @property

@@ -381,6 +381,7 @@ class FilteredPolicy(SampledPolicy):
 
     @cached_property
     def _functions(self) -> _Functions:
+        """Functions of the filter, made at the first sample."""
         return _functions_of(self.filter, self.is_extended)
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:

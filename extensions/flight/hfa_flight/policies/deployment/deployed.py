@@ -101,6 +101,7 @@ class Deployed:
         return tuple(self.deployment.action)
 
     def _refuse_cost(self) -> None:
+        """Raise BadInputError for weights of unknown signals, and for a missing weight in R."""
         cost = self.deployment.cost
         if cost is None:
             return
