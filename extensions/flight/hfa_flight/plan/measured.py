@@ -59,14 +59,14 @@ class Measured:
         z: measured states, (n,)
         """
         acting = self._acting(self._count - 1, self._dt)
-        predicted = [self._moved(each, acting) for each in self._last]
-        is_expected = [bool((np.abs(z - each) <= self._most).all()) for each in predicted]
+        predictions = [self._moved(states, acting) for states in self._last]
+        agrees = [bool((np.abs(z - states) <= self._most).all()) for states in predictions]
         used: np.ndarray | None = z
-        if not np.isfinite(z).all() or (is_expected and not any(is_expected)):
+        if not np.isfinite(z).all() or (predictions and not any(agrees)):
             self.wrong += 1
-            used = predicted[0] if predicted else None
-        states = (used,) if used is z else (used, z)
-        self._last = [each for each in states if each is not None and np.isfinite(each).all()]
+            used = predictions[0] if predictions else None
+        hypotheses = (used,) if used is z else (used, z)
+        self._last = [z for z in hypotheses if z is not None and np.isfinite(z).all()]
         return used
 
     def when_acting(self, z: np.ndarray) -> np.ndarray:
