@@ -71,7 +71,7 @@ def unpacked(known: KalmanFilter, memory: ca.SX) -> Estimate:
 
 
 def _symmetric(stationary: np.ndarray, begun: ca.SX, triangle: ca.SX) -> ca.SX:
-    """Return the covariance with this lower triangle, or the stationary one before the first."""
+    """Return the covariance of a lower triangle, or the stationary one before the first sample."""
     n = len(stationary)
     covariance = ca.SX(n, n)
     for place, (i, j) in enumerate(_lower_triangle(n)):
