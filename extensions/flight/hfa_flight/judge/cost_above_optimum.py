@@ -78,6 +78,7 @@ def _above(game: Game, optimum: np.ndarray, loop: Chain) -> CostAboveOptimum:
     paid = values > _COSTS_NOTHING * max(float(values[-1]), 0.0)
     if not paid.any():
         return CostAboveOptimum(0.0, 0.0)
+    # Eigenvalues of P^(-1/2) (X - P) P^(-1/2), in the directions in which P is not 0.
     root = vectors[:, paid] / np.sqrt(values[paid])
     above = np.linalg.eigvalsh(root.T @ (_cost_of(loop, game) - optimum) @ root)
     worst, mean = (100.0 * max(float(each), 0.0) for each in (above[-1], above.mean()))

@@ -136,13 +136,18 @@ def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndar
 
 
 def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
-    """Return the lengths of intervals, rounded to multiples of the simulation step, s, (N,)."""
-    # Each length is at least one step. The simulation can then apply the proposed inputs exactly.
+    """Return the lengths of intervals, rounded to multiples of the simulation step, s, (N,).
+
+    Each length is at least one step. The simulation can then apply the proposed inputs exactly.
+
+    ends: boundaries of the intervals, s, (N + 1,)
+    """
     end_steps = np.round(ends / step).astype(int)
     number = np.arange(len(end_steps))
+    # At least one step after the boundary before, and early enough for those that follow.
     end_steps = np.maximum.accumulate(end_steps - number) + number
-    most = round(ends[-1] / step) - number[::-1]
-    return step * np.diff(np.minimum(end_steps, most)).astype(float)
+    latest = round(ends[-1] / step) - number[::-1]
+    return step * np.diff(np.minimum(end_steps, latest)).astype(float)
 
 
 def adapted_mesh(

@@ -82,7 +82,7 @@ class ScaledProblem:
         P: (k, k) or (n, n)
         """
         k = self.sizes[0]
-        mean, least = (np.diag(each)[:k] @ self.box**2 for each in (P, self.P))
+        mean, least = (np.diag(matrix)[:k] @ self.box**2 for matrix in (P, self.P))
         return float(mean / least - 1.0)
 
     @cached_property
