@@ -41,9 +41,12 @@ PLANE = hfa.Model(
     outputs={"gamma": ANGLE},
     trim={"V": 55.0, "gamma": 0.0, "flap": 0.1},
 )  # fmt: skip
-OF_FILES = ("cessna182.toml", "glider.toml", "uav.toml", "uav.dml", "f16.py:F16", "gtm.py:GTM")
-OF_JSBSIM = ("737", "c172p", "SGS")
-OTHERS_OF_JSBSIM = ("T38", "A4", "MD11", "J3Cub", "B747", "X15")
+OF_FILES = ("uav.toml", "uav.dml", "f16.py:F16", "gtm.py:GTM")
+#: Aircraft of kinds that others have too.
+OTHERS = (
+    *("cessna182.toml", "glider.toml"),
+    *(f"jsbsim:{name}" for name in ("737", "SGS", "T38", "A4", "MD11", "J3Cub", "B747", "X15")),
+)
 
 
 def aircraft(name):
@@ -63,8 +66,8 @@ def aircraft(name):
 AIRCRAFT = (
     *("plane", "published", "newton", "unsteady", "navion.py:NAVION", "pendulum.py:PENDULUM"),
     *OF_FILES,
-    *(f"jsbsim:{name}" for name in OF_JSBSIM),
-    *(pytest.param(f"jsbsim:{name}", marks=pytest.mark.slow) for name in OTHERS_OF_JSBSIM),
+    "jsbsim:c172p",
+    *(pytest.param(name, marks=pytest.mark.slow) for name in OTHERS),
 )
 
 

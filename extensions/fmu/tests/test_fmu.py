@@ -280,12 +280,20 @@ FAILURES = {
 }
 
 
-@pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("fault", FAILURES)
+def by_turns(kinds):
+    """Return each kind with both versions of FMI, of which one is fast, by turns."""
+    return [
+        pytest.param(kind, version, marks=pytest.mark.slow if (place + version) % 2 else ())
+        for place, kind in enumerate(kinds)
+        for version in (2, 3)
+    ]
+
+
+@pytest.mark.parametrize(("fault", "version"), by_turns(FAILURES))
 def test_a_failure_of_the_library_is_one_line(fault, version, monkeypatch):
     """No failed call becomes a trim: nothing is printed on standard output."""
     if fault == "stuck":  # only this call lasts until the limit of time
-        monkeypatch.setattr("hfa_fmu.read._LONGEST", 0.3)
+        monkeypatch.setattr("hfa_fmu.read._LONGEST", 0.1)
     words, said = FAILURES[fault]
     free = ["--free", "torque", "--free", "rate_dot"]
     given = free if "body_angle" in words else []
@@ -380,8 +388,7 @@ def with_parameters(version, kind="", causality="parameter"):
 
 
 @pytest.mark.parametrize("causality", ["parameter", "input"])
-@pytest.mark.parametrize("kind", ["", "Enumeration"])
-@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(("kind", "version"), by_turns(["", "Enumeration"]))
 def test_parameters_of_all_types_are_held(version, kind, causality):
     """The damping is fixed; gravity is 9.81, or 1.62 on `the.moon`, divided by the links.
 

@@ -203,7 +203,7 @@ def test_the_policy_to_be_trained_need_not_exist():
 
 def test_options_of_a_reset_are_obeyed_or_refused():
     """An initial state, whole or by name, is obeyed; what is no option, state or trim is refused."""
-    model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
+    model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[:2]
     env = environment(model, gtm_deployment({}, action=ACTION), points)
     trimmed = np.array(points[1].states)
     _, info = env.reset(options={"state": {"alpha": 0.1}, "trim": 1})
@@ -287,13 +287,13 @@ def test_a_copy_of_an_environment_continues_at_the_same_sample(copied):
 
 
 def test_environments_run_at_once_in_gymnasiums_vectors():
-    """Observations and rewards of five copies, with their own seeds, are those of single ones."""
-    one = environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), trims("ppo_gtm"))
-    vector = gymnasium.vector.SyncVectorEnv([lambda: copy.deepcopy(one)] * 5)
+    """Observations and rewards of two copies, with their own seeds, are those of single ones."""
+    one = environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), trims("ppo_gtm")[:2])
+    vector = gymnasium.vector.SyncVectorEnv([lambda: copy.deepcopy(one)] * 2)
     first, _ = vector.reset(seed=3)
     action = 0.5 * (one.action_space.low + one.action_space.high)
-    after, rewards, *_ = vector.step([action] * 5)
-    for number in range(5):
+    after, rewards, *_ = vector.step([action] * 2)
+    for number in range(2):
         np.testing.assert_array_equal(one.reset(seed=3 + number)[0], first[number])
         observation, reward, *_ = one.step(action)
         np.testing.assert_array_equal(observation, after[number])
