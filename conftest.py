@@ -5,6 +5,8 @@ import os
 import signal
 import sys
 
+import pytest
+
 # Threads do not accelerate operations on matrices of six rows. This must be set before NumPy loads.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Outputs contain their date. A fixed date makes them equal in every run.
@@ -32,10 +34,12 @@ def pytest_collection_finish():
     gc.freeze()  # thousands of tests, which are never collected
 
 
-def pytest_configure(config):
+@pytest.hookimpl(trylast=True)  # after pytest-cov, which then counts what these load
+def pytest_sessionstart(session):
     """Load the shared fixtures, except in the controller process of pytest-xdist.
 
     The controller process runs no tests.
     """
+    config = session.config
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         config.pluginmanager.import_plugin("shared_fixtures")
