@@ -30,8 +30,8 @@ def inner_imports(source):
             package = module.partition(".")[0]
             if package not in FOLDERS:
                 continue
-            is_module = (FOLDERS[package].parent / f"{module}.{name}".replace(".", "/")).with_suffix
-            whole = f"{module}.{name}" if name and is_module(".py").exists() else module
+            path = FOLDERS[package].parent.joinpath(*module.split("."), f"{name}.py")
+            whole = f"{module}.{name}" if path.exists() else module
             if whole not in FOLDERS and whole not in PUBLIC:
                 found.add(whole)
             if name.startswith("_"):

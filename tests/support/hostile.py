@@ -4,7 +4,6 @@ An input is a command line with replaced words, or a file that `strategies` has 
 """
 
 import contextlib
-import hashlib
 import io
 import json
 import re
@@ -18,6 +17,7 @@ import numpy as np
 from cli import hfa, unchecked_hfa
 from game_files import small
 from hypothesis import strategies as st
+from sealed_certificate import sealed
 from strategies import TEXTS, changed_entry, changed_file
 
 from hfa.entry_points import commands, found_in
@@ -123,22 +123,10 @@ def hostile_case(draw, way):
     every_seed = seeds()
     files = {name: every_seed[name] for name in ("plant.json", "B.csv")}
     if way.startswith("sealed "):
-        files[way] = sealed(draw(changed_entry(json.loads(every_seed[way]))))
+        files[way] = sealed(draw(changed_entry(json.loads(every_seed[way])))).encode()
     else:
         files[way] = draw(changed_file(way, every_seed[way]))
     return [way if word == "{}" else word for word in WAYS[way]], files
-
-
-def sealed(certificate):
-    """Return the content of a certificate with correct digests, like a forgery."""
-    ends = ("digest", "provenance", "checksum")
-    body = {name: value for name, value in certificate.items() if name not in ends}
-    head = json.dumps(body)[:-1]
-    digest = hashlib.sha256(head.encode()).hexdigest()
-    provenance = json.dumps(certificate["provenance"])
-    whole = f'{head}, "digest": "{digest}", "provenance": {provenance}'
-    checksum = hashlib.sha256(whole.encode()).hexdigest()
-    return f'{whole}, "checksum": "{checksum}"}}\n'.encode()
 
 
 @cache

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from exact_riccati import exact_solution
+from exact_games import exact_solution
 from game_samples import failed_names
 
 from hfa import Game, NoSolutionError, from_gain, from_value, solve, verify

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exact_games import exact_excess
 from flint import arb
 from game_samples import game_models
 from stored_games import in_units, stored
@@ -19,7 +20,6 @@ from controller.riccati.excess import (
 )
 from controller.riccati.proof import NotProvedError
 from hfa import Game, from_gain, solve, verify
-from tests.support.exact_costs import excess as exact_excess
 
 GAME = game_models()["published-15"]
 EXACT = solve(GAME)

@@ -6,7 +6,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from exact_riccati import exact_solution
+from exact_games import exact_solution
 from game_samples import game_models
 from pages import printed_matrices
 from scipy.integrate import solve_ivp

@@ -1,0 +1,88 @@
+"""Values, gains and costs of games with 60 digits and no code of the project."""
+
+import mpmath as mp
+import numpy as np
+
+DIGITS = 60
+
+
+def exact_solution(game):
+    """Return the value P and the gain K of a game in continuous time, rounded to doubles."""
+    with mp.workdps(DIGITS):
+        P = _value(game, None)
+        B, R, N = (mp.matrix(each.tolist()) for each in (game.B, game.R, game.N))
+        K = R**-1 * (B.T * P + N.T)
+        return tuple(np.array(each.tolist(), dtype=float) for each in (P, K))
+
+
+def exact_excess(game, K):
+    """Return sup z'(P_K - P)z / z'P z for P > 0, where P_K is the value of the game of u = -K z."""
+    with mp.workdps(DIGITS):
+        optimum = _value(game, None)
+        above = _value(game, mp.matrix(K.tolist())) - optimum
+        root_inverse = mp.cholesky(optimum) ** -1
+        ratios = mp.eigsy(root_inverse * above * root_inverse.T, eigvals_only=True)
+        return float(max(ratios))
+
+
+def _value(game, K):
+    """Return P, (n, n), of the game with u = -K z, or with the best input if K is None.
+
+    In discrete time it is the limit of the values of many steps, and in continuous time that of the
+    stable subspace of the Hamiltonian.
+    """
+    A, B, E, Q, R, N = (
+        mp.matrix(each.tolist()) for each in (game.A, game.B, game.E, game.Q, game.R, game.N)
+    )
+    if K is not None:
+        A, Q = A - B * K, Q - N * K - K.T * N.T + K.T * R * K
+        B, R, N = 0 * B, mp.eye(B.cols), 0 * N  # an input without effect
+    if np.isfinite(game.delta):  # the disturbance is a second player, of the price -delta²
+        price = -(mp.mpf(game.delta) ** 2) * mp.eye(E.cols)
+        B, N, R = _beside(B, E), _beside(N, 0 * E), _diagonal(R, price)
+    if game.is_discrete:
+        root = mp.sqrt(mp.mpf(game.discount))
+        return _value_of_steps(root * A, root * B, Q, R, N)
+    return _value_of_flow(A, B, Q, R, N)
+
+
+def _beside(left, right):
+    """Return [left right]."""
+    both = mp.zeros(left.rows, left.cols + right.cols)
+    both[:, : left.cols], both[:, left.cols :] = left, right
+    return both
+
+
+def _diagonal(first, second):
+    """Return the matrix of two square blocks on the diagonal."""
+    k = first.rows
+    both = mp.zeros(k + second.rows)
+    both[:k, :k], both[k:, k:] = first, second
+    return both
+
+
+def _value_of_steps(A, B, Q, R, N):
+    """Return the limit of the values of 1, 2, 3 ... steps."""
+    P = mp.zeros(A.rows)
+    while True:
+        priced = B.T * P * A + N.T
+        after = Q + A.T * P * A - priced.T * (R + B.T * P * B) ** -1 * priced
+        if mp.norm(after - P) <= mp.mpf(10) ** (-DIGITS + 8) * mp.norm(after):
+            return after
+        P = after
+
+
+def _value_of_flow(A, B, Q, R, N):
+    """Return the stabilizing solution by the eigenvectors of the Hamiltonian."""
+    n = A.rows
+    inverse = R**-1
+    S, free, cost = B * inverse * B.T, A - B * inverse * N.T, Q - N * inverse * N.T
+    H = mp.zeros(2 * n)
+    H[:n, :n], H[:n, n:], H[n:, :n], H[n:, n:] = free, -S, -cost, -free.T
+    values, vectors = mp.eig(H)
+    stable = [place for place, value in enumerate(values) if mp.re(value) < 0]
+    assert len(stable) == n
+    upper = mp.matrix([[vectors[i, j] for j in stable] for i in range(n)])
+    lower = mp.matrix([[vectors[n + i, j] for j in stable] for i in range(n)])
+    P = lower * upper**-1
+    return mp.matrix([[mp.re(P[i, j] + P[j, i]) / 2 for j in range(n)] for i in range(n)])
