@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
+from copy import copy
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -93,6 +94,10 @@ class Rows(Grid):
         if max(self._rowHeights) > _TALL_ROW:
             self._rowSplitRange = None
         return size
+
+    def deepcopy(self) -> Rows:
+        """Return a copy to be split, with the same cells, for the search of balanced columns."""
+        return copy(self)
 
 
 class _Column(NamedTuple):

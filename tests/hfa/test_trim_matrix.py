@@ -308,7 +308,7 @@ def test_a_usual_word_leads_to_the_name(word, said, tmp_path):
     assert_refused(command(*words, "--conditions", str(path)), 2, "row 1", said)
 
 
-@pytest.mark.parametrize("verb", ["solve", "fly"])
+@pytest.mark.parametrize("verb", ["solve", pytest.param("fly", marks=pytest.mark.slow)])
 def test_other_commands_take_a_row(verb, book):
     """The output is that of the options that state it."""
     words = (verb, "--aircraft", str(book / "uav.toml"))

@@ -122,7 +122,9 @@ def test_an_aircraft_of_each_reader_is_the_same_in_si(reader):
     np.testing.assert_allclose(B, linear.B, rtol=1e-5, atol=1e-6 * np.abs(linear.B).max())
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
+)
 def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed):
     """Signals, trim, A, B, poles, sheet, game and verdict in SI are those of the twin.
 

@@ -50,7 +50,9 @@ def compared(critic, linear, game):
     return hfa.verify(game, critic, flights=1, linear=linear, taylor=True).nonlinear
 
 
-@pytest.mark.parametrize(("order", "basis"), [(3, "cubic"), (4, "quartic")])
+@pytest.mark.parametrize(
+    ("order", "basis"), [pytest.param(3, "cubic", marks=pytest.mark.slow), (4, "quartic")]
+)
 def test_the_exact_critic_passes_on_the_nonlinear_game(order, basis):
     """The exact value passes there, and its linear part on the linear game.
 

@@ -127,9 +127,17 @@ def packed(text, folder, version=2, name="pendulum.fmu"):
     return name
 
 
-@pytest.mark.parametrize("has_derivatives", [True, False])
-@pytest.mark.parametrize("version", [2, 3])
-def test_trim_and_linear_model_of_a_pendulum(version, has_derivatives):
+def by_turns(kinds):
+    """Return each kind with both versions of FMI, of which one is fast, by turns."""
+    return [
+        pytest.param(kind, version, marks=pytest.mark.slow if (place + version) % 2 else ())
+        for place, kind in enumerate(kinds)
+        for version in (2, 3)
+    ]
+
+
+@pytest.mark.parametrize(("has_derivatives", "version"), by_turns([True, False]))
+def test_trim_and_linear_model_of_a_pendulum(has_derivatives, version):
     """sin(angle) = torque length / gravity at the trim; A, B and C are those of the equations."""
     written = fmu("", version, has_derivatives)
     model = hfa.load_model(written).with_parameters(length=1.0)
@@ -280,15 +288,6 @@ FAILURES = {
 }
 
 
-def by_turns(kinds):
-    """Return each kind with both versions of FMI, of which one is fast, by turns."""
-    return [
-        pytest.param(kind, version, marks=pytest.mark.slow if (place + version) % 2 else ())
-        for place, kind in enumerate(kinds)
-        for version in (2, 3)
-    ]
-
-
 @pytest.mark.parametrize(("fault", "version"), by_turns(FAILURES))
 def test_a_failure_of_the_library_is_one_line(fault, version, monkeypatch):
     """No failed call becomes a trim: nothing is printed on standard output."""
@@ -310,9 +309,9 @@ def test_a_sweep_has_no_trim_where_the_library_fails():
     assert angles.tolist() == [True, False]
 
 
-@pytest.mark.parametrize("units", [(), ("--units", "si")])
 @pytest.mark.parametrize(
-    ("fault", "said", "angle"), [("error", "returns error", 1.0), ("event", "event", 0.5)]
+    ("fault", "said", "angle", "units"),
+    [("error", "returns error", 1.0, ("--units", "si")), ("event", "event", 0.5, ())],
 )
 def test_a_flight_into_a_failure_or_an_event_is_refused(fault, said, angle, units):
     """It begins at rest with a rate of 3.5 rad/s; the time of the angle of 1 rad or of the event.
