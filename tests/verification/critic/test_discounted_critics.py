@@ -19,9 +19,9 @@ DISCOUNT = 0.99
 DT = 0.01
 
 
-def test_the_exact_discounted_critic_passes(game):
+def test_the_exact_discounted_critic_passes(elevator_game):
     """So do the exact P and K, and the exact H over (x, u)."""
-    problem = game.sampled(DT, DISCOUNT)
+    problem = elevator_game.sampled(DT, DISCOUNT)
     exact = solve(problem)
     assert verify(problem, from_value(problem, exact.P)).ok
     assert verify(problem, from_gain(problem, exact.K)).ok
