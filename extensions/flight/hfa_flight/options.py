@@ -111,11 +111,6 @@ def actuators_option() -> Any:
     return option(about, _ACTUATORS, kind, rare=True)
 
 
-#: Default of --margin with --filter. With 0.03, plans from x(0) cost 3 % less, and 1 of 33 flights
-#: from a box of states at 5 deg in moderate air is lost.
-_FILTERED_MARGIN = 0.1
-
-
 #: Options of an earlier version, which --policy replaces.
 FORMER_POLICIES = dict.fromkeys(("--law", "--weights", "--controller"), "type --policy")
 
@@ -165,7 +160,7 @@ class PolicyOptions(TrimOptions, WeightOptions, ReadingOptions):
     )
     margin: float | None = option(
         f"fraction of the distance to a limit by which --policy {PREDICTIVE} narrows the envelope; "
-        f"default 0.01, with --filter {_FILTERED_MARGIN:g}",
+        "default 0.01",
         "SHARE",
         number,
         rare=True,
@@ -217,15 +212,12 @@ def policy_of_law(
     game: Game,
     point: OperatingPoint,
     limits: Mapping[str, Any] | None = None,
-    *,
-    is_filtered: bool = False,
     **settings: float | None,
 ) -> Policy:
     """Return the policy of a law of a game, without a budget of time for a sample.
 
     game: game on the linear model at the trim `point`
     limits: state -> (lowest, highest), replacing the limits of the flight envelope
-    is_filtered: whether a filter estimates the states, so that limits are narrowed by its errors
     settings: horizon and margin of the predictive policy, None for the default
     """
     from hfa_flight.plan.predictive import predictive
@@ -237,8 +229,6 @@ def policy_of_law(
     of_game = (point.model, point, game.Q, game.R)
     if law != PREDICTIVE:
         return state_dependent(*of_game, delta=game.delta, E=game.E, limits=limits)
-    if is_filtered and settings.get("margin") is None:
-        settings["margin"] = _FILTERED_MARGIN
     given: dict[str, Any] = {name: each for name, each in settings.items() if each is not None}
     return predictive(*of_game, delta=game.delta, budget=math.inf, limits=limits, **given)
 

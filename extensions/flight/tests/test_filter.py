@@ -338,7 +338,7 @@ def test_a_law_that_plans_is_filtered_with_the_nonlinear_model(law):
 def test_plans_stay_inside_in_moving_air(point, known, linear):
     """In moderate turbulence, from the trim and from x(0), where the exact gain leaves."""
     game = hfa.paper.published_game(linear)
-    planned = hfa.predictive(point.model, point, game.Q, game.R, margin=0.03, budget=np.inf)
+    planned = hfa.predictive(point.model, point, game.Q, game.R, budget=np.inf)
     air = Uncertainty(noise=NOISE, turbulence=Turbulence("moderate", 40000.0))
     start = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
     for initial, duration in ((0.0 * start, 10.0), (start, 1.0)):
@@ -367,14 +367,19 @@ def test_noise_hardly_raises_the_cost_of_plans(point, known, linear):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Watching(SampledPolicy):
-    """Policy that keeps the trim inputs, and the states that it sees."""
+    """Policy that keeps the trim inputs, the states that it sees, and what is known next."""
 
     plans = True
     seen: list = field(default_factory=list)
+    following: list = field(default_factory=list)
 
     def __call__(self, t, X):
         self.seen.append(np.array(X))
         return self.point.u
+
+    def of_estimate(self, t, X, following):
+        self.following.append(following)
+        return self(t, X)
 
 
 def test_a_law_that_plans_sees_the_air_that_it_flies_in(point, linear):
@@ -391,6 +396,35 @@ def test_a_law_that_plans_sees_the_air_that_it_flies_in(point, linear):
     assert abs(speed) < 0.02
     assert abs(alpha) < 0.002
     assert policy.estimate["speed"] - V == pytest.approx(0.184, abs=0.02)
+
+
+@pytest.mark.parametrize("headwind", [-3.0, 3.0])
+def test_a_law_that_plans_knows_what_the_air_along_the_path_adds_in_a_sample(
+    point, known, headwind
+):
+    """Two seconds of an own flight in a steady wind, without noise: the shift of the pitch rate is
+    that of an own sample of the same states with the wind and without.
+    """
+    law = Watching("watching", point, 0.01)
+    policy, model = known.policy(law), point.model
+    x, w = ca.SX.sym("x", len(point.x)), ca.SX.sym("w")
+    winds = [w * (name == "headwind") for name in model.disturbances]
+    vectors = ca.vertsplit(x), [*map(ca.SX, point.u)], [*map(ca.SX, model.p)]
+    rates = ca.Function("rates", [x, w], [model.layout.expressions(vectors, (), winds)[0]])
+
+    def sample_later(X, wind):
+        for _ in range(8):  # midpoint rule
+            X = X + 0.00125 * rates(X + 0.000625 * rates(X, wind), wind)
+        return X.full().ravel()
+
+    X = point.x
+    for _ in range(200):
+        policy(0.0, X[model.state_places(known.sensors)])
+        before, X = X, sample_later(X, headwind)
+    rate = list(model.states).index("pitch_rate")
+    added = (X - sample_later(before, 0.0))[rate]
+    assert abs(added) > 0.001
+    assert law.following[-1].shift[rate] == pytest.approx(added, rel=0.2)
 
 
 def test_a_deployment_file_names_its_filter(folder):

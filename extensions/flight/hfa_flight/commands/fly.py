@@ -344,7 +344,6 @@ def _steering(
             noted_game(given_weights(request), linear),
             point,
             limits,
-            is_filtered=request.filter,
             horizon=request.horizon,
             margin=request.margin,
         )

@@ -14,6 +14,7 @@ from hfa_flight.plan.hold import Hold
 from hfa_flight.plan.nearest_inputs import NearestInputs
 from hfa_flight.plan.plan_program import AlongHolds, Change, PlanCost, PlanProgram, Range, Room
 from hfa_flight.plan.scaled import ScaledProblem
+from hfa_flight.policies.sampled_policy import NextSample
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
 
@@ -86,7 +87,7 @@ class Planner:
     A plan is a flight of the smooth equations with held inputs. Its cost is the exact cost of the
     linear model over the holds, plus z'Pz at the end. The limits of the inputs are hard. Those of
     the states are soft at the samples and halfway between them, with an exact penalty, and narrowed
-    by the margin and by the spread of what a filter predicts. The quadratic program knows them at
+    by the margin and by what a filter predicts (`room_of`). The quadratic program knows them at
     the ends of the holds, and those of fast states at the middles.
 
     scaled: the problem in nominal units
@@ -132,16 +133,16 @@ class Planner:
         """Return the linear cost z'Pz of some states, (n,)."""
         return float(z @ self.P @ z)
 
-    def narrowed(self, deviations: np.ndarray) -> Range:
-        """Return the soft limits narrowed by the spread of the states at the next sample.
+    def room_of(self, following: NextSample) -> Range:
+        """Return the soft limits with which a plan in still air keeps those of the next sample.
 
-        deviations: standard deviations of the followed states, (n,)
+        They are moved by the shift and narrowed by the spread of the states.
         """
-        spread = _SPREAD * deviations[self.soft]
+        shift, spread = following.shift[self.soft], _SPREAD * following.deviations[self.soft]
         lowest, highest = (limit[self.soft] for limit in self.scaled.state_limits)
         return Range(
-            np.minimum(self.room.least + spread, _REMAINS * lowest),
-            np.maximum(self.room.most - spread, _REMAINS * highest),
+            np.minimum(self.room.least - shift + spread, _REMAINS * lowest),
+            np.maximum(self.room.most - shift - spread, _REMAINS * highest),
         )
 
     def flown(self, z: np.ndarray, v: np.ndarray, room: Range, age: int = 0) -> Plan:

@@ -21,7 +21,7 @@ from hfa_flight.plan.planner import Planner
 from hfa_flight.plan.problem import FlightProblem, flight_problem
 from hfa_flight.plan.receding import RecedingHorizon, Samples
 from hfa_flight.plan.scaled import ScaledProblem
-from hfa_flight.policies.sampled_policy import SampledPolicy
+from hfa_flight.policies.sampled_policy import NextSample, SampledPolicy
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import (
     BadInputError,
@@ -51,15 +51,15 @@ class Predictive(SampledPolicy):
         """Forget the plan and the times of an earlier flight."""
         self.controller.reset(self.delay)
 
-    def begin(self, X: Any, deviations: np.ndarray | None = None) -> None:
+    def begin(self, X: Any, following: NextSample | None = None) -> None:
         """Begin a flight with a first plan, which takes longer than a sample.
 
         X: all states that are expected at the first sample, absolute, (n,). The plan is improved
             from the states of that sample, or made anew if they differ much
-        deviations: as in `of_estimate`, or None without an estimate
+        following: as in `of_estimate`, or None without an estimate
         """
-        spread = None if deviations is None else self._followed(deviations)
-        self.controller.begin(self.problem.followed_of(X), self.delay, spread)
+        scaled = None if following is None else self._scaled(following)
+        self.controller.begin(self.problem.followed_of(X), self.delay, scaled)
 
     def __call__(self, t: float, X: Any) -> np.ndarray:
         """Return the inputs U of the sample at t, absolute, (m,).
@@ -71,21 +71,19 @@ class Predictive(SampledPolicy):
         """
         return self.problem.inputs_of(self.controller(self.problem.followed_of(X)))
 
-    def of_estimate(self, t: float, X: np.ndarray, deviations: np.ndarray) -> np.ndarray:
+    def of_estimate(self, t: float, X: np.ndarray, following: NextSample) -> np.ndarray:
         """Return the inputs U (m,) from an estimate of all states, which is used as it is.
 
-        deviations: standard deviations of the predicted states, (n,), for which the limits of
-            states are narrowed
+        following: what is known of the next sample, for which the limits of states are moved and
+            narrowed
         """
         z = self.problem.followed_of(X)
-        return self.problem.inputs_of(self.controller(z, self._followed(deviations)))
+        return self.problem.inputs_of(self.controller(z, self._scaled(following)))
 
-    def _followed(self, deviations: np.ndarray) -> np.ndarray:
-        """Return standard deviations of all states, (n,), as those of the followed ones in nominal
-        values, (followed,).
-        """
-        of_followed: np.ndarray = deviations[self.problem.followed_places]
-        return of_followed / self.problem.sizes.states
+    def _scaled(self, following: NextSample) -> NextSample:
+        """Return what is known of the followed states in nominal values, (followed,) each."""
+        places, sizes = self.problem.followed_places, self.problem.sizes.states
+        return NextSample(*(values[places] / sizes for values in following))
 
     @property
     def holds(self) -> np.ndarray:
@@ -207,8 +205,8 @@ def predictive(
 
     This does not prove that a flight converges or stays within the limits. Plans are local optima.
     The limits of states hold at the nodes of a plan, for the model in still air. Behind
-    `hfa.filter`, they are narrowed by 4 standard deviations of the predicted states, at most to
-    half.
+    `hfa.filter`, they are moved by what the estimated air along the path adds to the states in a
+    sample, and narrowed by 4 standard deviations of the predicted states, at most to half.
 
     model: the aircraft
     point: trim at which flights end

@@ -13,11 +13,16 @@ import numpy as np
 from hfa_flight.plan.end_law import EndLaw
 from hfa_flight.plan.measured import Measured
 from hfa_flight.plan.plan_program import Range
-from hfa_flight.plan.planner import Plan, Planner
+from hfa_flight.plan.planner import Improved, Plan, Planner
+from hfa_flight.policies.sampled_policy import NextSample
 
 #: Largest number of steps of the quadratic program for the first plan. Each later one has a single
-#: step: six steps save .1 % in flights from x(0) with noise, and take four times as long.
+#: step: six steps save .1 % in flights from x(0) with noise, and take four times as long. A plan
+#: that exceeds its limits, so that their price is more than a share of its cost, has further steps:
+#: with a single one, noise and gusts that throw the plan beyond them lose some flights.
 _FIRST = 30
+_FURTHER = 9
+_EXCEEDS = 0.05
 #: Factor by which a plan may cost more than the plan one sample earlier, with the cost so far.
 #: Beyond it, new first plans are tried: an open-loop flight of an unstable aircraft may get lost.
 _LOST = 1.05
@@ -106,16 +111,16 @@ class RecedingHorizon:
         """Record of the flight since the last reset."""
         return self._memory.samples
 
-    def begin(self, z: np.ndarray, delay: float, deviations: np.ndarray | None) -> None:
+    def begin(self, z: np.ndarray, delay: float, following: NextSample | None) -> None:
         """Begin a flight with a first plan that is made before its first sample.
 
         z: expected states at the first sample, (n,)
         delay: time after which inputs act, s
-        deviations: standard deviations of the states predicted for the next sample, (n,), or None
+        following: what a filter knows of the next sample, or None without one
         """
         self.reset(delay)
-        if deviations is not None:
-            self._memory.room = self.planner.narrowed(deviations)
+        if following is not None:
+            self._memory.room = self.planner.room_of(following)
         self._begin_plan(self._measured.when_acting(z))
         self._memory.waits = True
 
@@ -128,19 +133,19 @@ class RecedingHorizon:
             self(z)
         self.reset(delay=0.0)
 
-    def __call__(self, z: np.ndarray, deviations: np.ndarray | None = None) -> np.ndarray:
+    def __call__(self, z: np.ndarray, following: NextSample | None = None) -> np.ndarray:
         """Return the inputs v of the next sample, (m,), within their limits.
 
-        z: measured deviations of the followed states, (n,), or with `deviations` their estimate
-        deviations: standard deviations of the predicted states, (n,), or None
+        z: measured deviations of the followed states, (n,), or the estimate of a filter
+        following: what the filter knows of the next sample, or None without one
         """
         began = time.thread_time()
         memory = self._memory
         used: np.ndarray | None = z
-        if deviations is None:
+        if following is None:
             used = self._measured.checked(z)
         else:
-            memory.room = self.planner.narrowed(deviations)
+            memory.room = self.planner.room_of(following)
         planned, first = memory.samples.planned, memory.samples.first
         v = np.zeros(self.planner.scaled.sizes[2])  # while nothing is known about the states
         if used is not None:
@@ -237,11 +242,16 @@ class RecedingHorizon:
         return self._continued(self.planner.later(last, z, memory.room), promised, until)
 
     def _improved(self, plan: Plan, until: float) -> Plan:
-        """Return a plan improved by a step of the program."""
-        samples = self.samples
+        """Return a plan improved by a step of the program, or more while it exceeds limits."""
         if time.thread_time() >= until:
-            samples.late += 1
-        better = self.planner.improved(plan, 1, until)
-        samples.unsolved += better.unsolved
-        samples.refused += better.is_refused
-        return better.plan
+            self.samples.late += 1
+        improved = self._counted(self.planner.improved(plan, 1, until))
+        if not improved.is_refused and improved.plan.price > _EXCEEDS * improved.plan.cost:
+            improved = self._counted(self.planner.improved(improved.plan, _FURTHER, until))
+        return improved.plan
+
+    def _counted(self, improved: Improved) -> Improved:
+        """Return the improved plan after counting its refused steps and unsolved programs."""
+        self.samples.unsolved += improved.unsolved
+        self.samples.refused += improved.is_refused
+        return improved

@@ -31,15 +31,15 @@ from hfa_flight.policies.estimate import (
 from hfa_flight.policies.filter_margins import FilterMargins, margins_of
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
-from hfa_flight.policies.sampled_policy import SampledPolicy, deviations_of
+from hfa_flight.policies.sampled_policy import NextSample, SampledPolicy, deviations_of
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.results import storable
 from trim.point.operating_point import OperatingPoint
 
-#: Function (number of the sample, deviations of all states, standard deviations of the next
-#: ones) -> deviations of the inputs.
-_Law = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
+#: Function (number of the sample, deviations of all states, what is known of the next sample by a
+#: law that plans) -> deviations of the inputs.
+_Law = Callable[[int, np.ndarray, NextSample | None], np.ndarray]
 
 
 @dataclass
@@ -63,15 +63,16 @@ class _Estimated(NamedTuple):
     """Estimate at a sample.
 
     memory: that of the filter, with the measured values
+    states: estimated states of the filter
     x: deviations of all states when the command acts, (n,)
-    deviations: standard deviations of the states predicted for the next sample, of a law that
-        plans, (n,)
+    following: what is known of the next sample, of a law that plans
     is_left_out: whether a value of the sample is not used
     """
 
     memory: np.ndarray
+    states: np.ndarray
     x: np.ndarray
-    deviations: np.ndarray
+    following: NextSample | None
     is_left_out: bool
 
 
@@ -145,7 +146,8 @@ class FilteredPolicy(SampledPolicy):
 
     Behind a law that plans, the filter is extended: the nonlinear model predicts, with slopes at
     the estimate. Such a law sees speed and flow angles relative to the air across the path, in
-    which the equations are those of still air.
+    which the equations are those of still air, and is told how far the air along the path moves the
+    states in a sample.
 
     filter: the filter
     law: the policy behind it
@@ -191,11 +193,11 @@ class FilteredPolicy(SampledPolicy):
         """Forget the samples of an earlier flight: the estimate is the trim."""
         object.__setattr__(self, "_memory", self._memory_at_trim())
 
-    def begin(self, X: Any, deviations: np.ndarray | None = None) -> None:
+    def begin(self, X: Any, following: NextSample | None = None) -> None:
         """Begin a flight, and make the first plan of a law that plans before its first sample.
 
         X: all states that are expected at the first sample, absolute, (n,)
-        deviations: not used: those of this filter are
+        following: not used: what this filter knows is
         """
         self.reset()
         memory = self._memory
@@ -203,14 +205,14 @@ class FilteredPolicy(SampledPolicy):
         if isinstance(self.law, SampledPolicy):
             rows = self.point.model.state_places(self.filter.sensors)
             expected = self._estimated(memory, deviations_of(self.point, X)[rows])
-            self.law.begin(self.point.x + expected.x, expected.deviations)
+            self.law.begin(self.point.x + expected.x, expected.following)
 
     def _prepared_law(self) -> _Law:
         """Return the law of a flight. All functions of a sample are made before the flight."""
         if self._sample is None:
             memory = self._memory_at_trim()
             self._functions.updated.at(memory.estimate, np.zeros(len(self.filter.sensors)))
-            self._next_memory(memory.estimate, [*memory.waiting, memory.waiting[-1]])
+            self._following(memory, memory.estimate)
         return _law_of(self.law, self.point, self.dt)
 
     def _memory_at_trim(self) -> _Memory:
@@ -284,10 +286,11 @@ class FilteredPolicy(SampledPolicy):
             memory.law = self._prepared_law()
         estimated = self._estimated(memory, y)
         limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
-        command = memory.law(memory.samples, estimated.x, estimated.deviations) + self.point.u
+        command = memory.law(memory.samples, estimated.x, estimated.following) + self.point.u
         u = np.clip(command, limits.lowest, limits.highest) - self.point.u
         memory.waiting.append(u)
-        memory.estimate = self._next_memory(estimated.memory, memory.waiting)
+        predicted = self._predicted(estimated.states, memory.waiting, self.dt)
+        memory.estimate = self._next_memory(estimated.memory, predicted)
         memory.waiting.pop(0)
         memory.samples += 1
         memory.unused += estimated.is_left_out
@@ -295,19 +298,39 @@ class FilteredPolicy(SampledPolicy):
 
     def _estimated(self, memory: _Memory, y: np.ndarray) -> _Estimated:
         """Return the estimate at a sample from measured deviations, (p,)."""
-        known, n = self.filter, len(self.filter.Phi)
         updated, is_left_out = self._functions.updated.at(memory.estimate, y)
+        states = updated[: len(self.filter.Phi)]
         still = np.zeros(len(self.point.u))
-        ahead = self._predicted(updated[:n], [*memory.waiting, still], self.ahead).x
-        x, deviations = np.zeros((2, len(self.point.x)))
-        places = self.point.model.state_places(known.states)
+        ahead = self._predicted(states, [*memory.waiting, still], self.ahead).x
+        following = None
         if self.is_extended:
             (ahead,) = self._functions.seen.at(ahead)
-            # The command of this sample is not known yet: about the one before.
-            following = self._next_memory(updated, [*memory.waiting, memory.waiting[-1]])
-            (deviations[places],) = self._functions.deviations.at(following)
-        x[places] = ahead[: len(known.states)]
-        return _Estimated(updated, x, deviations, bool(is_left_out[0]))
+            following = self._following(memory, updated)
+        x = self._of_all_states(ahead[: len(self.filter.states)])
+        return _Estimated(updated, states, x, following, bool(is_left_out[0]))
+
+    def _following(self, memory: _Memory, updated: np.ndarray) -> NextSample:
+        """Return what is known of the next sample, if the last command is held.
+
+        updated: memory of the filter at this sample
+        """
+        n, k = len(self.filter.Phi), len(self.filter.states)
+        commands = [*memory.waiting, memory.waiting[-1]]
+        predicted = self._predicted(updated[:n], commands, self.dt)
+        (seen_now,) = self._functions.seen.at(updated[:n])
+        (seen_next,) = self._functions.seen.at(predicted.x)
+        in_still_air = np.append(seen_now, np.zeros(n - k))
+        next_in_still_air = self._predicted(in_still_air, commands, self.dt).x
+        next_memory = self._next_memory(updated, predicted)
+        (deviations,) = self._functions.deviations.at(next_memory)
+        shift = seen_next - next_in_still_air[:k]
+        return NextSample(self._of_all_states(shift), self._of_all_states(deviations))
+
+    def _of_all_states(self, linear: np.ndarray) -> np.ndarray:
+        """Return values of the linear states, (k,), among zeros of the other states."""
+        values = np.zeros(len(self.point.x))
+        values[self.point.model.state_places(self.filter.states)] = linear
+        return values
 
     @cached_property
     def _sample(self) -> BoundFunction | None:
@@ -326,13 +349,8 @@ class FilteredPolicy(SampledPolicy):
         u, later, is_left_out = sample_of(self, t, memory, y)
         return _bound("sample", [t, memory, y], [u, later, is_left_out])
 
-    def _next_memory(self, updated: np.ndarray, commands: list[np.ndarray]) -> np.ndarray:
-        """Return the memory of the filter at the next sample.
-
-        updated: that of this sample
-        commands: the commands of the samples until this one, the latest last, (m,) each
-        """
-        predicted = self._predicted(updated[: len(self.filter.Phi)], commands, self.dt)
+    def _next_memory(self, updated: np.ndarray, predicted: _Prediction) -> np.ndarray:
+        """Return the memory of the filter at the next sample, from that of this one."""
         (later,) = self._functions.propagated.at(updated, predicted.x, predicted.Phi.ravel("F"))
         return np.asarray(later)
 
@@ -472,8 +490,8 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
         return lambda _, x, __: commanded(x)
     if isinstance(policy, SampledPolicy) and policy.plans:
         policy.reset()
-        return lambda sample, x, deviations: (
-            policy.of_estimate(sample * dt, point.x + x, deviations) - point.u
+        return lambda sample, x, following: (
+            policy.of_estimate(sample * dt, point.x + x, following) - point.u
         )
     sampler = policy.sampler()
     if sampler is not None:
@@ -484,7 +502,7 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
     command = command_of(policy, t, z, held)
     function = BoundFunction(ca.Function("law", [t, z, held], [ca.densify(command)]))
 
-    def law(sample: int, x: np.ndarray, _: np.ndarray) -> np.ndarray:
+    def law(sample: int, x: np.ndarray, _: NextSample | None) -> np.ndarray:
         (u,) = function.at(sample * dt, x[rows], policy.held_inputs(sample, sample * dt))
         return np.array(u)
 

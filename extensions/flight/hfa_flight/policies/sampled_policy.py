@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -15,6 +15,17 @@ from hfa_flight.policies.policy import Policy
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.report import Report
 from trim.point.operating_point import OperatingPoint
+
+
+class NextSample(NamedTuple):
+    """What a filter knows of the states of the next sample, and a plan in still air does not.
+
+    shift: how far the air along the path moves the states within a sample, (n,)
+    deviations: standard deviations of the errors of the predicted states, (n,)
+    """
+
+    shift: np.ndarray
+    deviations: np.ndarray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,20 +66,20 @@ class SampledPolicy(Policy):
         """
         raise NotImplementedError
 
-    def of_estimate(self, t: float, X: np.ndarray, deviations: np.ndarray) -> np.ndarray:
+    def of_estimate(self, t: float, X: np.ndarray, following: NextSample) -> np.ndarray:
         """Return the inputs U (m,) from an estimate of all states, which is used as it is.
 
-        deviations: standard deviations of the states that are predicted for the next sample, (n,)
+        following: what is known of the next sample
         """
         return self(t, X)
 
     def reset(self) -> None:
         """Forget the samples of an earlier flight."""
 
-    def begin(self, X: Any, deviations: np.ndarray | None = None) -> None:
+    def begin(self, X: Any, following: NextSample | None = None) -> None:
         """Begin a flight from expected states, (n,): a policy that plans makes its first plan.
 
-        deviations: as in `of_estimate`, or None without an estimate
+        following: as in `of_estimate`, or None without an estimate
         """
         self.reset()
 

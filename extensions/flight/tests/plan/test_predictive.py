@@ -18,6 +18,7 @@ from scipy.optimize import lsq_linear
 import hfa
 from hfa.main import main
 from hfa_flight import Scenario
+from hfa_flight.policies.sampled_policy import NextSample
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
 PENDULUM_FILE = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
@@ -291,13 +292,19 @@ def test_the_game_of_a_finite_delta_is_at_the_end():
     assert (tense.K > 1.01 * calm.K).all()
 
 
-@pytest.mark.parametrize(("deviation", "fastest"), [(0.0, 0.99), (0.1, 0.59), (10.0, 0.5)])
-def test_limits_are_narrowed_by_what_the_filter_does_not_know(deviation, fastest):
-    """By 4 standard deviations of the predicted speed, at most to half of its limit of 1 m/s."""
+@pytest.mark.parametrize(
+    ("shift", "deviation", "fastest"),
+    [(0.0, 0.0, 0.99), (0.0, 0.1, 0.59), (0.0, 10.0, 0.5), (0.2, 0.0, 0.79), (-0.2, 0.1, 0.79)],
+)
+def test_limits_are_those_of_the_next_sample_that_a_filter_predicts(shift, deviation, fastest):
+    """Moved by what the air adds to the speed, and narrowed by 4 standard deviations, at most to
+    half of its limit of 1 m/s.
+    """
+    following = NextSample(np.array([0.0, shift]), np.array([0.0, deviation]))
     policy, x, speeds = made(), np.array([-8.0, 0.0]), []
     dt = policy.dt
     for number in range(round(4.0 / dt)):
-        (u,) = policy.of_estimate(number * dt, x, np.array([0.0, deviation]))
+        (u,) = policy.of_estimate(number * dt, x, following)
         x = np.array([x[0] + dt * x[1] + 0.5 * dt**2 * u, x[1] + dt * u])
         speeds.append(x[1])
     assert max(speeds) == pytest.approx(fastest, abs=0.01)
