@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,18 +15,12 @@ from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 _SHOWN = 40
 
 
-def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
-    """Return diag(1/nominal²) for these states or inputs.
-
-    With these weights, the cost rate of a deviation of nominal size is 1.
-    """
-    return np.diag([model.signals[name].nominal ** -2.0 for name in names])
-
-
 def default_weight(
     matrix: str, model: Model, states: Sequence[str], inputs: Sequence[str]
 ) -> np.ndarray:
     """Return the default Q, R or N: that of the model, else diag(1/nominal²) or 0.
+
+    With diag(1/nominal²), the cost rate of a deviation of nominal size is 1.
 
     matrix: "Q", "R" or "N"
     states, inputs: linear states and inputs of the rows and columns
@@ -39,7 +33,7 @@ def default_weight(
     if stored is None and matrix == "N":
         return np.zeros((len(states), len(inputs)))
     if stored is None:
-        return nominal_weights(model, rows)
+        return np.diag([model.signals[name].nominal ** -2.0 for name in rows])
     if isinstance(stored, Mapping):
         declared = [stored.get(name, 0.0) for name in rows]
         units = [model.native_factor(name) for name in rows]

@@ -37,6 +37,10 @@ SEMIDEFINITE = 1e-12
 SHORTEST = 1e-6
 
 
+#: Matrices with more rows or columns are not printed: they are wider than a terminal.
+_MOST = 12
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Game(ByValue, Reported):
     """Zero-sum game J = ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt, z' = A z + B u + E d (paper Eq. 15-16).
@@ -164,8 +168,40 @@ class Game(ByValue, Reported):
         return hash((*map(np.sum, (self.A, self.Q, self.R, self.N)), self.delta))
 
     def report(self) -> Report:
-        """Return a report with the matrices of the game, with named rows and columns."""
-        return game_report(self)
+        """Return a report with the matrices of the game, with named rows and columns.
+
+        Matrices with more than `_MOST` rows or columns are omitted from the text.
+        """
+        states = self.names.states
+        inputs = self.names.inputs
+        disturbances = numbered("d", self.E.shape[1])
+        names = {
+            "A": (states, states),
+            "B": (states, inputs),
+            "E": (states, disturbances),
+            "Q": (states, states),
+            "R": (inputs, inputs),
+        }
+        cross = ""
+        if self.N.any():
+            names["N"] = (states, inputs)
+            cross = " + 2 z'Nu"
+        tables = [
+            matrix_table(name, rows, columns, getattr(self, name))
+            for name, (rows, columns) in names.items()
+            if max(len(rows), len(columns)) <= _MOST
+        ]
+        stored = (*names, "delta")
+        change, time = "z'", ""
+        if self.is_discrete:
+            change, time = "z⁺", f", discount {self.discount:g} a step"
+            stored += ("dt", "discount")
+        return Report(
+            title=f"Game on {self.names.origin}, delta {self.delta:.6g}{time}:"
+            f" {change} = A z + B u + E d, cost z'Qz{cross} + u'Ru - delta^2 d'd",
+            parts=tables,
+            data={name: getattr(self, name) for name in stored},
+        )
 
     @property
     def weights(self) -> np.ndarray:
@@ -555,44 +591,3 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
     if not np.isfinite(scaled).all():  # M_ij² > M_ii M_jj by far
         return -np.inf
     return float(np.linalg.eigvalsh((scaled + scaled.T) / 2.0)[0])
-
-
-#: Matrices with more rows or columns are not printed: they are wider than a terminal.
-_MOST = 12
-
-
-def game_report(game: Game) -> Report:
-    """Return a report with the matrices of the game, with named rows and columns.
-
-    Matrices with more than `_MOST` rows or columns are omitted from the text.
-    """
-    states = game.names.states
-    inputs = game.names.inputs
-    disturbances = numbered("d", game.E.shape[1])
-    names = {
-        "A": (states, states),
-        "B": (states, inputs),
-        "E": (states, disturbances),
-        "Q": (states, states),
-        "R": (inputs, inputs),
-    }
-    cross = ""
-    if game.N.any():
-        names["N"] = (states, inputs)
-        cross = " + 2 z'Nu"
-    tables = [
-        matrix_table(name, rows, columns, getattr(game, name))
-        for name, (rows, columns) in names.items()
-        if max(len(rows), len(columns)) <= _MOST
-    ]
-    stored = (*names, "delta")
-    change, time = "z'", ""
-    if game.is_discrete:
-        change, time = "z⁺", f", discount {game.discount:g} a step"
-        stored += ("dt", "discount")
-    return Report(
-        title=f"Game on {game.names.origin}, delta {game.delta:.6g}{time}:"
-        f" {change} = A z + B u + E d, cost z'Qz{cross} + u'Ru - delta^2 d'd",
-        parts=tables,
-        data={name: getattr(game, name) for name in stored},
-    )

@@ -142,17 +142,12 @@ def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
     pressure: static pressure
     """
     ratio = impact_pressure / pressure + 1.0
-    subsonic = subsonic_mach(ratio)
+    subsonic = ca.sqrt(5.0 * (ratio ** (2.0 / 7.0) - 1.0))  # isentropic flow
     coefficient = 1.2 ** (-0.25 * 7.0) * (1.2 / 1.4) ** (-0.5 * 2.5)
     supersonic = ca.fmax(subsonic, 1.0)
     for _ in range(10):  # as many fixed-point iterations as JSBSim's
         supersonic = coefficient * ca.sqrt(ratio * (1.0 - 1.0 / (7.0 * supersonic**2)) ** 2.5)
     return ca.if_else(subsonic > 1.0, supersonic, subsonic)
-
-
-def subsonic_mach(ratio: Any) -> Any:
-    """Return the Mach number of isentropic flow from the ratio of total to static pressure."""
-    return ca.sqrt(5.0 * (ratio ** (2.0 / 7.0) - 1.0))
 
 
 def calibrated_speed(mach: Any, pressure: Any) -> Any:

@@ -113,6 +113,28 @@ def safetensors_file(path, tensors):
     return str(path)
 
 
+def chain(names, widths, rng):
+    """Return random weights and biases of linear layers.
+
+    names: names of the layers, such as "actor.0"
+    widths: numbers of inputs and outputs of the layers, one more than names
+    """
+    tensors = {}
+    for name, takes, gives in zip(names, widths[:-1], widths[1:], strict=True):
+        tensors[f"{name}.weight"] = rng.normal(size=(gives, takes))
+        tensors[f"{name}.bias"] = rng.normal(size=gives)
+    return tensors
+
+
+def output_of(tensors, names, activation, x):
+    """Return the output of the layers with these names for states x, (n,) or (N, n)."""
+    h = np.asarray(x)
+    for name in names:
+        h = h @ tensors[f"{name}.weight"].T + tensors[f"{name}.bias"]
+        h = activation(h) if name != names[-1] else h
+    return h
+
+
 def square_layers(*names):
     """Return the weights of a network 6-6-...-1 whose layers have these names.
 

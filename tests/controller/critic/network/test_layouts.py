@@ -9,8 +9,10 @@ import base64
 import json
 import pickle
 import zipfile
+from functools import partial
 from pathlib import Path
 
+import network_files
 import numpy as np
 import pytest
 from cli import hfa as hfa_command
@@ -27,17 +29,8 @@ RNG = np.random.default_rng(5)
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def read(path, **how):
-    return hfa.read_critic(path, GAME, **how)
-
-
-def refusal(path, **how):
-    """Return the message with which a file is refused: one line that begins with the path."""
-    with pytest.raises(BadInputError) as caught:
-        read(path, **how)
-    assert str(caught.value).startswith(str(path))
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+read = partial(network_files.read, states=3, inputs=2)
+refusal = partial(network_files.refusal, states=3, inputs=2)
 
 
 @pytest.mark.parametrize("name", STORED["actions"])
@@ -142,19 +135,12 @@ def test_an_old_torch_file_that_claims_large_storages_is_refused():
 
 def chain(*names, widths=(3, 5, 4, 2)):
     """Return random weights and biases of layers with these names."""
-    tensors = {}
-    for name, takes, gives in zip(names, widths[:-1], widths[1:], strict=True):
-        tensors[f"{name}.weight"] = RNG.normal(size=(gives, takes))
-        tensors[f"{name}.bias"] = RNG.normal(size=gives)
-    return tensors
+    return network_files.chain(names, widths, RNG)
 
 
 def output_of(tensors, names, activation):
-    h = OBSERVED.T
-    for name in names:
-        h = tensors[f"{name}.weight"] @ h + tensors[f"{name}.bias"][:, None]
-        h = activation(h) if name != names[-1] else h
-    return h.T
+    """Return the actions of layers for the observations."""
+    return network_files.output_of(tensors, names, activation, OBSERVED)
 
 
 def relu(x):

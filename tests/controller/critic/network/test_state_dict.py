@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from network_files import read, refusal, torch_file
+from network_files import chain, output_of, read, refusal, torch_file
 
 RANDOM = np.random.default_rng(7)
 STATES = 6
@@ -10,41 +10,18 @@ ACTIONS = 2
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def chain(prefix, names, widths):
-    """Return random weights and biases of a chain of linear layers.
-
-    prefix: prefix of the tensors' names
-    names: names of the layers
-    widths: numbers of inputs and outputs of the layers, one more than names
-    """
-    tensors = {}
-    for name, takes, gives in zip(names, widths[:-1], widths[1:], strict=True):
-        tensors[f"{prefix}{name}.weight"] = RANDOM.normal(size=(gives, takes)) / np.sqrt(takes)
-        tensors[f"{prefix}{name}.bias"] = 0.1 * RANDOM.normal(size=gives)
-    return tensors
-
-
-def actor(prefix, names=("0", "2", "4")):
-    return chain(prefix, names, (STATES, 8, 8, ACTIONS))
-
-
-def critic(prefix, names=("0", "2", "4")):
-    return chain(prefix, names, (STATES, 8, 8, 1))
+ACTOR = ("actor.0", "actor.2", "actor.4")
+OF_ACTOR = chain(ACTOR, (STATES, 8, 8, ACTIONS), RANDOM)
+OF_CRITIC = chain(("critic.0", "critic.2", "critic.4"), (STATES, 8, 8, 1), RANDOM)
 
 
 def test_a_policy_is_read_beside_other_networks():
     """Names tell the policy from a value and from the tensors of an optimizer."""
-    tensors = {"log_std": np.zeros(ACTIONS), **actor("actor."), **critic("critic.")}
-    tensors |= {"optimizer.state.0.exp_avg": np.ones((8, STATES))}
-    layers = ["actor.0", "actor.2", "actor.4"]
-    path = torch_file("a.pt", tensors)
-    policy = read(path, inputs=ACTIONS, activation="tanh", network="policy=").policy
-    for x in 3.0 * RANDOM.normal(size=(20, STATES)):
-        h = x
-        for name in layers:
-            h = tensors[f"{name}.weight"] @ h + tensors.get(f"{name}.bias", 0.0)
-            h = np.tanh(h) if name != layers[-1] else h
-        assert np.array(policy(x)).ravel() == pytest.approx(h, rel=1e-9)
+    others = {"optimizer.state.0.exp_avg": np.ones((8, STATES)), "log_std": np.zeros(ACTIONS)}
+    path = torch_file("a.pt", others | OF_ACTOR | OF_CRITIC)
+    policy = read(path, inputs=ACTIONS, activation="tanh", network="policy=")
+    x = 3.0 * RANDOM.normal(size=(20, STATES))
+    assert policy.u(x) == pytest.approx(output_of(OF_ACTOR, ACTOR, np.tanh, x), rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +37,7 @@ def test_a_policy_is_read_beside_other_networks():
 )
 def test_a_tensor_of_unknown_function_is_refused(more, part, named):
     """A tensor of unknown function that may act on the network is refused by name."""
-    path = torch_file("a.pt", actor("actor.") | critic("critic.") | more)
+    path = torch_file("a.pt", OF_ACTOR | OF_CRITIC | more)
     said = refusal(path, inputs=ACTIONS, activation="tanh", network=f"policy={part}")
     assert named in said
     assert "ONNX" in said or "select one of the networks" in said
