@@ -362,32 +362,25 @@ def _with_apparent_mass(
     # accelerations due to all loads except -M_a a.
     plates = _plates(p, air_density)
     carried = [_carried_air(plate, panel, x, p) for panel in panels for plate in plates]
-    forward = sum(air.forward for air in carried)
-    downward = sum(air.downward for air in carried)
-    pitching_moment = sum((air.pitching_moment for air in carried), loads.pitching_moment)
-    hinge_moment = sum((air.hinge_moment for air in carried), loads.hinge_moment)
-    carried_mass = sum((air.mass for air in carried), ca.DM(3, 3))
-    unaccelerated = _with_forces(x, loads, forward, downward, pitching_moment, hinge_moment)
-    base = rates_from_loads(x, unaccelerated, p, NEWTON)
+    all_air = _CarriedAir(*(sum(parts) for parts in zip(*carried, strict=True)))
+    base = rates_from_loads(x, _with_air(loads, all_air, x), p, NEWTON)
     descent_rate = base.speed * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * base.alpha
     accelerations = ca.vertcat(descent_rate, base.pitch_rate, base.dihedral_rate)
     hinge_inertia = 2 * NEWTON.hinge_inertia(x.dihedral, p)
     inertia = ca.diag(ca.vertcat(3 * p.panel_mass, pitch_inertia(x.dihedral, p), hinge_inertia))
     # Both matrices are symmetric and their sum is positive definite. The L D L' factorization is
     # more accurate than a symbolic QR. forces = M_a a = M_a (a_0 - (M + M_a)⁻¹ M_a a_0).
-    factors = ca.ldl(inertia + carried_mass)
-    forces = carried_mass @ (accelerations - ca.ldl_solve(carried_mass @ accelerations, *factors))
+    factors = ca.ldl(inertia + all_air.mass)
+    forces = all_air.mass @ (accelerations - ca.ldl_solve(all_air.mass @ accelerations, *factors))
     # The generalized force of η'' is that of two hinge moments, and of the vertical force by the
     # motion (s/3) cos η of the center of mass.
     hinge_force = (forces[2] - p.panel_span / 3 * ca.cos(x.dihedral) * forces[0]) / 2
-    return _with_forces(
-        x,
-        loads,
-        forward,
-        downward - forces[0],
-        pitching_moment - forces[1],
-        hinge_moment - hinge_force,
+    accelerated_air = all_air._replace(
+        downward=all_air.downward - forces[0],
+        pitching_moment=all_air.pitching_moment - forces[1],
+        hinge_moment=all_air.hinge_moment - hinge_force,
     )
+    return _with_air(loads, accelerated_air, x)
 
 
 def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
@@ -449,22 +442,15 @@ def _normal_acceleration(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _Norma
     return _NormalAcceleration(slopes, steady)
 
 
-def _with_forces(
-    x: Any,
-    loads: Loads[Quantity],
-    forward: Quantity,
-    downward: Quantity,
-    pitching_moment: Quantity,
-    hinge_moment: Quantity,
-) -> Loads[Quantity]:
-    """Return the loads with added body-axis forces and replaced moments."""
+def _with_air(loads: Loads[Quantity], air: _CarriedAir, x: Any) -> Loads[Quantity]:
+    """Return the sum of the loads and those of carried air."""
     sin_alpha = ca.sin(x.alpha)
     cos_alpha = ca.cos(x.alpha)
     return loads._replace(
-        lift=loads.lift + (forward * sin_alpha - downward * cos_alpha),
-        drag=loads.drag - (forward * cos_alpha + downward * sin_alpha),
-        pitching_moment=pitching_moment,
-        hinge_moment=hinge_moment,
+        lift=loads.lift + (air.forward * sin_alpha - air.downward * cos_alpha),
+        drag=loads.drag - (air.forward * cos_alpha + air.downward * sin_alpha),
+        pitching_moment=loads.pitching_moment + air.pitching_moment,
+        hinge_moment=loads.hinge_moment + air.hinge_moment,
     )
 
 
