@@ -65,7 +65,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
     }
     per_second = conversion_factor(f"1/{model.time_unit}", "1/s") or 1.0
     rates = {name: factors[name] * per_second for name in model.states}
-    scaled: dict[str, Any] = {
+    converted: dict[str, Any] = {
         kind: {
             name: _signal_in(units[name], factors[name], signal)
             for name, signal in getattr(model, kind).items()
@@ -74,12 +74,12 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
     }
     for name, factor in rates.items():
         rate = model.rate_scale(name) * factor
-        scaled["states"][name] = scaled["states"][name]._replace(rate=rate)
+        converted["states"][name] = converted["states"][name]._replace(rate=rate)
         factors.setdefault(f"{name}_dot", factor)
     domain, begin, explain = model.domain, model.trimming.begin, model.trimming.explain
     return replace(
         model,
-        **scaled,
+        **converted,
         equations=_Equations(tuple(factors.items()), tuple(rates.items()), model.equations),
         trim=_scaled(factors, model.trim),
         domain=Domain(

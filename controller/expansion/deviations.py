@@ -93,17 +93,19 @@ def _refuse_other_plant(rates: ca.Function, game: Game, title: str) -> None:
     z, u = rates.sx_in()
     f = rates(z, u)
     jacobians = ca.Function("AB", [z, u], [ca.jacobian(f, z), ca.jacobian(f, u)])(0, 0)
-    for name, given, matrix in zip("AB", (game.A, game.B), jacobians, strict=True):
-        exact = np.array(ca.densify(matrix))
+    for name, of_game, jacobian in zip("AB", (game.A, game.B), jacobians, strict=True):
+        exact = np.array(ca.densify(jacobian))
         if not np.isfinite(exact).all():
             raise BadInputError(f"{title}: {name} is not finite at the trim")
-        same = given.shape == exact.shape
-        if same:
-            size = np.abs(exact)
-            scale = np.minimum(size.max(axis=1)[:, None], size.max(axis=0)[None, :])
-            same = bool(np.all(np.abs(given - exact) <= SAME * scale))
-        if not same:
+        if of_game.shape != exact.shape or not _are_same(of_game, exact):
             raise BadInputError(
                 f"{title}: {name} of the game is not the linear model at this trim; give the "
                 "linear model of which the game was made"
             )
+
+
+def _are_same(given: np.ndarray, exact: np.ndarray) -> bool:
+    """Return whether two matrices agree up to `SAME`, in any units of rows and columns."""
+    sizes = np.abs(exact)
+    scales = np.minimum(sizes.max(axis=1)[:, None], sizes.max(axis=0)[None, :])
+    return bool(np.all(np.abs(given - exact) <= SAME * scales))
