@@ -20,6 +20,7 @@ _SEA_LEVEL_PRESSURE = 101_325.0  # Pa
 _LAPSE_RATE = 0.0065  # K/m, below the tropopause
 _TROPOPAUSE = 11_000.0  # m, geopotential
 
+#: lb g / ft with the exact pound, foot and standard gravity.
 _KILOGRAM_PER_SLUG = 14.593902937206364
 
 

@@ -433,10 +433,10 @@ def _derivative_at(expression: ca.SX, z: ca.SX, point: np.ndarray) -> np.ndarray
     return np.array(each_row).T
 
 
-#: Distances from z = 0 at which K is compared on both sides, in sizes of the states (`_sizes`),
-#: relative change of K that is a kink, and least part of this change that is left at the smaller
-#: distance; of a smooth u, a thousandth is left.
+#: Distances from z = 0 at which K is compared on both sides, in sizes of the states (`_sizes`).
 _BESIDE, _NEARER = 1e-9, 1e-12
+#: Change of K between both sides that is a kink, relative to K, and least part of it that is left
+#: at the smaller distance. Of a smooth u, `_NEARER` / `_BESIDE` is left, a thousandth.
 _KINK = 1e-3
 _LEFT = 0.5
 

@@ -14,7 +14,7 @@ import casadi as ca
 from controller.game.basis import Basis, basis as named_basis
 from hfa_support.errors import BadInputError, prefix_errors, shortened
 
-#: Functions that the text may contain, and its largest length.
+#: Functions that the text may contain.
 _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     **{name: getattr(ca, name) for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2")},
     **{name: getattr(ca, name) for name in ("tanh", "exp", "log", "sqrt", "fabs")},
@@ -30,6 +30,7 @@ _OPERATIONS: Mapping[type, Callable[[Any, Any], Any]] = {
     ast.Pow: operator.pow,
 }
 _SIGNS: Mapping[type, Callable[[Any], Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
+#: Characters of a list of formulas that are read.
 _LONGEST = 20_000
 
 

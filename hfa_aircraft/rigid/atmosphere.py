@@ -19,10 +19,10 @@ from hfa_support.units import EARTH_RADIUS, FOOT, KNOT, STANDARD_GRAVITY, si_fac
 HEAT_RATIO = 1.4
 _GRAVITY = STANDARD_GRAVITY / FOOT
 _EARTH_RADIUS = EARTH_RADIUS / FOOT
-_KG_TO_SLUG = 0.06852168
-_GAS_CONSTANT = (8.31432 * _KG_TO_SLUG / (FOOT * FOOT * 1.8)) / (28.9645 * _KG_TO_SLUG / 1000.0)
-#: Gas constant of air, J/(kg K).
+#: Gas constant of air, J/(kg K), and in ft lbf/(slug °R).
 GAS_CONSTANT = 8.31432 / 28.9645e-3
+_GAS_CONSTANT = GAS_CONSTANT / FOOT / FOOT / 1.8
+#: lbf/ft².
 SEA_LEVEL_PRESSURE = 2116.228
 #: Lowest and highest altitude of aircraft, ft.
 ALTITUDES = (-1000.0, 150000.0)

@@ -15,7 +15,7 @@ from controller.critic.network.activations import ACTIVATIONS, OF_CASADI, ON_ARR
 
 #: Function x (N, n) -> y (N, k).
 RowNetwork = Callable[[np.ndarray], np.ndarray]
-#: A network with a matrix of at least this many entries is wide.
+#: A network with a matrix of at least this many entries, those of 128 x 128, is wide.
 _WIDE = 2**14
 #: Number of rows per product. The values between the layers then fit into the cache.
 _TOGETHER = 500

@@ -84,6 +84,7 @@ _SETTINGS = (
     *("log_std_init", "full_std", "use_expln", "ortho_init", "normalize_images", "device"),
     *("optimizer_class", "optimizer_kwargs", "n_critics", "n_quantiles", "lr_scheduler_class"),
 )
+#: Largest magnitude of the mean of SAC and TQC with gSDE, by default.
 _CLIP_MEAN = 2.0
 _TO_ONNX = "export the policy to ONNX"
 
