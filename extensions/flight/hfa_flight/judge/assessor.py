@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
 from hfa_flight.policies.deployment.sampled_loop import (
     Chain,
+    Delays,
     Margins,
     chain_margins,
     chain_of,
@@ -63,13 +65,16 @@ class Assessor:
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
         cases = [self._case(point) for point in self.points]
+        with ThreadPoolExecutor() as pool:  # a loop that tolerates all delays takes seconds
+            delays = pool.map(self._delays, cases)
+        points = [self._linear_point(*each) for each in zip(cases, delays, strict=True)]
         if not self.samples:
-            return [self._assessed_point(case) for case in cases]
+            return points
         flight, error = resolved_flight(self._flight(cases), cases, self.seed)
         plain, disturbed = fly_cases(flight, cases, self.samples, self.seed, progress)
         return [
-            replace(self._assessed_point(case), flights=flown, disturbed=pulsed, integration=error)
-            for case, flown, pulsed in zip(cases, plain, disturbed, strict=True)
+            replace(point, flights=flown, disturbed=pulsed, integration=error)
+            for point, flown, pulsed in zip(points, plain, disturbed, strict=True)
         ]
 
     def _case(self, point: OperatingPoint) -> TrimCase:
@@ -91,7 +96,14 @@ class Assessor:
         parts = parts_of_a_sample(self.points, deployment.dt, boxes, longest=_LONGEST_CHECKED)
         return SampledFlight(self.deployed, deployment.dt, deployment.delay, parts)
 
-    def _assessed_point(self, case: TrimCase) -> AssessedPoint:
+    def _delays(self, case: TrimCase) -> Delays | None:
+        """Return the effect of delays on the sampled loop, or None without an equilibrium."""
+        if case.equilibrium is None:
+            return None
+        timing = self.deployed.deployment
+        return searched_delays(case.equilibrium.nominal, timing.dt, timing.delay)
+
+    def _linear_point(self, case: TrimCase, delays: Delays | None) -> AssessedPoint:
         """Return the result of the linear loop at a trim, without flights."""
         linearized = case.equilibrium
         if linearized is None or linearized.clips:
@@ -99,7 +111,6 @@ class Assessor:
         actions = tuple(action_effects(self.deployed, linearized))
         if case.equilibrium is None or case.loop is None:
             return AssessedPoint(self.deployed, case, actions=actions, share=self.share)
-        timing = self.deployed.deployment
         margins = _margins(case.loop)
         cost = None
         if has_weights(self.deployed):
@@ -107,7 +118,7 @@ class Assessor:
         return AssessedPoint(
             self.deployed,
             case,
-            delays=searched_delays(case.equilibrium.nominal, timing.dt, timing.delay),
+            delays=delays,
             margins=None if isinstance(margins, str) else margins,
             cost=None if isinstance(cost, str) else cost,
             actions=actions,
