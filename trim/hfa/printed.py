@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -277,14 +277,15 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     variables = [model.point.values[name] for name in variant_model.variables]
     v = given_model.native_values(variant_model.variables, variables)
     free = [variant_model.variables.index(name) for name in condition.free]
-    rows = [STATES.index(name) for name in STATES if name in condition.rates]
+    balanced = [STATES.index(name) for name in STATES if name in condition.rates]
+    p = np.array(parameters.values)
+    entries = entries_at(variant_model.layout, v, p, free, balanced)
     identified = [Parameters._fields.index(name) for name in parameters.identified]
-    _, by_parameters = entries_at(variant_model.layout, v, np.array(parameters.values), free, rows)
-    variances = quadratic_forms(by_parameters[:, identified], parameters.covariance)
-    entries = (2 * np.sqrt(variances)).reshape(len(LINEAR_STATES), -1, order="F")
+    variances = quadratic_forms(entries.by_parameters[:, identified], parameters.covariance)
+    half_widths = (2 * np.sqrt(variances)).reshape(len(LINEAR_STATES), -1, order="F")
     if given_model.source.native is not None:  # a model in SI units
-        entries = _in_si(entries, variant_model)
-    return Bands(*np.split(entries, [len(LINEAR_STATES)], axis=1))
+        half_widths = _in_si(half_widths, variant_model)
+    return Bands(*np.split(half_widths, [len(LINEAR_STATES)], axis=1))
 
 
 def _in_si(entries: np.ndarray, model: Model) -> np.ndarray:
@@ -296,32 +297,41 @@ def _in_si(entries: np.ndarray, model: Model) -> np.ndarray:
     return entries * rows[:, None] / columns
 
 
-def entries_at(
-    layout: Layout, v: np.ndarray, p: np.ndarray, free: Sequence[int], rows: Sequence[int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the entries e = vec(A, B) of the paper's six states, (66,), and de/dp along the trim,
-    (66, P).
+class EntriesAlongTrim(NamedTuple):
+    """Entries of A and B of the paper's six states, and their derivatives along the trim.
 
-    Along the trim, the free variables change with p so that the rates of the states `rows` remain
-    0. The entries are in column-major order.
+    entries: e = vec(A, B), (66,), in column-major order
+    by_parameters: de/dp, (66, P), while the free variables change so that the trim remains one
+    """
+
+    entries: np.ndarray
+    by_parameters: np.ndarray
+
+
+def entries_at(
+    layout: Layout, v: np.ndarray, p: np.ndarray, free: Sequence[int], balanced: Sequence[int]
+) -> EntriesAlongTrim:
+    """Return the entries of A and B at a trim, and their derivatives along the trim.
 
     layout: equations of the aircraft
     v: variables of the trim, (k,)
     p: parameters, (P,)
     free: indices of the free variables in v
-    rows: indices of the states with imposed rates
+    balanced: indices of the states whose rates remain 0
     """
     zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
-    found = _derivatives(layout, tuple(free), zero)(v[None], p[None])
-    entries, by_v, by_p, rates_by_v, rates_by_p = (part[0] for part in found)
+    results = _derivatives(layout, tuple(free), zero)(v[None], p[None])
+    entries, by_free, by_p, rates_by_free, rates_by_p = (result[0] for result in results)
 
     def matrix(derivatives: np.ndarray, columns: int) -> np.ndarray:
+        """Return derivatives, stored column by column, as a matrix."""
         return derivatives.reshape(-1, columns, order="F")
 
     k, P = len(free), len(p)
-    moved_rates = matrix(rates_by_p, P)[rows]
-    free_by_p = -np.linalg.lstsq(matrix(rates_by_v, k)[rows], moved_rates)[0]
-    return entries, matrix(by_p, P) + matrix(by_v, k) @ free_by_p
+    free_by_p = -np.linalg.lstsq(
+        matrix(rates_by_free, k)[balanced], matrix(rates_by_p, P)[balanced]
+    )[0]
+    return EntriesAlongTrim(entries, matrix(by_p, P) + matrix(by_free, k) @ free_by_p)
 
 
 @lru_cache(maxsize=16)

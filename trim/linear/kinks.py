@@ -141,15 +141,15 @@ def near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> 
         if not _calls_functions(model.layout):
             return _NOWHERE
         return NearSwitches(np.flatnonzero(np.isfinite(x).all(axis=1)), np.arange(len(steps)))
-    distances, moves = switches(x, u, p)
-    near = distances <= 0.0
-    if not near.any():
+    distances, changes = switches(x, u, p)
+    is_near = distances <= 0.0
+    if not is_near.any():
         return _NOWHERE
-    points = np.flatnonzero(near.any(axis=1))
-    moving = moves.reshape(*distances.shape, -1)[near]
-    if not moving.any(axis=1).all():  # a switch that depends on z in second order only
+    points = np.flatnonzero(is_near.any(axis=1))
+    changes_of_near = changes.reshape(*distances.shape, -1)[is_near]
+    if not changes_of_near.any(axis=1).all():  # a switch that depends on z in second order only
         return NearSwitches(points, np.arange(len(steps)))
-    return NearSwitches(points, np.flatnonzero(moving.any(axis=0)))
+    return NearSwitches(points, np.flatnonzero(changes_of_near.any(axis=0)))
 
 
 @lru_cache(maxsize=16)
@@ -186,9 +186,11 @@ def _calls_functions(layout: Layout) -> bool:
 def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
     """Return a function that shows how near points (x, u, p) are to each switch, or None.
 
-    For each switch s, the function returns |s| - 2 Σ m and the changes m = |∂s/∂(x, u)| steps. Near
-    the switch, |s| - 2 Σ m is not positive. The result is None if the equations have no switch, or
-    if they call functions.
+    For each switch s, the function returns |s| - 2 Σ m, which is not positive near the switch, and
+    the changes m = |∂s/∂(x, u)| steps of s by a step of each state and input. The result is None if
+    the equations have no switch, or if they call functions.
+
+    steps: finite-difference step of each state and input
     """
     if _calls_functions(layout):
         return None
@@ -197,9 +199,9 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
     if not switches:
         return None
     s = ca.vertcat(*switches)
-    moves = ca.fabs(ca.densify(ca.jacobian(s, ca.vertcat(x, u)))) @ ca.diag(ca.DM(steps))
-    distances = ca.fabs(s) - 2 * ca.sum2(moves)
-    parts = [ca.densify(distances), ca.vec(ca.densify(moves).T)]
+    changes = ca.fabs(ca.densify(ca.jacobian(s, ca.vertcat(x, u)))) @ ca.diag(ca.DM(steps))
+    distances = ca.fabs(s) - 2 * ca.sum2(changes)
+    parts = [ca.densify(distances), ca.vec(ca.densify(changes).T)]
     return RowFunction(ca.Function("switches", [x, u, p], parts))
 
 

@@ -225,7 +225,7 @@ def _distinguished(names: list[str]) -> list[str]:
 def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
     """Return the mode of an eigenvalue, with its damping, frequency and times."""
     frequency = abs(value)
-    decay = 0.0 - value.real
+    decay = 0.0 - value.real  # decay rate -Re λ, without -0
     return Mode(
         name=name,
         eigenvalue=value,

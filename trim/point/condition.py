@@ -100,17 +100,11 @@ class TrimCondition:
                         f"{name} is {shown(number)}; give a finite number"
                         f" in {self.model.unit(name)} (hfa.sweep accepts lists)"
                     )
-                if limits.least[index] <= number <= limits.most[index]:
-                    continue
-                others = (
-                    f" (assumed limits; --limit {name}=LOW:HIGH sets others)"
-                    if limits.assumed[index]
-                    else ""
-                )
-                raise BadInputError(
-                    f"{name} is {self.model.describe(name, number)}; give a value between"
-                    f" {limits.between(name)}{others}"
-                )
+                if not limits.least[index] <= number <= limits.most[index]:
+                    advice = f"give a value between {limits.between(name)}"
+                    if limits.assumed[index]:
+                        advice += f" (assumed limits; --limit {name}=LOW:HIGH sets others)"
+                    raise BadInputError(f"{name} is {self.model.describe(name, number)}; {advice}")
 
     @property
     def free(self) -> tuple[str, ...]:

@@ -171,13 +171,13 @@ class TrimProblem:
             typed += f", or --free {advised[0]}"
         return f"; in its place, hold {' or '.join(advised)} ({typed})"
 
-    def keeping(self, kept: tuple[str, ...], *, from_start: bool = True) -> TrimProblem:
+    def keeping(self, kept: tuple[str, ...], *, same_start: bool = True) -> TrimProblem:
         """Return the problem in which some states are imposed at their start values.
 
-        from_start: whether the search begins where that of this problem does, and not at the start
+        same_start: whether the search begins where that of this problem does; False for the start
             values
         """
-        return TrimProblem(self.model, self.asked, self.given_start if from_start else None, kept)
+        return TrimProblem(self.model, self.asked, self.given_start if same_start else None, kept)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the arguments from which pickle restores the problem.

@@ -279,16 +279,15 @@ def _expressions(structure: Structure) -> _Expressions:
     )
     outputs = [row.name for row in structure.rows if not row.is_rate]
     watched = [signal.name for signal in structure.watched]
-    x, u, f, seen = layout.in_variables(variables, parameters, (*outputs, *watched))
+    x, u, f, signals = layout.in_variables(variables, parameters, (*outputs, *watched))
     rates = dict(zip(layout.names.states, components(f), strict=True))
-    seen_by_name = dict(zip((*outputs, *watched), components(seen), strict=True))
-    residual = _column(
-        ((rates if row.is_rate else seen_by_name)[row.name] - given.get(row.imposed, 0.0))
-        / row.scale
-        for row in structure.rows
-    )
-    y = _column(seen_by_name[name] for name in watched)
-    return _Expressions(given, free, p, x, u, y, residual)
+    signal_by_name = dict(zip((*outputs, *watched), components(signals), strict=True))
+    residuals = []
+    for row in structure.rows:
+        value = rates[row.name] if row.is_rate else signal_by_name[row.name]
+        residuals.append((value - given.get(row.imposed, 0.0)) / row.scale)
+    y = _column(signal_by_name[name] for name in watched)
+    return _Expressions(given, free, p, x, u, y, _column(residuals))
 
 
 class _Dependence(NamedTuple):

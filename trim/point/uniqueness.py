@@ -73,7 +73,7 @@ def kept_states(
 
     trim_of: problem -> its unknowns at the trim, (k,), or None if there is none
     """
-    problem = problem.keeping((), from_start=False)
+    problem = problem.keeping((), same_start=False)
     points = [problem.clip(problem.system.start)]
     points.append(problem.newton(points[0]))
     while points:

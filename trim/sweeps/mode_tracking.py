@@ -158,19 +158,20 @@ def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[_Link]:
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
     count = len(paired.values)
-    by_gain = np.argsort(-paired.gains)
+    by_gain = np.argsort(-paired.gains)  # indices of the pairs, the most similar one first
     rank = np.empty(len(pairs))
     rank[by_gain] = np.arange(1.0, len(pairs) + 1)
     graph = csr_array((rank, tuple(pairs.T.astype(np.int32))), (count, count))
-    tree = minimum_spanning_tree(graph).tocoo()
+    tree = minimum_spanning_tree(graph).tocoo()  # of the smallest ranks
     order, predecessors = breadth_first_order(tree, 0, directed=False)
-    is_forward = predecessors[tree.col] == tree.row
-    pair_to = np.empty(count, dtype=int)  # number of the pair that leads to each point
-    pair_to[np.where(is_forward, tree.col, tree.row)] = by_gain[tree.data.astype(int) - 1]
+    ends = np.where(predecessors[tree.col] == tree.row, tree.col, tree.row)
+    pair_to = np.empty(count, dtype=int)  # index of the pair that leads to each point
+    pair_to[ends] = by_gain[tree.data.astype(int) - 1]
     for point in order[1:].tolist():
         match = paired.matches[pair_to[point]]
-        is_second = pairs[pair_to[point], 1] == point
-        yield _Link(int(predecessors[point]), point, match if is_second else np.argsort(match))
+        if pairs[pair_to[point], 1] != point:  # the pair is stored in the other direction
+            match = np.argsort(match)
+        yield _Link(int(predecessors[point]), point, match)
 
 
 def _paired(A: np.ndarray, nominal: np.ndarray, pairs: np.ndarray) -> _Paired:
@@ -239,15 +240,17 @@ def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) 
     """
     from scipy.optimize import linear_sum_assignment
 
-    upper = np.flatnonzero(values.imag > 0)
-    other_upper = np.flatnonzero(others.imag > 0)
-    pairs, other_pairs = linear_sum_assignment(gain[np.ix_(upper, other_upper)], maximize=True)
-    with_pairs = gain.copy()
+    first_members = np.flatnonzero(values.imag > 0)
+    other_first_members = np.flatnonzero(others.imag > 0)
+    gain_of_pairs = gain[np.ix_(first_members, other_first_members)]
+    pairs, other_pairs = linear_sum_assignment(gain_of_pairs, maximize=True)
+    adjusted = gain.copy()
     for member in (0, 1):
-        with_pairs[upper[pairs] + member, other_upper[other_pairs] + member] += _PAIRED
-    against_order = np.outer(np.sign(values.imag), _ranks(others.real))
-    against_order += np.outer(_ranks(values.real), np.sign(others.imag))
-    _, best = linear_sum_assignment(with_pairs - _TIE * against_order, maximize=True)
+        matched = first_members[pairs] + member, other_first_members[other_pairs] + member
+        adjusted[matched] += _PAIRED
+    adjusted -= _TIE * np.outer(np.sign(values.imag), _ranks(others.real))
+    adjusted -= _TIE * np.outer(_ranks(values.real), np.sign(others.imag))
+    _, best = linear_sum_assignment(adjusted, maximize=True)
     return np.asarray(best)
 
 

@@ -167,23 +167,27 @@ class _Imposed(NamedTuple):
 def _with_true_speed(
     model: Model, variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> _Imposed:
-    """Return what the points impose, with the speed in place of an airspeed."""
+    """Return what the points impose, with a column of the speed in place of an airspeed.
+
+    values: (N, v), values of the variables
+    """
     condition = condition.freed_for(variables)
     columns = dict(zip(variables, values.T, strict=True))
-    before = {**condition.imposed, **columns}
-    if model.airspeeds.keys().isdisjoint(before):
+    given = {**condition.imposed, **columns}
+    if model.airspeeds.keys().isdisjoint(given):
         return _Imposed(variables, values, condition)
     from hfa_aircraft.rigid.airspeeds import with_speed
 
-    after = with_speed(model, before)
-    if set(after) == set(before):
+    resolved = with_speed(model, given)
+    added = set(resolved).difference(given)
+    if not added:
         return _Imposed(variables, values, condition)
-    kept = {name: column for name, column in columns.items() if name in after}
-    for name in set(after).difference(before):
-        kept[name] = np.broadcast_to(after[name], len(values))
-    imposed = {name: value for name, value in condition.imposed.items() if name in after}
-    table = np.column_stack(list(kept.values()))
-    return _Imposed(tuple(kept), table, replace(condition, imposed=imposed))
+    columns = {name: column for name, column in columns.items() if name in resolved}
+    for name in added:
+        columns[name] = np.broadcast_to(resolved[name], len(values))
+    imposed = {name: value for name, value in condition.imposed.items() if name in resolved}
+    table = np.column_stack(list(columns.values()))
+    return _Imposed(tuple(columns), table, replace(condition, imposed=imposed))
 
 
 def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:
