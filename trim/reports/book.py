@@ -166,6 +166,7 @@ def _used_controls(conditions: Sequence[Condition]) -> list[str]:
         return []
 
     def is_used(name: str) -> bool:
+        """Return whether an input is not 0 in some condition."""
         margins = [point.margins[name] for point in points]
         return not all(is_zero(margin.value, margin.scale) for margin in margins)
 

@@ -105,23 +105,35 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     if math.isfinite(largest.alpha):
         where = f"at alpha {math.degrees(largest.alpha):.4g} deg"
     yield Row(_LARGEST, largest.lift / force, note=where)
-    has_weight = "weight" in trimmed.model.outputs and trimmed["weight"] > 0.0
     if largest.lift <= 0.0:
         return
     if largest.passed:
         yield Lacking(_RATIO, _PASSED)
-    elif has_weight:
-        ratio = math.sqrt(largest.lift / trimmed["weight"])
+    else:
+        yield from _speed_ratios(trimmed, largest.lift)
+    if _has_weight(trimmed):
+        yield from stall_speed(trimmed, math.sqrt(trimmed["weight"] / largest.lift))
+
+
+def _speed_ratios(trimmed: Trimmed, largest_lift: float) -> Iterator[Row]:
+    """Yield the speed over the stall speed at 1 g, and at the load factor of the trim if it is
+    another one; without a weight, over the stall speed at the lift of the trim.
+    """
+    if _has_weight(trimmed):
+        ratio = math.sqrt(largest_lift / trimmed["weight"])
         yield Row(_RATIO, ratio, note="V/Vs, stall at 1 g")
         load = trimmed["load_factor"] if "load_factor" in trimmed.model.outputs else 1.0
         if load > 0.0 and abs(load - 1.0) > _LOAD:
             at_load = "V/Vs, stall at this load factor"
             yield Row(f"{_RATIO} at n", ratio / math.sqrt(load), note=at_load)
     elif trimmed["lift"] > 0.0:
-        ratio = math.sqrt(largest.lift / trimmed["lift"])
+        ratio = math.sqrt(largest_lift / trimmed["lift"])
         yield Row(_RATIO, ratio, note="V/Vs, stall at this lift")
-    if has_weight:
-        yield from stall_speed(trimmed, math.sqrt(trimmed["weight"] / largest.lift))
+
+
+def _has_weight(trimmed: Trimmed) -> bool:
+    """Return whether the model has the output weight, and it is positive."""
+    return "weight" in trimmed.model.outputs and trimmed["weight"] > 0.0
 
 
 def stall_speed(trimmed: Trimmed, share: float) -> Iterator[Row]:

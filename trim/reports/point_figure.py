@@ -61,6 +61,7 @@ def with_range(point: OperatingPoint) -> list[Margin]:
 
 
 def _draw_variables(axes: Axes, point: OperatingPoint) -> None:
+    """Draw a bar for the range of each variable, with a mark at its value."""
     limited = with_range(point)
     shares = [100 * (each.value - each.lowest) / (each.highest - each.lowest) for each in limited]
     rows = range(len(limited))

@@ -136,23 +136,44 @@ def report_of(
     """
     point = trimmed.point
     sheet = sheet_at(trimmed, airplane)
-    search = trimmed.search
-    equations = equations_of(point)
-    nearest = named_nearest(nearest_first(trimmed))
-    stalls = stall_lines(sheet)
+    controls = control_lines(trimmed, {row.name: row for row in sheet}.get("L/D"))
+    head = {
+        "aircraft": subject(point.model),
+        "data": revision(point.model),
+        "condition": ", ".join(condition_words(trimmed)),
+    }
+    return Report(
+        title="\n".join(filter(None, [title_of(trimmed), controls])),
+        parts=[*_parts(trimmed, sheet, full=full), *others],
+        notes=point.warnings if full else without_line_numbers(point.warnings),
+        data=_data(trimmed, sheet),
+        records=matrix([asked_of(point)], [sheet]),
+        head=head,
+        sheet=sheet,
+    )
+
+
+def _parts(trimmed: Trimmed, sheet: Sheet, *, full: bool) -> list[Any]:
+    """Return the parts of a report: the sheet, tables of equations and modes, and sentences on the
+    search. The table of equations is also in a report that is not full if one does not balance.
+    """
+    point, search = trimmed.point, trimmed.search
     parts: list[Any] = [*sheet.shown(full)]
+    equations = equations_of(point)
     if full or not all(entry["ok"] for entry in equations.values()):
         parts.append(equations_table(point, equations))
-    modes = trimmed.modes if point.ok else ()
-    if full and modes:
-        parts.append(modes_table(modes, point.model.time_unit))
-    parts += [tuple(search.sentences)] if search.sentences else []
-    parts += search.unlimited
-    parts += others
-    controls = control_lines(trimmed, {row.name: row for row in sheet}.get("L/D"))
-    title = "\n".join(filter(None, [title_of(trimmed), controls]))
-    notes = point.warnings if full else without_line_numbers(point.warnings)
-    data = {
+    if full and point.ok and trimmed.modes:
+        parts.append(modes_table(trimmed.modes, point.model.time_unit))
+    if search.sentences:
+        parts.append(tuple(search.sentences))
+    return [*parts, *search.unlimited]
+
+
+def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
+    """Return the entries of the file of a trim, name -> value."""
+    point = trimmed.point
+    nearest = named_nearest(nearest_first(trimmed))
+    return {
         "schema": "hfa.trim/1",
         "dynamics": point.dynamics,
         "operating_point": point,
@@ -162,31 +183,17 @@ def report_of(
         "variables": point.margins,
         "nearest_limits": [margin.name for margin in nearest],
         "binding": [each.name for each in nearest if each.at_limit and each.role != "held"],
-        "equations": equations,
+        "equations": equations_of(point),
         "scaled_residuals": point.scaled_residuals,
         "balance_limit": BALANCE,
-        "modes": modes,
-        "search": search.data,
+        "modes": trimmed.modes if point.ok else (),
+        "search": trimmed.search.data,
         "warnings": point.warnings,
     } | without_empty(
         dihedral_deg=point.dihedral_deg,
         scheduled=point.scheduled,
         doubts=doubts_of(trimmed),
-        stalled=stalls,
-    )
-    head = {
-        "aircraft": subject(point.model),
-        "data": revision(point.model),
-        "condition": ", ".join(condition_words(trimmed)),
-    }
-    return Report(
-        title,
-        parts,
-        notes,
-        data,
-        matrix([asked_of(trimmed.point)], [sheet]),
-        head=head,
-        sheet=sheet,
+        stalled=stall_lines(sheet),
     )
 
 

@@ -539,6 +539,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         )
 
         def row(i: int) -> tuple[Any, ...]:
+            """Return the cells of a point, in the order of the header."""
             reason = self.reasons[i]
             result = UNTRIMMED if reason else STALLED if self.stalled[i] else Status.TRIMMED
             reached = "" if reason else ", ".join(self._limits_reached(i))
@@ -799,6 +800,7 @@ def _progress_of_chunk(progress: Progress | None, plan: SweepPlan, first: int) -
         return None
 
     def report(done: float, total: float, what: str = "", /) -> None:
+        """Report the finished points of the chunk as those of the sweep."""
         progress(first + done, plan.count, what)
 
     return report
