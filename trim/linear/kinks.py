@@ -195,7 +195,7 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
     if _calls_functions(layout):
         return None
     x, u, p = layout.symbols("x", "u", "p")
-    switches = _switching(rates_of(layout), [x, u, p])
+    switches = _switch_expressions(rates_of(layout), [x, u, p])
     if not switches:
         return None
     s = ca.vertcat(*switches)
@@ -205,7 +205,7 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
     return RowFunction(ca.Function("switches", [x, u, p], parts))
 
 
-def _switching(rates: ca.Function, vectors: list[ca.SX]) -> list[ca.SX]:
+def _switch_expressions(rates: ca.Function, vectors: list[ca.SX]) -> list[ca.SX]:
     """Return the expressions of states and inputs at whose zeros the rates switch.
 
     These operations are |.|, sign, min, max, comparison and rounding.

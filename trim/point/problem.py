@@ -131,9 +131,9 @@ class TrimProblem:
                 )
             idle = " and ".join(self.idle)
             raise BadInputError(f"the equations do not depend on {idle}; free another variable")
-        self._refuse_decided()
+        self._refuse_unaffected_outputs()
 
-    def _refuse_decided(self) -> None:
+    def _refuse_unaffected_outputs(self) -> None:
         """Raise BadInputError for an imposed output on which no free variable has an effect.
 
         An output that has the imposed value all the same is accepted.
@@ -149,10 +149,10 @@ class TrimProblem:
             decided = model.describe(row.name, imposed + residual * row.scale)
             raise BadInputError(
                 f"{row.name} is {model.describe(row.name, imposed)}, but no free variable changes "
-                f"it from {decided}{self._instead(row.name)}"
+                f"it from {decided}{self._advice_instead_of(row.name)}"
             )
 
-    def _instead(self, name: str) -> str:
+    def _advice_instead_of(self, name: str) -> str:
         """Return advice for an imposed output that no free variable changes: to hold or free in its
         place one of the parameters or variables on which it depends.
         """

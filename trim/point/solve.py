@@ -118,7 +118,7 @@ def trim(
     problem = TrimProblem(model, condition, begin)
     try:
         with np.errstate(over="raise"):
-            return _unique(problem)
+            return _unique_trim(problem)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         if model.about.failed():
             raise BadInputError(f"no trim: {error}") from error
@@ -134,7 +134,7 @@ def _unknowns_of(problem: TrimProblem) -> np.ndarray | None:
     return None
 
 
-def _unique(problem: TrimProblem) -> OperatingPoint:
+def _unique_trim(problem: TrimProblem) -> OperatingPoint:
     """Return the trim in which the states that the equations do not determine have their start
     values.
 

@@ -401,7 +401,10 @@ def _first_peak(lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) ->
 def _first_at(
     lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray, largest: float
 ) -> float:
-    """Return the first angle along some angles at which the lift has a value, or nan."""
+    """Return the first angle along some angles at which the lift reaches a value, or nan.
+
+    It is nan if the lift has the value at the first angle already, or at none.
+    """
     lifts = lift(angles)
     reached = np.flatnonzero(lifts >= largest)
     if not reached.size or reached[0] == 0:

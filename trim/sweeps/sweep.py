@@ -415,9 +415,9 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """
         count = len(self.reasons)
         failed = np.flatnonzero(~self.trimmed).tolist()
-        parts: list[Any] = [self._table()]
+        parts: list[Any] = [self._eigenvalue_table()]
         if self.trimmed.any():
-            parts.append(self._trims())
+            parts.append(self._trim_table())
         for i in failed[:_SHOWN]:
             parts.append(f"{', '.join(self._varied(i))}: {self.reasons[i]}")
         if len(failed) > _SHOWN:
@@ -436,7 +436,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             records=self.records(),
         )
 
-    def _table(self) -> Table:
+    def _eigenvalue_table(self) -> Table:
         """Return a table of swept values and eigenvalues, one row for each point."""
         modes = self.modes
         names = [f"{mode.name} 1/{self.model.time_unit}" for mode in modes]
@@ -444,7 +444,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             names, lambda i: tuple(_mode_text(mode.eigenvalue[i]) for mode in modes)
         )
 
-    def _trims(self) -> Table:
+    def _trim_table(self) -> Table:
         """Return a table of alpha, of the inputs that are not 0 at all points, and of stalls and
         the variables at a limit."""
         model = self.model
