@@ -26,17 +26,28 @@ def test_the_figures_are_those_of_the_coefficients():
     assert {name: found[name] for name in exact} == pytest.approx(exact, rel=1e-9)
 
 
+#: A model in minutes.
+SLOW = Model(
+    "slow",
+    {"angle": Signal("rad", 2.0), "rate": Signal("rad/min")},
+    {"torque": Signal()},
+    lambda x, u, p, w: ({"angle": x.rate, "rate": -9.0 * x.angle - x.rate + u.torque}, {}),
+    trim={"torque": 0.0},
+    modes={"short period": ("angle", "rate")},
+)
+
+
+def test_a_rate_without_a_stated_size_is_as_large_as_its_state_in_a_second():
+    """2 rad in 1 s are 120 rad/min; an equation balances to 1e-10 of that."""
+    point = hfa.trim(SLOW)
+    assert point.scale("angle") == pytest.approx(120.0)
+    tolerance = point.report().data["equations"]["angle"]["tolerance"]
+    assert tolerance == pytest.approx(1.2e-8)
+
+
 def test_handling_qualities_are_per_second():
     """The frequency of a model in minutes, 3 rad/min, is 0.05 rad/s."""
-    model = Model(
-        "slow",
-        {"angle": Signal("rad"), "rate": Signal("rad/min")},
-        {"torque": Signal()},
-        lambda x, u, p, w: ({"angle": x.rate, "rate": -9.0 * x.angle - x.rate + u.torque}, {}),
-        trim={"torque": 0.0},
-        modes={"short period": ("angle", "rate")},
-    )
-    point = hfa.trim(model)
+    point = hfa.trim(SLOW)
     frequency, eigenvalue = (
         point.sheet[f"short period {name}"] for name in ("frequency", "eigenvalue")
     )
