@@ -197,7 +197,7 @@ def _affected_equations(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return r (N, m) and J (N, m, k) of the equations that the unknowns affect."""
     residual, jacobian = system.residuals(z, c)
-    return residual[:, : system.moved], jacobian
+    return residual[:, : system.affected_count], jacobian
 
 
 def _norm(rows: np.ndarray) -> np.ndarray:

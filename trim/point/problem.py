@@ -121,7 +121,7 @@ class TrimProblem:
         self.free = self.system.equations.unknowns
         self.idle = self.system.equations.idle
         self.names = tuple(row.name for row in self.system.equations.rows)
-        self.count = Count(self.system.moved, len(self.free))
+        self.count = Count(self.system.affected_count, len(self.free))
         self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
         if not self.free and (self.idle or not self.solved(self.system.start)):
@@ -140,7 +140,7 @@ class TrimProblem:
         """
         model, system = self.model, self.system
         for index, row in enumerate(system.equations.rows):
-            if index < system.moved or row.is_rate:
+            if index < system.affected_count or row.is_rate:
                 continue
             residual = self.at(system.start).residual[index]
             if abs(residual) <= BALANCE:
@@ -309,7 +309,7 @@ class TrimProblem:
 
     def balanced_effects(self, z: np.ndarray) -> BalancedEffects:
         """Return the effects of the unknowns on the equations at scaled unknowns z, (k,)."""
-        jacobian = self.at(z).jacobian[: self.system.moved]
+        jacobian = self.at(z).jacobian[: self.system.affected_count]
         largest = np.abs(jacobian).max(axis=1, keepdims=True, initial=0.0)
         rows = jacobian / np.where(largest > 0.0, largest, 1.0)
         rows[np.abs(rows) <= _EPSILON] = 0.0

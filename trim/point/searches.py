@@ -230,7 +230,7 @@ def _effort_program(structure: Structure) -> ca.Function:
         "x": e.z,
         "p": e.c,
         "f": ca.sumsqr(e.z[inputs]),
-        "g": ca.vertcat(e.residual[: e.moved], e.y / scales),
+        "g": ca.vertcat(e.residual[: e.affected_count], e.y / scales),
     }
     options: dict[str, Any] = {
         "print_time": False,
@@ -253,7 +253,7 @@ def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     local minimum near a guess (k,). They need not be a trim.
     """
     system = problem.system
-    balanced = np.zeros(system.moved)
+    balanced = np.zeros(system.affected_count)
     scales = np.array([signal.scale for signal in system.structure.watched])
     solution = _effort_program(system.structure)(
         x0=guess,

@@ -80,10 +80,10 @@ class Equations:
     rows.
 
     layout: equations and names of the model
-    solved: the k unknowns that affect an equation, in the order of z
+    scaled_unknowns: the k unknowns that affect an equation, with their scales, in the order of z
     idle: names of the free variables that are in no equation; their values are in c
     rows: the e equations; those that the unknowns affect come first
-    moved: m, number of equations that the unknowns affect
+    affected_count: m, number of equations that the unknowns affect
     constants: names of the values in c, which are followed by the parameters
     z: (k, 1), the unknowns divided by their scales
     c: the constants
@@ -95,10 +95,10 @@ class Equations:
     """
 
     layout: Layout
-    solved: tuple[Scaled, ...]
+    scaled_unknowns: tuple[Scaled, ...]
     idle: tuple[str, ...]
     rows: tuple[Row, ...]
-    moved: int
+    affected_count: int
     constants: tuple[str, ...]
     z: ca.SX
     c: ca.SX
@@ -112,12 +112,12 @@ class Equations:
     @cached_property
     def unknowns(self) -> tuple[str, ...]:
         """Names of the unknowns, in the order of z."""
-        return tuple(unknown.name for unknown in self.solved)
+        return tuple(unknown.name for unknown in self.scaled_unknowns)
 
     @cached_property
     def scales(self) -> np.ndarray:
         """Scale of each unknown, (k,)."""
-        return np.array([unknown.scale for unknown in self.solved])
+        return np.array([unknown.scale for unknown in self.scaled_unknowns])
 
     @cached_property
     def row_scales(self) -> np.ndarray:
@@ -127,7 +127,7 @@ class Equations:
     @cached_property
     def is_affine(self) -> bool:
         """Whether J is the same for all z, so that no other initial point has another solution."""
-        return not (self.solved and ca.depends_on(self.jacobian, self.z))
+        return not (self.scaled_unknowns and ca.depends_on(self.jacobian, self.z))
 
     @cached_property
     def residual_rows(self) -> RowFunction:
@@ -141,8 +141,8 @@ class Equations:
 
         y are the watched states and outputs.
         """
-        unmoved = ca.SX(len(self.rows) - self.moved, len(self.solved))
-        derivatives = ca.vertcat(self.jacobian, unmoved)
+        unaffected = ca.SX(len(self.rows) - self.affected_count, len(self.scaled_unknowns))
+        derivatives = ca.vertcat(self.jacobian, unaffected)
         flat = ca.vertcat(self.x, self.u, self.y, self.residual, ca.vec(derivatives.T))
         return RowFunction(ca.Function("point", [self.z, self.c], [ca.densify(flat)]))
 
@@ -174,10 +174,10 @@ def step_rows(equations: Equations, steps: int) -> RowFunction:
     equations: the equations r(z, c), which must be square
     steps: number of steps
     """
-    moved = equations.residual[: equations.moved]
-    after = equations.z - ca.solve(equations.jacobian, moved)
+    affected = equations.residual[: equations.affected_count]
+    after = equations.z - ca.solve(equations.jacobian, affected)
     arguments = [equations.z, equations.c]
-    step = ca.Function("step", arguments, [after, ca.norm_2(moved)], {"cse": True})
+    step = ca.Function("step", arguments, [after, ca.norm_2(affected)], {"cse": True})
     z, norm = step(*arguments)
     converges = ca.SX(1)
     for _ in range(steps - 1):
@@ -293,13 +293,13 @@ def _expressions(structure: Structure) -> _Expressions:
 class _Dependence(NamedTuple):
     """Rows (equations) and columns (unknowns) of a Jacobian by its pattern of zeros.
 
-    moved: equations that depend on an unknown
-    unmoved: the other equations
+    affected: equations that depend on an unknown
+    unaffected: the other equations
     active: unknowns that are in an equation
     """
 
-    moved: list[int]
-    unmoved: list[int]
+    affected: list[int]
+    unaffected: list[int]
     active: list[int]
 
 
@@ -323,25 +323,25 @@ def equations(structure: Structure) -> Equations:
     e = _expressions(structure)
     by_all = ca.jacobian(e.residual, _column(e.free.values()))  # by all free variables
     structure.layout.refuse_steps(by_all, list(e.free))
-    moved, unmoved, active = _dependence(by_all)
-    jacobian = ca.sparsify(by_all)[moved, active]
-    solved = tuple(structure.unknowns[column] for column in active)
-    names = {unknown.name for unknown in solved}
+    affected, unaffected, active = _dependence(by_all)
+    jacobian = ca.sparsify(by_all)[affected, active]
+    scaled_unknowns = tuple(structure.unknowns[column] for column in active)
+    names = {unknown.name for unknown in scaled_unknowns}
     idle = tuple(name for name in e.free if name not in names)
 
-    z = ca.SX.sym("z", len(solved))
-    scales = ca.DM([unknown.scale for unknown in solved])
-    sought = _column(e.free[unknown.name] for unknown in solved)
-    in_order = e.residual[[*moved, *unmoved]]
+    z = ca.SX.sym("z", len(scaled_unknowns))
+    scales = ca.DM([unknown.scale for unknown in scaled_unknowns])
+    sought = _column(e.free[unknown.name] for unknown in scaled_unknowns)
+    in_order = e.residual[[*affected, *unaffected]]
     parts = [e.x, e.u, e.y, in_order, ca.densify(jacobian) @ ca.diag(scales)]
     x, u, y, residual, jacobian_of_z = ca.substitute(parts, [sought], [z * scales])
-    is_square = bool(active) and len(moved) == len(active)
+    is_square = bool(active) and len(affected) == len(active)
     return Equations(
         layout=structure.layout,
-        solved=solved,
+        scaled_unknowns=scaled_unknowns,
         idle=idle,
-        rows=tuple(structure.rows[row] for row in (*moved, *unmoved)),
-        moved=len(moved),
+        rows=tuple(structure.rows[row] for row in (*affected, *unaffected)),
+        affected_count=len(affected),
         constants=(*structure.given, *idle),
         z=z,
         c=_column((*e.given.values(), *(e.free[name] for name in idle), *components(e.p))),
@@ -418,7 +418,7 @@ class TrimSystem:
         inf for other unknowns
     watched: limits of the watched states and outputs
     row_scales: (e,), scale of each equation
-    moved: number m of equations that the unknowns affect, which are the first m equations
+    affected_count: number m of equations that the unknowns affect, which are the first m equations
     is_quick: True if the equations are square and have at most `_FEW` unknowns
     steps: number of Newton steps in `quick_steps`
     """
@@ -448,7 +448,7 @@ class TrimSystem:
         self.lowest, self.highest, self.quarter_turn = _scaled_limits(self.limits, self.equations)
         self.watched = condition.limits_on([each.name for each in self.structure.watched])
         self.row_scales = self.equations.row_scales
-        self.moved = self.equations.moved
+        self.affected_count = self.equations.affected_count
         self.is_quick = self.equations.square and len(self.scales) <= _FEW
         self.steps = _STEPS_OF_MANY if varied and not self.only_inputs else _STEPS
 
@@ -482,7 +482,7 @@ class TrimSystem:
         c: (N, ..), constants that differ between the points
         """
         residual, jacobian = self.equations.residual_rows(z, c)
-        return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
+        return residual, jacobian.reshape(len(z), self.affected_count, z.shape[1])
 
     def linear(self, z: np.ndarray, c: np.ndarray) -> LinearizedPoints:
         """Return the trims and linear models of N points.
