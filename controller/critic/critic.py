@@ -439,6 +439,9 @@ _BESIDE, _NEARER = 1e-9, 1e-12
 #: at the smaller distance. Of a smooth u, `_NEARER` / `_BESIDE` is left, a thousandth.
 _KINK = 1e-3
 _LEFT = 0.5
+#: Size of the states without a box, relative to those that cost 1: the cost's unit says nothing of
+#: how near to 0 a kink is, and only one exactly at 0 counts.
+_WITHOUT_BOX = 1e-200
 
 
 class _Sizes(NamedTuple):
@@ -451,10 +454,10 @@ class _Sizes(NamedTuple):
 def _sizes(game: Game) -> _Sizes:
     """Return the box of the states, and the inputs that cost 1.
 
-    Without a box, a state has the size that costs 1, and 1 without a cost.
+    Without a box, the states have the ratios of those that cost 1, and are nearly 0.
     """
     costs = np.diag(game.Q)
-    states = np.where(costs > 0.0, costs, 1.0) ** -0.5
+    states = _WITHOUT_BOX * np.where(costs > 0.0, costs, 1.0) ** -0.5
     if game.half_widths is not None:
         states = game.half_widths
     return _Sizes(states, np.diag(game.R) ** -0.5)

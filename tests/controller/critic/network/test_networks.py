@@ -225,3 +225,15 @@ def test_the_gain_at_a_kink_is_the_mean_of_both_sides(sides):
     critic = read_critic("relu.npz", game, activation="relu")
     assert critic.K.item() == pytest.approx((a + b) / 2.0, abs=1e-12)
     assert ("kink" in critic.origin) == (a != b)
+
+
+@pytest.mark.parametrize("cost_unit", [1e-12, 1.0, 1e12])
+@pytest.mark.parametrize(("bias", "has_kink"), [(0.0, True), (-1e-7, False), (1e-7, False)])
+def test_a_kink_at_the_trim_does_not_depend_on_the_unit_of_the_cost(cost_unit, bias, has_kink):
+    """u = relu(z + bias) of a plant without a box of states has its kink at z = -bias."""
+    game = Game([[1.0]], [[1.0]], Q=[cost_unit], R=[cost_unit])
+    z = ca.SX.sym("z")
+    policy = ca.Function("policy", [z], [ca.fmax(z + bias, 0.0)])
+    critic = from_network(game, policy)
+    assert critic.has_kink == has_kink
+    assert critic.K.item() == pytest.approx(-0.5 if has_kink else -float(bias > 0.0))
