@@ -93,8 +93,10 @@ class BoxFlights(Result):
         return text if self.resolved else f"{text}, but are not resolved"
 
 
-class _Pair(NamedTuple):
-    """Cost of the flights of both policies, inf or nan where one does not converge, (N,)."""
+class _Costs(NamedTuple):
+    """Costs of the flights of the judged and the exact policy, (N,), inf or nan if they diverge or
+    are not decided.
+    """
 
     judged: np.ndarray
     exact: np.ndarray
@@ -138,8 +140,8 @@ def box_flights(
             resolved=False,
         )
 
-    def simulate(parts: int) -> _Pair:
-        return _Pair(*(each.costs(part * starts, step / parts) for each in (flown, exact)))
+    def simulate(per_step: int) -> _Costs:
+        return _Costs(*(each.costs(part * starts, step / per_step) for each in (flown, exact)))
 
     costs, error = resolved(simulate, _figures, step)
     excess = costs.judged / costs.exact - 1.0
@@ -159,7 +161,7 @@ def box_flights(
     )
 
 
-def _figures(costs: _Pair) -> Figures:
+def _figures(costs: _Costs) -> Figures:
     """Return the costs whose change with half the step is tested, without those of lost flights.
 
     The cost of a lost flight is inf.
@@ -194,7 +196,7 @@ class _Flights:
         starts: (N, n)
         """
         ticks = 1 + int(self.seconds / (step * TESTED))
-        final, ended = flown_until_decayed(self._rates, starts, self._P, step, ticks)
-        left = quadratic_forms(final[:, :-1], self._P)
-        is_far = ~(left <= FAR_OF_EXPANSION * quadratic_forms(starts, self._P))  # so is a nan
-        return np.where(ended, final[:, -1] + left, np.where(is_far, math.inf, math.nan))
+        final, has_ended = flown_until_decayed(self._rates, starts, self._P, step, ticks)
+        cost_to_go = quadratic_forms(final[:, :-1], self._P)
+        is_far = ~(cost_to_go <= FAR_OF_EXPANSION * quadratic_forms(starts, self._P))  # so is a nan
+        return np.where(has_ended, final[:, -1] + cost_to_go, np.where(is_far, math.inf, math.nan))

@@ -26,6 +26,7 @@ from verification.box import balanced_units
 
 #: Default limit of the errors of P, K, V, its gradient and the policies, and of the residual.
 LIMIT = 1e-6
+#: Errors are bounded in all boxes from 1 / `REACH` to `REACH` times the given one.
 REACH = 10.0
 #: The error of an entry below this fraction of the largest is relative to this fraction.
 SMALL = 1e-5
@@ -173,21 +174,21 @@ def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -
     """
     P = value_matrix(critic, exact)
     corner = np.outer(box, box)
-    higher_value, higher_slopes = higher_terms(critic, box)
+    higher = higher_terms(critic, box)
     with np.errstate(all="ignore"):  # a number that is not finite fails the check
         V_errors = np.abs(P - exact.P) * corner
         V_sizes = np.abs(exact.P) * corner
         u_errors = np.abs(critic.K - exact.K) @ box
         if critic.slope_gain is not None:
-            u_errors += 0.5 * np.abs(critic.slope_gain) @ (higher_slopes / box)
+            u_errors += 0.5 * np.abs(critic.slope_gain) @ (higher.slopes / box)
     u_scale = np.sqrt(np.diag(exact.excess_weight))
     policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
     checks = [error_check("policy_rel_error", policy, limit, "the policy in the box")]
     if critic.P is None:
         return checks
-    value = entry_error(np.atleast_1d(V_errors.sum() + higher_value), np.atleast_1d(V_sizes.sum()))
+    value = entry_error(np.atleast_1d(V_errors.sum() + higher.value), np.atleast_1d(V_sizes.sum()))
     checks.append(error_check("value_rel_error", value, limit, "V in the box"))
-    slopes = entry_error(2.0 * V_errors.sum(axis=1) + higher_slopes, 2.0 * V_sizes.sum(axis=1))
+    slopes = entry_error(2.0 * V_errors.sum(axis=1) + higher.slopes, 2.0 * V_sizes.sum(axis=1))
     checks.append(error_check("gradient_rel_error", slopes, limit, "a slope of V in the box"))
     return checks
 
@@ -205,10 +206,10 @@ def disturbance_errors(
     has_disturbance = math.isfinite(game.delta) and game.E.size
     if critic.P is None or critic.network or not has_disturbance:
         return []
-    _, higher_slopes = higher_terms(critic, box)
+    higher = higher_terms(critic, box)
     with np.errstate(all="ignore"):
         errors = np.abs(game.disturbance_gain(value_matrix(critic, exact) - exact.P)) @ box
-        errors += 0.5 * np.abs(game.E.T) @ (higher_slopes / box) / game.delta**2
+        errors += 0.5 * np.abs(game.E.T) @ (higher.slopes / box) / game.delta**2
     worst = entry_error(errors, np.abs(exact.disturbance_gain) @ box)
     return [error_check("disturbance_rel_error", worst, limit, "the worst disturbance in the box")]
 
@@ -230,10 +231,10 @@ def q_function_errors(critic: Critic, exact: Solution, limit: float) -> list[Che
                 f"L is {shape_text(L.shape)}; give {shape_text(exact_L.shape)} for this plant"
             )
         checks.append(error_check("L_rel_error", relative_error(L, exact_L), limit, "L"))
-    right = exact_action_value(critic, exact)
-    if critic.H is not None and right is not None:
-        sizes = np.sqrt(np.abs(np.diag(right)))
-        error = float(np.max(np.abs(critic.H - right) / np.outer(sizes, sizes)))
+    exact_H = exact_action_value(critic, exact)
+    if critic.H is not None and exact_H is not None:
+        sizes = np.sqrt(np.abs(np.diag(exact_H)))
+        error = float(np.max(np.abs(critic.H - exact_H) / np.outer(sizes, sizes)))
         checks.append(error_check("H_entry_error", error, limit, "an entry of H"))
     return checks
 
@@ -247,11 +248,11 @@ def exact_action_value(critic: Critic, exact: Solution) -> np.ndarray | None:
     if critic.H is None or exact_H is None:
         return None
     size = len(critic.H)
-    if size < len(exact_H):  # over (x, u), for the worst w
-        crossed = exact_H[:size, size:]
-        by_worst = crossed @ np.linalg.solve(exact_H[size:, size:], crossed.T)
-        exact_H = exact_H[:size, :size] - by_worst
-    return exact_H
+    if size == len(exact_H):
+        return exact_H
+    crossed = exact_H[:size, size:]
+    by_worst_w = crossed @ np.linalg.solve(exact_H[size:, size:], crossed.T)
+    return np.asarray(exact_H[:size, :size] - by_worst_w)
 
 
 def value_matrix(critic: Critic, exact: Solution) -> np.ndarray:
@@ -259,20 +260,30 @@ def value_matrix(critic: Critic, exact: Solution) -> np.ndarray:
     return exact.P if critic.P is None else (critic.P + critic.P.T) / 2.0
 
 
-def higher_terms(critic: Critic, box: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return bounds of the terms of V that are not quadratic, and of their gradient (n,).
+class HigherTerms(NamedTuple):
+    """Bounds of the terms of V that are not quadratic.
 
     Divided by λ², the terms in each box λb with 1/`REACH` <= λ <= `REACH` are within the bounds.
-    The bounds of the gradient are multiplied by the half-widths b_i.
 
-    box: b, (n,)
+    value: of V
+    slopes: of b_i ∂V/∂z_i, with the half-widths b, (n,)
+    """
+
+    value: float
+    slopes: np.ndarray
+
+
+def higher_terms(critic: Critic, box: np.ndarray) -> HigherTerms:
+    """Return bounds of the terms of a critic's V that are not quadratic, in boxes of states.
+
+    box: half-widths, (n,)
     """
     psi = critic.basis
     if critic.weights is None or psi is None or psi.size == psi.quadratic_size:
-        return 0.0, np.zeros(len(box))
+        return HigherTerms(0.0, np.zeros(len(box)))
     exponents = psi.exponents[psi.quadratic_size :]
     sizes = np.abs(critic.weights[psi.quadratic_size :])
     with np.errstate(all="ignore"):
         reach = REACH ** np.abs(exponents.sum(axis=1) - 2)
         terms = sizes * np.prod(box**exponents, axis=1) * reach
-    return float(terms.sum()), terms @ exponents
+    return HigherTerms(float(terms.sum()), terms @ exponents)

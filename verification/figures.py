@@ -101,6 +101,10 @@ def verdicts_figure(verdicts: Mapping[str, Verdict]) -> Figure:
 
 
 def _draw_errors(axes: Axes, positions: np.ndarray, curves: Mapping[str, np.ndarray]) -> None:
+    """Draw the curves that have a number on a logarithmic scale, with a legend.
+
+    curves: label -> value of each critic
+    """
     shown = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
     for (label, values), style in zip(shown.items(), ("-", "--", "-.", ":"), strict=False):
         axes.semilogy(positions, np.maximum(values, _ROUNDED), style, label=label)
@@ -115,7 +119,10 @@ def _draw_errors(axes: Axes, positions: np.ndarray, curves: Mapping[str, np.ndar
 def _heat_map(
     figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
 ) -> None:
-    """Draw a matrix as a heat map with a color bar."""
+    """Draw a matrix as a heat map with a color bar.
+
+    size: largest magnitude on the color scale; None for relative differences, whose own is taken
+    """
     from matplotlib.colors import SymLogNorm
 
     axes.set_title(title)

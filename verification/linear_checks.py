@@ -86,7 +86,7 @@ def linear_loop(exact: Solution, critic: Critic, box: np.ndarray, is_exact: bool
 
 
 def _proved_check(name: str, value: float, limit: float, ok: bool, reason: str, kind: str) -> Check:
-    """Return a check that a proof decides, and not its value, which is rounded."""
+    """Return the check that a value is below a limit, decided by a proof: the value is rounded."""
     return Check(name, value, limit, ok, "" if ok else reason, "<", kind)
 
 
@@ -171,7 +171,7 @@ def _state_lines(exact: Solution, excess: Excess) -> list[str]:
 
 
 def _has_worst(excess: Excess) -> bool:
-    """Return whether a state costs more than all others; without an excess it is rounding."""
+    """Return whether some initial state costs most; of an optimal policy, rounding decides it."""
     return not excess.is_optimal and bool(np.isfinite(excess.worst).all())
 
 
@@ -211,4 +211,5 @@ def _percent(excess: Excess, ratio: float) -> str:
 
 
 def _margin(margin: DiskMargin | None, name: str) -> str:
+    """Return a number of a disk margin as text, "-" without one."""
     return "-" if margin is None else f"{getattr(margin, name):.4g}"

@@ -181,6 +181,7 @@ class NonlinearComparison(Result):
 
 
 def _share(error: DegreeError) -> str:
+    """Return how far the worst coefficient of a degree is off, as text."""
     if math.isfinite(error.learned) and error.exact == 0.0:
         return f"{error.learned:.3g} in place of 0"
     if not math.isfinite(error.error):
@@ -293,7 +294,10 @@ def _degree_error(
 
 
 def _exact_terms(expansion: Expansion, of: str) -> dict[int, np.ndarray]:
-    """Return the exact weights of all monomials of each degree, degree -> (k, M)."""
+    """Return the exact weights of V or u, degree -> those of all monomials of the degree, (k, M).
+
+    of: "V" or "u"
+    """
     weights = expansion.weights[None] if of == "V" else expansion.policy_weights
     degree = LOWEST if of == "V" else 1
     terms = {}
@@ -307,7 +311,9 @@ def _exact_terms(expansion: Expansion, of: str) -> dict[int, np.ndarray]:
 
 
 def _terms(critic: Critic, widths: np.ndarray) -> dict[str, dict[int, np.ndarray]]:
-    """Return "V" and "u", as far as compared -> the critic's weights, degree -> (k, M).
+    """Return the critic's weights of V and u, as far as they are compared.
+
+    The result is "V" or "u" -> degree -> weights of all monomials of the degree, (k, M).
 
     widths: typical deviations, (n,)
     """
@@ -367,12 +373,13 @@ def _terms_of_function(
     return terms
 
 
-def _fitted(function: ca.Function, degree: int) -> np.ndarray:
-    """Return the coefficients of a homogeneous polynomial, (k, M), by least squares over its values
-    along random rays.
+def _fitted(polynomial: ca.Function, degree: int) -> np.ndarray:
+    """Return the coefficients of a homogeneous polynomial z (n,) -> (k,), (k, M).
+
+    They fit its values in random directions by least squares.
     """
-    n = function.numel_in(0)
+    n = polynomial.numel_in(0)
     basis = homogeneous(n, degree)
     rays = directions(n, math.ceil(_RAYS * basis.size) + n, _SEED)
-    values = np.array(function(rays.T)).T
+    values = np.array(polynomial(rays.T)).T
     return np.asarray(least_squares(basis.psi(rays), values).T)

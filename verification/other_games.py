@@ -78,11 +78,12 @@ def other_games(exact: Solution, of: str, given: np.ndarray) -> Iterator[OtherGa
 
 
 def _families(exact: Solution) -> Iterator[Family]:
+    """Yield the families of a game: other delta, R, sample time and discount."""
     game = exact.game
     if game.E.any():
-        own = math.isfinite(game.delta)
-        middle = game.delta if own else max(exact.delta_min, np.finfo(float).tiny)
-        instead = f", not {game.delta:.4g}" if own else ""
+        has_delta = math.isfinite(game.delta)
+        middle = game.delta if has_delta else max(exact.delta_min, np.finfo(float).tiny)
+        instead = f", not {game.delta:.4g}" if has_delta else ""
         yield Family(lambda delta: f"exact for delta {delta:.4g}{instead}", middle, game.with_delta)
     if not game.N.any():
         yield Family(_times_R, 1.0, lambda factor: replace(game, R=factor * game.R))
@@ -92,10 +93,10 @@ def _families(exact: Solution) -> Iterator[Family]:
             lambda dt: f"exact for the game sampled with dt {dt:.4g} s", 0.1 / fastest, game.sampled
         )
         return
-    rest = (1.0 - game.discount) or 0.01  # by factors; others are tried about .99
+    less_than_1 = (1.0 - game.discount) or 0.01  # others than 1 are tried about .99
     yield Family(
         lambda less: f"exact for discount {1.0 - less:.6g}, not {game.discount:.6g}",
-        rest,
+        less_than_1,
         lambda less: replace(game, discount=1.0 - less),
     )
     plant = continuous(game)
@@ -109,13 +110,14 @@ def _families(exact: Solution) -> Iterator[Family]:
 
 
 def _times_R(factor: float) -> str:
+    """Return the sentence on a game whose R is larger by a factor."""
     return f"exact for R {factor:.4g} times as large"
 
 
 def continuous(game: Game) -> Game | None:
-    """Return the game that is sampled, or None if the step does not come from one.
+    """Return the game in continuous time of which a game is sampled, or None without one.
 
-    The logarithm of a step is real if no eigenvalue is 0 or negative.
+    Its rates are the logarithm of the step, which is real if no eigenvalue is 0 or negative.
     """
     from scipy.linalg import logm
 

@@ -58,7 +58,7 @@ class Mistake(NamedTuple):
 
 
 class Compared(NamedTuple):
-    """A matrix of a critic beside the exact one.
+    """A matrix of a critic compared with the exact one.
 
     kind: "P", "K" or "H"
     given, exact: the matrices
@@ -107,6 +107,7 @@ def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
 
 
 def _reason_for_gain(exact: Solution, K: np.ndarray, limit: float) -> str:
+    """Return a sentence that names the mistake in a wrong K, or ""."""
     gains = _gains(exact, K, limit)
     return gains.first(itertools.chain(_of_gain(exact.game, gains), _of_other_games(exact, gains)))
 
@@ -158,14 +159,14 @@ def _reason_for_action_value(exact: Solution, critic: Critic, limit: float) -> s
 def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
     """Yield that P or K is exact for a game that differs by one number, the nearest game first."""
     kind, given, right = compared.kind, compared.given, compared.exact
-    numbers = np.triu(right) if kind == "P" else right
-    if np.count_nonzero(numbers) < 2:
+    distinct = np.triu(right) if kind == "P" else right
+    if np.count_nonzero(distinct) < 2:
         return  # a single number agrees with many games
-    undone = [
+    mistakes = [
         Mistake(f"{kind} is {other.says}", given - other.matrix + right)
         for other in other_games(exact, kind, given)
     ]
-    yield from sorted(undone, key=lambda mistake: np.max(compared.errors(mistake.undone)))
+    yield from sorted(mistakes, key=lambda mistake: np.max(compared.errors(mistake.undone)))
 
 
 def _not_of_value(exact: Solution, critic: Critic, P: np.ndarray, limit: float) -> str:
@@ -173,21 +174,23 @@ def _not_of_value(exact: Solution, critic: Critic, P: np.ndarray, limit: float) 
 
     K and P of an action value are not stored.
     """
-    apart = relative_error(exact.K + critic.K - exact.game.gain(P), exact.K)
-    if critic.H is not None or apart <= limit:
+    difference = relative_error(exact.K + critic.K - exact.game.gain(P), exact.K)
+    if critic.H is not None or difference <= limit:
         return ""
-    return f"K differs by {percent(100.0 * apart)} from the gain that P implies on this plant"
+    return f"K differs by {percent(100.0 * difference)} from the gain that P implies on this plant"
 
 
 def _sizes_of_states(exact: Solution) -> np.ndarray:
-    """Return √P_ii of the exact P, (n,)."""
+    """Return √P_ii of the exact P, (n,), at least `SMALL` times the largest in balanced units."""
     units = balanced_units(exact.game)
     return floored(np.sqrt(np.abs(np.diag(exact.P))) * units) / units
 
 
 def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
-    """Return K beside the exact one, with the sizes r_i c_j of entries at which costs are 1:
-    c_j = |K_:j| and r_i = |K_i: / c|.
+    """Return K compared with the exact one.
+
+    The sizes of entries are r_i c_j, with c_j = |K_:j| and r_i = |K_i: / c| in units of inputs and
+    states in which costs are 1.
     """
     states = _sizes_of_states(exact)
     prices = np.diag(exact.excess_weight)
@@ -220,8 +223,8 @@ def _of_value(game: Game, values: Compared) -> Iterator[Mistake]:
     order = _order_of_states(P, exact)
     places = np.argsort(order)
     yield Mistake(_order_text("state", order), P[np.ix_(places, places)])
-    for says, divisors in _units("state", _factors_of_states(values), UNITS_OF_STATES):
-        yield Mistake(says, P / np.outer(divisors, divisors))
+    for unit in _wrong_units("state", _factors_of_states(values), UNITS_OF_STATES):
+        yield Mistake(unit.says, P / np.outer(unit.divisors, unit.divisors))
     yield from _one_entry(values)
 
 
@@ -284,12 +287,14 @@ def _of_gain(game: Game, gains: Compared) -> Iterator[Mistake]:
 
 def _unmoved(game: Game, gains: Compared) -> Iterator[Mistake]:
     """Yield that K never moves some inputs, whose rows are 0."""
-    still: np.ndarray = np.logical_not(gains.given.any(axis=1))
-    if still.any() and not still.all():
-        names = [name for name, each in zip(game.names.inputs, still, strict=True) if each]
+    unmoved = np.flatnonzero(~gains.given.any(axis=1))
+    if 0 < len(unmoved) < len(gains.given):
+        names = [game.names.inputs[row] for row in unmoved]
         verb = "is" if len(names) == 1 else "are"
         says = f"{' and '.join(names)} {verb} never moved; the other rows of K are exact"
-        yield Mistake(says, np.where(still[:, None], gains.exact, gains.given))
+        undone = gains.given.copy()
+        undone[unmoved] = gains.exact[unmoved]
+        yield Mistake(says, undone)
 
 
 def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
@@ -297,8 +302,8 @@ def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
 
     Actions that are not mapped to the inputs give rows, and a normalized state gives columns.
     """
-    K, exact, sizes = gains.given, gains.exact, gains.sizes
-    weighed, right = K / sizes, exact / sizes
+    K, exact = gains.given, gains.exact
+    in_sizes, exact_in_sizes = K / gains.sizes, exact / gains.sizes
     for axis, noun, why, names in (
         (1, "row", "as of actions that are not mapped to the inputs", game.names.inputs),
         (0, "column", "as of a state that is normalized", game.names.states),
@@ -306,7 +311,7 @@ def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
         if min(exact.shape) < 2:
             continue  # any K has such multiples
         with np.errstate(all="ignore"):
-            factors = np.sum(weighed * right, axis) / np.sum(right**2, axis)
+            factors = np.sum(in_sizes * exact_in_sizes, axis) / np.sum(exact_in_sizes**2, axis)
             undone = K / np.expand_dims(factors, axis)
         if not (np.isfinite(undone).all() and factors.all()):
             continue
@@ -330,8 +335,8 @@ def _of_rows(
     yield Mistake(_order_text(noun, order), given[np.argsort(order)])
     with np.errstate(all="ignore"):
         factors = np.sum(rows * exact_rows, axis=1) / np.sum(exact_rows**2, axis=1)
-    for says, divisors in _units(noun, factors, units):
-        yield Mistake(says, given / divisors[:, None])
+    for unit in _wrong_units(noun, factors, units):
+        yield Mistake(unit.says, given / unit.divisors[:, None])
 
 
 def _factors(noun: str, meant: str, compared: Compared) -> Iterator[Mistake]:
@@ -350,38 +355,49 @@ def _factors(noun: str, meant: str, compared: Compared) -> Iterator[Mistake]:
         yield Mistake(f"every entry of {kind} is {shown} times the exact one", given / ratio)
 
 
-def _units(
-    noun: str, factors: np.ndarray, units: Mapping[str, float]
-) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield (sentence, divisors) for states or inputs with the wrong sign or in a wrong unit.
+class _WrongUnit(NamedTuple):
+    """Sentence on states or inputs with a wrong sign or unit, and the divisors that undo it."""
 
+    says: str
+    divisors: np.ndarray
+
+
+def _wrong_units(
+    noun: str, factors: np.ndarray, units: Mapping[str, float]
+) -> Iterator[_WrongUnit]:
+    """Yield that some states or inputs have the wrong sign, or are in a wrong unit.
+
+    noun: "state" or "input"
     factors: (n,) or (m,), factor of each state or input that the errors suggest
     units: wrong unit -> its factor
     """
-    for wrong, known in {"the wrong sign": -1.0, **units}.items():
-        where = np.abs(factors / known - 1.0) < NEAR
-        if where.any() and not where.all():  # a factor of all is a common one (`_factors`)
-            *numbers, last = (str(index + 1) for index in np.flatnonzero(where))
+    for wrong, factor in {"the wrong sign": -1.0, **units}.items():
+        has_factor = np.abs(factors / factor - 1.0) < NEAR
+        if has_factor.any() and not has_factor.all():  # a factor of all is a common one
+            *numbers, last = (str(index + 1) for index in np.flatnonzero(has_factor))
             subject = f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"
-            verbs = ("has", "have") if known == -1.0 else ("is", "are")
-            yield f"{subject} {verbs[bool(numbers)]} {wrong}", np.where(where, known, 1.0)
+            singular, plural = ("has", "have") if factor == -1.0 else ("is", "are")
+            verb = plural if numbers else singular
+            yield _WrongUnit(f"{subject} {verb} {wrong}", np.where(has_factor, factor, 1.0))
 
 
-def _assigned(away: np.ndarray) -> np.ndarray:
-    """Return the permutation (n,) for which the sum of away[i, order[i]] is smallest."""
+def _assigned(distances: np.ndarray) -> np.ndarray:
+    """Return the permutation (n,) for which the sum of distances[i, order[i]] is smallest."""
     from scipy.optimize import linear_sum_assignment
 
-    return np.asarray(linear_sum_assignment(away)[1])
+    return np.asarray(linear_sum_assignment(distances)[1])
 
 
 def _order_text(noun: str, order: np.ndarray) -> str:
+    """Return a sentence on the order of states or inputs, which are counted from 1."""
     return f"the {noun}s are in the order {', '.join(str(index + 1) for index in order)}"
 
 
 def _one_entry(compared: Compared) -> Iterator[Mistake]:
     """Yield that the entry with the largest error has a wrong sign, or alone differs."""
     kind, given, exact, *_ = compared
-    if np.count_nonzero(np.triu(exact) if kind == "P" else exact) < 3:
+    distinct = np.triu(exact) if kind == "P" else exact
+    if np.count_nonzero(distinct) < 3:
         return  # a single number agrees with many mistakes
     errors = compared.errors(given)
     place = np.unravel_index(int(np.argmax(errors)), errors.shape)
@@ -395,7 +411,7 @@ def _one_entry(compared: Compared) -> Iterator[Mistake]:
 def _with_entry(
     kind: str, given: np.ndarray, place: tuple[np.intp, ...], entry: float
 ) -> np.ndarray:
-    """Return P, in which its mirror image changes too, or K with another entry."""
+    """Return P or K with another entry at a place; in P, its mirror image changes too."""
     changed = given.copy()
     changed[place] = entry
     if kind == "P":
@@ -412,7 +428,7 @@ def _of_weights(critic: Critic) -> Iterator[Mistake]:
     psi: Basis = critic.basis
     weights = critic.weights[: psi.quadratic_size]
     row, column = np.triu_indices(psi.states)
-    # Each may be the only mistake, or one of several; "" is none of its kind.
+    # An order, a factor and a cost may be wrong alone or together; "" is the right one of its kind.
     orders = {
         "": np.arange(len(weights)),
         "are stored with the squares first": np.argsort(row != column, kind="stable"),

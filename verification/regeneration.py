@@ -247,5 +247,6 @@ def check_pair(model: LinearModel, published: PublishedModel) -> RegeneratedPair
 
 
 def _spectrum(A: np.ndarray) -> np.ndarray:
+    """Return the eigenvalues by magnitude, the upper one of a pair first, (n,)."""
     values = np.linalg.eigvals(A)
     return values[np.lexsort((-values.imag, -np.round(np.abs(values), 6)))]

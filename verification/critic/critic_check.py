@@ -109,11 +109,12 @@ def verify(
     widths = in_box.half_widths
 
     nonlinear, nonlinear_part = None, None
-    in_series = judged.has_weights if taylor is None else taylor
-    if linear is not None and not judged.is_quadratic and in_series:
-        nonlinear, nonlinear_part = _nonlinear(
+    is_polynomial = judged.has_weights if taylor is None else taylor
+    if linear is not None and not judged.is_quadratic and is_polynomial:
+        nonlinear, nonlinear_part = _on_nonlinear_game(
             judged, linear, exact, limit, in_box, flights, progress
         )
+    # The linear game judges the linear part of what the nonlinear one has judged.
     compared = judged if nonlinear is None else judged.linear_part
     errors = critic_errors(compared, exact, limit, widths)
     loop = linear_loop(exact, judged, widths, all(check.ok for check in errors))
@@ -159,16 +160,13 @@ def verify(
 
 
 def _rank_check(run: TrainingRun) -> Check:
-    """Return the check that the data of a training run have full rank.
-
-    Data with a lower rank do not determine the weights.
-    """
+    """Return the check that the data of a training run have full rank: they determine weights."""
     rank = run.excitation
-    poor = (
+    reason = (
         f"the data have rank {rank.rank} of {rank.size} and do not determine the weights, "
         "however small the residual is"
     )
-    return at_least("data_rank", rank.rank, rank.size, poor, kind="data")
+    return at_least("data_rank", rank.rank, rank.size, reason, kind="data")
 
 
 def _given_box(box: ArrayLike, game: Game) -> Box:
@@ -188,7 +186,7 @@ class _OnNonlinear(NamedTuple):
     part: Part
 
 
-def _nonlinear(
+def _on_nonlinear_game(
     critic: Critic,
     linear: LinearModel,
     exact: Solution,
@@ -197,7 +195,10 @@ def _nonlinear(
     flights: int,
     progress: Progress | None,
 ) -> _OnNonlinear:
-    """Return the comparison with the nonlinear game and its part of the report."""
+    """Return the comparison with the nonlinear game and its part of the report.
+
+    There is none in discrete time, or if the game or the critic has no power series.
+    """
     from verification.nonlinear_game import compare_with_nonlinear
 
     if exact.game.is_discrete:
@@ -210,13 +211,17 @@ def _nonlinear(
 
 
 def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
-    """Return what is judged as a critic."""
+    """Return the critic that is judged: itself, read from a file, or of an array or a result.
+
+    Raises BadInputError for anything else, and for a critic of a game in the other kind of time.
+    """
     if isinstance(given, (str, Path)):
         return critic_in(given, game, Reading(linear=linear))
     if isinstance(given, (np.ndarray, list)):
         array = numbers_in("critic", given)
         n, m = game.B.shape
-        if m == 1 and array.shape == (n,) != (n * (n + 1) // 2,):
+        weights_shape = (n * (n + 1) // 2,)
+        if m == 1 and array.shape == (n,) != weights_shape:
             array = array[None]  # K of a single input
         instead = "write hfa.from_value(game, P) or hfa.from_gain(game, K)"
         return from_parts(game, {part_by_shape(array, game, instead): array})
@@ -257,7 +262,11 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
 
 
 def _reason_of_network(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> str:
-    """Return what a network does in the box, and the mistake in K or P."""
+    """Return what a network does in the box, and the mistake in K or P, or "".
+
+    box: half-widths, (n,)
+    limit: largest relative error of a right critic
+    """
     from verification.network.mistakes import finding_of_policy
     from verification.reasons import reason_for
 

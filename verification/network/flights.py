@@ -113,18 +113,17 @@ def fly(
         flights = min(flights, _WIDE_FLIGHTS)
     losses, undecided_at = costs_above_optimum(exact, critic, excess, b, flights)
     loop = undisturbed_loop(exact, critic, b)
-    rest = loop.equilibrium
     equilibrium_cost = 0.0
-    if rest is not None:
-        both = np.append(rest, critic.u(rest))
-        equilibrium_cost = float(both @ game.weights @ both)
+    if loop.equilibrium is not None:
+        z_and_u = np.append(loop.equilibrium, critic.u(loop.equilibrium))
+        equilibrium_cost = float(z_and_u @ game.weights @ z_and_u)
     few = min(FEW, flights)
     results = FlightResults(
         flights=flights,
         cost_lost_flown_percent=float(losses.max()),
         cost_lost_flown_mean_percent=float(losses.mean()),
         undecided_at=undecided_at,
-        rest_point=rest,
+        rest_point=loop.equilibrium,
         equilibrium_cost=equilibrium_cost,
         reach=_reach(loop, b, few),
     )
@@ -158,9 +157,9 @@ def costs_above_optimum(
         return np.full(flights, math.inf), None
     if end.outcome is Outcome.UNDECIDED:
         return np.full(flights, math.nan), float(end.times.max())
-    left = exact.game.discount**end.times * quadratic_forms(end.z, remaining)
-    costs, optima = end.costs + left, quadratic_forms(starts, exact.P)
-    without_optimum = np.where(costs > 0.0, math.inf, 0.0)
+    after_end = exact.game.discount**end.times * quadratic_forms(end.z, remaining)
+    costs, optima = end.costs + after_end, quadratic_forms(starts, exact.P)
+    without_optimum = np.where(costs > 0.0, math.inf, 0.0)  # where the optimum is 0
     with np.errstate(divide="ignore", invalid="ignore"):
         losses = np.maximum(100.0 * costs / optima, 0.0)
     return np.where(optima > 0.0, losses, without_optimum), None

@@ -185,7 +185,7 @@ class Loop:
 
     changes: of the rows [z, cost] in a tick
     P: matrix of V*, (n, n)
-    equilibrium: equilibrium near z = 0, or None if none is found
+    equilibrium: equilibrium near z = 0, (n,), or None if none is found
     largest: V* above which the loop diverges
     by_exact: matrix of the exact loop in discrete time, (n, n), or None. A slow loop also converges
         if V* is at most `OF_EXACT` times that of the exact loop at the end of the clock
@@ -208,10 +208,10 @@ class Loop:
             return End(Outcome.UNDECIDED, times, rows[:, :-1], rows[:, -1])
         initial = self._value(starts - self.equilibrium)
         flying = np.arange(len(starts))
-        time, left = 0.0, self.changes.most_steps
-        while flying.size and left > 0 and time < self.changes.longest:
-            rows[flying], used = self.changes.after(rows[flying], time, left)
-            left -= used
+        time, steps_left = 0.0, self.changes.most_steps
+        while flying.size and steps_left > 0 and time < self.changes.longest:
+            rows[flying], used = self.changes.after(rows[flying], time, steps_left)
+            steps_left -= used
             if not (self._value(rows[flying, :-1]) <= self.largest).all():
                 return End(Outcome.LEFT, times, rows[:, :-1], rows[:, -1])
             time += self.changes.tick
@@ -352,8 +352,8 @@ def _tick(exact: Solution, *loops: np.ndarray) -> float:
     loops: stable matrices, (n, n)
     """
     game = exact.game
-    by_exact, *rates = (abs(abscissa_of(loop)) for loop in (game.A - game.B @ exact.K, *loops))
-    return DECAY / max(min([by_exact, *rates]), by_exact / SLOWEST)
+    of_exact, *rates = (abs(abscissa_of(loop)) for loop in (game.A - game.B @ exact.K, *loops))
+    return DECAY / max(min([of_exact, *rates]), of_exact / SLOWEST)
 
 
 def excess_cost(exact: Solution, M: np.ndarray, z: ca.SX, u: ca.SX) -> ca.SX:
@@ -368,7 +368,8 @@ def excess_cost(exact: Solution, M: np.ndarray, z: ca.SX, u: ca.SX) -> ca.SX:
     """
     game = exact.game
     price, cross = exact.excess_weight, np.zeros((len(game.R), len(M)))
-    of_disturbance = -(game.delta**2) * np.eye(len(M)) if M.any() else 0.0 * np.eye(len(M))
+    delta_squared = game.delta**2 if M.any() else 0.0  # δ may be infinite without a disturbance
+    of_disturbance = -delta_squared * np.eye(len(M))
     if game.is_discrete:
         ahead = game.discount * exact.P @ game.E
         cross = game.B.T @ ahead

@@ -40,7 +40,7 @@ def finding_of_policy(
     """
     count = STATES_OF_WIDE if critic.is_wide else STATES
     states = np.random.default_rng(2).uniform(-1.0, 1.0, (count, len(box)))
-    states[1::2] = np.sign(states[1::2])
+    states[1::2] = np.sign(states[1::2])  # corners
     states *= box
     u = critic.u(states)
     bias = critic.u(np.zeros(len(box)))
@@ -49,24 +49,25 @@ def finding_of_policy(
     if np.all(u == u[0]):
         return Finding("the policy never moves an input: u is the same in the whole box")
     rest = 0.0
-    clips, still = [], []
+    clips, unmoved = [], []
     for name, unit, values, error in zip(
         exact.names.inputs, exact.names.input_units, u.T, errors.T, strict=True
     ):
-        extremes = (values[::2].min() + 0.0, values[::2].max() + 0.0)  # no -0
+        inside = values[::2]  # at states that are no corners
+        extremes = (inside.min() + 0.0, inside.max() + 0.0)  # no -0
         if extremes[0] == extremes[1]:
-            still.append(name)
+            unmoved.append(name)
             continue
-        levels = [level for level in extremes if np.sum(values[::2] == level) >= CLIPPED]
-        clipped = np.isin(values, levels)
-        rest = max(rest, float(error[~clipped].max(initial=0.0)))
+        levels = [level for level in extremes if np.sum(inside == level) >= CLIPPED]
+        is_clipped = np.isin(values, levels)
+        rest = max(rest, float(error[~is_clipped].max(initial=0.0)))
         if levels:
             at = " and ".join(f"{level:.4g}" for level in levels) + _unit_text(unit)
-            share = percent(100.0 * float(clipped[::2].mean()))
+            share = percent(100.0 * float(is_clipped[::2].mean()))
             clips.append(f"{name} is clipped at {at} in {share}")
     facts = [bias_text(critic, exact)] if np.any(np.abs(bias) > limit * sizes) else []
-    if still:
-        facts.append(f"{' and '.join(still)} {'is' if len(still) == 1 else 'are'} never moved")
+    if unmoved:
+        facts.append(f"{' and '.join(unmoved)} {'is' if len(unmoved) == 1 else 'are'} never moved")
     if clips:
         facts.append(f"{', '.join(clips)} of the box")
     if not facts:
@@ -76,9 +77,9 @@ def finding_of_policy(
 
 
 def _squashed(critic: Critic, exact: Solution, box: np.ndarray, limit: float) -> Finding | None:
-    """Return that inputs with right slopes stay below the exact ones.
+    """Return that inputs with right slopes stay below the exact ones, or None.
 
-    The inputs are those at the corners of the box where the exact ones are largest.
+    Each input is compared at the corner of the box where the exact one is largest.
     """
     if relative_error(critic.K, exact.K) > limit:
         return None

@@ -101,7 +101,7 @@ def findings_of(
     plant: nonlinear plant in continuous time, or None
     """
     searched = search(exact, critic, b)
-    # The errors of a polynomial are bounded, and its bounds are checked.
+    # The errors of a polynomial are bounded, and its bounds are checked instead.
     errors = search_checks(critic, exact, searched, limit) if critic.network else []
     checks = list(errors)
     flown = fly(exact, critic, excess, b, flights, plant)
@@ -124,7 +124,6 @@ def _not_converged(flown: FlightResults, *, is_discrete: bool) -> str:
     return f"a flight from the box is not decided within {flown.undecided_at:.3g} {unit}"
 
 
-# Search.
 def search_checks(critic: Critic, exact: Solution, searched: Searched, limit: float) -> list[Check]:
     """Return the checks of the errors that `search` found.
 
@@ -204,7 +203,7 @@ def search(exact: Solution, critic: Critic, box: np.ndarray) -> Searched:
     starts = starts_in(np.ones(len(box)), starts_of(critic), seed=0)
     reached = []
     sampled = np.array(errors_at((box * starts).T))
-    for error, sizes, weights in zip(sampled, _sizes(sampled), np.eye(len(kinds)), strict=True):
+    for error, sizes, selects in zip(sampled, _sizes(sampled), np.eye(len(kinds)), strict=True):
         ranking = np.argsort(-sizes, kind="stable")
         worst = ranking[0]
         reached.append(starts[worst])
@@ -213,7 +212,7 @@ def search(exact: Solution, critic: Critic, box: np.ndarray) -> Searched:
         corners = ranking[ranking % 2 == 0][:climbs]
         inside = ranking[ranking % 2 == 1][:climbs]
         for start in (worst, *corners, *inside):
-            reached.append(climb(np.copysign(weights, error[start]), starts[start]))
+            reached.append(climb(np.copysign(selects, error[start]), starts[start]))
     states = box * np.array(reached)
     largest: dict[str, LargestError] = {}
     for name, sizes in zip(kinds, _sizes(errors_at(states.T)), strict=True):
@@ -256,7 +255,6 @@ def _climber(
     return climb
 
 
-# Report.
 def nonlinear_section(
     critic: Critic,
     b: np.ndarray,
@@ -310,10 +308,12 @@ def nonlinear_section(
 
 
 def _row(numbers: np.ndarray) -> str:
+    """Return numbers as text with four digits, separated by commas."""
     return ", ".join(f"{number:.4g}" for number in numbers)
 
 
 def _flight_lines(flown: FlightResults) -> list[str]:
+    """Return the lines of the report on the cost and the reach of the flights."""
     if not flown.flights:
         return ["No flights: the linear loop is not stable"]
     cost = "not all of them converge"
