@@ -219,30 +219,30 @@ def _notes_on_writers(equations: Equations) -> list[Note]:
     notes = []
     for name, writers in properties.writers().items():
         rights = access(name)
-        mine = [writer for writer in writers if writer.element is not None]
-        if not rights or not mine:
+        in_files = [writer for writer in writers if writer.element is not None]
+        if not rights or not in_files:
             continue
         if rights == "R" and name in properties.names_read:
-            raise _refusal(mine[-1], f"{shortened(name)} is a read-only JSBSim property")
+            raise _refusal(in_files[-1], f"{shortened(name)} is a read-only JSBSim property")
         unnumbered = without_numbers(name)
         reason = next((why for prefix, why in _NOTED.items() if unnumbered.startswith(prefix)), "")
         reason = _COMPUTED if rights == "R" else reason
         if reason:
-            notes.append(Note(f"set {reason}", shortened(name), mine[-1].where, MOTION))
+            notes.append(Note(f"set {reason}", shortened(name), in_files[-1].where, MOTION))
             continue
         if of_component(name):
-            if not all(is_zero(writer.compute()) for writer in mine):
+            if not all(is_zero(writer.compute()) for writer in in_files):
                 fault = (
                     f"{shortened(name)} is a failure or limit of a component, which cannot be set"
                 )
-                raise _refusal(mine[-1], fault)
+                raise _refusal(in_files[-1], fault)
         elif not (name in properties.names_read or unnumbered.startswith(_IDLE)):
             raise _refusal(
-                mine[-1],
+                in_files[-1],
                 f"{shortened(name)} is a built-in JSBSim property that cannot be set",
             )
-        if "-cmd-norm" in name and name in properties.names_read and len(writers) > len(mine):
-            notes.append(Note(_SET_TWICE, shortened(name), mine[-1].where))
+        if "-cmd-norm" in name and name in properties.names_read and len(writers) > len(in_files):
+            notes.append(Note(_SET_TWICE, shortened(name), in_files[-1].where))
     return notes
 
 

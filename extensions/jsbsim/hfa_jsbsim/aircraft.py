@@ -414,17 +414,13 @@ class Equations:
         if rights and "value" in element.attributes:
             held = self.properties.writer(element.text)
             symbol = held.compute() if held is not None and held.element is None else None
-            for name, parameter in self.parameters.items():
-                if symbol is parameter:
-                    # Engines run best with their default values.
-                    if name not in ("mixture", "advance"):
-                        self.starts[name] = value
-                    return
-            if symbol is not None and any(symbol is each.symbol for each in self.inputs.values()):
-                return
-            self.properties.add_writer(
-                element.text, Writer(lambda: value, element.where, 0, element=element)
-            )
+            parameter = next((name for name, each in self.parameters.items() if each is symbol), "")
+            is_command = any(each.symbol is symbol for each in self.inputs.values())
+            if parameter and parameter not in ("mixture", "advance"):  # engines run best with 1
+                self.starts[parameter] = value
+            if not (parameter or is_command):
+                writer = Writer(lambda: value, element.where, 0, element=element)
+                self.properties.add_writer(element.text, writer)
         elif not rights and (overrides or not self.properties.is_known(element.text)):
             self.properties.define_initial(element.text, value)
 

@@ -451,15 +451,12 @@ KINDS = (
 )
 
 
-def surface_limits(writer: Writer | None) -> tuple[float, float]:
-    """Return the lowest and highest output of the component that sets a surface.
+def output_limits(component: Element) -> tuple[float, float]:
+    """Return the lowest and highest output of a component that sets a surface.
 
     The limits are given by <clipto>, <range> or detents. Limits that are unknown or not constant
     are infinite.
     """
-    component = writer.component if writer else None
-    if component is None:
-        return -math.inf, math.inf
     clip = component.find("clipto")
     try:
         if clip is not None:

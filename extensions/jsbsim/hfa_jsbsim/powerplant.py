@@ -74,6 +74,7 @@ def add_engine(file: EngineFile, aircraft: HostAircraft) -> Writer:
     writer = Writer(partial(engine_effect, file, aircraft), file.mount.where)
 
     def part(name: str) -> Any:
+        """Return the value of a property that the engine sets."""
         effect = properties.value_of(writer, file.full_name(name), file.mount.where)
         if name == "thrust-lbs":
             return effect.thrust

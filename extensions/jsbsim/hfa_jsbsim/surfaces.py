@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from hfa_jsbsim.control_system import surface_limits
+from hfa_jsbsim.control_system import output_limits
 from hfa_jsbsim.notes import Note
 from hfa_jsbsim.properties import LoopError, Properties, canonical
 from hfa_jsbsim.xml_file import Element
@@ -106,7 +106,7 @@ def _limits(name: str, surface: str, properties: Properties, sign: float) -> tup
     for source in (name, f"fcs/{surface}-pos-rad", f"fcs/{surface}-pos-deg"):
         writer = properties.writer(source)
         if writer is not None and writer.component is not None:
-            low, high = surface_limits(writer)
+            low, high = output_limits(writer.component)
             if source.endswith("-deg"):
                 low = math.radians(low)
                 high = math.radians(high)

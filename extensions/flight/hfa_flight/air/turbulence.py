@@ -467,14 +467,13 @@ class AirFilter:
     def of(cls, air: TurbulentAir) -> AirFilter:
         """Return the filter that generates the turbulence `air`."""
         along, across = FILTERS[air.turbulence.spectrum]
-        parts = [
-            _cascade(
-                shape, length / air.speed, intensity * np.sqrt(gain * length / air.speed / np.pi)
-            )
-            for shape, length, intensity, gain in zip(
-                (along, across, across), air.lengths, air.intensities, (2.0, 1.0, 1.0), strict=True
-            )
-        ]
+        shapes = ((along, 2.0), (across, 1.0), (across, 1.0))
+        parts = []
+        for (shape, factor), length, intensity in zip(
+            shapes, air.lengths, air.intensities, strict=True
+        ):
+            tau = length / air.speed
+            parts.append(_cascade(shape, tau, intensity * np.sqrt(factor * tau / np.pi)))
         span = air.turbulence.span
         if span is None:
             A, B, C = _in_parallel(parts)

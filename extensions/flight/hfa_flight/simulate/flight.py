@@ -567,9 +567,9 @@ class Flight(StatesAndInputs, Result, Reported):
         """
         through_air = bool(self.deviations.winds) and has_angle_of_attack(self.model)
         parts: list[Part] = []
-        parts.append(self._states(through_air))
+        parts.append(self._state_table(through_air))
         parts += self._air_notes(through_air)
-        parts.append(self._inputs())
+        parts.append(self._input_table())
         if self.exceeded and isinstance(self.loop.policy, GainPolicy):
             parts.append(
                 "the gain is not saturated at the control limits; networks, deployment files and "
@@ -590,7 +590,7 @@ class Flight(StatesAndInputs, Result, Reported):
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.deviations.states).max(), np.abs(self.deviations.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
-        return Report(self.title(), parts, notes, storable(self), self._records())
+        return Report(self.title(), parts, notes, storable(self), self._record_table())
 
     def _air_notes(self, through_air: bool) -> list[str]:
         """Return notes on moving air: which flow angles are limited, and the gust.
@@ -605,17 +605,15 @@ class Flight(StatesAndInputs, Result, Reported):
             limited = [LIMITED_OVER_GROUND]
         return [*filter(None, [*limited, gust.text(self.model)])]
 
-    def _states(self, through_air: bool) -> Table:
+    def _state_table(self, through_air: bool) -> Table:
         """Return a table of the states, one row each: deviations, errors, envelope, prediction.
 
         through_air: whether the angle of attack relative to the air has a row below alpha
         """
         model = self.model
-        header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
-        header.append("envelope")
         differences = self.largest_difference_from_linear
-        if differences is not None:
-            header.append("difference from linear")
+        header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
+        header += ["envelope"] + ["difference from linear"] * (differences is not None)
         final = self.final
         largest = self.largest_deviation
         errors = self.rms_error
@@ -640,7 +638,7 @@ class Flight(StatesAndInputs, Result, Reported):
                 rows.append(tuple(cells))
         return Table(tuple(header), rows)
 
-    def _inputs(self) -> Table:
+    def _input_table(self) -> Table:
         """Return a table of the inputs, one row each: range, and time at the control limits."""
         shares = self.share_at_limits
         rows = []
@@ -669,7 +667,7 @@ class Flight(StatesAndInputs, Result, Reported):
             columns["angles_of_attack"] = self.angles_of_attack[every]
         return columns
 
-    def _records(self) -> Table:
+    def _record_table(self) -> Table:
         """Return the time history as a table of numbers, one row for each tick."""
         history = self.history()
         model = self.point.model
