@@ -54,6 +54,7 @@ def acting_commands(delay: float, dt: float, seconds: float) -> list[ActingComma
 
     delay, dt: delay and sample time, s
     """
+    # The oldest command ends after the rest of the delay, and each later one a sample later.
     whole, ends = in_samples(delay, dt)
     acting = []
     begin = 0.0

@@ -251,7 +251,8 @@ def typed_turbulence(text: str) -> Turbulence:
     if level == "own":
         intensity, scale, *spans = map(positive, typed)
         return Turbulence((intensity, scale), None, spans[0] if spans else None, spectrum)
-    altitude, span, *_ = [*(positive(size) if size else None for size in typed), None, None]
+    sizes = [positive(size) if size else None for size in typed]
+    altitude, span = [*sizes, None, None][:2]
     return Turbulence(level, altitude, span, spectrum)
 
 

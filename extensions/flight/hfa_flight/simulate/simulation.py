@@ -23,7 +23,8 @@ from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.machine_code import machine_code
 from hfa_support.progress import Progress
 
-#: Number of ticks from which compilation to machine code saves time.
+#: Number of ticks from which compilation to machine code saves time: measured are 10,000 for the
+#: flexible aircraft and 30,000 for a JSBSim jet.
 COMPILE_FROM_TICKS = 30_000
 #: Number of rows between tests of whether a flight ends.
 _ROWS = 1000
