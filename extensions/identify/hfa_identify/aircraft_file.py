@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hfa_identify.identified import Identified
 
 
-def aircraft_text(found: Identified, folder: Path) -> str:
+def aircraft_text(identified: Identified, folder: Path) -> str:
     """Return the TOML text of a file with the estimates, bands and covariance.
 
     The file names the aircraft, relative to its own folder, and the aircraft's SHA-256.
@@ -26,17 +26,17 @@ def aircraft_text(found: Identified, folder: Path) -> str:
 
     Raises BadInputError if the model was not loaded from a file.
     """
-    source = found.model.source
+    source = identified.model.source
     if not source.text:
         raise BadInputError(
             "-o FILE.toml requires an aircraft that was read from a file; add --aircraft FILE"
         )
-    estimated = [name for name in found.parameters if name in found.model.parameters]
-    biases = [name for name in found.parameters if name not in estimated]
+    estimated = [name for name in identified.parameters if name in identified.model.parameters]
+    biases = [name for name in identified.parameters if name not in estimated]
     usual = load_model(source.text).parameters
     values = {
         name: signal.start
-        for name, signal in found.model.parameters.items()
+        for name, signal in identified.model.parameters.items()
         if name in estimated or signal.start != usual[name].start
     }
     # JSON strings are valid TOML.
@@ -44,12 +44,14 @@ def aircraft_text(found: Identified, folder: Path) -> str:
     rows += [f'sha256 = "{source.digest}"', "", "[parameters]"]
     rows += [f"{name} = {value!r}" for name, value in values.items()]
     rows += ["", "# Ends of the 95 % bands.", "[bands]"]
-    rows += [f"{name} = [{each.low!r}, {each.high!r}]" for name, each in found.parameters.items()]
+    rows += [
+        f"{name} = [{each.low!r}, {each.high!r}]" for name, each in identified.parameters.items()
+    ]
     if biases:
         rows += ["", "# Biases of the columns of the records.", "[sensors]"]
-        rows += [f"{name} = {found.parameters[name].value!r}" for name in biases]
-    places = [list(found.parameters).index(name) for name in estimated]
-    covariance = found.covariance[np.ix_(places, places)]
+        rows += [f"{name} = {identified.parameters[name].value!r}" for name in biases]
+    places = [list(identified.parameters).index(name) for name in estimated]
+    covariance = identified.covariance[np.ix_(places, places)]
     if np.isfinite(covariance).all():
         rows += [
             "",

@@ -79,11 +79,11 @@ def account(parts: Parts, equations: Equations) -> list[Note]:
         subject = f"<{component.name}> {name}: {what}"
         statement = _NEVER if is_never else _OF_FILTERS
         notes.append(Note(statement, subject, component.where, MOTION))
-    left: dict[str, list[Element]] = {_NO_FORCE: [], _NOT_READ: []}
+    omitted: dict[str, list[Element]] = {_NO_FORCE: [], _NOT_READ: []}
     for root in parts.folders.documents:
         for element, reason in _omitted(root):
-            left.setdefault(reason, []).append(element)
-    for reason, elements in left.items():
+            omitted.setdefault(reason, []).append(element)
+    for reason, elements in omitted.items():
         if elements:
             notes.append(Note(f"omitted, {reason}", _listed(elements), rank=IDLE))
     return notes

@@ -195,6 +195,6 @@ def assess(request: AssessRequest, given: _Given) -> Outcome:
     points = tuple(trimmed(each) for each in given.trims)
     share = request.need.get(SHARE, ALL)
     assessor = Assessor(deployed, points, request.samples, request.seed, box, share)
-    found = assessment_of(assessor, needs=request.need, progress_of=ProgressLine)
-    result = replace(found, assumed=_assumed_trim(request, points[0]))
+    assessment = assessment_of(assessor, needs=request.need, progress_of=ProgressLine)
+    result = replace(assessment, assumed=_assumed_trim(request, points[0]))
     return Outcome(report=result.report(), ok=result.ok, source=given.source, notes=result.warnings)

@@ -229,7 +229,7 @@ def _smallest_gusts(request: FlyRequest, given: GivenTrim, asked: SmallestGust) 
     _refuse_contradictions(request)
     check_policy(request)
     planned = _planned(request, given, trimmed(given))
-    found = smallest_gusts(
+    gusts = smallest_gusts(
         planned.model,
         planned.point,
         planned.policy,
@@ -238,7 +238,7 @@ def _smallest_gusts(request: FlyRequest, given: GivenTrim, asked: SmallestGust) 
         envelope=planned.envelope,
         progress=ProgressLine("gusts"),
     )
-    return Outcome(report=found.report(), source=given.source, notes=planned.point.warnings)
+    return Outcome(report=gusts.report(), source=given.source, notes=planned.point.warnings)
 
 
 def _refuse_contradictions(request: FlyRequest) -> None:

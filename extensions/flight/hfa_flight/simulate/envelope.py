@@ -51,8 +51,8 @@ class Departure(NamedTuple):
 
     def text(self) -> str:
         """Return the departure as a sentence, with angles in degrees."""
-        left = np.isfinite([self.value, self.limit]).all()
-        return f"{'left the envelope' if left else 'diverged'}: {self.cause()}"
+        is_past_limit = np.isfinite([self.value, self.limit]).all()
+        return f"{'left the envelope' if is_past_limit else 'diverged'}: {self.cause()}"
 
     def cause(self) -> str:
         """Return state, limit and time as text, such as "alpha above 20 deg at 1.9 s"."""

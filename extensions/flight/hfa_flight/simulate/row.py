@@ -60,8 +60,8 @@ class FlightRow(Result):
 
     def outcome(self) -> str:
         """Return the outcome in words, with the state and limit of a departure."""
-        left = None if self.departure is None else self.departure.text()
-        return left or self.loss or Outcome.CONVERGED
+        departure = "" if self.departure is None else self.departure.text()
+        return departure or self.loss or Outcome.CONVERGED
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

@@ -87,7 +87,7 @@ def identify(request: IdentifyRequest, model: Model) -> Outcome:
     from hfa_support.files import write_text
 
     progress = ProgressLine("identify")
-    found = identified_of(
+    identified = identified_of(
         model,
         request.records,
         request.free,
@@ -99,11 +99,11 @@ def identify(request: IdentifyRequest, model: Model) -> Outcome:
     file = request.output
     write = None
     if file is not None and file.suffix == AIRCRAFT:
-        write = partial(write_text, text=aircraft_text(found, file.parent))
+        write = partial(write_text, text=aircraft_text(identified, file.parent))
     return Outcome(
-        report=found.report(),
-        ok=found.ok,
+        report=identified.report(),
+        ok=identified.ok,
         source=aircraft_source(request, model),
-        figure=found.figure,
+        figure=identified.figure,
         write=write,
     )
