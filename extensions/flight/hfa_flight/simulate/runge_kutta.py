@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -72,13 +71,35 @@ def _step_factor(ratio: float) -> float:
     return min(_LONGER, max(_SHORTER, wanted))  # _SHORTER for an error that is not a number
 
 
-class _Step(NamedTuple):
-    """A step of `seconds` from a state y, with the slopes of its polynomial, (n, 4)."""
+class _Steps:
+    """Steps of an integration: the first `count` rows of arrays, which grow when they are full.
 
-    begin: float
-    seconds: float
-    y: np.ndarray
-    slopes: np.ndarray
+    Stored as objects, a step would take 1 µs more, a tenth of the time of a flight in turbulence.
+
+    count: number of steps
+    begins, seconds: time at which each begins, and its duration, s
+    states: state at which it begins, (n,)
+    slopes: coefficients of its polynomial, (4 n,), those of θ first
+    """
+
+    def __init__(self, n: int) -> None:
+        self.count = 0
+        self.begins, self.seconds = np.empty(_PAUSE), np.empty(_PAUSE)
+        self.states, self.slopes = np.empty((_PAUSE, n)), np.empty((_PAUSE, 4 * n))
+
+    def append(self, begin: float, seconds: float, state: np.ndarray, slopes: np.ndarray) -> None:
+        """Store a step."""
+        place = self.count
+        if place == len(self.begins):
+            self.begins, self.seconds, self.states, self.slopes = (
+                np.concatenate([stored, np.empty_like(stored)])
+                for stored in (self.begins, self.seconds, self.states, self.slopes)
+            )
+        self.begins[place] = begin
+        self.seconds[place] = seconds
+        self.states[place] = state
+        self.slopes[place] = slopes
+        self.count = place + 1
 
 
 class RungeKutta:
@@ -101,7 +122,7 @@ class RungeKutta:
         self._function = step
         self._longest, self._shortest = longest, shortest
         self._next = longest
-        self._steps: list[_Step] = []
+        self._steps = _Steps(step.inputs[1].size)
         self._pause = _PAUSE
 
     def advance(
@@ -118,7 +139,7 @@ class RungeKutta:
         now[:], held_now[:] = y, held
         time = begin
         while time < end:
-            if len(self._steps) >= self._pause:
+            if self._steps.count >= self._pause:
                 self._pause *= 2
                 break
             steps_left = max(1, math.ceil((end - time) / self._next))
@@ -138,12 +159,12 @@ class RungeKutta:
                 else:
                     steps_left, seconds = 1, end - time  # the flight diverges
             self._error_of_short_step = math.inf
-            if len(self._steps) == _MOST_STEPS:
+            if self._steps.count == _MOST_STEPS:
                 raise NoSolutionError(
                     f"the simulation requires steps of {seconds:.2g} s at {time:.4g} s: the loop "
                     "has a fast mode, such as an actuator with a short lag; slow it down"
                 )
-            self._steps.append(_Step(time, seconds, now.copy(), slopes.copy()))
+            self._steps.append(time, seconds, now, slopes)
             now[:] = after
             self._largest = float(largest[0])
             time = end if steps_left == 1 else time + seconds
@@ -166,21 +187,16 @@ class RungeKutta:
 
     def clear(self) -> None:
         """Forget the steps made so far."""
-        self._steps.clear()
+        self._steps.count = 0
         self._pause = min(self._pause, _PAUSE_LATER)
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         """Return the states at increasing times of the steps since `clear`, (N, n)."""
-        # np.array of arrays takes longer than np.concatenate.
-        begins = np.array([each.begin for each in self._steps])
-        seconds = np.array([each.seconds for each in self._steps])
-        states = np.concatenate([each.y for each in self._steps]).reshape(len(begins), -1)
-        slopes = np.concatenate([each.slopes for each in self._steps])
-        step = np.searchsorted(begins, times, side="right") - 1
-        late = times - begins[step]
-        part = (late / seconds[step])[:, None]
-        of_powers = slopes.reshape(len(begins), 4, -1).transpose(1, 0, 2)
-        first, second, third, fourth = of_powers[:, step]
+        steps = self._steps
+        step = np.searchsorted(steps.begins[: steps.count], times, side="right") - 1
+        late = times - steps.begins[step]
+        part = (late / steps.seconds[step])[:, None]
+        first, second, third, fourth = np.split(steps.slopes[step], 4, axis=1)
         with np.errstate(all="ignore"):  # a flight may diverge
             within = ((fourth * part + third) * part + second) * part + first
-            return np.asarray(states[step] + late[:, None] * within)
+            return np.asarray(steps.states[step] + late[:, None] * within)
