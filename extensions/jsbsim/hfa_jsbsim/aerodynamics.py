@@ -99,7 +99,10 @@ class Aerodynamics:
         return {name: element.need(name).number() * factor for name in ("min", "max")}
 
     def _sum(self, component: int, at_center: bool) -> ca.SX:
-        """Return one component of the aerodynamic force or moment, as the sum of its functions."""
+        """Return one component of the aerodynamic force or moment, as the sum of its functions.
+
+        at_center: whether of the functions that act at the center of gravity, or of all others
+        """
         total = ca.SX(0.0)
         for function in self._functions.get(component, ()):
             if _acts_at_center(function) == at_center:

@@ -385,7 +385,10 @@ class _Declaration:
         return ordered | dict.fromkeys(filters, Signal())
 
     def _rpm(self, file: EngineFile, is_alone: bool) -> Signal:
-        """Return the signal of a propeller's speed. No speed is too high."""
+        """Return the signal of a propeller's speed, without a highest speed.
+
+        is_alone: whether it is the only engine, whose propeller does not stand still in a trim
+        """
         lowest = 10.0 if is_alone else 0.0
         if is_alone and file.kind == "piston_engine":
             lowest = 0.8 * file.engine.value_of("idlerpm", 600.0) / file.gear_ratio
