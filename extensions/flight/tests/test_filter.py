@@ -132,6 +132,7 @@ def test_modes_that_no_sensor_observes_are_named():
 
 
 def flights(point, policy, members, duration, level="moderate"):
+    """Return the plan of flights of a policy in turbulence with sensor noise."""
     air = Turbulence(level, 40000.0 if level == "moderate" else 20000.0)
     scenario = Scenario(duration, uncertainty=Uncertainty(noise=NOISE, turbulence=air))
     policy, scenario = policy.in_scenario(scenario)

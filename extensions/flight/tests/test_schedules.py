@@ -29,6 +29,7 @@ TANK = Model(
 
 
 def gains_file(folder, **content):
+    """Write the content of a gain file, .npz or with matlab=True .mat, and return its path."""
     path = folder / ("gains.mat" if content.pop("matlab", False) else "gains.npz")
     if path.suffix == ".mat":
         savemat(path, content)

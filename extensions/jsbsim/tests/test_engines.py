@@ -39,10 +39,12 @@ def test_simulations_of_jsbsim_converge_to_the_models_simulation(name):
 
 @pytest.fixture
 def path(tmp_path):
+    """Return the path of a jet whose file limits the acceleration of its spool."""
     return written(tmp_path, jet({"shares": f"{SLOTS['shares']} {SPOOLS}"}), "jet")
 
 
 def trim_of(path, **held):
+    """Return the model of a file and its trim, by default at 350 ft/s."""
     model = load_model(path)
     return model, trim(model, hold=held or {"speed": 350.0})
 

@@ -19,6 +19,7 @@ from hfa_prove.subject import Given, compare, within
 
 @cache
 def found():
+    """Return the proof of a decay rate of the float, 0.5 1/s."""
     return prove_schedule(Family(FLOAT), CONSTANT, 1.0, 1.5, decay_rate=0.5)
 
 

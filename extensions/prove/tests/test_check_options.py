@@ -58,6 +58,7 @@ CASES = [(path, *each) for path, listed in CHANGED.items() for each in listed.it
 
 @pytest.fixture
 def files(folder):
+    """Write the files that options of the table name."""
     np.savez("K6.npz", K=np.ones((5, 6)))
     for name, text in FILES.items():
         Path(name).write_text(text)

@@ -29,6 +29,7 @@ def decay(low, high, k=1.0, c=2.9):
 
 
 def proved(low, high, gains=CONSTANT, **more):
+    """Return the proof about the float for pulls from low to high."""
     return prove_schedule(Family(FLOAT), gains, low, high, **more)
 
 
@@ -344,6 +345,7 @@ def content():
 
 
 def checked(content, model=FLOAT):
+    """Return the number of pieces of the proof of a certificate."""
     return check_schedule(*read_content(content, model))
 
 
@@ -460,6 +462,7 @@ def test_decimals_of_the_file_are_covered():
 
 
 def game_at(degrees):
+    """Return the paper's game at a dihedral angle."""
     point = package.trim(package.aircraft(), dihedral=np.radians(degrees))
     return package.paper.published_game(point.linearize())
 

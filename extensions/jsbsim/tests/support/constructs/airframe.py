@@ -9,20 +9,24 @@ _PLACE = '<location unit="IN"> <x> 20 </x> <y> -4 </y> <z> 6 </z> </location>'
 
 
 def _mass(text, attributes=""):
+    """Return the slots of a construct with this text in <mass_balance>."""
     return {"mass": f"{_EMPTY} {text}", "mass_attributes": attributes}
 
 
 def _point(text):
+    """Return the slots of a construct with a point mass."""
     return _mass(
         f'<pointmass name="load"> <weight unit="LBS"> 300 </weight> {_PLACE} {text} </pointmass>'
     )
 
 
 def _tank(text):
+    """Return the slots of a construct with this text in its tank."""
     return {"tank": f"{SLOTS['tank']} {text}"}
 
 
 def _second_tank(text, kind="FUEL", feed="<feed>1</feed>"):
+    """Return the slots of a construct with a second tank."""
     return {
         "engine": feed,
         "tanks": (
@@ -32,10 +36,12 @@ def _second_tank(text, kind="FUEL", feed="<feed>1</feed>"):
 
 
 def _turbine(text):
+    """Return the slots of a construct with this text in its turbine."""
     return {"turbine": f"{_TURBINE} {text}"}
 
 
 def _external(text):
+    """Return the slots of a construct with external forces or moments."""
     return {"sections": f"<external_reactions> {text} </external_reactions>"}
 
 

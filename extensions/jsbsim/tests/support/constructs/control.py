@@ -8,11 +8,13 @@ _OUT = "<output>fcs/probe</output>"
 
 
 def _of(kind, inside, source=_STICK, attributes=""):
+    """Return the slots of a construct with a component of one input."""
     text = f'<{kind} name="fcs/c" {attributes}> <input>{source}</input> {inside} {_OUT} </{kind}>'
     return component(text)
 
 
 def _clip(low, high, attributes=""):
+    """Return the XML of the limits of a component."""
     return f"<clipto {attributes}> <min>{low}</min> <max>{high}</max> </clipto>"
 
 
@@ -25,6 +27,7 @@ _TAKES_G = _of("pure_gain", "<gain>fcs/g</gain>")
 
 
 def _switch(test, default='<default value="0.2"/>'):
+    """Return the slots of a construct with a <switch>."""
     return component(f'<switch name="fcs/c"> {default} {test} {_OUT} </switch>')
 
 

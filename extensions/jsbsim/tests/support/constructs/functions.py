@@ -8,15 +8,18 @@ _V = "<v>0.5</v>"
 
 
 def _of(operation, *arguments):
+    """Return the slots of a construct with an operation in a function."""
     return function(f"<{operation}> {' '.join(arguments)} </{operation}>")
 
 
 def _table(data, *variables, head=""):
+    """Return the slots of a construct with a <table> in a function."""
     names = "".join(variables)
     return function(f"<table> {names} {head} <tableData> {data} </tableData> </table>")
 
 
 def _variable(name, lookup=""):
+    """Return the XML of an independent variable of a table."""
     attribute = f' lookup="{lookup}"' if lookup else ""
     return f"<independentVar{attribute}>{name}</independentVar>"
 
@@ -27,6 +30,7 @@ _ALPHA = _variable("aero/alpha-rad")
 
 
 def _axis(name, text, attributes=""):
+    """Return the slots of a construct with a further <axis>."""
     return {"axes": f'<axis name="{name}" {attributes}> {text} </axis>'}
 
 
