@@ -160,7 +160,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         stated.append(_stated(points.trims, row))
         point: OperatingPoint | None
         try:
-            point = trimmed(points.trims.of(row))
+            point = trimmed(points.trims.trim_of(row))
             report = _with_name(_sheet(request, point), row.name)
         except TrimError as error:
             point, report = None, _failed(model, row, error, error.found.data)
@@ -210,7 +210,7 @@ def _notes_on_replaced(points: GivenPoints) -> list[str]:
     return [
         f"{name} of {', '.join(row.name or 'a condition' for row in rows)} is that of the file, "
         "not that of the option"
-        for name, rows in points.trims.rows_with_their_own().items()
+        for name, rows in points.trims.rows_replacing_options().items()
     ]
 
 

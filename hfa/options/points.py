@@ -62,11 +62,11 @@ class GivenPoints(NamedTuple):
         for name in self.axes:
             if name in self.trims.free:
                 raise BadInputError(f"{name} is free and swept; remove --free {name} or its values")
-        return self.trims.common(self.constants)
+        return self.trims.common_condition(self.constants)
 
     def source(self) -> dict[str, Any]:
         """Return the entries of the provenance on all points."""
-        parameters = self.trims.parameters(self.constants)
+        parameters = self.trims.parameters_among(self.constants)
         return self.trims.source(self.condition(), parameters)
 
     def conditions(self, most: int) -> Iterator[ListedCondition]:

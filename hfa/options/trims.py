@@ -163,7 +163,7 @@ class TrimInput(NamedTuple):
 
         Raises BadInputError for a variable that an option and each condition give.
         """
-        for name, rows in self.rows_with_their_own().items():
+        for name, rows in self.rows_replacing_options().items():
             if len(rows) == len(self.rows):
                 raise BadInputError(f"give {name} either in the file of --conditions or by --hold")
         free = tuple(name for name in self.free if name not in row.values)
@@ -175,13 +175,13 @@ class TrimInput(NamedTuple):
             rows=(),
         )
 
-    def rows_with_their_own(self) -> dict[str, list[ListedCondition]]:
+    def rows_replacing_options(self) -> dict[str, list[ListedCondition]]:
         """Return variable of --hold or --at -> conditions that give it too, if any do."""
         names = [*self.hold, *([] if self.at is None else [self.model.schedule])]
         stated = {name: [row for row in self.rows if name in row.values] for name in names}
         return {name: rows for name, rows in stated.items() if rows}
 
-    def of(self, row: ListedCondition) -> GivenTrim:
+    def trim_of(self, row: ListedCondition) -> GivenTrim:
         """Return the trim of a condition, of a file or of a grid."""
         return self.for_row(row).single() if self.rows else self.trim(None, row.values)
 
@@ -196,8 +196,8 @@ class TrimInput(NamedTuple):
         hold: variable or parameter -> value
         """
         model = self.model
-        parameters = self.parameters(hold if at is None else {**hold, model.schedule: at})
-        common = self.common(hold)
+        parameters = self.parameters_among(hold if at is None else {**hold, model.schedule: at})
+        common = self.common_condition(hold)
         return GivenTrim(
             model=model.with_parameters(**parameters),
             condition=common.at(None if model.schedule in model.parameters else at),
@@ -208,11 +208,11 @@ class TrimInput(NamedTuple):
             source=self.source(common, parameters, at),
         )
 
-    def parameters(self, values: Mapping[str, float]) -> dict[str, float]:
+    def parameters_among(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return parameter -> value, for the parameters of the aircraft among some values."""
         return {name: values[name] for name in self.model.parameters if name in values}
 
-    def common(self, hold: Mapping[str, float]) -> TrimCondition:
+    def common_condition(self, hold: Mapping[str, float]) -> TrimCondition:
         """Return the condition without the value of the scheduling variable.
 
         hold: variable or parameter -> value
@@ -336,7 +336,7 @@ def given_trims(request: SeveralTrims, most: int) -> GivenTrims:
         else array_of(f"--{at_name(given.model)}", given.at, most).tolist()
     )
     trims = [given.trim(value, hold) for value in values]
-    return GivenTrims(trims, given.source(trims[0].common, given.parameters(hold)))
+    return GivenTrims(trims, given.source(trims[0].common, given.parameters_among(hold)))
 
 
 def at_name(model: Model) -> str:

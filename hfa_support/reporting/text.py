@@ -182,11 +182,10 @@ def with_unit(value: float, unit: str, nominal: float = 1.0) -> str:
     return f"{text} ({value:g} rad)" if is_large else text
 
 
-def degrees(value: float, unit: str) -> tuple[str, str]:
-    """Return a value as text with five decimals, and the unit of the text.
+def five_decimals(value: float, unit: str) -> tuple[str, str]:
+    """Return a value as text with five decimals, and its unit, in the unit that reports print.
 
-    Radians are converted to degrees. A large value is printed with an exponent, for example as
-    1e+08.
+    A large value is printed with an exponent, for example as 1e+08.
     """
     return shown_value(value, unit, "z.5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
 

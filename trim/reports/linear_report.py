@@ -12,7 +12,7 @@ from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import storable
 from hfa_support.reporting.rows import Group
-from hfa_support.reporting.text import WIDTH, Table, degrees, matrix_table, wrapped
+from hfa_support.reporting.text import WIDTH, Table, five_decimals, matrix_table, wrapped
 from trim.linear.frequency import responses_at_modes, responses_table
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
@@ -120,7 +120,7 @@ def _offsets_table(model: LinearModel) -> Table:
     names = (*model.states, *model.inputs)
     offsets = (*model.state_offsets.tolist(), *model.input_offsets.tolist())
     rows = [
-        (name, *degrees(value, model.model.unit(name)))
+        (name, *five_decimals(value, model.model.unit(name)))
         for name, value in zip(names, offsets, strict=True)
     ]
     return Table(("offset", "value", "unit"), rows)

@@ -11,7 +11,7 @@ from hfa_support.provenance import Change
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import storable, without_empty
 from hfa_support.reporting.rows import Group, Row, Sheet
-from hfa_support.reporting.text import Table, degrees, shown_unit, shown_values
+from hfa_support.reporting.text import Table, five_decimals, shown_unit, shown_values
 from trim.linear.modes import modes_table
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
@@ -224,7 +224,7 @@ def saved_report(point: OperatingPoint) -> Report:
     rows: list[tuple[str, str, float, str]] = []
     for kind, values in (("state", point.states), ("input", point.inputs)):
         rows += [(kind, name, value, unit(name)) for name, value in values._asdict().items()]
-    shown = [(kind, name, *degrees(value, unit)) for kind, name, value, unit in rows]
+    shown = [(kind, name, *five_decimals(value, unit)) for kind, name, value, unit in rows]
     for name, value in point.residuals.items():
         rows.append(("residual", name, value, point.equation_unit(name)))
     header = ("kind", "name", "value", "unit")

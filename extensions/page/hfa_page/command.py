@@ -124,7 +124,7 @@ def report(request: ReportRequest) -> Outcome:
         with option_errors("--sweep"):
             values = value_range(model, model.schedule, request.sweep)
         swept = array_of("--sweep", values, MOST_SWEPT)
-    condition = asked.common(hold)
+    condition = asked.common_condition(hold)
     beside = None if request.beside is None else slider_beside(request.beside)
     job = main_job(
         parameter_set(request),
@@ -138,7 +138,7 @@ def report(request: ReportRequest) -> Outcome:
         progress=ProgressLine("report"),
     )
     job = replace(job, flights=request.flights, beside=beside)
-    source = asked.source(condition, asked.parameters(hold))
+    source = asked.source(condition, asked.parameters_among(hold))
     sections = sections_of(job)
     whole = with_provenance(request, main_report(job, sections), source)
     lines = []
