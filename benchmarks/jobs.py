@@ -121,8 +121,9 @@ def control_points(
     )
 
     def points(varied: str, values: Sequence[float]) -> list[TrimmedPlant]:
+        """Return the trims with the variable `varied` imposed at each value, in this order."""
         x, u = np.array(first.states), np.array(first.inputs)
-        found = []
+        trims = []
         for value in values:
             imposed = {**condition.imposed, varied: value}
             if varied in states:
@@ -138,8 +139,8 @@ def control_points(
                 root_method="hybr" if is_square else "lm",
             )
             x, u = np.array(point.states), np.array(point.inputs)
-            found.append(TrimmedPlant(x.copy(), u.copy(), control.linearize(system, x, u).A))
-        return found
+            trims.append(TrimmedPlant(x.copy(), u.copy(), control.linearize(system, x, u).A))
+        return trims
 
     return points
 

@@ -105,6 +105,7 @@ def _remove_dead_links(app: Any, error: Exception | None) -> None:
     for page in Path(app.outdir, "_modules").rglob("*.html"):
 
         def kept(link: re.Match[str], folder: Path = page.parent) -> str:
+            """Return a link, or "" if its target has no such anchor."""
             target = (folder / link[1]).resolve()
             if target not in anchors:
                 anchors[target] = set(re.findall(r'\bid="([^"]+)"', target.read_text("utf-8")))

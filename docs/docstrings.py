@@ -120,7 +120,7 @@ def escaped(lines: list[str]) -> list[str]:
     """
 
     def escape(found: re.Match[str]) -> str:
-        quoted = found[0].startswith("`")
-        return found[0] if quoted else f"\\{found[0]}"
+        is_quoted = found[0].startswith("`")
+        return found[0] if is_quoted else f"\\{found[0]}"
 
     return [re.sub(r"`[^`]*`|[*|_\\]", escape, line) for line in lines]

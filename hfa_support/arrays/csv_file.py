@@ -205,6 +205,7 @@ def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
 
 
 def _is_number(text: str) -> bool:
+    """Return whether a cell is a number, which may be inf or nan."""
     try:
         float(text)
     except ValueError:

@@ -52,6 +52,7 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
 
 
 def _json(path: Path) -> dict[str, Any]:
+    """Return the entries of a JSON object."""
     content = read_json(path)
     if not isinstance(content, dict):
         raise ValueError("the content is not an object with keys such as A and B")
@@ -59,6 +60,7 @@ def _json(path: Path) -> dict[str, Any]:
 
 
 def _npz(path: Path) -> dict[str, Any]:
+    """Return the arrays of a .npz file, whose unpacked size is checked first."""
     with regular_file(path).open("rb") as file, zipfile.ZipFile(file) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
             raise ValueError(f"the file unpacks to more than {LARGEST >> 20} MiB")

@@ -49,6 +49,7 @@ class NamedArray(np.ndarray):
         return array[()] if array.ndim == 0 else super().__array_wrap__(array, context)
 
     def _ipython_key_completions_(self) -> list[Any]:
+        """Return what IPython offers after A[: names, or tuples of names of several axes."""
         named = [names for names in self.names if names]
         return list(product(*named)) if len(named) > 1 else [*chain(*named)]
 

@@ -114,8 +114,8 @@ class ByValue:
 
 
 def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        return np.array_equal(
-            one, other, equal_nan=one.dtype.kind in "fc" and other.dtype.kind in "fc"
-        )
-    return bool(one == other)
+    """Return whether two fields are equal, arrays entry by entry with nan equal to nan."""
+    if not (isinstance(one, np.ndarray) and isinstance(other, np.ndarray)):
+        return bool(one == other)
+    have_nan = one.dtype.kind in "fc" and other.dtype.kind in "fc"
+    return np.array_equal(one, other, equal_nan=have_nan)

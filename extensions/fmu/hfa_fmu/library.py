@@ -335,7 +335,7 @@ class Instance:
         """Return the argument of the constructor that has the callbacks, and what it refers to."""
 
         def say(message: bytes | None) -> None:
-            # The texts of FMI 2.0 may have fields of printf, which are not filled in.
+            """Keep a message, whose fields of printf, in FMI 2.0, are not filled in."""
             self._said = (message or b"").decode(errors="replace")
 
         if self._interface.version == 3:
