@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from cli import answer, hfa
 from game_files import AT_15, SMALL, small, stored
 
+from controller.learning import laws
 from hfa.main import FAILED
 
 
@@ -82,3 +84,16 @@ def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case):
             judged_too = checks[check["name"]]
             assert judged_too["ok"] == check["ok"]
             assert judged_too["value"] == pytest.approx(check["value"], rel=1e-6, abs=1e-12)
+
+
+def test_a_wrong_gain_that_is_learned_has_exit_code_1(monkeypatch):
+    """A law that learns for twice the weight of the input is told by the first word."""
+    learn = laws.learn
+
+    def for_twice_R(game, *args, **options):
+        return learn(replace(game, R=2.0 * game.R), *args, **options)
+
+    monkeypatch.setattr(laws, "learn", for_twice_R)
+    run = hfa("learn", "--model", small("plant.json"))
+    assert run.code == FAILED
+    assert run.out.startswith("FAIL: K is off by ")
