@@ -116,11 +116,19 @@ def fmu(
 ):
     """Write the FMU of the pendulum to a file of the working folder, and return its path."""
     text = description(version, fault, has_derivatives, **of_variables)
-    return packed(text, folder or ("x86_64-linux" if version == 3 else "linux64"), version, name)
+    return packed(text, version, folder, name)
 
 
-def packed(text, folder, version=2, name="pendulum.fmu"):
-    """Write an FMU with the library of the pendulum."""
+#: Version of FMI -> folder of a library for this system.
+FOLDERS = {2: "linux64", 3: "x86_64-linux"}
+
+
+def packed(text, version=2, folder="", name="pendulum.fmu"):
+    """Write an FMU with the library of the pendulum.
+
+    folder: folder of the library, of another system; by default that of this one
+    """
+    folder = folder or FOLDERS[version]
     with zipfile.ZipFile(name, "w") as archive:
         archive.writestr("modelDescription.xml", text)
         archive.writestr(f"binaries/{folder}/pendulum.so", library(version))
@@ -173,7 +181,7 @@ def test_the_trim_of_least_effort_needs_no_second_derivatives():
 def test_names_that_become_alike_are_told_apart():
     """body.angle and body_angle have different names, and a note says which is which."""
     text = description().replace('name="rate"', 'name="body_angle"')
-    model = hfa.load_model(packed(text, "linux64"))
+    model = hfa.load_model(packed(text))
     assert list(model.states) == ["body_angle", "body_angle_"]
     note = "names alike: body_angle is body.angle, body_angle_ is body_angle"
     assert note in model.about.notes
@@ -184,12 +192,12 @@ def test_the_part_of_all_states_is_left_out_of_their_names():
     """plane[1].body.angle and plane[1].body.rate become angle and rate, unless an output is angle."""
     text = description().replace('"body.', '"angle.').replace('name="rate"', 'name="angle.rate"')
     text = text.replace('name="angle.', 'name="plane[1].body.')
-    model = hfa.load_model(packed(text, "linux64"))
+    model = hfa.load_model(packed(text))
     assert list(model.states) == ["angle", "rate"]
     typed = ("plane[1].body.angle", "plane_1_body_angle", "angle")
     assert {model.about.name_of(name) for name in typed} == {"angle"}
     text = text.replace('name="height"', 'name="angle"')
-    states = hfa.load_model(packed(text, "linux64")).states
+    states = hfa.load_model(packed(text)).states
     assert list(states) == ["plane_1_body_angle", "plane_1_body_rate"]
 
 
@@ -266,7 +274,7 @@ UNSUITABLE = {
 def test_an_unsuitable_fmu_is_refused(case):
     """Other kinds of FMUs and damaged ones are refused in one line."""
     text, said = UNSUITABLE[case]
-    assert_refused(run("trim", "--aircraft", packed(text, "linux64")), 2, said)
+    assert_refused(run("trim", "--aircraft", packed(text)), 2, said)
 
 
 def test_an_fmu_for_another_system_is_refused():
@@ -314,12 +322,12 @@ def test_a_sweep_has_no_trim_where_the_library_fails():
     [("error", "returns error", 1.0, ("--units", "si")), ("event", "event", 0.5, ())],
 )
 def test_a_flight_into_a_failure_or_an_event_is_refused(fault, said, angle, units):
-    """It begins at rest with a rate of 3.5 rad/s; the time of the angle of 1 rad or of the event.
+    """From angle 0 with 3.5 rad/s, the refusal has the time at the angle of 1 rad or of the event.
 
     The FMU's height in ft makes `--units si` convert.
     """
     text = description(fault=fault).replace('unit="m"', 'unit="ft"')
-    given = ("--aircraft", packed(text, "linux64"), *units, "--policy", "none", "--duration")
+    given = ("--aircraft", packed(text), *units, "--policy", "none", "--duration")
     refused = run("fly", *given, "2", "--initial", "rate=200")
     assert_refused(refused, 1, said)
     met = float(re.search(r"it is met at\s+([0-9.]+) s", refused.err)[1])
@@ -383,7 +391,7 @@ def with_parameters(version, kind="", causality="parameter"):
     }
     text = text.replace("</TypeDefinitions>", f"{typed[version]}</TypeDefinitions>")
     text = text.replace("</ModelVariables>", f"{moon}{links}</ModelVariables>")
-    return packed(text, "x86_64-linux" if version == 3 else "linux64", version)
+    return packed(text, version)
 
 
 @pytest.mark.parametrize("causality", ["parameter", "input"])
@@ -484,8 +492,7 @@ def test_what_modelstructure_leaves_out_and_units_are_said(version):
         3: '<ContinuousStateDerivative valueReference="6" dependencies="1"/>',
     }
     text = text.replace(listed[version], "<Derivatives>" * (version == 2))
-    folder = "x86_64-linux" if version == 3 else "linux64"
-    notes = hfa.load_model(packed(text, folder, version)).about.notes
+    notes = hfa.load_model(packed(text, version)).about.notes
     assert any(each.endswith("does not list their derivatives: body.angle") for each in notes)
     assert any(each.endswith("sheet of an aircraft requires: rate") for each in notes)
 
@@ -494,8 +501,7 @@ def test_what_modelstructure_leaves_out_and_units_are_said(version):
 def test_an_event_at_the_start_values_hinders_no_trim(version):
     """The event is at the start angle of .5, and the trim at 0."""
     text = description(version, "event").replace('start="0.3"', 'start="0.5"')
-    folder = "x86_64-linux" if version == 3 else "linux64"
-    point = hfa.trim(hfa.load_model(packed(text, folder, version)))
+    point = hfa.trim(hfa.load_model(packed(text, version)))
     assert point["body_angle"] == pytest.approx(0.0, abs=1e-9)
     said = " ".join(point.report().text().split())
     assert "as at the start values: searches begin" in said
