@@ -120,7 +120,7 @@ class Enclosure:
             P = self.proved.P_in_balls
             price = equation.disturbance_price(P)
             assert price is not None
-            ahead = P @ equation.control_loop(P, Balls.of(self.proved.gains))
+            ahead = P @ equation.control_loop(P, self.proved.gains)
             L = price.matrix.solve((equation.E.T @ ahead).matrix)
             return scaled_balls(L, units.disturbances, -units.states)
 
@@ -307,8 +307,7 @@ def _outcome(
                 return reason
             prove_value(ball, lyapunov_of_control_loop(ball))
     except (FailedError, NotProvedError):
-        equation = proposal.equation.with_arithmetic(Balls)
-        return why_no_value(equation, ball, in_bits=in_bits)
+        return why_no_value(proposal.equation, ball, in_bits=in_bits)
     if digits and not relative_radius(ball, with_zeros=bits() == BITS) < DIGITS:
         return ""
     return Enclosure(ball, bits(), lyapunov=proposal.lyapunov)

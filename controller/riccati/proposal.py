@@ -19,7 +19,6 @@ from controller.riccati.balancing import hamiltonian
 from controller.riccati.balls import (
     Balls,
     DoubleBalls,
-    ExactMatrix,
     ball_matrix,
     bits,
     identity,
@@ -38,7 +37,6 @@ from controller.riccati.equation import (
     users_units,
 )
 from controller.riccati.lyapunov import Lyapunov
-from controller.riccati.pairs import Pairs
 from hfa_support.matrices import balanced, spectral_radius
 
 if TYPE_CHECKING:
@@ -57,8 +55,6 @@ NEAR = 10
 #: Largest numbers of corrections of a proposal in doubles, of steps of Newton's method for the sign
 #: function, and of doublings.
 CORRECTIONS, NEWTON_STEPS, DOUBLINGS = 6, 150, 80
-#: Smallest number of states for which `Pairs` are faster than `Balls` of `BITS`.
-MANY_STATES = 20
 #: A relative correction of X that is far below its last digit in doubles.
 SMALL = 1e-25
 
@@ -70,15 +66,15 @@ class FailedError(Exception):
 class Proposal(NamedTuple):
     """Proposed solution of a Riccati equation, for `proof`.
 
-    equation: the equation, in the arithmetic of X
+    equation: the equation, in `Balls`
     X: (n, n), its solution
     Y: (n, n), solution of F'Y + Y F = -1 with the loop F of both players at X, in discrete time of
         F'Y F - Y = -1
     lyapunov: solver of the Lyapunov equation of that loop in doubles, if there is one
     """
 
-    equation: Equation[Any]
-    X: ExactMatrix
+    equation: Equation[Balls]
+    X: Balls
     Y: arb_mat | np.ndarray
     lyapunov: Lyapunov | None = None
 
@@ -160,20 +156,19 @@ def _solved_by_lapack(game: Game, delta: float) -> _Solved:
 
 
 def _corrected(in_doubles: Equation[DoubleBalls], X: np.ndarray) -> Proposal:
-    """Return a proposal about X, (n, n), corrected with residuals in `Balls` or `Pairs`.
+    """Return a proposal about X, (n, n), corrected with residuals in `Balls`.
 
     Each correction Z solves F'Z + Z F + residual = 0 in doubles, with the loop F at X.
     """
-    arithmetic: type[Any] = Pairs if len(X) >= MANY_STATES else Balls
-    equation: Equation[Any] = in_doubles.with_arithmetic(arithmetic)
+    equation = in_doubles.with_arithmetic(Balls)
     lyapunov = lyapunov_of(loop_in_doubles(in_doubles, X), is_discrete=equation.is_discrete)
-    corrected, size = arithmetic.of(X).symmetric(), np.abs(X).max()
+    corrected, size = Balls.of(X).symmetric(), np.abs(X).max()
     for _ in range(CORRECTIONS):
         _, residual = equation.gains_and_residual(corrected)
         correction, _ = lyapunov.solve(-residual.midpoint)
         if not np.abs(correction).max() > SMALL * size:
             break
-        corrected = (corrected + arithmetic.of(correction)).mid()
+        corrected = (corrected + Balls.of(correction)).mid()
     Y, _ = lyapunov.solve(-np.eye(len(X)))
     return Proposal(equation, corrected, Y, lyapunov)
 
@@ -482,7 +477,7 @@ def corrected_in_bits(proposal: Proposal) -> Proposal:
 
     Raises FailedError.
     """
-    equation, X = proposal.equation.with_arithmetic(Balls), Balls.of(proposal.X)
+    equation, X = proposal.equation, proposal.X
     with np.errstate(all="ignore"):
         try:
             gains, residual = equation.gains_and_residual(X)
@@ -532,7 +527,7 @@ def lyapunov_of_control_loop(found: Stabilizing[Any]) -> arb_mat:
     Raises FailedError.
     """
     equation = found.equation
-    loop = equation.control_loop(found.P_in_balls, Balls.of(found.gains)).matrix
+    loop = equation.control_loop(found.P_in_balls, found.gains).matrix
     return lyapunov_in_bits(loop, identity(equation.n), is_discrete=equation.is_discrete)
 
 
