@@ -156,6 +156,7 @@ def _nearest(family: Family, of: str, given: np.ndarray) -> OtherGame | None:
         return family.game(family.middle * math.exp(logarithm))
 
     def error(logarithm: float) -> float:
+        """Return |P or K of a game - given one|, relative to its largest entry, or inf."""
         with suppress(FailedError, BadInputError), np.errstate(all="ignore"):
             return float(np.linalg.norm((_proposed(game_at(logarithm), of) - given) / size))
         return math.inf

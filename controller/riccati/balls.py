@@ -371,13 +371,13 @@ def identity(n: int) -> arb_mat:
 
 
 def midpoints(matrix: arb_mat) -> np.ndarray:
-    """Return the midpoints as doubles."""
+    """Return the midpoints of balls as doubles, (n, m)."""
     entries = np.array([float(entry) for entry in matrix.entries()])
     return entries.reshape(matrix.nrows(), matrix.ncols())
 
 
 def radii(matrix: arb_mat) -> np.ndarray:
-    """Return the radii as doubles, rounded up."""
+    """Return the radii of balls as doubles, rounded up, (n, m)."""
     shape = matrix.nrows(), matrix.ncols()
     if matrix == matrix:  # balls with a radius are not equal
         return np.zeros(shape)

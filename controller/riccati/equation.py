@@ -232,7 +232,8 @@ class Equation(ABC, Generic[Matrix]):
         return self._last.gains, self._last.residual
 
     @abstractmethod
-    def _gains_and_residual(self, X: Matrix) -> tuple[Matrix, Matrix]: ...
+    def _gains_and_residual(self, X: Matrix) -> tuple[Matrix, Matrix]:
+        """Return what `gains_and_residual` returns, computed anew."""
 
     @abstractmethod
     def loop(self, X: Matrix, gains: Matrix) -> Matrix:
@@ -304,7 +305,7 @@ def _balls(matrix: np.ndarray | arb_mat) -> arb_mat:
 
 
 class ContinuousEquation(Equation[Matrix]):
-    """A'X + X A + Q - (X B + N) R⁻¹ (B'X + N') + w X E E'X = 0.
+    """Riccati equation A'X + X A + Q - (X B + N) R⁻¹ (B'X + N') + w X E E'X = 0.
 
     The gain of X is R⁻¹ (B'X + N'), and the loop of both players is A - B R⁻¹ N' - S X with
     S = B R⁻¹ B' - w E E'.
@@ -344,6 +345,7 @@ class ContinuousEquation(Equation[Matrix]):
 
     @cached_property
     def _B_over_R(self) -> Matrix:
+        """B R⁻¹, (n, m)."""
         return self.B @ self.R_inverse
 
     def _gains_and_residual(self, X: Matrix) -> tuple[Matrix, Matrix]:
@@ -387,7 +389,7 @@ class ContinuousEquation(Equation[Matrix]):
 
 
 class StepEquation(Equation[Matrix]):
-    """A'X A - X + Q - (A'X G + C) (W + G'X G)⁻¹ (G'X A + C') = 0.
+    """Riccati equation A'X A - X + Q - (A'X G + C) (W + G'X G)⁻¹ (G'X A + C') = 0 of discrete time.
 
     G = [B E], W = blkdiag(R, -δ² I) and C = [N 0]. Without a disturbance, E has no columns.
 

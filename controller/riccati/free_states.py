@@ -57,7 +57,10 @@ class FreeStates:
     pivots: list[int]
 
     def error_of(self, K: arb_mat) -> ErrorOnFree:
-        """Return the error of a gain, (m, n)."""
+        """Return the error of a gain on the states without optimal cost.
+
+        K: (m, n)
+        """
         error = K * self.basis - self.gains
         changed = K.tolist()
         for row, errors in zip(changed, error.tolist(), strict=True):

@@ -57,7 +57,7 @@ class Level:
 
     @cached_property
     def worst_loop(self) -> np.ndarray:
-        """A - B K + E L, (n, n), without discount."""
+        """Loop of both players, A - B K + E L, (n, n), without discount."""
         with precision(self.enclosure.bits):
             return midpoints(self._in_new_states(_worst_loop(self.enclosure)))
 
@@ -76,12 +76,12 @@ class Level:
 
     @cached_property
     def inputs(self) -> np.ndarray:
-        """B, (n, m)."""
+        """B in the new states, (n, m)."""
         return self.columns(self.enclosure.game.B)
 
     @cached_property
     def disturbances(self) -> np.ndarray:
-        """E, (n, k)."""
+        """E in the new states, (n, k)."""
         return self.columns(self.enclosure.game.E)
 
     def columns(self, matrix: np.ndarray) -> np.ndarray:

@@ -28,12 +28,12 @@ def make_balls_picklable() -> None:
 
 
 def _kept(ball: arb) -> tuple[Any, ...]:
-    """Return what restores a ball."""
+    """Return the function and its arguments with which pickle restores a ball."""
     return restored_ball, (_part(ball.mid()), _part(ball.rad()))
 
 
 def _kept_matrix(matrix: arb_mat) -> tuple[Any, ...]:
-    """Return what restores a matrix of balls."""
+    """Return the function and its arguments with which pickle restores a matrix of balls."""
     return restored_matrix, (int(matrix.nrows()), int(matrix.ncols()), tuple(matrix.entries()))
 
 

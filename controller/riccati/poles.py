@@ -182,11 +182,11 @@ class Similar(NamedTuple):
         rows = self.D.mid().tolist()
         values = [row[i] for i, row in enumerate(rows)]
 
-        def change(i: int, j: int) -> acb:
+        def X_entry(i: int, j: int) -> acb:
             gap = values[j] - values[i]
             is_small = i != j and abs(rows[i][j]) < 0.1 * abs(gap)
             return rows[i][j] / gap if is_small else 0 * gap
 
         n = len(values)
-        X = acb_mat([[change(i, j) for j in range(n)] for i in range(n)])
+        X = acb_mat([[X_entry(i, j) for j in range(n)] for i in range(n)])
         return (self.V + self.V * X).mid()

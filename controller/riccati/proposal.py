@@ -179,7 +179,10 @@ def lyapunov_of(F: np.ndarray, *, is_discrete: bool) -> Lyapunov:
 
 
 def stabilizing_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
-    """Return the stabilizing X, (n, n), by LAPACK."""
+    """Return the stabilizing X, (n, n), by LAPACK, in doubles that nothing proves.
+
+    Raises FailedError, LinAlgError or ValueError.
+    """
     if isinstance(equation, StepEquation):
         try:
             X = riccati_by_doubling(equation)

@@ -167,9 +167,9 @@ def unstable_root(polynomial: fmpz_poly, growth: float, *, is_discrete: bool) ->
 
 
 def _roots(polynomial: fmpz_poly) -> list[acb]:
-    """Return the roots, isolated in balls."""
-    pairs: Any = polynomial.complex_roots()
-    return [root for root, _ in pairs]
+    """Return the distinct roots, isolated in balls."""
+    with_multiplicities: Any = polynomial.complex_roots()
+    return [root for root, _ in with_multiplicities]
 
 
 def boundary_root(polynomial: fmpz_poly, *, is_discrete: bool) -> complex | None:
@@ -205,9 +205,10 @@ def has_root_on_axis(even: fmpq_poly) -> bool:
 
 
 def has_root_on_circle(polynomial: fmpq_poly, square: fmpq) -> bool:
-    """Return whether t^n h(t + 1 / (square t)) has a root t with |t|² square = 1.
+    """Return whether a polynomial t^n h(t + 1 / (square t)) has a root t with |t|² square = 1.
 
-    There, t + 1 / (square t) is real, and its square is at most 4 / square.
+    It is symmetric about this circle. There, x = t + 1 / (square t) is real, and x² is at most
+    4 / square: the real roots x of h in this interval are counted.
     """
     from flint import fmpq, fmpq_poly
 
@@ -324,6 +325,7 @@ def stacked_rationals(blocks: list[list[fmpq_mat]]) -> fmpq_mat:
 
 
 def _zeros(rows: int, columns: int) -> fmpq_mat:
+    """Return a matrix of zeros."""
     from flint import fmpq_mat
 
     return fmpq_mat(rows, columns)

@@ -169,6 +169,7 @@ def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
     """Return the largest tested multiple of the box from which all simulations converge, or 0."""
 
     def converges(size: float) -> bool:
+        """Return whether all flights from a multiple of the box converge."""
         starts = size * starts_in(b, few)
         first, others = starts[:1], starts[1:]  # the corner may fail before all fly
         return all(

@@ -117,7 +117,7 @@ def findings_of(
 
 
 def _not_converged(flown: FlightResults, *, is_discrete: bool) -> str:
-    """Return why the flights have no bounded cost."""
+    """Return the reason of a check that fails because not all flights of a critic converge."""
     if flown.undecided_at is None:
         return "not all flights from the box converge"
     unit = "steps" if is_discrete else "s"
