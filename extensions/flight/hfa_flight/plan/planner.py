@@ -81,6 +81,13 @@ class Improved(NamedTuple):
     unsolved: int
 
 
+class _KnownLimits(NamedTuple):
+    """Quadratic program that knows the limits of some states, given by their places in `soft`."""
+
+    places: set[int]
+    program: PlanProgram
+
+
 class Planner:
     """Plans over the holds of a grid, in nominal units.
 
@@ -260,21 +267,22 @@ class Planner:
         full = self._changed(plan, first.v)
         if full.cost < plan.cost:
             return full, unsolved
-        bent = np.zeros(first.v.shape)
+        bend = np.zeros(first.v.shape)
         if np.isfinite(full.cost) and promised > _WORTH * plan.cost and time.thread_time() < until:
             both = np.hstack([first.z[:-1], first.v])
             ends = full.z[1:] - plan.z[1:] - first.z[1:]
             middles = full.middle - plan.middle - np.einsum("nij,nj->ni", slopes.middles, both)
             second = self._proposed(plan, slopes, AlongHolds(ends, middles))
             unsolved += not second.is_solved
-            bent = np.where(np.isfinite(second.v), second.v - first.v, 0.0)
-        for share in _SHARES if bent.any() else _SHARES[1:]:  # the full step has been flown
-            shorter = self._changed(plan, share * first.v + share**2 * bent)
+            bend = np.where(np.isfinite(second.v), second.v - first.v, 0.0)
+        for share in _SHARES if bend.any() else _SHARES[1:]:  # the full step has been flown
+            shorter = self._changed(plan, share * first.v + share**2 * bend)
             if shorter.cost < plan.cost:
                 return shorter, unsolved
         return None, unsolved
 
     def _changed(self, plan: Plan, change: np.ndarray) -> Plan:
+        """Return the plan with a change of its inputs, (N, m), within their limits."""
         v = np.clip(plan.v + change, *self.scaled.input_limits)
         return self.flown(plan.z[0], v, plan.room, plan.age)
 
@@ -320,11 +328,11 @@ class Planner:
         states = plan.z[1:, self.soft]
         near = (states > _NEAR * highs) | (states < _NEAR * lows)
         needed = set(np.flatnonzero(near.any(axis=0)).tolist())
-        known, program = next(each for each in self._programs if needed <= each[0])
-        return np.array(sorted(known), dtype=int), program
+        smallest = next(known for known in self._programs if needed <= known.places)
+        return np.array(sorted(smallest.places), dtype=int), smallest.program
 
-    def _all_programs(self) -> list[tuple[set[int], PlanProgram]]:
-        """Return the quadratic programs with the limits of some states, given by number.
+    def _all_programs(self) -> list[_KnownLimits]:
+        """Return the quadratic programs with the limits of some states, the smallest first.
 
         None is built in a flight: they know no limits, those of the fast states, those of one other
         state too, or all.
@@ -334,13 +342,13 @@ class Planner:
         known = [set[int](), fast, *(fast | {one} for one in sorted(every - fast)), every]
         _, n, m = self.scaled.sizes
         programs = []
-        for number, among in enumerate(known):
-            if among in known[:number]:
+        for number, places in enumerate(known):
+            if places in known[:number]:
                 continue
-            states = np.array(sorted(among), dtype=int)
-            of_fast = np.flatnonzero(np.isin(states, self._fast))
-            program = PlanProgram(len(self.model.holds), n, m, self.soft[states], of_fast)
-            programs.append((among, program))
+            ordered = np.array(sorted(places), dtype=int)
+            of_fast = np.flatnonzero(np.isin(ordered, self._fast))
+            program = PlanProgram(len(self.model.holds), n, m, self.soft[ordered], of_fast)
+            programs.append(_KnownLimits(places, program))
         return programs
 
     def _slopes_along(self, plan: Plan) -> AlongHolds:
@@ -353,9 +361,9 @@ class Planner:
         half = 0.5 * holds.seconds
         middle, begins = self._halves.moved_along(z, plan.v, half)
         ends = self._halves.moved_along(middle, plan.v, half)[1]
-        over = ends[:, :, :n] @ begins
-        over[:, :, n:] += ends[:, :, n:]
-        return AlongHolds(over, begins)
+        whole = ends[:, :, :n] @ begins
+        whole[:, :, n:] += ends[:, :, n:]
+        return AlongHolds(whole, begins)
 
     def guesses(self, z: np.ndarray, room: Range) -> list[Plan]:
         """Return two first plans: the saturated linear optimum, and the inputs of the trim.

@@ -155,28 +155,31 @@ class Predictive(SampledPolicy):
                 f"{1e3 * done.first_seconds:.3g} ms."
             )
         if len(done.seconds):
-            median, most = np.quantile(done.seconds, (0.5, 0.99))
-            budget = self.controller.budget
-            if math.isinf(budget):
-                late = int((np.array(done.seconds) > self.dt).sum())
-                ended = (
-                    f"{late} of {len(done.seconds)} took longer than {1e3 * self.dt:g} ms and were "
-                    "flown as if they had not."
-                )
-            else:
-                ended = (
-                    f"No further program begins after {1e3 * budget:.3g} ms, which ended "
-                    f"{done.late} samples."
-                )
-            lines.append(
-                f"Processor time of a sample: median {1e3 * median:.2g} ms, 99 % below "
-                f"{1e3 * most:.2g} ms. {ended}"
-            )
+            lines.append(self._time_text())
         if done.unsolved:
             lines.append(
                 f"HPIPM ended {done.unsolved} programs before its tolerance. Flights judged them."
             )
         return (*lines, *wrong_samples_note(self.controller.wrong))
+
+    def _time_text(self) -> str:
+        """Return the processor time of the samples, and what the budget did, as a sentence."""
+        seconds, budget = np.array(self.samples.seconds), self.controller.budget
+        median, most = np.quantile(seconds, (0.5, 0.99))
+        if math.isinf(budget):
+            ended = (
+                f"{(seconds > self.dt).sum()} of {len(seconds)} took longer than "
+                f"{1e3 * self.dt:g} ms and were flown as if they had not."
+            )
+        else:
+            ended = (
+                f"No further program begins after {1e3 * budget:.3g} ms, which ended "
+                f"{self.samples.late} samples."
+            )
+        return (
+            f"Processor time of a sample: median {1e3 * median:.2g} ms, 99 % below "
+            f"{1e3 * most:.2g} ms. {ended}"
+        )
 
 
 def predictive(

@@ -207,8 +207,8 @@ class RecedingHorizon:
         is_over = np.isfinite(improved.cost) and time.thread_time() >= until
         if is_over or self._memory.spent + improved.cost <= _LOST * promised:
             return improved
-        guess = min(self.planner.guesses(plan.z[0], plan.room), key=lambda each: each.cost)
-        return min(self._improved(guess, until), improved, key=lambda each: each.cost)
+        guess = min(self.planner.guesses(plan.z[0], plan.room), key=_cost)
+        return min(self._improved(guess, until), improved, key=_cost)
 
     def _begin_plan(self, z: np.ndarray, until: float = np.inf) -> Plan:
         """Return the better of two new plans from the states z.
@@ -220,10 +220,10 @@ class RecedingHorizon:
         began = time.thread_time()
         if memory.samples.first is None:
             until = np.inf
-        guesses = sorted(self.planner.guesses(z, memory.room), key=lambda each: each.cost)
-        improved = [self.planner.improved(guess, _FIRST, until) for guess in guesses]
-        memory.samples.unsolved += sum(each.unsolved for each in improved)
-        plan = min((each.plan for each in improved), key=lambda each: each.cost)
+        guesses = sorted(self.planner.guesses(z, memory.room), key=_cost)
+        results = [self.planner.improved(guess, _FIRST, until) for guess in guesses]
+        memory.samples.unsolved += sum(result.unsolved for result in results)
+        plan = min((result.plan for result in results), key=_cost)
         memory.plan = plan
         memory.spent = 0.0
         if memory.samples.first is None:
@@ -255,3 +255,8 @@ class RecedingHorizon:
         self.samples.unsolved += improved.unsolved
         self.samples.refused += improved.is_refused
         return improved
+
+
+def _cost(plan: Plan) -> float:
+    """Return the cost of a plan, the key by which plans are compared."""
+    return plan.cost
