@@ -72,19 +72,6 @@ def from_control(
         raise BadInputError(
             f"{name} is in discrete time, which is not supported; give a system in continuous time"
         )
-    states = system.state_labels
-    inputs = system.input_labels
-    constants = dict(system.params)
-    outputs = [label for label in system.output_labels if label not in (*states, *inputs)]
-
-    def values(time: Any, x: Any, u: Any, p: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return state -> rate, and output -> value, by the functions of the system."""
-        params = {**constants, **dict(zip(constants, p, strict=True))}
-        arguments = (time, _array_of(x), _array_of(u), params)
-        rates = system.updfcn(*arguments)
-        seen = system.outfcn(*arguments) if system.outfcn else x
-        by_label = dict(zip(system.output_labels, seen, strict=True))
-        return dict(zip(states, rates, strict=True)), {name: by_label[name] for name in outputs}
 
     def signal(label: str, start: float = 0.0) -> Signal:
         """Return the declared signal of a label, or one with its unit, or 1 without one."""
@@ -93,28 +80,55 @@ def from_control(
 
     model = Model(
         name=name,
-        states={label: signal(label) for label in states},
-        inputs={label: signal(label) for label in inputs},
-        parameters={label: signal(label, float(value)) for label, value in constants.items()},
-        outputs={label: signal(label) for label in outputs},
-        equations=lambda x, u, p, w: values(0.0, x, u, p),
+        states={label: signal(label) for label in system.state_labels},
+        inputs={label: signal(label) for label in system.input_labels},
+        parameters={label: signal(label, float(value)) for label, value in system.params.items()},
+        outputs={label: signal(label) for label in _own_outputs(system)},
+        equations=lambda x, u, p, w: _rates_and_outputs(system, 0.0, x, u, p),
         **declared,
     )
+    _refuse_time_and_floats(system, model)
+    return model
+
+
+def _own_outputs(system: control.NonlinearIOSystem) -> list[str]:
+    """Return the labels of the outputs that are neither states nor inputs."""
+    others = (*system.state_labels, *system.input_labels)
+    return [label for label in system.output_labels if label not in others]
+
+
+def _rates_and_outputs(
+    system: control.NonlinearIOSystem, time: Any, x: Any, u: Any, p: Any
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return state -> rate, and output -> value, by the functions of a system."""
+    params = dict(zip(system.params, p, strict=True))
+    arguments = (time, _array_of(x), _array_of(u), params)
+    rates = system.updfcn(*arguments)
+    outputs = system.outfcn(*arguments) if system.outfcn else x
+    by_label = dict(zip(system.output_labels, outputs, strict=True))
+    return (
+        dict(zip(system.state_labels, rates, strict=True)),
+        {label: by_label[label] for label in _own_outputs(system)},
+    )
+
+
+def _refuse_time_and_floats(system: control.NonlinearIOSystem, model: Model) -> None:
+    """Raise BadInputError if a system depends on time, or turned a symbol into nan."""
     time = ca.SX.sym("t")
     columns = map(components, model.layout.symbols("x", "u", "p"))
     with warnings.catch_warnings(action="ignore", category=FutureWarning):
-        rates, seen = values(time, *columns)  # CasADi warns about NumPy functions
-    if ca.depends_on(ca.vertcat(*map(ca.SX, (*rates.values(), *seen.values()))), time):
+        # CasADi warns about NumPy functions
+        rates, outputs = _rates_and_outputs(system, time, *columns)
+    if ca.depends_on(ca.vertcat(*map(ca.SX, (*rates.values(), *outputs.values()))), time):
         raise BadInputError(
-            f"{name} depends on time, which is not supported; declare the time-dependent term as "
-            "an input"
+            f"{model.name} depends on time, which is not supported; declare the time-dependent "
+            "term as an input"
         )
     if model.layout.has_nan:
         raise BadInputError(
-            f"{name} uses float or math, which cannot be evaluated with symbols; use functions "
-            "of NumPy"
+            f"{model.name} uses float or math, which cannot be evaluated with symbols; use "
+            "functions of NumPy"
         )
-    return model
 
 
 def _array_of(vector: Any) -> np.ndarray:

@@ -107,21 +107,23 @@ def local_file(name: str, folder: Path) -> Path | None:
 
 
 def _imported_names(text: bytes, package: str) -> set[str]:
-    """Return the names of all modules that the import statements in a file may refer to."""
-    # The packages that contain the modules are included.
+    """Return the names of all modules that the import statements in a file may refer to.
+
+    The packages that contain the modules are included.
+    """
     names: set[str] = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            base = node.module or ""
+            module = node.module or ""
             if node.level:  # 1 is the package itself, 2 its parent
-                parents = package.split(".")
-                parents = parents[: len(parents) - node.level + 1]
-                base = ".".join([*parents, base] if base else parents)
-            names.add(base)
-            names.update(f"{base}.{alias.name}" for alias in node.names)
-    for name in list(names):
-        parts = name.split(".")
-        names.update(".".join(parts[:count]) for count in range(1, len(parts)))
-    return names
+                parts = package.split(".")
+                outer = parts[: len(parts) - node.level + 1]
+                module = ".".join([*outer, module] if module else outer)
+            names.add(module)
+            names.update(f"{module}.{alias.name}" for alias in node.names)
+    parents = {
+        name.rsplit(".", count)[0] for name in names for count in range(1, name.count(".") + 1)
+    }
+    return names | parents

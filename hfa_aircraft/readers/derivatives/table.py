@@ -221,8 +221,8 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Tabl
     name: name of an aircraft whose table states none
     """
     pairs = {key: each for key, each in entries.items() if isinstance(each.value, list | tuple)}
-    surfaces_named_as_words = {*pairs} & {*WORDS}  # flap = ["0 deg", "30 deg"]
-    texts = {key: "" if key in surfaces_named_as_words else _text(key, entries) for key in _TEXTS}
+    words_that_are_surfaces = {*pairs} & {*WORDS}  # flap = ["0 deg", "30 deg"]
+    texts = {key: "" if key in words_that_are_surfaces else _text(key, entries) for key in _TEXTS}
     system = texts["units"] or "si"
     axes = texts["axes"] or "body"
     limits = {key: _limits(key, each, system) for key, each in pairs.items()}
@@ -413,9 +413,7 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT, *others)
     if name in known:
         return entry.error(f"{name} has a single value; give the lower and the upper limit")
-    if flow5 := re.fullmatch(r"(C[XYZlmn])([uabqpr])", name):
-        coefficient, letter = flow5.groups()
-        meant = f"{coefficient}_{ {'a': 'alpha', 'b': 'beta'}.get(letter, letter) }"
+    if meant := _meant_by_flow5(name):
         advised = f"write {meant}"
         if meant not in known:
             advised = "give lift and drag, in stability axes CL = -CZ and CD = -CX"
@@ -433,6 +431,15 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
         f"unknown entry {shown(name)}; use {', '.join(UNITS)}, {', '.join(_TEXTS)}, derivatives"
         " such as CL_alpha, or limits of an input"
     )
+
+
+def _meant_by_flow5(name: str) -> str:
+    """Return the derivative that flow5 calls by a name, such as Cm_alpha for Cma, or ""."""
+    match = re.fullmatch(r"(C[XYZlmn])([uabqpr])", name)
+    if match is None:
+        return ""
+    coefficient, letter = match.groups()
+    return f"{coefficient}_{ {'a': 'alpha', 'b': 'beta'}.get(letter, letter) }"
 
 
 def _refuse_missing(values: Mapping[str, float], derivatives: Collection[str], where: str) -> None:
