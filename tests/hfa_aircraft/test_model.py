@@ -5,6 +5,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
+from cli import refused
 
 from hfa import BadInputError, Model, Signal, trim
 
@@ -96,10 +97,7 @@ def test_wrong_equations_are_refused(message):
         is_rate = not isinstance(found, tuple) or not found
         return ({"x": x.v, "v": found}, {"position": x.x}) if is_rate else found
 
-    with pytest.raises(BadInputError) as caught:
-        trim(cart(equations=equations, trim={"x": 0.0}))
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert message in refused(lambda: trim(cart(equations=equations, trim={"x": 0.0})))
 
 
 def test_division_by_zero_returns_infinity():

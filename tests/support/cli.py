@@ -156,14 +156,17 @@ def assert_named(text):
     assert re.fullmatch(r"hfa\.[a-z-]+/\d+", data["schema"])
 
 
-def refusal(load, path):
-    """Return the message of the BadInputError with which a file is refused.
-
-    The function asserts that the message is one line and contains the path.
-    """
+def refused(call, *arguments, **named):
+    """Return the message of the BadInputError that a call raises, which must be one line."""
     with pytest.raises(BadInputError) as caught:
-        load(str(path))
+        call(*arguments, **named)
     message = str(caught.value)
     assert "\n" not in message
+    return message
+
+
+def refusal(load, path):
+    """Return the message with which a file is refused, which must contain its path."""
+    message = refused(load, str(path))
     assert str(path) in message
     return message

@@ -1,11 +1,13 @@
 """Plant files of users: reading, defaults for missing entries, and refusal of faulty entries."""
 
 import math
+import re
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from cli import refusal, refused
 from game_files import small, stored
 from scipy.sparse import csc_matrix
 from stored_games import stored as stored_game
@@ -174,9 +176,7 @@ def test_structures_are_read_if_top_level_is_empty():
 )
 def test_bad_entries_are_refused_in_one_line(content, message):
     """Each faulty plant file is refused by one line that names the file and the fault."""
-    with pytest.raises(BadInputError, match=f"^a.json: .*{message}") as refusal:
-        load_game(stored("a.json", **content))
-    assert "\n" not in str(refusal.value)
+    assert re.search(f"^a.json: .*{message}", refused(load_game, stored("a.json", **content)))
 
 
 MATLAB_73 = (
@@ -198,6 +198,4 @@ VERSION_73 = b"\x00" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\x00" * 500
 def test_damaged_files_are_refused_in_one_line(name, content, said):
     """A damaged file of each format is refused by one line."""
     Path(name).write_bytes(content)
-    with pytest.raises(BadInputError, match=said) as refusal:
-        load_game(name)
-    assert "\n" not in str(refusal.value)
+    assert re.search(said, refusal(load_game, name))

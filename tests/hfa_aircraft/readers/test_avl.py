@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
+from cli import assert_refused, hfa, refused
 
 import hfa as tool
 from hfa import BadInputError, linearize, trim
@@ -206,13 +206,10 @@ def test_faulty_files_are_refused(file, old, new, message, glider):
     else:
         kept = [line for line in TABLE.splitlines() if not line.startswith(old)]
         Path(file).write_text("\n".join([new, *kept]))
-    with pytest.raises(BadInputError, match=re.escape(message)) as caught:
-        tool.load_model("glider.toml")
-    assert "\n" not in str(caught.value)
+    said = refused(tool.load_model, "glider.toml")
+    assert message in said
     if "*" in new:
-        assert f"glider.st, line {PRINTED.partition(old)[0].count(chr(10)) + 1}" in str(
-            caught.value
-        )
+        assert f"glider.st, line {PRINTED.partition(old)[0].count(chr(10)) + 1}" in said
 
 
 def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider):
