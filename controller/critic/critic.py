@@ -263,8 +263,7 @@ def from_parts(
     basis: ψ of W
     policy: CasADi Function z (n,) -> u (m,) of the entry "policy_weights" of a critic file, or None
 
-    Raises BadInputError if no part is given, if a shape or number is wrong, or if W and P define
-    different values.
+    Raises BadInputError if a shape or number is wrong, or if W and P define different values.
     """
     by_gain = from_gain(game, parts["K"]) if "K" in parts else None
     by_matrix = from_value(game, parts["P"]) if "P" in parts else None
@@ -272,8 +271,7 @@ def from_parts(
     if by_matrix is not None and by_weights is not None and by_weights.P is not None:
         refuse_different_values(parts["P"], by_weights.P)
     critic = by_weights or by_matrix or by_gain
-    if critic is None:
-        raise BadInputError("no critic is given; give W, P or K, or a file")
+    assert critic is not None  # at least one part is given
     if policy is not None:
         z = ca.SX.sym("z", len(game.A))
         outputs = {"policy": policy(z)}
