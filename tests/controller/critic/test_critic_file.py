@@ -100,6 +100,13 @@ def test_functions_of_a_critic_follow_its_matrices():
     assert np.array(gain.policy(z)).ravel() == pytest.approx(-K[1] @ z, rel=FEW_ROUNDINGS)
 
 
+def test_the_policy_of_a_value_is_that_of_its_symmetric_part():
+    of_parts = [
+        hfa.from_value(GAME, P) for P in ([[2.0, 0.4], [0.4, 1.0]], [[2.0, 0.7], [0.1, 1.0]])
+    ]
+    np.testing.assert_allclose(of_parts[1].K, of_parts[0].K)
+
+
 def test_one_row_is_read_as_one_critic():
     """A file with one row of weights and P is read as one critic with this P."""
     P = np.array([[0.0, 0.5], [0.5, 2.0]])
