@@ -64,7 +64,7 @@ class Problem(NamedTuple):
 class RecordedGame:
     """Samples of a plant with the known parts of its game, in the coordinates y = z / scales.
 
-    With cross weights N, the equations are those of the input u + R⁻¹N'z.
+    The game has no cross weights.
 
     psi: quadratic basis, with M functions
     states, drifts: y_j and their rates without input, (N, n)
@@ -84,14 +84,13 @@ class RecordedGame:
     def of(cls, game: Game, pool: Stack, scales: np.ndarray) -> RecordedGame:
         """Return the samples and the game without A, in scaled coordinates."""
         outer = np.outer(scales, scales)
-        drifts = pool.drifts - pool.states @ (game.B @ game.F).T
         return cls(
             psi=basis("quadratic", len(scales)),
             states=pool.states / scales,
-            drifts=drifts / scales,
+            drifts=pool.drifts / scales,
             control=game.S_control / outer,
             disturbance=game.S_disturbance / game.delta**2 / outer,
-            Q=game.without_cross_weights.Q * outer,
+            Q=game.Q * outer,
         )
 
     @cached_property
@@ -243,7 +242,8 @@ def policy_iteration(
         pool = random_pool(game, SAMPLES_PER_WEIGHT * n * (n + 1) // 2, seed)
     pool, misfit = pool.linear()
     scales = pool.channel_scales()
-    recorded = RecordedGame.of(game, pool, scales)
+    plain = game.without_cross_weights
+    recorded = RecordedGame.of(plain, pool.without_cross_weights(game), scales)
     of_samples = excitation(recorded.psi.psi(recorded.states))
     refuse_poor(of_samples.rank, of_samples.size, "the recorded samples")
     P = with_disturbance(recorded, without_discount(recorded, progress), game.delta, progress)

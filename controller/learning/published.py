@@ -70,8 +70,9 @@ class LinearResiduals(NamedTuple):
 class PublishedLaw:
     """Learner of Eq. (46) for `controller.run`.
 
+    game: the game, without cross weights
     psi: basis ψ, with M weights
-    stack: recorded samples, N_h states and drifts
+    stack: recorded samples of this game, N_h states and drifts
     """
 
     game: Game
@@ -84,15 +85,10 @@ class PublishedLaw:
         return self.psi.gradient(self.stack.states)
 
     @cached_property
-    def drifts(self) -> np.ndarray:
-        """Drifts F_j - B R⁻¹N'z_j of the game without cross weights, (N_h, n)."""
-        return self.stack.drifts - self.stack.states @ (self.game.B @ self.game.F).T
-
-    @cached_property
     def costs(self) -> np.ndarray:
         """State cost z_j'Q z_j, (N_h,)."""
-        Q = self.game.without_cross_weights.Q
-        return np.asarray(np.einsum("ji,ik,jk->j", self.stack.states, Q, self.stack.states))
+        z = self.stack.states
+        return np.asarray(np.einsum("ji,ik,jk->j", z, self.game.Q, z))
 
     @cached_property
     def linear_residuals(self) -> LinearResiduals:
@@ -103,7 +99,7 @@ class PublishedLaw:
         """
         slopes = FIRST_WEIGHT * self.gradient.sum(axis=1)  # ∂ψ'W(0)
         S_slopes = slopes @ self.game.S
-        regressors = np.einsum("jmi,ji->jm", self.gradient, self.drifts - 0.5 * S_slopes)
+        regressors = np.einsum("jmi,ji->jm", self.gradient, self.stack.drifts - 0.5 * S_slopes)
         constants = self.costs + 0.25 * np.sum(S_slopes * slopes, axis=1)
         sizes = np.sqrt(1.0 + np.sum(regressors**2, axis=1))
         return LinearResiduals(regressors / sizes[:, None], constants / sizes)
@@ -176,7 +172,7 @@ class PublishedLaw:
     def residual(self, weights: np.ndarray) -> RelativeResidual:
         """Return the residual of the game's equation for the value of the weights."""
         slopes = np.einsum("jmi,m->ji", self.gradient, weights)
-        return residual_of_value(slopes, self.drifts, self.costs, self.game.S)
+        return residual_of_value(slopes, self.stack.drifts, self.costs, self.game.S)
 
 
 def published_law(
@@ -197,7 +193,7 @@ def published_law(
     psi = basis("paper" if n == 6 else "quadratic", n)
     if pool is None:
         pool = random_pool(game, max(SAMPLES, psi.size), seed, ordinary_deviations(game.names))
-    law = PublishedLaw(game, psi, pool)
+    law = PublishedLaw(game.without_cross_weights, psi, pool.without_cross_weights(game))
     weights = run(law, progress=progress).memory
     residual = law.residual(weights)
     return TrainingRun(

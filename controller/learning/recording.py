@@ -54,6 +54,10 @@ class Stack(Reported):
         """Number of samples, N_h."""
         return int(self.states.shape[0])
 
+    def without_cross_weights(self, game: Game) -> Stack:
+        """Return the samples of `game.without_cross_weights`, with the drifts F_j - B R⁻¹N'z_j."""
+        return Stack(self.states, self.drifts - self.states @ (game.B @ game.F).T)
+
     def linear(self) -> tuple[Stack, float]:
         """Return the samples with their drifts replaced by Â z_j, and the relative misfit of this
         fit.
