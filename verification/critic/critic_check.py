@@ -109,8 +109,8 @@ def verify(
     widths = in_box.half_widths
 
     nonlinear, nonlinear_part = None, None
-    is_polynomial = judged.has_weights if taylor is None else taylor
-    if linear is not None and not judged.is_quadratic and is_polynomial:
+    is_asked = judged.has_weights if taylor is None else taylor  # about the nonlinear game
+    if linear is not None and not judged.is_quadratic and is_asked:
         nonlinear, nonlinear_part = _on_nonlinear_game(
             judged, linear, exact, limit, in_box, flights, progress
         )
