@@ -25,10 +25,11 @@ from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
 from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.simulate.envelope import departure, share_at_limits
+from hfa_flight.simulate.envelope import departure, outside, share_at_limits
 from hfa_flight.simulate.returned import has_returned
 from hfa_flight.simulate.row import FlightRow
 from hfa_flight.simulate.simulation import CompiledLoop
+from hfa_support.errors import NoSolutionError
 
 #: Largest integration step, s.
 _STEP = 0.005
@@ -250,8 +251,14 @@ class Flights:
         def diverges(rows: Deviations) -> np.ndarray:
             return np.asarray(~(np.abs(rows.states) <= far).all(axis=1))  # so does nan
 
+        def leaves(rows: Deviations) -> np.ndarray:
+            return outside(problem.envelope, rows.states + problem.point.x)
+
         with np.errstate(all="ignore"):
-            rows = loop.fly(scenario, stop=diverges, policy=policy)
+            try:
+                rows = loop.fly(scenario, stop=diverges, policy=policy)
+            except NoSolutionError:  # outside the envelope its modes may be too fast
+                rows = loop.fly(scenario, stop=leaves, policy=policy)
         return self.priced(loop.loop.policy, rows)
 
     def priced(self, policy: Policy, rows: Deviations) -> SimulatedFlight:

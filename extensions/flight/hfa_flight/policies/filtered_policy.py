@@ -490,9 +490,12 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
         return lambda _, x, __: commanded(x)
     if isinstance(policy, SampledPolicy) and policy.plans:
         policy.reset()
-        return lambda sample, x, following: (
-            policy.of_estimate(sample * dt, point.x + x, following) - point.u
-        )
+
+        def planned(sample: int, x: np.ndarray, following: NextSample | None) -> np.ndarray:
+            assert following is not None  # of a law that plans
+            return policy.of_estimate(sample * dt, point.x + x, following) - point.u
+
+        return planned
     sampler = policy.sampler()
     if sampler is not None:
         return lambda sample, x, _: sampler(sample, x)

@@ -19,14 +19,15 @@ PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 
 
 @pytest.mark.slow
-def test_the_hfa_leaves_the_envelope_with_exact_policy(capsys):
-    """From the paper's x(0) at 15 deg, the pitch rate leaves the envelope with the exact policy.
+@pytest.mark.parametrize("dihedral", ["5", "15"])
+def test_the_hfa_leaves_the_envelope_with_exact_policy(dihedral, capsys):
+    """From the paper's x(0), the pitch rate leaves the envelope with the exact policy.
 
-    A flight that left has no cost, though it is at the trim at its end.
+    A flight that left has no cost, though at 15 deg it is at the trim at its end. At 5 deg its
+    modes become too fast for the integration after it has left.
     """
-    assert (
-        main(["optimize", "--dihedral", "15", "--initial", "speed=5,alpha=2.8648", "--json"]) == 0
-    )
+    words = ["optimize", "--dihedral", dihedral, "--initial", "speed=5,alpha=2.8648", "--json"]
+    assert main(words) == 0
     data = json.loads(capsys.readouterr().out)
     linear, exact = data["policies"]
     assert exact["policy"] == "exact game policy, saturated"
