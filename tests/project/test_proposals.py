@@ -48,10 +48,19 @@ def on_pages():
             yield Text(f"{page.name}, {match[0]}", " ".join(match[1].split()))
 
 
+#: What the text of a file contains if one of its strings may propose a command or a call.
+PROPOSES = re.compile(rf"\bhfa[ \"'`]|\b(?:{'|'.join([*FOLDERS, *CLASSES])})\.[a-z][\w.]*\(")
+
+
 def in_sources(package):
-    """Yield all strings of a package: docstrings, helps and messages."""
+    """Yield the strings of the files of a package that propose something: docstrings, helps and
+    messages.
+    """
     for path in sorted(FOLDERS[package].rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        text = path.read_text("utf-8")
+        if not PROPOSES.search(text):
+            continue  # to parse all files takes a second
+        for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.JoinedStr):
                 yield Text(f"{path.name}, line {node.lineno}", _shown(node))
             elif isinstance(node, ast.Constant) and isinstance(node.value, str):

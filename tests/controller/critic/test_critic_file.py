@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.io
 from cli import refused
 from game_files import stored
 from tolerances import FEW_ROUNDINGS
@@ -229,8 +228,8 @@ ONE = replace(
 @pytest.mark.parametrize("poles", [{"e": [-1.0, -2.0]}, {"P": [[-1.0 + 1j], [-1.0 - 1j]]}])
 def test_the_results_of_lqr_of_matlab_are_k_and_p(poles):
     """[K, S, e] and [K, S, P] = lqr(...): S is the value, also where P are the poles."""
-    scipy.io.savemat("lqr.mat", {"K": [[4.0, 3.0]], "S": [[2.0, 1.0], [1.0, 5.0]], **poles})
-    found = critic_in("lqr.mat", ONE)
+    np.savez("lqr.npz", K=[[4.0, 3.0]], S=[[2.0, 1.0], [1.0, 5.0]], **poles)
+    found = critic_in("lqr.npz", ONE)
     assert found.K.tolist() == [[4.0, 3.0]]
     assert found.P.tolist() == [[2.0, 1.0], [1.0, 5.0]]
 
