@@ -6,16 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, hfa
-from game_files import AT_15, stored
+from game_files import AT_15, small, stored
 
+from controller import load_game
 from hfa import solve
 from hfa.main import FAILED
 
 
-def test_the_cost_limit_decides_the_exit_code(game):
+def test_the_cost_limit_decides_the_exit_code():
     """A critic of 1.004 P fails without a limit and with 1e-9 %, and passes with 0.01 %."""
-    file = stored("P.json", P=1.004 * solve(game).P)
-    words = ("verify", *AT_15, "--weights", file)
+    plant = small("plant.json")
+    file = stored("P.json", P=1.004 * solve(load_game(plant)).P)
+    words = ("verify", "--model", plant, "--weights", file)
     graded = answer(*words, code=FAILED)["graded"]
     kept = answer(*words, "--limit-cost", "0.01")
     assert kept["ok"] is False
@@ -24,7 +26,7 @@ def test_the_cost_limit_decides_the_exit_code(game):
     assert answer(*words, "--limit-cost", "1e-9", code=FAILED)["graded"]["ok"] is False
     printed = hfa(*words, "--limit-cost", "0.01").out
     lost = f"{graded['cost_lost_worst_percent']:.2g} % above the optimum"
-    assert f"PASS on the linear game, typical box: {lost}\n" in printed
+    assert f"PASS on the linear game, balanced box: {lost}\n" in printed
     assert "\ndecided by the cost limit 0.01 %\n" in printed
 
 

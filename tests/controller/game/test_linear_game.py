@@ -71,9 +71,8 @@ def test_the_disturbance_of_a_game_is_named_in_its_reports():
         (hfa.game(linear, **weights), "identity"),
         (hfa.game(linear, **weights, E=linear.E), winds),
     ):
-        solution = hfa.solve(game)
-        verdict = hfa.verify(game, hfa.from_gain(game, solution.K))
-        for report in (solution.report(), verdict.report()):
+        verdict = hfa.verify(game, hfa.from_gain(game, np.zeros((5, 6))))
+        for report in (hfa.solve(game).report(), verdict.report()):
             assert f"E {named}" in " ".join(str(report).split())
 
 

@@ -293,7 +293,7 @@ def test_the_typical_box_requires_equal_names_and_units(game, change, speed):
     matrices = {name: getattr(game, name) for name in "ABEQR"} | {"delta": 1e4}
     named = {"states": LINEAR_STATES, "inputs": INPUTS} | change
     plant = load_game(stored("plant.npz", **matrices, **named))
-    box = verify(plant, from_gain(plant, gain(plant))).box
+    box = verify(plant, from_gain(plant, np.zeros((5, 6)))).box
     assert (box.name == "typical box") == (speed is not None)
     if speed is not None:
         assert box.half_widths == pytest.approx([speed, *BOX[1:]])
