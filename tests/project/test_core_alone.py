@@ -1,16 +1,16 @@
 """The core works without extensions. `make test-core` runs all its tests in this way."""
 
-import json
 import subprocess
 import sys
 
 import pytest
+from cli import results_in_turn
 from project import ROOT
 
 CORE_ALONE = str(ROOT / "tests" / "core_alone.py")
 TESTS = ("tests/trim/point/test_solve.py", "tests/verification/critic/test_verdict.py")
 
-#: Command lines, and a program that prints the exit code and output of each.
+#: Command lines whose results show what the core does without extensions.
 LINES = (
     "--help",
     "trim --help",
@@ -24,17 +24,6 @@ LINES = (
     "trim --aircraft x.dml",
     "prove schedule --dihedral 15:16",
 )
-PROGRAM = """
-import contextlib, io, json
-from hfa.main import main
-answers = []
-for words in {lines}:
-    out = io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
-        code = main(words)
-    answers.append((code, out.getvalue()))
-print(json.dumps(answers))
-"""
 
 
 @pytest.mark.slow
@@ -59,26 +48,19 @@ def test_the_core_trims_without_extensions(tmp_path):
     finally:
         sys.path.remove(str(ROOT / "tests"))
     python = environment(tmp_path / "core")
-    lines = [words.split() for words in LINES]
-    program = PROGRAM.format(lines=lines)
-
-    def run_without_extensions(program, check):
-        """Run a Python program in the environment without extensions.
-
-        The current folder is not the project's folder, which may contain metadata of entry points.
-        """
-        words = [python, "-c", program]
-        return subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=check)
-
-    done = run_without_extensions(program, check=True)
+    results = results_in_turn([f"hfa {line}" for line in LINES], tmp_path, python)
+    answers = {
+        line: (result.code, result.out + result.err)
+        for line, result in zip(LINES, results, strict=True)
+    }
+    # The current folder is not that of the project, which may have metadata of entry points.
     names = "from hfa import *; import hfa; print('fly' in dir(hfa), 'Model' in dir(hfa)); hfa.fly"
-    refused = run_without_extensions(names, check=False)
+    refused = subprocess.run([python, "-c", names], cwd=tmp_path, capture_output=True, text=True)
     assert refused.stdout == "False True\n"
     assert "hfa.fly requires the package hfa_flight; install this package" in refused.stderr
-    answers = dict(zip(LINES, json.loads(done.stdout), strict=True))
 
     def run(*words):
-        return tuple(answers[" ".join(words)])
+        return answers[" ".join(words)]
 
     code, output = run("--help")
     assert (code, "  verify " in output, "  fly " in output) == (0, True, False)

@@ -4,16 +4,14 @@ A broken package is reported in one line.
 """
 
 import json
-import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
 import tomllib
 
 import pytest
-from cli import Result, hfa_process
+from cli import results_in_turn
 from package_page import PAGE, write_package
 from pages import COMMAND, blocks_of, difference
 from project import ROOT
@@ -31,44 +29,6 @@ def site(tmp_path_factory):
     ]
     metadata(site, project["name"], "".join(groups))
     return site
-
-
-def run(site, folder, *words):
-    """Run `hfa words...` with the packages installed in `site` and return the result."""
-    return hfa_process(*words, folder=folder, PYTHONPATH=str(site))
-
-
-#: Program that runs commands one after the other, because importing the packages takes most of the
-#: time.
-IN_TURN = """
-import contextlib, io, json, sys
-from hfa.main import main
-results = []
-for words in json.loads(sys.argv[1]):
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = main(words)
-    results.append((code, out.getvalue(), err.getvalue()))
-print(json.dumps(results))
-"""
-
-
-def run_in_turn(site, folder, *commands):
-    """Run several `hfa` commands in one new process and return their results.
-
-    site: folder of additional installed packages
-    """
-    words = [shlex.split(command)[1:] for command in commands]
-    done = subprocess.run(
-        [sys.executable, "-c", IN_TURN, json.dumps(words)],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(site)},
-        check=True,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    return [Result(*each) for each in json.loads(done.stdout.splitlines()[-1])]
 
 
 #: Commands in docs/extending.md, each with its exit code and output.
@@ -100,7 +60,8 @@ def results(site, tmp_path_factory):
     (folder / "broken.pm").write_bytes(b"mass \xff")
     heavier = (folder / "trainer.pm").read_text("utf-8").replace("1200", "1300")
     (folder / "heavier.pm").write_text(heavier, encoding="utf-8")
-    return run_in_turn(site, folder, *(command[1] for command in OF_THE_PAGE), *OTHERS)
+    commands = [*(command[1] for command in OF_THE_PAGE), *OTHERS]
+    return results_in_turn(commands, folder, PYTHONPATH=str(site))
 
 
 @pytest.mark.slow
@@ -173,14 +134,13 @@ def test_a_broken_package_disables_no_other_command(tmp_path):
     metadata(tmp_path, "other-files", offers)
     (tmp_path / "uav.toml").write_bytes((ROOT / "examples" / "uav.toml").read_bytes())
     (tmp_path / "a.onnx").write_bytes(b"")
-    *refused, overview = run_in_turn(
-        tmp_path,
-        tmp_path,
+    commands = (
         "hfa repair",
         "hfa trim --aircraft uav.toml",
         "hfa verify --dihedral 15 --weights a.onnx",
         "hfa --help",
     )
+    *refused, overview = results_in_turn(commands, tmp_path, PYTHONPATH=str(tmp_path))
     named = ("broken-one offers repair, which cannot", "other-files offers .", "other-files offers")
     for result, words in zip(refused, named, strict=True):
         assert (result.code, result.out, result.err.count("\n")) == (2, "", 1), result.err
@@ -195,13 +155,17 @@ def test_commands_declared_twice_are_refused_by_the_names_of_their_packages(tmp_
     """A command that two packages declare is refused; one of hfa is not replaced. Others run."""
     for name in ("one", "other"):
         metadata(tmp_path, f"{name}-glide", f"[hfa.commands]\nglide = {name}_glide:GLIDE\n")
-    refused, trimmed = run_in_turn(tmp_path, tmp_path, "hfa glide", "hfa trim --dihedral 10")
+    refused, trimmed = results_in_turn(
+        ("hfa glide", "hfa trim --dihedral 10"), tmp_path, PYTHONPATH=str(tmp_path)
+    )
     assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
     assert all(words in refused.err for words in ("one-glide", "other-glide", "both offer glide"))
     assert trimmed.code == 0
     other = tmp_path / "other"
     metadata(other, "other-export", "[hfa.commands]\nexport = other_export:EXPORT\n")
-    asked, overview = run_in_turn(other, other, "hfa export --help", "hfa --help")
+    asked, overview = results_in_turn(
+        ("hfa export --help", "hfa --help"), other, PYTHONPATH=str(other)
+    )
     assert (asked.code, asked.err) == (0, "")
     assert asked.out.startswith("usage: hfa export")
     assert (overview.code, "  export " in overview.out) == (0, True)

@@ -129,6 +129,39 @@ def hfa_process(*words, folder, **environment):
     return Result(done.returncode, done.stdout, done.stderr)
 
 
+#: Program that runs commands one after the other: importing the packages takes most of the time.
+_IN_TURN = """
+import contextlib, io, json, sys
+from hfa.main import main
+results = []
+for words in json.loads(sys.argv[1]):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(words)
+    results.append((code, out.getvalue(), err.getvalue()))
+print(json.dumps(results))
+"""
+
+
+def results_in_turn(commands, folder, python=sys.executable, **environment):
+    """Run commands "hfa WORDS" one after the other in one child process, and return their results.
+
+    folder: working folder of the process
+    environment: additional environment variables
+    """
+    words = [shlex.split(command)[1:] for command in commands]
+    done = subprocess.run(
+        [python, "-c", _IN_TURN, json.dumps(words)],
+        cwd=folder,
+        env={**os.environ, **environment},
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    return [Result(*each) for each in json.loads(done.stdout.splitlines()[-1])]
+
+
 def assert_refused(result, code, *named):
     """Assert that a run failed with this exit code and printed only one line, on standard error.
 
