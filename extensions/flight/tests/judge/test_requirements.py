@@ -86,9 +86,9 @@ def test_an_equilibrium_beyond_the_limits_fails_without_flights(offset, passes):
 
 
 def test_a_flight_that_departs_again_has_not_converged():
-    """v' = .005 v grows by 5 % in the last ten seconds, also from the 15 of 400 starts near 0."""
+    """v' = .005 v grows by 5 % in the last ten seconds, also from the starts near 0."""
     model = scalar(lambda v, f: 0.005 * v + f, 50.0)
-    for gain, converged in ((0.0, 0), (0.2, 400)):
-        (found,) = hfa.assess(model, deployment(gain), samples=400, box={"v": 0.1}).points
+    for gain, converged in ((0.0, 0), (0.2, 100)):
+        (found,) = hfa.assess(model, deployment(gain), samples=100, box={"v": 0.1}).points
         assert found.flights.converged == converged
         assert found.flights.left_envelope == 0
