@@ -27,7 +27,7 @@ if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_I
 
 
 sys.dont_write_bytecode = False  # also for this process
-gc.set_threshold(50_000, 20, 20)  # objects of the test files are never collected
+gc.set_threshold(500_000, 20, 20)  # objects of the test files are never collected
 
 
 def pytest_collection_finish():

@@ -180,25 +180,32 @@ def complaints_here(document, *, slow=False):
 
 
 def commands_in_tables(document):
-    """Return the commands of the tables whose columns have commands as headings."""
+    """Return the commands of each table whose columns have commands as headings."""
     found = []
     for table in re.findall(r"^\|.*\| `hfa .*\n\|[-|]+\n(?:\|.*\n)+", document, re.M):
         heads, _, *rows = (
             [cell.strip(" `") for cell in line.split("|")[1:-1]] for line in table.splitlines()
         )
-        found += [
-            f"{head} {cell}"
-            for row in rows
-            for head, cell in zip(heads, row, strict=True)
-            if head.startswith("hfa ") and cell
-        ]
+        found.append(
+            [
+                f"{head} {cell}"
+                for row in rows
+                for head, cell in zip(heads, row, strict=True)
+                if head.startswith("hfa ") and cell
+            ]
+        )
     return found
 
 
+#: The first three commands of each table are fast, and those of JSBSim and of sweeps slow.
 TABLED = [
-    pytest.param(command, marks=[pytest.mark.slow] * bool(re.search(r"jsbsim|=\d+:", command)))
+    pytest.param(
+        command,
+        marks=[pytest.mark.slow] * (place > 2 or bool(re.search(r"jsbsim|=\d+:", command))),
+    )
     for path in DOCUMENTS
-    for command in commands_in_tables(text_of(path))
+    for commands in commands_in_tables(text_of(path))
+    for place, command in enumerate(commands)
 ]
 
 

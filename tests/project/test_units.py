@@ -526,7 +526,7 @@ def test_an_answer_does_not_depend_on_units(name, twin):
     assert differences(in_other_units, answers_in_si(name)) == []
 
 
-@pytest.mark.parametrize("power", [-18, 20])
+@pytest.mark.parametrize("power", [-18, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_trim_does_not_depend_on_the_unit_of_time(power):
     """Equations per 2^-18 s and per 2^20 s, whose rates have no stated size, have the trims per second."""
     words, sizes = dict.fromkeys(KINDS, "1"), dict.fromkeys(KINDS, 1.0)

@@ -133,7 +133,7 @@ def flight_cost(game, policy, start):
     return float(solved.y[2, -1])
 
 
-@pytest.mark.parametrize("factor", [1.01, 0.0])
+@pytest.mark.parametrize("factor", [1.01, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_one_wrong_coefficient_is_found(factor):
     """A coefficient that is changed fails, and is the worst one of its degree."""
     linear, game, expansion = case(4)

@@ -53,7 +53,9 @@ def random_game(seed):
     return game.with_delta(1.3 * solve(game).delta_min + 0.1) if seed // 4 % 2 else game
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(seed, marks=pytest.mark.slow if seed > 7 else ()) for seed in range(24)]
+)
 def test_an_excess_contains_that_of_sixty_digits(seed):
     """The excess of gains 1e-3 to 1e-12 off is enclosed, in either time, with and without disturbance
     and discount.

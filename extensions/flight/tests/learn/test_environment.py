@@ -265,7 +265,13 @@ def test_what_no_environment_can_be_is_refused(given, said):
 
 
 @pytest.mark.filterwarnings("ignore:turbulence without")
-@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize(
+    "copied",
+    [
+        pytest.param(copy.deepcopy, marks=pytest.mark.slow),
+        lambda env: pickle.loads(pickle.dumps(env)),
+    ],
+)
 def test_a_copy_of_an_environment_continues_at_the_same_sample(copied):
     """In turbulence, with a drawn parameter and a delay; the copy does not move the original."""
     model = model_of(f"{ROOT}/examples/gtm.py:UNCERTAIN_GTM")
