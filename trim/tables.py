@@ -51,7 +51,7 @@ def draw_curves(
     model: Model,
     across: tuple[str, str, np.ndarray],
     series: Mapping[str, np.ndarray],
-    lines: Sequence[Any] = (slice(None),),
+    lines: Sequence[slice],
 ) -> np.ndarray:
     """Draw named values in a new pyplot figure, one panel each, and return the Axes.
 

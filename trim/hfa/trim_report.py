@@ -32,7 +32,8 @@ def trim_report(
     point: the trim or the nearest point
     full: whether to list each equation, the margins of all variables, all outputs, and the
         participation of the states in the modes
-    airplane: as in `sheet_of`
+    airplane: class and flight phase category for the levels; by default the class that weight and
+        load factor suggest, and category B
     """
     if point.found_by is None:
         return saved_report(point)

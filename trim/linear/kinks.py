@@ -88,8 +88,8 @@ def mean_at_kinks(
         for column in columns.tolist():
             found = _mean_along(model, z, p[points], jacobian[points, :, column], column)
             jacobian[points, :, column] = found.slopes
-            for place, note in found.notes:
-                notes.setdefault(int(points[place]), []).append(note)
+            for place, sentences in found.notes.items():
+                notes.setdefault(int(points[place]), []).extend(sentences)
     n = len(model.states)
     notes_in_order = {point: tuple(notes[point]) for point in sorted(notes)}
     return MeanSlopes(jacobian[:, :, :n], jacobian[:, :, n:], notes_in_order)
@@ -237,18 +237,15 @@ def _switch_expressions(rates: ca.Function, vectors: list[ca.SX]) -> list[ca.SX]
     return [switch for switch in switches if ca.depends_on(switch, ca.vertcat(x, u))]
 
 
-class _Note(NamedTuple):
-    """Sentence on a kink or a jump at one of several points."""
-
-    place: int  # index of the point
-    sentence: str
-
-
 class _MeanAlong(NamedTuple):
-    """Slopes of the rates along one state or input at N points, (N, n), and notes on kinks."""
+    """Slopes of the rates along one state or input at N points.
+
+    slopes: (N, n)
+    notes: index of a point -> sentences on its kinks and jumps
+    """
 
     slopes: np.ndarray
-    notes: list[_Note]
+    notes: dict[int, list[str]]
 
 
 def _mean_along(
@@ -276,7 +273,7 @@ def _mean_along(
     jumps = gap > _JUMP * by_slopes + _LEAST_JUMP * rate_scales
     mean = np.where(kinks, (below.slopes + above.slopes) / 2.0, slopes)
     matrix = "A" if column < len(model.states) else "B"
-    notes = []
+    notes: dict[int, list[str]] = {}
     for place, row in np.argwhere(kinks | jumps).tolist():
         state = model.state_names[row]
         entry = f"{matrix}({state}, {name})"
@@ -292,7 +289,7 @@ def _mean_along(
                 f"kink: {entry} is {slope_below:.5g} below and {slope_above:.5g} above "
                 "the trim; their mean is used"
             )
-        notes.append(_Note(place, sentence))
+        notes.setdefault(place, []).append(sentence)
     return _MeanAlong(mean, notes)
 
 

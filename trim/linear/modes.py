@@ -239,7 +239,7 @@ def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
     )
 
 
-def modes_table(modes: Iterable[Mode], time: str = "s", *, participation: bool = True) -> Table:
+def modes_table(modes: Iterable[Mode], time: str, *, participation: bool = True) -> Table:
     """Return a table of modes, one row each.
 
     time: unit of time of the eigenvalues

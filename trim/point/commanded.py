@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
@@ -73,37 +73,27 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
     point: the trim; its problem is known
     command: state -> deviation from the trim, in the units of the model
     """
-    assert point.found_by is not None  # required by the docstring
+    holdable = point.model.holdable
     for name in command:
-        if name not in point.model.holdable and not _is_held_by_gamma(point.model, name):
+        is_held_by_gamma = name == "pitch" and "gamma" in holdable
+        if name not in holdable and not is_held_by_gamma:
             return CommandedTrim(command, {}, {}, point.model, unheld=name)
     try:
-        found, limits = _trim_without_limits(point, command)
+        found = _trim_without_limits(point, command)
     except (TrimError, BadInputError) as error:
         return CommandedTrim(command, {}, {}, point.model, str(error))
-    needed = {name: found[name] for name in limits}
+    needed = {name: found[name] for name in found.trim_problem.asked.free}
     beyond = {}
-    for name, (lowest, highest) in limits.items():
-        if needed[name] < lowest:
+    for name, value in needed.items():
+        lowest, highest = point.trim_problem.asked.limits_of(name)
+        if value < lowest:
             beyond[name] = lowest
-        elif needed[name] > highest:
+        elif value > highest:
             beyond[name] = highest
     return CommandedTrim(command, needed, beyond, point.model)
 
 
-def _is_held_by_gamma(model: Model, name: str) -> bool:
-    """Return whether a state is the pitch of a model whose trims hold gamma in its place."""
-    return name == "pitch" and "pitch" not in model.holdable and "gamma" in model.holdable
-
-
-class _UnlimitedTrim(NamedTuple):
-    """Trim found without limits of its free variables, and the limits that they have."""
-
-    point: OperatingPoint
-    limits: dict[str, tuple[float, float]]
-
-
-def _trim_without_limits(point: OperatingPoint, command: Mapping[str, float]) -> _UnlimitedTrim:
+def _trim_without_limits(point: OperatingPoint, command: Mapping[str, float]) -> OperatingPoint:
     """Return the trim at a command, whose free variables may exceed their limits.
 
     A pitch that the model does not hold is reached by changes of gamma.
@@ -112,19 +102,17 @@ def _trim_without_limits(point: OperatingPoint, command: Mapping[str, float]) ->
 
     Raises TrimError or BadInputError if no trim is found.
     """
-    assert point.found_by is not None  # required by the caller
     held = {name: point[name] + deviation for name, deviation in command.items()}
     commanded_pitch = None
-    if "pitch" in held and _is_held_by_gamma(point.model, "pitch"):
+    if "pitch" in held and "pitch" not in point.model.holdable:
         commanded_pitch = held.pop("pitch")
         held["gamma"] = point["gamma"] + command["pitch"] - command.get("alpha", 0.0)
     for _ in range(_MOST_PITCHES):
-        condition = release(point.found_by.asked, hold=held)
-        limits = {name: condition.limits_of(name) for name in condition.free}
-        unlimited = release(condition, limits=dict.fromkeys(limits, (-math.inf, math.inf)))
+        condition = release(point.trim_problem.asked, hold=held)
+        unlimited = release(condition, limits=dict.fromkeys(condition.free, (-math.inf, math.inf)))
         found = trim(point.model, unlimited, point)
         error = 0.0 if commanded_pitch is None else commanded_pitch - found["pitch"]
         if abs(error) <= _SAME_PITCH:
-            return _UnlimitedTrim(found, limits)
+            return found
         held["gamma"] += error
     raise TrimError("no trim: no gamma has the commanded pitch", found)

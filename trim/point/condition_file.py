@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,9 +25,7 @@ _FILE = {
 }
 
 
-def read_condition(
-    name: str, usual: TrimCondition, shipped: Mapping[str, str] = MappingProxyType({})
-) -> TrimCondition:
+def read_condition(name: str, usual: TrimCondition, shipped: Mapping[str, str]) -> TrimCondition:
     """Return the trim condition in a file of changes to the default condition.
 
     name: path of the user's file, or name of a file in the package

@@ -140,7 +140,7 @@ def _unique_trim(problem: TrimProblem) -> OperatingPoint:
 
     Raises TrimError if no trim is found.
     """
-    if keepable(problem):
+    if keepable(problem.system, problem.asked.set_free):
         equations, unknowns = problem.count
         found = solution(problem) if unknowns <= equations else None
         if found is None or not is_determined(problem, found.z):

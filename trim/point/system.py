@@ -189,7 +189,7 @@ def step_rows(equations: Equations, steps: int) -> RowFunction:
     return RowFunction(ca.Function("steps", arguments, ends, {"cse": True}))
 
 
-def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] = ()) -> Structure:
+def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str]) -> Structure:
     """Return the unknowns and equations of a trim, without the numbers that differ between points.
 
     model: model of the aircraft

@@ -14,12 +14,7 @@ from trim.point.problem import DEPENDENT, TrimProblem
 from trim.point.system import TrimSystem
 
 
-def keepable(problem: TrimProblem) -> list[str]:
-    """Return the unknowns that a trim may keep at their start values (`keepable_in`)."""
-    return keepable_in(problem.system, problem.asked.set_free)
-
-
-def keepable_in(system: TrimSystem, set_free: Sequence[str] = ()) -> list[str]:
+def keepable(system: TrimSystem, set_free: Sequence[str] = ()) -> list[str]:
     """Return the unknowns that a trim may keep at their start values, if the equations do not
     determine them: states, and outputs in their place, that the user did not set free by name.
 
@@ -95,10 +90,11 @@ def _candidates(problem: TrimProblem, points: list[np.ndarray]) -> list[str]:
 
     points: scaled unknowns, (k,) each, of which the first with such states decides
     """
+    may_be_kept = keepable(problem.system, problem.asked.set_free)
     for z in points:
         with suppress(BadInputError, ArithmeticError):
             names = undetermined(problem, z).names
-            if candidates := [name for name in names if name in keepable(problem)]:
+            if candidates := [name for name in names if name in may_be_kept]:
                 return candidates
     return []
 

@@ -67,7 +67,7 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
         drag, lift = trimmed["drag"], trimmed["lift"]
         if drag < -ROUNDING * abs(lift):  # the drag is a component of the force that has the lift
             yield f"the drag is {value_text(model, 'drag', drag)}, below 0; check signs and units"
-    yield from _far_from_the_speed_of_the_data(trimmed)
+    yield from _doubt_of_speed(trimmed)
     for identity in _IDENTITIES if trimmed.point.ok else ():
         number = identity.compared(trimmed)
         if number < identity.least or number > identity.most:
@@ -135,7 +135,7 @@ def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
     return yawing - rolling < -ROUNDING * (abs(yawing) + abs(rolling))
 
 
-def _far_from_the_speed_of_the_data(trimmed: Trimmed) -> Iterator[str]:
+def _doubt_of_speed(trimmed: Trimmed) -> Iterator[str]:
     """Yield a sentence if the speed is far from that of derivatives with respect to the speed."""
     domain, speed = trimmed.point.model.domain, trimmed.roles.get("speed", "")
     if not domain.by_speed or speed not in domain.reference:

@@ -163,7 +163,7 @@ def _flight_words(
         names.insert(0, "load_factor")
     if model.schedule in (*model.states, *model.inputs):
         names.insert(0, model.schedule)
-    engines_out = engines_without_power(trimmed, imposed)
+    engines_out = engines_without_power(trimmed)
     said = {speed, "altitude", "gamma", "turn_rate", *in_place_of_speed, *engines_out}
     for name in dict.fromkeys(names):
         if name not in said:
@@ -225,18 +225,17 @@ def _is_steady(trimmed: Trimmed, state: str) -> bool:
     return abs(trimmed.rates[state]) <= BALANCE * trimmed.point.model.rate_scale(state)
 
 
-def engines_without_power(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[str, str]:
+def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
     """Return input or switch -> "engine 1 out (throttle1)" for each engine whose input is held at
     its lowest value, or whose switch engine1 is held at 0, while that of another one is not.
-
-    imposed: the names that the condition imposes
     """
     model = trimmed.point.model
     inputs = {name: trimmed.point[name] for name in model.inputs}
     switches = dict(zip(model.parameters, model.p.tolist(), strict=True))
-    return _engines_out(model.inputs, inputs, imposed) | _engines_out(
-        model.parameters, switches, switches
-    )
+    return {
+        **_engines_out(model.inputs, inputs, held=_imposed(trimmed)),
+        **_engines_out(model.parameters, switches, held=switches),
+    }
 
 
 def _engines_out(

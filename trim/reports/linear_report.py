@@ -58,16 +58,14 @@ class Beside(NamedTuple):
     data: Mapping[str, Any]
 
 
-def report_of_linear(
-    model: LinearModel, *, responses: bool = False, beside: Beside | None = None
-) -> Report:
+def report_of_linear(model: LinearModel, *, responses: bool, beside: Beside | None) -> Report:
     """Return a report of a linear model: A, B, the offsets, the modes and the handling qualities.
 
     C and D are included if the outputs are not the states. The data of the report also contain E
     and F.
 
     responses: whether to add the frequency responses at the natural frequencies of the modes
-    beside: what is known from elsewhere
+    beside: what is known from elsewhere, or None
     """
     signals = model.model
     trimmed = Trimmed(model.point)

@@ -40,22 +40,21 @@ from trim.reports.trimmed import Trimmed
 VARIABLES = "trim"
 
 
-def sheet_of(point: OperatingPoint, airplane: Airplane = DEFAULT_AIRPLANE) -> Sheet:
+def sheet_of(point: OperatingPoint) -> Sheet:
     """Return the sheet of a trim: its figures as rows, found by name.
 
     The groups are condition, configuration, trim (variables with their limits), limits,
-    performance, stability, modes with the levels of MIL-F-8785C.
+    performance, stability, modes with the levels of MIL-F-8785C for the class that weight and load
+    factor suggest, and category B.
 
     point: the trim
-    airplane: class and flight phase category for the levels; by default the class that weight and
-        load factor suggest, and category B
 
     >>> import hfa
     >>> sheet = hfa.trim(hfa.aircraft()).sheet
     >>> round(sheet["static margin"].value, 4), sheet["static margin"].unit
     (0.4425, 'chord')
     """
-    return sheet_at(Trimmed(point), airplane)
+    return sheet_at(Trimmed(point), DEFAULT_AIRPLANE)
 
 
 def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
@@ -92,15 +91,13 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
     sheet: the other groups of the sheet
     """
     point = trimmed.point
-    condition = None if point.found_by is None else point.found_by.asked
-    imposed = {} if condition is None else condition.imposed
     margins = point.margins.values()
     said: dict[str, Iterable[str]] = {
         "stalled": stall_lines(sheet),
         "doubts": doubts_of(trimmed),
         "not determined": uniqueness_lines(trimmed),
         "far out": point._large_angles,
-        "engines out": engines_without_power(trimmed, imposed).values(),
+        "engines out": engines_without_power(trimmed).values(),
         "limits reached": [each.name for each in nearest_first(trimmed) if each.at_limit],
         "assumed limits": [each.name for each in margins if each.nearer and each.assumed],
         "search": [*trimmed.search.sentences, *trimmed.search.unlimited],

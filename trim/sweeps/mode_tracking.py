@@ -39,7 +39,7 @@ class _Modes(NamedTuple):
 
 
 def track_modes(
-    A: np.ndarray, states: tuple[str, ...], model: Model, neighbours: np.ndarray | None = None
+    A: np.ndarray, states: tuple[str, ...], model: Model, neighbours: np.ndarray
 ) -> np.ndarray:
     """Return the eigenvalues (N, n) of N matrices (N, n, n), with one mode in each column.
 
@@ -61,15 +61,14 @@ def track_modes(
     A: (N, n, n)
     states: names of the rows of each matrix, states of the model
     model: model of the aircraft
-    neighbours: (M, 2), pairs of adjacent points, or None for points along a path
+    neighbours: (M, 2), pairs of adjacent points
 
     Raises BadInputError for an unknown state.
     """
     for name in states:
         refuse_unknown("unknown state", name, model.states)
     nominal = np.array([model.states[name].nominal for name in states])
-    consecutive = np.arange(len(A) - 1)[:, None] + [0, 1]
-    pairs = consecutive if neighbours is None else _connected(neighbours, consecutive)
+    pairs = _connected(neighbours, np.arange(len(A) - 1)[:, None] + [0, 1])
     paired = _paired(A, nominal, pairs)
     order = np.empty(paired.values.shape, dtype=int)  # number of the eigenvalue in each column
     order[0] = order_fastest_first(paired.values[0])

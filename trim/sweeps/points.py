@@ -26,7 +26,7 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.point.status import BALANCE, Status
 from trim.point.system import NewtonEnds, TrimSystem
-from trim.point.uniqueness import keepable_in
+from trim.point.uniqueness import keepable
 
 #: Possible statuses of a point.
 STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
@@ -108,7 +108,7 @@ def trim_points(
     if kept:
         system = _system(model, release(condition, hold=kept), variables, start)
     points = _settled_together(system, variables, values)
-    within = _rows_all_true(condition.limits_on(given_variables).within(given_values))
+    within = condition.limits_on(given_variables).within(given_values).all(axis=1)
     refused = ~within & (points.status == TRIMMED)  # `trim` says which value is beyond its limit
     points.status[refused] = NO_TRIM
     points.one_by_one[refused] = True
@@ -144,7 +144,7 @@ def _kept_values(
     They are those of the first, middle or last point, the first of them that has a trim.
     """
     count = len(values)
-    tried = (0, count // 2, count - 1) if count and keepable_in(system) else ()
+    tried = (0, count // 2, count - 1) if count and keepable(system) else ()
     for row in values[[*dict.fromkeys(tried)]]:
         try:
             model = model_at(system.model, variables, row)
@@ -272,10 +272,10 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
         _settle_from_neighbours(system, values, c, ends)
     found = system.linear(ends.z, c)
     names = (*model.states, *model.inputs, *system.watched.names)
-    within = _rows_all_true(system.condition.limits_on(names).within(found.signals))
+    within = system.condition.limits_on(names).within(found.signals).all(axis=1)
     within_of_unknowns = system.limits.within(ends.z * system.scales)  # also of a free output
-    within &= _rows_all_true(within_of_unknowns & ~system.beyond_quarter_turn(ends.z))
-    balanced = _rows_all_true(np.abs(found.residual) <= BALANCE)
+    within &= (within_of_unknowns & ~system.beyond_quarter_turn(ends.z)).all(axis=1)
+    balanced = (np.abs(found.residual) <= BALANCE).all(axis=1)
     status = np.where(balanced & within, TRIMMED, NO_TRIM)
     if system.only_inputs:
         status[balanced & ~within] = BEYOND_LIMITS
@@ -284,11 +284,6 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     return Points(
         status.astype(np.int8), states, inputs, found.A, found.B, {}, one_by_one=status == NO_TRIM
     )
-
-
-def _rows_all_true(mask: np.ndarray) -> np.ndarray:
-    """Return the mask (N,) of the rows of a mask (N, k) in which all entries are True."""
-    return np.asarray(mask.all(axis=1))
 
 
 def _starts(

@@ -211,7 +211,7 @@ def policy_of_law(
     law: str,
     game: Game,
     point: OperatingPoint,
-    limits: Mapping[str, Any] | None = None,
+    limits: Mapping[str, Any],
     **settings: float | None,
 ) -> Policy:
     """Return the policy of a law of a game, without a budget of time for a sample.

@@ -56,7 +56,7 @@ def _stacked(time: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def record_of(
-    model: Model, columns: Mapping[str, Any], held: Mapping[str, float], name: str = "record"
+    model: Model, columns: Mapping[str, Any], held: Mapping[str, float], name: str
 ) -> Record:
     """Return a record made of arrays in the model's units.
 

@@ -113,7 +113,7 @@ class Properties:
     left_out: omitted dynamics of components, by file, line and name.
     """
 
-    def __init__(self, has_filter_states: bool = False) -> None:
+    def __init__(self, has_filter_states: bool) -> None:
         self.has_filter_states = has_filter_states
         self.travels: list[tuple[Element, ca.SX]] = []
         self.filters: list[FilterState] = []

@@ -299,7 +299,7 @@ class Folders:
     data: folder of JSBSim's data, or None. Messages contain paths relative to this folder.
     """
 
-    def __init__(self, aircraft: Path, shared: tuple[Path, ...], data: Path | None = None) -> None:
+    def __init__(self, aircraft: Path, shared: tuple[Path, ...], data: Path | None) -> None:
         self.aircraft = aircraft
         self.shared = shared
         self.data = data

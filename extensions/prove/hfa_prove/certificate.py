@@ -45,7 +45,7 @@ class Certificate:
     written: Mapping[str, str]
 
 
-def read_certificate(path: Path, aircraft: Model | None = None) -> Certificate:
+def read_certificate(path: Path, aircraft: Model | None) -> Certificate:
     """Return the certificate in a file.
 
     aircraft: the user's aircraft, or None for a built-in one

@@ -90,7 +90,7 @@ def found_report(statement: ScheduleStatement, size: int) -> Report:
     return Report(title, parts, data=_data(statement, claim, size))
 
 
-def checked_report(verified: Proved, not_given: Sequence[str] = ()) -> Report:
+def checked_report(verified: Proved, not_given: Sequence[str]) -> Report:
     """Return the report of a statement that the checker has proved, with all its entries.
 
     not_given: parts of the statement that were not compared, because the user did not give them

@@ -28,7 +28,7 @@ class Given(NamedTuple):
     same: Callable[[Any, Any], bool] = operator.eq
 
 
-def close_to(relative: float, sizes: Any = 1.0) -> Callable[[Any, Any], bool]:
+def close_to(relative: float, sizes: Any) -> Callable[[Any, Any], bool]:
     """Return a comparison of matrices.
 
     The comparison has the arguments (value in the certificate, user's value). Two matrices agree if

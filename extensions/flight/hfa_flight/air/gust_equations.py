@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -221,20 +221,15 @@ class _InGusts:
     model: Model
     added: tuple[str, ...]  # gust components that the model does not declare
 
-    @cached_property
-    def states(self) -> dict[str, _StandardState]:
-        """Standard name -> state of the model."""
-        return _standard_states(self.model)
-
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
         """Return the rates by state and the outputs by name."""
-        layout = self.model.layout
+        layout, states = self.model.layout, _standard_states(self.model)
         declared = layout.record("w", [getattr(w, name) for name in self.model.disturbances])
         gust = {
             name: _SIGN.get(name, 1.0) * getattr(w, ADDED[name]) if name in self.added else 0.0
             for name in ADDED
         }
-        motion = {name: getattr(x, state.name) * state.size for name, state in self.states.items()}
+        motion = {name: getattr(x, state.name) * state.size for name, state in states.items()}
         velocity = motion["speed"] * wind_axes(motion["alpha"], motion.get("beta", 0.0))[:, 0]
         to_ground = rotation(motion.get("roll", 0.0), motion.get("pitch", 0.0), 0.0)
         air = ca.mtimes(to_ground.T, ca.vertcat(gust["u"], gust["v"], gust["w"]))
@@ -245,12 +240,12 @@ class _InGusts:
         relative |= zip(_RATES.values(), ca.vertsplit(rates_in_air), strict=True)
         motion_in_air = {name: relative.get(name, value) for name, value in motion.items()}
         x_in_air = {name: getattr(x, name) for name in self.model.states}
-        for name, state in self.states.items():
+        for name, state in states.items():
             x_in_air[state.name] = motion_in_air[name] / state.size
         of_model, outputs = self.model.equations(
             layout.record("x", x_in_air.values()), u, p, declared
         )
-        of_motion = {name: of_model[state.name] * state.size for name, state in self.states.items()}
+        of_motion = {name: of_model[state.name] * state.size for name, state in states.items()}
         # From V' = a - ω_a x V_a of the model to V' = a - ω x V.
         acceleration = _acceleration(motion_in_air, of_motion)
         acceleration += ca.cross(rates_in_air, in_air) - ca.cross(rates, velocity)
@@ -260,7 +255,7 @@ class _InGusts:
         over_ground, _ = self.model.equations(x, u, p, declared)
         grounded = {state_of(self.model, name) or name for name in _OVER_GROUND}
         changed = {name: over_ground[name] for name in self.model.states if name in grounded}
-        for name, state in self.states.items():
+        for name, state in states.items():
             if name in of_flow:
                 changed[state.name] = of_flow[name] / state.size
         return {**of_model, **changed}, outputs

@@ -42,8 +42,9 @@ def parts_of_a_sample(
     longest: longest step, in time constants of the fastest mode
     """
     fastest = max(fastest_mode(point, np.zeros(len(point.model.linear))) for point in points)
-    for point, half_widths in zip(points, boxes or (), strict=boxes is not None):
-        fastest = max(fastest, fastest_mode(point, half_widths))
+    if boxes is not None:
+        for point, half_widths in zip(points, boxes, strict=True):
+            fastest = max(fastest, fastest_mode(point, half_widths))
     parts = max(steps_of(dt * fastest, longest), steps_of(dt, _SECONDS))
     return min(parts, _MOST_PARTS)
 
