@@ -61,7 +61,7 @@ _NO_FORCE = "as no force in flight depends on them"
 _NOT_READ = "as JSBSim ignores them too"
 
 
-def account(parts: Parts, equations: Equations) -> list[Note]:
+def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
     """Return notes for the user on elements that are omitted and on unusual uses of properties.
 
     Raises BadInputError, with file and line, for an unsupported element, attribute or property that

@@ -226,7 +226,7 @@ class HostAircraft:
 
     @property
     def mass(self) -> Mass:
-        """Mass of the aircraft."""
+        """Weight, center of gravity and inertia of the aircraft."""
         return self.body.mass
 
 

@@ -65,7 +65,8 @@ class Parts:
         self.name = root.attributes.get("name", path.stem)
         self.sections: list[Element] = []
         for child in root.children:
-            is_first = self.section(child.name) is None  # JSBSim reads only the first
+            # Of sections of one name, JSBSim reads only the first, but every <system>.
+            is_first = self.section(child.name) is None
             if child.name in LOADED and (is_first or child.name == "system"):
                 self.sections.append(folders.merged(child.take()))
         gas = self.section("buoyant_forces")

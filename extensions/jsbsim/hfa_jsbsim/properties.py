@@ -104,7 +104,8 @@ class Properties:
         its value is 0.
     notes: notes for the user.
     interpolate: interpolation of tables.
-    centered: whether values that depend on themselves are set to 0 instead of raising LoopError.
+    centered: whether a value that depends on itself reads 0 for itself, instead of raising
+        LoopError.
     has_filter_states: whether dynamic components have states.
     travels: (component, target) of each <kinematic> that takes time to move.
     names_read: names of the properties that were read.
@@ -125,6 +126,7 @@ class Properties:
         self.interpolate = Interpolator()
         self._writers: dict[str, list[Writer]] = {}
         self._initial: dict[str, Any] = {}
+        # Place of the running writer in the order of evaluation: `read` prefers earlier writers.
         self._order = AFTER_ALL
         self._running: list[Writer] = []
         self.centered = False
@@ -226,7 +228,7 @@ class Properties:
     def value_of(self, writer: Writer, name: str, where: str) -> Any:
         """Return the value that a writer gives to a property, computed only once.
 
-        With `centered`, a value that depends on itself is 0.
+        With `centered`, a value that depends on itself reads 0 for itself.
 
         name: name of the property, for messages
         where: file and line, for messages
@@ -244,8 +246,8 @@ class Properties:
                 raise LoopError(place, f"{fault}, with a delay of one frame")
             raise BadInputError(f"{place}: {fault}; break the loop of functions")
         if writer.value is None:
-            order = self._order
-            self._order = writer.order
+            order_of_reader = self._order
+            self._order = writer.order  # by which `read` chooses what this writer reads
             self._running.append(writer)
             try:
                 writer.value = writer.compute()
@@ -255,7 +257,7 @@ class Properties:
                 ) from error
             finally:
                 self._running.pop()
-                self._order = order
+                self._order = order_of_reader
         return writer.value
 
     def read_or(self, name: str, default: Any, where: str) -> Any:

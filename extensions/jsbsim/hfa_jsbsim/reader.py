@@ -20,7 +20,7 @@ from hfa_aircraft.rigid.aircraft import DEVIATION, GRAVITY, coordinated
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
 from hfa_aircraft.rigid.motion import STATES, inertia_doubt
 from hfa_aircraft.signals import ISA, Signal
-from hfa_jsbsim.accounting import account, constant_commands
+from hfa_jsbsim.accounting import constant_commands, notes_on_omitted
 from hfa_jsbsim.aircraft import GUSTS, LEVERS, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
@@ -107,7 +107,7 @@ def read_model(text: str) -> Model:
     parts = Parts(path, folders, _choices(chosen))
     equations = Equations(parts)
     declaration = _Declaration(parts, equations)
-    notes = [*equations.notes, *account(parts, equations)]
+    notes = [*equations.notes, *notes_on_omitted(parts, equations)]
     return declaration.model(Source(text, folders.digest), notes)
 
 
@@ -408,7 +408,11 @@ class _Declaration:
         return signals
 
     def _note_on_kinematics(self, name: str) -> str:
-        """Return a note on each <kinematic> that takes time to follow an input, or ""."""
+        """Return a note that the travel times of the <kinematic>s that follow an input are omitted,
+        or "" if there are none.
+
+        name: name of the input
+        """
         symbol = self.inputs[name].symbol
         components = [
             component
@@ -418,7 +422,7 @@ class _Declaration:
         if not components:
             return ""
         names = ", ".join(shortened(each.attributes.get("name", "")) for each in components)
-        return f"{name} moves, and <kinematic> {names} follows without delay"
+        return f"{name} moves, and <kinematic> {names} follows without its travel time"
 
     def _note_on_engines(self, throttle: str) -> str:
         """Return a note on engines that follow a throttle without their lag, or ""."""
@@ -511,22 +515,22 @@ class _Declaration:
 
         values: name -> imposed or initial value
         """
-        dead = [
+        if np.size(values["speed"]) > 1:
+            return {}
+        stopped = [
             file
             for file in self.parts.engines
-            if file.dry_of or values.get(f"engine{file.number}") == 0.0
+            if file.has_propeller and (file.dry_of or values.get(f"engine{file.number}") == 0.0)
         ]
-        ends: dict[str, float] = {}
-        for file in dead:
-            if not file.has_propeller or np.size(values["speed"]) > 1:
-                continue
+        initial: dict[str, float] = {}
+        for file in stopped:
             blade = {}
             if file.governed:
-                end = "maxpitch" if values.get(f"feather{file.number}") else "minpitch"
-                blade[f"blade{file.number}"] = file.thruster.value_of(end, 0.0)
-            ends |= blade
-            ends[f"rpm{file.number}"] = self._equilibrium_speed(file, {**values, **blade})
-        return ends
+                blade_stop = "maxpitch" if values.get(f"feather{file.number}") else "minpitch"
+                blade[f"blade{file.number}"] = file.thruster.value_of(blade_stop, 0.0)
+            initial |= blade
+            initial[f"rpm{file.number}"] = self._equilibrium_speed(file, {**values, **blade})
+        return initial
 
     def _equilibrium_speed(self, file: EngineFile, values: Mapping[str, Any]) -> float:
         """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists.
