@@ -77,11 +77,14 @@ def check_schedule(
 
 
 class _Loops(NamedTuple):
-    """The closed loop C, as its n n entries column by column, of trim, scheduling value and gain.
+    """The closed loop C = A - B K(s), K(s) = K + (s - origin) slope, as functions.
+
+    The arguments are (w, s, numbers, K, slope, origin), with the w, s and numbers of `Expressions`.
+    C is returned as its n n entries, column by column.
 
     doubles: C in doubles
     balls: C in balls
-    derivatives: C, and its derivatives in the free variables and in the scheduling value, in balls
+    derivatives: C and its derivatives in the free variables w and in s, in balls
     """
 
     doubles: ca.Function
@@ -111,15 +114,15 @@ class ScheduleProof:
 
     @cached_property
     def _loops(self) -> _Loops:
-        """The closed loop as functions."""
-        w, s, numbers, *_, A, B = self.flight.expressions
+        """The closed loop A - B K(s) at a trim, and its derivatives."""
+        trim = self.flight.expressions
         m, n = self.statement.gains.K.shape[1:]
         K, slope, origin = ca.SX.sym("K", m, n), ca.SX.sym("slope", m, n), ca.SX.sym("origin")
-        loop = ca.vec(A - B @ (K + (s - origin) * slope))
+        loop = ca.vec(trim.A - trim.B @ (K + (trim.s - origin) * slope))
         gain = [ca.vec(K), ca.vec(slope), origin]
-        derivatives = [loop, ca.jacobian(loop, w), ca.jacobian(loop, s)]
+        derivatives = [loop, ca.jacobian(loop, trim.w), ca.jacobian(loop, trim.s)]
         return _Loops(
-            ca.Function("loop", [w, s, numbers, *gain], [ca.densify(loop)]),
+            ca.Function("loop", [trim.w, trim.s, trim.numbers, *gain], [ca.densify(loop)]),
             self.flight.balls("loop", [loop], *gain),
             self.flight.balls("derivatives", derivatives, *gain),
         )
