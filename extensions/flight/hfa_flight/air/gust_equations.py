@@ -10,7 +10,7 @@ air (`in_gusts`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -198,10 +198,27 @@ def relative_to_crossing_air(
         factor = conversion_factor(disturbances[ADDED[component]].unit, speed_unit) or 1.0
         air["uvw".index(component)] = _SIGN.get(component, 1.0) * factor * wind
     motion = {name: values[state.name] * state.size for name, state in states.items()}
-    velocity = motion["speed"] * wind_axes(motion["alpha"], motion.get("beta", 0.0))[:, 0]
-    to_ground = rotation(motion.get("roll", 0.0), motion["pitch"], 0.0)
-    flow = _flow(velocity - ca.mtimes(to_ground.T, ca.vertcat(*air)))
+    flow = _flow(_velocity(motion) - _in_body_axes(air, motion))
     return {states[name].name: flow[name] / states[name].size for name in flow if name in states}
+
+
+def _velocity(motion: Mapping[str, Any]) -> Any:
+    """Return the velocity in body axes, (3,). A motion without sideslip has the sideslip 0.
+
+    motion: standard name of a state -> its value
+    """
+    return motion["speed"] * wind_axes(motion["alpha"], motion.get("beta", 0.0))[:, 0]
+
+
+def _in_body_axes(air: Sequence[Any], motion: Mapping[str, Any]) -> Any:
+    """Return the velocity of the air in body axes, (3,). An angle that is not a state is 0.
+
+    air: velocity forward along the heading, to the right and down, in level axes
+    motion: standard name of a state -> its value
+    """
+    heading = 0.0  # `air` is already along the heading
+    to_level_axes = rotation(motion.get("roll", 0.0), motion.get("pitch", 0.0), heading)
+    return ca.mtimes(to_level_axes.T, ca.vertcat(*air))
 
 
 def _flow(velocity: Any) -> dict[str, Any]:
@@ -222,43 +239,50 @@ class _InGusts:
     added: tuple[str, ...]  # gust components that the model does not declare
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
-        """Return the rates by state and the outputs by name."""
-        layout, states = self.model.layout, _standard_states(self.model)
+        """Return the rates by state and the outputs by name, by the equations in `in_gusts`.
+
+        x, u, p, w: states, inputs, parameters and disturbances, each an attribute by its name
+        """
+        layout = self.model.layout
         declared = layout.record("w", [getattr(w, name) for name in self.model.disturbances])
         gust = {
             name: _SIGN.get(name, 1.0) * getattr(w, ADDED[name]) if name in self.added else 0.0
             for name in ADDED
         }
-        motion = {name: getattr(x, state.name) * state.size for name, state in states.items()}
-        velocity = motion["speed"] * wind_axes(motion["alpha"], motion.get("beta", 0.0))[:, 0]
-        to_ground = rotation(motion.get("roll", 0.0), motion.get("pitch", 0.0), 0.0)
-        air = ca.mtimes(to_ground.T, ca.vertcat(gust["u"], gust["v"], gust["w"]))
-        in_air = velocity - air
+        # Motion over the ground, V and ω, and relative to the air, V_a and ω_a.
+        standard = _standard_states(self.model)
+        motion = {name: getattr(x, state.name) * state.size for name, state in standard.items()}
+        velocity = _velocity(motion)
+        velocity_in_air = velocity - _in_body_axes([gust[name] for name in "uvw"], motion)
         rates = ca.vertcat(*(motion.get(name, 0.0) for name in _RATES.values()))
         rates_in_air = rates + ca.vertcat(gust["p"], gust["q"], gust["r"])
-        relative = _flow(in_air)
+        relative = _flow(velocity_in_air)
         relative |= zip(_RATES.values(), ca.vertsplit(rates_in_air), strict=True)
         motion_in_air = {name: relative.get(name, value) for name, value in motion.items()}
+        # The model at V_a and ω_a.
         x_in_air = {name: getattr(x, name) for name in self.model.states}
-        for name, state in states.items():
+        for name, state in standard.items():
             x_in_air[state.name] = motion_in_air[name] / state.size
-        of_model, outputs = self.model.equations(
+        rates_of_model, outputs = self.model.equations(
             layout.record("x", x_in_air.values()), u, p, declared
         )
-        of_motion = {name: of_model[state.name] * state.size for name, state in states.items()}
         # From V' = a - ω_a x V_a of the model to V' = a - ω x V.
-        acceleration = _acceleration(motion_in_air, of_motion)
-        acceleration += ca.cross(rates_in_air, in_air) - ca.cross(rates, velocity)
-        of_flow = dict(
+        acceleration = _acceleration(
+            motion_in_air,
+            {name: rates_of_model[state.name] * state.size for name, state in standard.items()},
+        )
+        acceleration += ca.cross(rates_in_air, velocity_in_air) - ca.cross(rates, velocity)
+        flow_rates_over_ground = dict(
             zip(("speed", "alpha", "beta"), flow_rates(velocity, acceleration), strict=True)
         )
-        over_ground, _ = self.model.equations(x, u, p, declared)
+        # Angles and position change with V and ω, the speed and the flow angles with V'.
+        rates_over_ground, _ = self.model.equations(x, u, p, declared)
         grounded = {state_of(self.model, name) or name for name in _OVER_GROUND}
-        changed = {name: over_ground[name] for name in self.model.states if name in grounded}
-        for name, state in states.items():
-            if name in of_flow:
-                changed[state.name] = of_flow[name] / state.size
-        return {**of_model, **changed}, outputs
+        changed = {name: rates_over_ground[name] for name in self.model.states if name in grounded}
+        for name, state in standard.items():
+            if name in flow_rates_over_ground:
+                changed[state.name] = flow_rates_over_ground[name] / state.size
+        return {**rates_of_model, **changed}, outputs
 
 
 def _acceleration(motion: Mapping[str, Any], rates: Mapping[str, Any]) -> Any:

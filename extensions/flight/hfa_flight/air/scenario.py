@@ -277,14 +277,15 @@ class Scenario(Reported):
             )
         return replace(self, reference=reference)
 
-    def in_ticks(self, tick: float, longest: float, sample: float | None = None) -> Scenario:
-        """Return the scenario with another tick, s, and a duration of whole ticks.
+    def with_tick(self, tick: float, longest_step: float, sample: float | None = None) -> Scenario:
+        """Return the scenario with another tick, s, and its duration rounded to whole ticks, at
+        least one.
 
-        longest: longest interval of the rows, s
-        sample: duration of a sample, s, or None for a tick
+        longest_step: upper bound of the new step, s
+        sample: duration of a sample, s, or None for samples of one tick
         """
         count = max(1, round(self.duration / tick))
-        step = tick / steps_of(tick, longest)
+        step = tick / steps_of(tick, longest_step)
         return replace(self, duration=count * tick, tick=tick, step=step, sample=sample)
 
     @property

@@ -409,14 +409,14 @@ class FilteredPolicy(SampledPolicy):
         """
         if isinstance(self.law, DeployedPolicy):
             return self._deployed_in_scenario(self.law, scenario)
-        policy, in_ticks = super().in_scenario(scenario)
+        policy, with_tick = super().in_scenario(scenario)
         policy = replace(policy, ahead=scenario.delay)
         if isinstance(self.law, SampledPolicy):
             # The filter predicts over the delay and calls the law once a sample, so the law has no
             # delay and one tick a sample, and the ticks of the flight are those of the filter.
-            law, _ = self.law.in_scenario(replace(in_ticks, delay=0.0))
+            law, _ = self.law.in_scenario(replace(with_tick, delay=0.0))
             policy = replace(policy, law=replace(law, tick=self.dt))
-        return policy, in_ticks
+        return policy, with_tick
 
     def _deployed_in_scenario(
         self, law: DeployedPolicy, scenario: Scenario
@@ -424,9 +424,9 @@ class FilteredPolicy(SampledPolicy):
         """Return the policy and the scenario, which has the delay of the deployment."""
         if not law.delays_itself:  # the policy is already in a scenario
             return self, scenario
-        in_ticks = scenario.in_ticks(law.tick, scenario.step, self.dt)
+        with_tick = scenario.with_tick(law.tick, scenario.step, self.dt)
         delay = scenario.delay + law.deployed.deployment.delay
-        policy, late = super().in_scenario(replace(in_ticks, delay=delay))
+        policy, late = super().in_scenario(replace(with_tick, delay=delay))
         prompt = replace(law, delays_itself=False)
         return replace(policy, law=prompt, ahead=scenario.delay), late
 

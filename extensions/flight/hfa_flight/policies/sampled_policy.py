@@ -134,7 +134,7 @@ class SampledPolicy(Policy):
                     f"the delay is {scenario.delay:g} s; give a multiple of the sample time "
                     f"{self.dt:g} s, or a tick that divides both"
                 )
-            scenario = scenario.in_ticks(tick, scenario.step)
+            scenario = scenario.with_tick(tick, scenario.step)
         initial = scenario.initial if np.size(scenario.initial) else None
         return replace(self, tick=tick, delay=scenario.delay, initial=initial), scenario
 

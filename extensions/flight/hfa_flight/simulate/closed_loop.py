@@ -304,17 +304,12 @@ class ClosedLoop:
         state = StateParts(*ca.vertsplit(y, _offsets(self.state_sizes)))
         inputs = HeldParts(*ca.vertsplit(held, _offsets(self.held_sizes)))
         winds = self._winds(t, inputs)
-        since = inputs.begin if inputs.begin.numel() else t
-        reference = self._reference(t, since)
+        reference = self._reference(t, inputs)
         measurements = self._measurements(state, inputs, reference)
         measured = ca.SX(state.plant)
         measured[plant.linear_places] = measurements.states
         command = self.policy.control(t, measurements, inputs.policy)
-        arriving = command
-        if inputs.delay.numel():
-            m = plant.point.u.size
-            begin, end, early, late = ca.vertsplit(inputs.delay, [0, 1, 2, 2 + m, 2 + 2 * m])
-            arriving = early + (late - early) * (t - begin) / (end - begin)
+        arriving = self._arriving(t, command, inputs)
         if scenario.actuators is None:
             u = arriving
             actuators_rate = ca.SX(0, 1)
@@ -379,15 +374,28 @@ class ClosedLoop:
         """Time at which the last signal, gust, noise or step ends, s, or inf if one never ends."""
         return max([self.scenario.driven_until, *self.breaks.tolist()])
 
-    def _reference(self, t: ca.SX, since: ca.SX) -> Any:
+    def _arriving(self, t: ca.SX, command: ca.SX, inputs: HeldParts) -> ca.SX:
+        """Return the command that the plant or its actuators receive at t, (m,).
+
+        With a delay, it is interpolated between two earlier commands (`HeldParts.delay`), and
+        `command` arrives in a later tick.
+        """
+        if not inputs.delay.numel():
+            return command
+        m = command.numel()
+        begin, end, early, late = ca.vertsplit(inputs.delay, [0, 1, 2, 2 + m, 2 + 2 * m])
+        return early + (late - early) * (t - begin) / (end - begin)
+
+    def _reference(self, t: ca.SX, inputs: HeldParts) -> Any:
         """Return the reference x_d(t) of the states of the linear model, (k,).
 
-        since: time from which a stepping reference is held
+        A reference that steps keeps the value that it has at the beginning of the held inputs.
         """
         reference = self.scenario.reference
         if reference is None:
             return ca.SX.zeros(len(self.plant.linear_places))
-        return reference.at(since if getattr(reference, "is_stepping", False) else t)
+        is_held = getattr(reference, "is_stepping", False) and inputs.begin.numel()
+        return reference.at(inputs.begin if is_held else t)
 
     def _winds(self, t: ca.SX, inputs: HeldParts) -> dict[str, Any]:
         """Return the disturbances of the model that the scenario sets, as name -> value at t."""

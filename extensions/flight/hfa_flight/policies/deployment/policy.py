@@ -123,7 +123,7 @@ class DeployedPolicy(Policy):
         dt = self.deployed.deployment.dt
         is_fine = scenario.moving_air or scenario.actuators is not None
         longest = min(dt / parts_of_a_sample([self.point], dt), _FINE if is_fine else _LONGEST)
-        return self, scenario.in_ticks(self.tick, longest, dt)
+        return self, scenario.with_tick(self.tick, longest, dt)
 
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop at the equilibrium near the trim, 1/s, or None."""
