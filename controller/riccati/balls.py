@@ -4,11 +4,12 @@ A ball is an interval, given by its midpoint and its radius. The sum or product 
 ball that contains the sums or products of all their numbers: its radius also covers the rounding.
 What is true of all matrices in a ball is thereby proved of the exact one.
 
-There are two arithmetics. `Balls` has as many bits as `precision` gives it, in numbers of FLINT
-(`arb`, and `arb_mat` for matrices). `DoubleBalls` is as fast as a few products of doubles.
-Residuals, whose digits cancel, are computed in `Balls`, and bounds in either. Bounds are numbers of
-FLINT, which round outward: a bound that is compared proves what it says, and a number that is not
-finite proves nothing.
+There are three arithmetics. `Balls` has as many bits as `precision` gives it, in numbers of FLINT
+(`arb`, and `arb_mat` for matrices). `DoubleBalls` is as fast as a few products of doubles, and the
+`Pairs` of `pairs.py` have twice its digits. Residuals, whose digits cancel, are computed in `Balls`
+or `Pairs`, and bounds in `Balls` or `DoubleBalls`. Bounds are numbers of FLINT, which round
+outward: a bound that is compared proves what it says, and a number that is not finite proves
+nothing.
 
 Sources: Johansson, IEEE Transactions on Computers 66 (2017), 1281-1292 (Arb); Rump, Acta Numerica
 19 (2010), 287-449.
@@ -29,8 +30,8 @@ import numpy as np
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
-#: What becomes a matrix of balls: exact doubles, balls of FLINT, or `Balls`.
-Exact: TypeAlias = "np.ndarray | arb_mat | Balls"
+#: What becomes a matrix of balls: exact doubles, balls of FLINT, `Balls` or `Pairs`.
+Exact: TypeAlias = "np.ndarray | arb_mat | ExactMatrix"
 #: Bits of the first attempt of each proof.
 BITS = 128
 #: Unit roundoff of doubles.
@@ -73,15 +74,7 @@ class BallMatrix(Protocol):
 
     @classmethod
     def of(cls, matrix: Exact) -> Self:
-        """Return a matrix that contains the given one."""
-
-    @classmethod
-    def around(cls, middle: Exact, spread: Sequence[arb]) -> Self:
-        """Return the symmetric matrix with the radius s_i s_j about each entry ij of a middle.
-
-        middle: (n, n), exact, or a matrix that contains it
-        spread: s, (n,)
-        """
+        """Return a matrix that contains the given one, itself if it is of this kind."""
 
     @property
     def midpoint(self) -> np.ndarray:
@@ -112,6 +105,18 @@ class BallMatrix(Protocol):
     def times(self, factor: arb) -> Self:
         """Return the product with a ball."""
 
+
+class BoundMatrix(BallMatrix, Protocol):
+    """Matrix of balls in which bounds are computed."""
+
+    @classmethod
+    def around(cls, middle: Exact, spread: Sequence[arb]) -> Self:
+        """Return the symmetric matrix with the radius s_i s_j about each entry ij of a middle.
+
+        middle: (n, n), exact, or a matrix that contains it
+        spread: s, (n,)
+        """
+
     def norm(self) -> arb:
         """Return an upper bound of the spectral norm, infinite or nan if none is known."""
 
@@ -120,6 +125,32 @@ class BallMatrix(Protocol):
 
     def is_positive_definite(self) -> bool:
         """Return whether all symmetric matrices in the balls are proved positive definite."""
+
+
+class ExactMatrix(BallMatrix, Protocol):
+    """Matrix of balls of more digits than doubles, in which residuals are computed."""
+
+    @property
+    def matrix(self) -> arb_mat:
+        """The matrix in the arithmetic of FLINT."""
+
+    def mid(self) -> Self:
+        """Return the exact midpoints, with the radius 0."""
+
+    def symmetric(self) -> Self:
+        """Return the exact midpoints of the symmetric part."""
+
+    def solve(self, right: Self) -> Self:
+        """Return M⁻¹ right.
+
+        Raises ZeroDivisionError if a matrix in the balls may be singular.
+        """
+
+    def wider(self, columns: Sequence[arb]) -> Self:
+        """Return the matrix with a larger radius in each column.
+
+        columns: (m,), what is added to the radii of each column
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,11 +162,13 @@ class Balls:
     @classmethod
     def of(cls, matrix: Exact) -> Balls:
         """Return a matrix that contains the given one, itself if it is of this kind."""
+        from flint import arb_mat
+
         if isinstance(matrix, Balls):
             return matrix
         if isinstance(matrix, np.ndarray):
             return cls(ball_matrix(matrix))
-        return cls(matrix)
+        return cls(matrix if isinstance(matrix, arb_mat) else matrix.matrix)
 
     @classmethod
     def around(cls, middle: Exact, spread: Sequence[arb]) -> Balls:
@@ -154,11 +187,11 @@ class Balls:
         return radii(self.matrix)
 
     def mid(self) -> Balls:
-        """Return the exact midpoints, with the radius 0."""
+        """Return the exact midpoints."""
         return type(self)(self.matrix.mid())
 
     def symmetric(self) -> Balls:
-        """Return the exact midpoints of the symmetric part (M + M')/2."""
+        """Return the exact midpoints of the symmetric part."""
         middle = symmetric(self.matrix)
         return self if middle is self.matrix else type(self)(middle)
 
@@ -197,17 +230,11 @@ class Balls:
         return type(self)(self.matrix * factor)
 
     def solve(self, right: Balls) -> Balls:
-        """Return M⁻¹ right.
-
-        Raises ZeroDivisionError if a matrix in the balls may be singular.
-        """
+        """Return M⁻¹ right."""
         return type(self)(self.matrix.solve(right.matrix))
 
     def wider(self, columns: Sequence[arb]) -> Balls:
-        """Return the matrix with a larger radius in each column.
-
-        columns: (m,), what is added to the radii of each column
-        """
+        """Return the matrix with a larger radius in each column."""
         changes = [_about_zero(radius) for radius in columns]
         return type(self)(self.matrix + ball_matrix([changes] * self.rows))
 
@@ -243,9 +270,11 @@ class DoubleBalls:
     @classmethod
     def of(cls, matrix: Exact) -> DoubleBalls:
         """Return a matrix that contains the given one; an array is exact."""
+        from flint import arb_mat
+
         if isinstance(matrix, np.ndarray):
             return cls(matrix, np.zeros_like(matrix))
-        exact = Balls.of(matrix)
+        exact = Balls(matrix) if isinstance(matrix, arb_mat) else matrix
         middle = exact.midpoint
         rounding = 2.0 * ROUNDOFF * np.abs(middle)  # of the midpoints
         return cls(middle, UP * (exact.radius + rounding) + UNDERFLOW)
@@ -254,7 +283,7 @@ class DoubleBalls:
     def around(cls, middle: Exact, spread: Sequence[arb]) -> DoubleBalls:
         """Return the symmetric matrix with the radius s_i s_j about each entry ij of a middle."""
         inner = cls.of(middle)
-        sizes = UP * np.array([float(radius.upper()) for radius in spread]) + UNDERFLOW**0.5
+        sizes = UP * upper_ends(spread) + UNDERFLOW**0.5
         return cls(inner.midpoint, UP * (inner.radius + np.outer(sizes, sizes)))
 
     @property
@@ -316,19 +345,34 @@ class DoubleBalls:
             return arb(0)
         return (arb(float(sizes.sum(0).max())) * arb(float(sizes.sum(1).max()))).sqrt() * arb(UP)
 
-    def inverse_norm(self) -> arb:
-        """Return an upper bound of the spectral norm of the inverse, infinite if none is known.
+    def column_norms(self, factor: arb) -> list[arb]:
+        """Return upper bounds of the norms of the columns, times a factor."""
+        sizes = (np.abs(self.midpoint) + self.radius).sum(0)
+        return [factor * size * UP for size in sizes.tolist()]
 
-        With an approximate inverse C, it is |C| / (1 - |M C - I|).
+    def inverse(self) -> tuple[np.ndarray, arb]:
+        """Return an approximate inverse M~ and a bound of |M⁻¹|, |M~| / (1 - |M M~ - I|).
+
+        Raises ZeroDivisionError if a matrix in the balls may be singular.
         """
+        try:
+            inverse = np.linalg.inv(self.midpoint)
+        except np.linalg.LinAlgError as failure:
+            raise ZeroDivisionError(str(failure)) from None
+        approximate = DoubleBalls.of(inverse)
+        error = (self @ approximate - DoubleBalls.of(np.eye(len(inverse)))).norm()
+        if not error < 1:
+            raise ZeroDivisionError("the matrix may be singular")
+        return inverse, approximate.norm() / (1 - error)
+
+    def inverse_norm(self) -> arb:
+        """Return an upper bound of the spectral norm of the inverse."""
         from flint import arb
 
         try:
-            inverse = DoubleBalls.of(np.linalg.inv(self.midpoint))
-        except np.linalg.LinAlgError:
+            return self.inverse()[1]
+        except ZeroDivisionError:
             return arb("inf")
-        error = (self @ inverse - DoubleBalls.of(np.eye(len(self.midpoint)))).norm()
-        return inverse.norm() / (1 - error) if error < 1 else arb("inf")
 
     def is_positive_definite(self) -> bool:
         """Return whether all symmetric matrices in the balls are proved positive definite.
@@ -383,6 +427,11 @@ def radii(matrix: arb_mat) -> np.ndarray:
         return np.zeros(shape)
     entries = [float(entry.rad()) for entry in matrix.entries()]
     return np.nextafter(np.reshape(entries, shape) * UP, np.inf)
+
+
+def upper_ends(numbers: Sequence[arb]) -> np.ndarray:
+    """Return the upper ends of balls, rounded to doubles, (n,); times `UP`, they are bounds."""
+    return np.array([float(number.upper()) for number in numbers])
 
 
 def stacked(blocks: list[list[arb_mat]]) -> arb_mat:

@@ -33,6 +33,7 @@ from controller.riccati.proof import (
     stabilizing,
 )
 from controller.riccati.proposal import (
+    MANY_STATES,
     FailedError,
     Proposal,
     corrected_in_bits,
@@ -44,6 +45,7 @@ from controller.riccati.proposal import (
     proposal_in_bits,
     proposal_in_doubles,
     proposal_of,
+    proposal_with_residuals_in_balls,
 )
 from controller.riccati.rationals import is_semidefinite
 from controller.riccati.refusal import too_large_at, why_never, why_never_at, why_no_value
@@ -120,7 +122,7 @@ class Enclosure:
             P = self.proved.P_in_balls
             price = equation.disturbance_price(P)
             assert price is not None
-            ahead = P @ equation.control_loop(P, self.proved.gains)
+            ahead = P @ equation.control_loop(P, Balls.of(self.proved.gains))
             L = price.matrix.solve((equation.E.T @ ahead).matrix)
             return scaled_balls(L, units.disturbances, -units.states)
 
@@ -244,6 +246,8 @@ def _outcomes(game: Game, delta: float, *, digits: bool) -> Iterator[Enclosure |
     """Yield what proposals prove, with more and more bits, and what rationals decide, or ""."""
     attempt = partial(_attempt, game, delta, digits=digits)
     yield attempt(BITS, proposal_in_doubles, DoubleBalls)
+    if len(game.A) >= MANY_STATES:  # `Pairs` have too few digits for entries of P near 0
+        yield attempt(BITS, proposal_with_residuals_in_balls, DoubleBalls)
     yield attempt(BITS, corrected_in_doubles, Balls)
     yield attempt(2 * BITS, corrected_in_doubles, Balls)
     yield why_never(game)
@@ -307,7 +311,8 @@ def _outcome(
                 return reason
             prove_value(ball, lyapunov_of_control_loop(ball))
     except (FailedError, NotProvedError):
-        return why_no_value(proposal.equation, ball, in_bits=in_bits)
+        equation = proposal.equation.with_arithmetic(Balls)
+        return why_no_value(equation, ball, in_bits=in_bits)
     if digits and not relative_radius(ball, with_zeros=bits() == BITS) < DIGITS:
         return ""
     return Enclosure(ball, bits(), lyapunov=proposal.lyapunov)

@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.balls import (
     BallMatrix,
     Balls,
+    BoundMatrix,
     ball_matrix,
     identity,
     stacked,
@@ -27,10 +28,9 @@ from controller.riccati.balls import (
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
-#: The kind of matrices in an equation, another kind, and that of bounds.
 Matrix = TypeVar("Matrix", bound=BallMatrix)
 Other = TypeVar("Other", bound=BallMatrix)
-Bound = TypeVar("Bound", bound=BallMatrix)
+Bound = TypeVar("Bound", bound=BoundMatrix)
 
 
 class Units(NamedTuple):
@@ -167,7 +167,7 @@ class Equation(ABC, Generic[Matrix]):
 
     game: the game
     units: exact units
-    arithmetic: `Balls`, or, for bounds, `DoubleBalls`
+    arithmetic: `Balls`, `Pairs`, or, for bounds, `DoubleBalls`
     delta: in place of that of the game
     entries: of the game in the units, if they are known
 
@@ -376,7 +376,7 @@ class ContinuousEquation(Equation[Matrix]):
         """Return |S|, |R⁻¹ B'| and 0: the equation is quadratic."""
         from flint import arb
 
-        return Sensitivity(self.S.norm(), self._B_over_R.norm(), arb(0))
+        return Sensitivity(_norm(self.S), _norm(self._B_over_R), arb(0))
 
     def hamiltonian(self) -> arb_mat:
         """Return [[A - B R⁻¹N', -S], [-(Q - N R⁻¹N'), -(A - B R⁻¹N')']], (2n, 2n), in `Balls`."""
@@ -460,10 +460,10 @@ class StepEquation(Equation[Matrix]):
 
         The gains of X + Z are k + (V + G'Z G)⁻¹ G'Z F, and |(V + G'Z G)⁻¹| <= 2 |V⁻¹|.
         """
-        G = self.G.norm()
-        inverse = self.price(X).inverse_norm()
+        G = _norm(self.G)
+        inverse = cast(BoundMatrix, self.price(X)).inverse_norm()
         gains = 2 * inverse * G
-        return Sensitivity(gains * G * loop.norm(), gains, inverse * G**2)
+        return Sensitivity(gains * G * _norm(loop), gains, inverse * G**2)
 
     def pencil(self) -> tuple[arb_mat, arb_mat]:
         """Return L and M, (2n + m + k, 2n + m + k), in `Balls`, whose pencil L - z M is singular at
@@ -495,6 +495,11 @@ def pencil_blocks(A: Any, G: Any, Q: Any, W: Any, C: Any, one: Any, growth: Any 
         [of_gains.transpose(), G.transpose() * -growth, of_inputs],
     ]
     return L, M
+
+
+def _norm(matrix: BallMatrix) -> arb:
+    """Return the bound of the norm of a matrix in the arithmetic of the bounds."""
+    return cast(BoundMatrix, matrix).norm()
 
 
 def _in_flint(matrix: BallMatrix) -> arb_mat:

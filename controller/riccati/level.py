@@ -16,6 +16,7 @@ import numpy as np
 
 from controller.riccati.balancing import is_stable_in_doubles
 from controller.riccati.balls import (
+    Balls,
     ball_matrix,
     identity,
     midpoints,
@@ -217,7 +218,7 @@ def _worst_loop(enclosure: Enclosure) -> arb_mat:
 
     found = enclosure.proved
     states = found.bounds.units.states
-    loop = found.equation.loop(found.P_in_balls, found.gains).matrix
+    loop = found.equation.loop(found.P_in_balls, Balls.of(found.gains)).matrix
     return scaled_balls(loop, states, -states) * (1 / arb(enclosure.game.discount).sqrt())
 
 

@@ -20,11 +20,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Generic
+from typing import TYPE_CHECKING, Any, Generic
 
 import numpy as np
 
-from controller.riccati.balls import Balls, symmetric
+from controller.riccati.balls import Balls, ExactMatrix, symmetric
 from controller.riccati.equation import Bound, Equation, Sensitivity, change_along
 
 if TYPE_CHECKING:
@@ -43,15 +43,15 @@ class Stabilizing(Generic[Bound]):
     """Ball that contains the stabilizing solution P: the loop of both players is stable.
 
     bounds: the Riccati equation in exact units, in the arithmetic of the bounds
-    X: middle of the ball, (n, n), exact
+    X: middle of the ball, (n, n), exact, in the arithmetic of the residual
     spread: s, (n,); |P_ij - X_ij| <= s_i s_j
-    gains: of P, (m, n), in discrete time (m + k, n)
+    gains: of P, (m, n), in discrete time (m + k, n), in the arithmetic of the residual
     """
 
     bounds: Equation[Bound]
-    X: Balls
+    X: ExactMatrix
     spread: tuple[arb, ...]
-    gains: Balls
+    gains: ExactMatrix
 
     @cached_property
     def P(self) -> Bound:
@@ -64,8 +64,8 @@ class Stabilizing(Generic[Bound]):
         return Balls.around(self.X, self.spread)
 
     @property
-    def K(self) -> Balls:
-        """K of the policy u = -K z, (m, n)."""
+    def K(self) -> ExactMatrix:
+        """K of the policy u = -K z, (m, n), in the arithmetic of the residual."""
         return self.gains.block(slice(len(self.bounds.units.inputs)), slice(None))
 
     @property
@@ -75,11 +75,11 @@ class Stabilizing(Generic[Bound]):
 
 
 def stabilizing(
-    equation: Equation[Balls], X: Balls, Y: arb_mat | np.ndarray, arithmetic: type[Bound]
+    equation: Equation[Any], X: ExactMatrix, Y: arb_mat | np.ndarray, arithmetic: type[Bound]
 ) -> Stabilizing[Bound]:
     """Return the ball about X that is proved to contain the stabilizing solution.
 
-    equation: the Riccati equation, in `Balls`
+    equation: the Riccati equation, in the arithmetic of X
     X: (n, n), proposed solution; only the midpoint of its symmetric part counts
     Y: (n, n), proposed solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, likewise
     arithmetic: of the bounds

@@ -19,6 +19,7 @@ from controller.riccati.balancing import hamiltonian
 from controller.riccati.balls import (
     Balls,
     DoubleBalls,
+    ExactMatrix,
     ball_matrix,
     bits,
     identity,
@@ -37,6 +38,7 @@ from controller.riccati.equation import (
     users_units,
 )
 from controller.riccati.lyapunov import Lyapunov
+from controller.riccati.pairs import Pairs
 from hfa_support.matrices import balanced, spectral_radius
 
 if TYPE_CHECKING:
@@ -55,6 +57,8 @@ NEAR = 10
 #: Largest numbers of corrections of a proposal in doubles, of steps of Newton's method for the sign
 #: function, and of doublings.
 CORRECTIONS, NEWTON_STEPS, DOUBLINGS = 6, 150, 80
+#: Smallest number of states for which `Pairs` are faster than `Balls` of `BITS`.
+MANY_STATES = 20
 #: A relative correction of X that is far below its last digit in doubles.
 SMALL = 1e-25
 
@@ -66,15 +70,15 @@ class FailedError(Exception):
 class Proposal(NamedTuple):
     """Proposed solution of a Riccati equation, for `proof`.
 
-    equation: the equation, in `Balls`
+    equation: the equation, in the arithmetic of X
     X: (n, n), its solution
     Y: (n, n), solution of F'Y + Y F = -1 with the loop F of both players at X, in discrete time of
         F'Y F - Y = -1
     lyapunov: solver of the Lyapunov equation of that loop in doubles, if there is one
     """
 
-    equation: Equation[Balls]
-    X: Balls
+    equation: Equation[Any]
+    X: ExactMatrix
     Y: arb_mat | np.ndarray
     lyapunov: Lyapunov | None = None
 
@@ -85,7 +89,17 @@ def proposal_in_doubles(game: Game, delta: float) -> Proposal:
     Raises FailedError.
     """
     with _failures():
-        return _corrected(*_solved_by_lapack(game, delta))
+        solved = _solved_by_lapack(game, delta)
+        return _corrected(*solved, Pairs if len(game.A) >= MANY_STATES else Balls)
+
+
+def proposal_with_residuals_in_balls(game: Game, delta: float) -> Proposal:
+    """Return the same proposal with residuals of more digits for many states.
+
+    Raises FailedError.
+    """
+    with _failures():
+        return _corrected(*_solved_by_lapack(game, delta), Balls)
 
 
 def proposal_of(equation: Equation[DoubleBalls]) -> Proposal:
@@ -94,7 +108,8 @@ def proposal_of(equation: Equation[DoubleBalls]) -> Proposal:
     Raises FailedError.
     """
     with _failures():
-        return _corrected(equation, stabilizing_in_doubles(equation))
+        X = stabilizing_in_doubles(equation)
+        return _corrected(equation, X, Pairs if len(X) >= MANY_STATES else Balls)
 
 
 def corrected_in_doubles(game: Game, delta: float) -> Proposal:
@@ -155,20 +170,22 @@ def _solved_by_lapack(game: Game, delta: float) -> _Solved:
     return _Solved(equation, X)
 
 
-def _corrected(in_doubles: Equation[DoubleBalls], X: np.ndarray) -> Proposal:
-    """Return a proposal about X, (n, n), corrected with residuals in `Balls`.
+def _corrected(in_doubles: Equation[DoubleBalls], X: np.ndarray, arithmetic: type[Any]) -> Proposal:
+    """Return a proposal about X, (n, n), corrected with residuals in `Balls` or `Pairs`.
 
     Each correction Z solves F'Z + Z F + residual = 0 in doubles, with the loop F at X.
+
+    arithmetic: of the residuals
     """
-    equation = in_doubles.with_arithmetic(Balls)
+    equation: Equation[Any] = in_doubles.with_arithmetic(arithmetic)
     lyapunov = lyapunov_of(loop_in_doubles(in_doubles, X), is_discrete=equation.is_discrete)
-    corrected, size = Balls.of(X).symmetric(), np.abs(X).max()
+    corrected, size = arithmetic.of(X).symmetric(), np.abs(X).max()
     for _ in range(CORRECTIONS):
         _, residual = equation.gains_and_residual(corrected)
         correction, _ = lyapunov.solve(-residual.midpoint)
         if not np.abs(correction).max() > SMALL * size:
             break
-        corrected = (corrected + Balls.of(correction)).mid()
+        corrected = (corrected + arithmetic.of(correction)).mid()
     Y, _ = lyapunov.solve(-np.eye(len(X)))
     return Proposal(equation, corrected, Y, lyapunov)
 
@@ -480,7 +497,7 @@ def corrected_in_bits(proposal: Proposal) -> Proposal:
 
     Raises FailedError.
     """
-    equation, X = proposal.equation, proposal.X
+    equation, X = proposal.equation.with_arithmetic(Balls), Balls.of(proposal.X)
     with np.errstate(all="ignore"):
         try:
             gains, residual = equation.gains_and_residual(X)
@@ -530,7 +547,7 @@ def lyapunov_of_control_loop(found: Stabilizing[Any]) -> arb_mat:
     Raises FailedError.
     """
     equation = found.equation
-    loop = equation.control_loop(found.P_in_balls, found.gains).matrix
+    loop = equation.control_loop(found.P_in_balls, Balls.of(found.gains)).matrix
     return lyapunov_in_bits(loop, identity(equation.n), is_discrete=equation.is_discrete)
 
 

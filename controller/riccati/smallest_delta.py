@@ -276,7 +276,7 @@ class _Search:
             self.entries = proved.bounds.entries.in_states(level.to_level)
             self.rounded = self.entries.rounded
             from_level = Balls(level.from_level)
-            self.P = (from_level.T @ proved.X @ from_level).symmetric().midpoint
+            self.P = (from_level.T @ Balls.of(proved.X) @ from_level).symmetric().midpoint
 
     def equation(self, w: float, entries: Entries) -> Equation[DoubleBalls]:
         """Return the Riccati equation at w = 1/δ².

@@ -13,6 +13,7 @@ from controller.riccati.balls import (
 )
 from controller.riccati.enclosure import lyapunov_enclosure
 from controller.riccati.equation import equation_of, users_units
+from controller.riccati.pairs import Pairs
 from controller.riccati.proof import (
     NotProvedError,
     lyapunov_ball,
@@ -23,9 +24,9 @@ from hfa import Game
 BITS = 256
 
 
-@pytest.mark.parametrize("bits", [53, 128])
+@pytest.mark.parametrize(("arithmetic", "bits"), [(Balls, 53), (Pairs, 128)])
 @pytest.mark.parametrize("seed", range(4))
-def test_the_residual_of_a_step_contains_the_exact_one(bits, seed):
+def test_the_residual_of_a_step_contains_the_exact_one(arithmetic, bits, seed):
     """The price of four inputs is nearly singular: the gains lose half of their digits."""
     least, random = 2.0**-30, np.random.default_rng(seed)
     modes = np.linalg.qr(random.standard_normal((4, 4)))[0]
@@ -33,13 +34,13 @@ def test_the_residual_of_a_step_contains_the_exact_one(bits, seed):
     N = 0.1 * least * random.standard_normal((1, 4))
     game = Game([[0.0]], np.ones((1, 4)), Q=[[least]], R=(R + R.T) / 2.0, N=N, dt=True)
 
-    def residual(bits):
+    def residual(arithmetic, bits):
         with precision(bits):
-            equation = equation_of(game, users_units(game), Balls)
-            _, residual = equation.gains_and_residual(Balls.of(np.zeros((1, 1))))
+            equation = equation_of(game, users_units(game), arithmetic)
+            _, residual = equation.gains_and_residual(arithmetic.of(np.zeros((1, 1))))
             return residual.matrix[0, 0]
 
-    found, exact = residual(bits), residual(500)
+    found, exact = residual(arithmetic, bits), residual(Balls, 500)
     assert found.contains(exact)
     assert found.rad() < 1e-12 * exact
 

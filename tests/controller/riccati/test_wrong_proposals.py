@@ -14,6 +14,7 @@ from flint import arb, arb_mat
 
 from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, precision
 from controller.riccati.equation import equation_of, users_units
+from controller.riccati.pairs import Pairs
 from controller.riccati.proof import (
     NotProvedError,
     lyapunov_ball,
@@ -23,8 +24,8 @@ from controller.riccati.proof import (
 from hfa import Game
 
 BITS = 256
-#: Of the bounds.
-ARITHMETICS = [Balls, DoubleBalls]
+#: Of the residual and of the bounds.
+ARITHMETICS = [(Balls, Balls), (Balls, DoubleBalls), (Pairs, DoubleBalls)]
 #: States z = T y of the uncoupled ones, with an inverse of integers.
 T = np.array([[1.0, 2.0], [1.0, 3.0]])
 T_INVERSE = np.array([[3.0, -2.0], [-1.0, 1.0]])
@@ -108,9 +109,10 @@ def exact_Y(equation, X):
     return solved(F.mid(), is_discrete=equation.is_discrete)
 
 
-def proposed(equation, X, Y, arithmetic):
-    """Return what X and Y prove with bounds in an arithmetic."""
-    return stabilizing(equation, Balls(X), Y, arithmetic)
+def proposed(equation, X, Y, arithmetics):
+    """Return what X and Y prove, in the arithmetics of the residual and of the bounds."""
+    exactly, bounds = arithmetics
+    return stabilizing(equation.with_arithmetic(exactly), exactly.of(X), Y, bounds)
 
 
 def around(found):
@@ -123,26 +125,26 @@ def contains(balls, exact):
 
 
 @pytest.mark.parametrize("name", GAMES)
-@pytest.mark.parametrize("arithmetic", ARITHMETICS)
-def test_other_invariant_subspaces_are_refused(name, arithmetic):
+@pytest.mark.parametrize("arithmetics", ARITHMETICS)
+def test_other_invariant_subspaces_are_refused(name, arithmetics):
     """They solve the equation, and an indefinite Y solves that of their unstable loop."""
     game, right, wrong = GAMES[name]
     with precision(BITS):
         equation = equation_of(game, users_units(game), Balls)
         truth = solution(list(right))
         Y = exact_Y(equation, truth)
-        assert contains(around(proposed(equation, truth, Y, arithmetic)), truth)
+        assert contains(around(proposed(equation, truth, Y, arithmetics)), truth)
         for mixed in ([wrong[0], right[1]], [right[0], wrong[1]], list(wrong)):
             X = solution(mixed)
             own = exact_Y(equation, X)
             for lie in (own, -own, Y):
                 with pytest.raises(NotProvedError):
-                    proposed(equation, X, lie, arithmetic)
+                    proposed(equation, X, lie, arithmetics)
 
 
 @pytest.mark.parametrize("name", GAMES)
-@pytest.mark.parametrize("arithmetic", ARITHMETICS)
-def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetic):
+@pytest.mark.parametrize("arithmetics", ARITHMETICS)
+def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetics):
     """However far X is changed, with the Y of X and that of the solution, up to 30 % off."""
     game, right, _ = GAMES[name]
     rng = np.random.default_rng(1)
@@ -157,7 +159,7 @@ def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetic)
             ys = exact_Y(equation, X), exact_Y(equation, truth)
             for Y, factor in product(ys, (0.7, 0.97, 1.0, 1.03, 1.3)):
                 try:
-                    found = proposed(equation, X, Y * arb(factor), arithmetic)
+                    found = proposed(equation, X, Y * arb(factor), arithmetics)
                 except NotProvedError:
                     assert size > 1e-6 or factor != 1.0
                     continue
@@ -167,7 +169,7 @@ def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetic)
     assert accepted >= 16
 
 
-@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+@pytest.mark.parametrize("arithmetics", ARITHMETICS)
 @pytest.mark.parametrize(
     "game",
     [
@@ -177,7 +179,7 @@ def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetic)
         in_other_states([0.5, 2.0], [0.0, 1.0], [1.0, 0.0], [0.3, 3.5], delta=1.0, dt=True),
     ],
 )
-def test_nothing_is_accepted_where_there_is_no_solution(game, arithmetic):
+def test_nothing_is_accepted_where_there_is_no_solution(game, arithmetics):
     """With the exact Y of the stable loop of each proposal; its second root is right."""
     second = 7 if game.is_discrete else 2
     with precision(BITS):
@@ -185,11 +187,11 @@ def test_nothing_is_accepted_where_there_is_no_solution(game, arithmetic):
         for hundredths in range(0, 48, 4) if game.is_discrete else range(-100, 100, 10):
             X = solution([(hundredths, 100), (second, 1)])
             with pytest.raises(NotProvedError):
-                proposed(equation, X, exact_Y(equation, X), arithmetic)
+                proposed(equation, X, exact_Y(equation, X), arithmetics)
 
 
-@pytest.mark.parametrize("arithmetic", ARITHMETICS)
-def test_nothing_is_accepted_just_below_the_smallest_delta(arithmetic):
+@pytest.mark.parametrize("arithmetics", ARITHMETICS)
+def test_nothing_is_accepted_just_below_the_smallest_delta(arithmetics):
     """P² - (0.75 + q) P + q = 0 has the double root 0.5 at q = 0.25, and none just above."""
     game = Game([[0.5]], [[0.0]], E=[[1.0]], Q=[[0.2505]], R=[[1.0]], delta=1.0, dt=True)
     with precision(BITS):
@@ -197,10 +199,10 @@ def test_nothing_is_accepted_just_below_the_smallest_delta(arithmetic):
         for X in np.linspace(0.3, 0.49, 20):
             proposal = ball_matrix(np.array([[X]]))
             with pytest.raises(NotProvedError):
-                proposed(equation, proposal, exact_Y(equation, proposal), arithmetic)
+                proposed(equation, proposal, exact_Y(equation, proposal), arithmetics)
 
 
-@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+@pytest.mark.parametrize("arithmetics", ARITHMETICS)
 @pytest.mark.parametrize(
     ("game", "roots", "control"),
     [
@@ -218,12 +220,12 @@ def test_nothing_is_accepted_just_below_the_smallest_delta(arithmetic):
         ),
     ],
 )
-def test_a_stabilizing_solution_of_two_states_may_be_no_value(game, roots, control, arithmetic):
+def test_a_stabilizing_solution_of_two_states_may_be_no_value(game, roots, control, arithmetics):
     with precision(BITS):
         equation = equation_of(game, users_units(game), Balls)
         X = solution(roots)
         shape = exact_Y(equation, X)
-        found = proposed(equation, X, shape, arithmetic)
+        found = proposed(equation, X, shape, arithmetics)
         loop = ball_matrix(T @ np.diag(control) @ T_INVERSE)
         own = solved(loop, is_discrete=game.is_discrete)
         for lie in (None, own, -own, shape):
