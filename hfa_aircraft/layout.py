@@ -135,8 +135,8 @@ class Layout(NamedTuple):
         symbols, f, output_expressions = _symbolic(self, undisturbed=w is None)
         x, *_ = symbols
         known = {**output_expressions, **dict(zip(self.names.states, components(x), strict=True))}
-        y = ca.densify(_column(known[name] for name in outputs))
-        columns = [_column(vector) for vector in (vectors if w is None else [*vectors, w])]
+        y = ca.densify(column(known[name] for name in outputs))
+        columns = [column(vector) for vector in (vectors if w is None else [*vectors, w])]
         f_there, y_there = ca.substitute([f, y], symbols, columns)
         return f_there, y_there
 
@@ -160,7 +160,7 @@ class Layout(NamedTuple):
         replacing = [output for _, output in self.replaced]
         f, y_and_replacing = self.expressions((x, u, components(p)), (*outputs, *replacing))
         y = y_and_replacing[: len(outputs)]
-        parts: Any = [_column(map(ca.SX, x)), _column(u), f, y]
+        parts: Any = [column(map(ca.SX, x)), column(u), f, y]
         for row, (state, output) in enumerate(self.replaced, start=len(outputs)):
             symbol = replaced_symbols[state]
             expression = y_and_replacing[row]
@@ -172,6 +172,11 @@ class Layout(NamedTuple):
             at_zero = ca.substitute(expression, symbol, 0)
             parts = ca.substitute(parts, [symbol], [(values[output] - at_zero) / slope])
         return [ca.densify(part) for part in parts]
+
+
+def column(entries: Iterable[Any]) -> ca.SX:
+    """Return numbers and expressions as a column, which is of SX even if it is empty."""
+    return ca.vertcat(ca.SX(0, 1), *entries)
 
 
 def components(vector: Any) -> list[Any]:
@@ -327,11 +332,6 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
                 f"{layout.name}: the equations return the undeclared {kind}", name, names
             )
     return rates, outputs
-
-
-def _column(entries: Iterable[Any]) -> ca.SX:
-    """Return numbers and expressions as a column, which is of SX even if it is empty."""
-    return ca.vertcat(ca.SX(0, 1), *entries)
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:

@@ -101,7 +101,7 @@ class Limits:
 
     def _measure(self, limit: np.ndarray) -> np.ndarray:
         """Return nominal + |limit| of each signal, 0 where it has no limit, (k,)."""
-        nominal = np.array([self.model.signal(name).nominal for name in self.names])
+        nominal = self.model.nominal(self.names)
         return np.where(np.isfinite(limit), nominal + np.abs(limit), 0.0)
 
 

@@ -480,6 +480,10 @@ class Model(Reported):
         """Return the units of the signals `names`, in their order."""
         return tuple(self.unit(name) for name in names)
 
+    def nominal(self, names: Iterable[str]) -> np.ndarray:
+        """Return the nominal values of the signals `names`, (k,), in their order."""
+        return np.array([self.signal(name).nominal for name in names])
+
     @cached_property
     def time_unit(self) -> str:
         """Unit of time of the model: "s", "min", "h" or "day".
@@ -527,8 +531,7 @@ class Model(Reported):
             slopes = self.at(x, u)
         except (BadInputError, ArithmeticError):
             return {}
-        signals = (*self.states.values(), *self.inputs.values())
-        changes = np.hstack([slopes.A, slopes.B]) * [signal.nominal for signal in signals]
+        changes = np.hstack([slopes.A, slopes.B]) * self.nominal((*self.states, *self.inputs))
         return dict(zip(self.states, np.abs(changes).max(axis=1).tolist(), strict=True))
 
     def factor_of(self, name: str, text: str, unit: str) -> float:

@@ -52,6 +52,11 @@ def spectral_radius(matrix: np.ndarray) -> float:
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
+def spectral_abscissa(matrix: np.ndarray) -> float:
+    """Return the largest real part of the eigenvalues of a square matrix."""
+    return float(np.linalg.eigvals(matrix).real.max())
+
+
 def quadratic_forms(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return z'M z of each row z, (N,).
 

@@ -42,11 +42,8 @@ def default_weight(
     places = {name: place for place, name in enumerate(model.linear)}
     places |= {name: place for place, name in enumerate(model.inputs)}
     row_places, column_places = ([places[name] for name in names] for names in (rows, columns))
-    row_sizes, column_sizes = (
-        [model.signals[name].nominal for name in names] for names in (rows, columns)
-    )
     weight_of_names = weight[np.ix_(row_places, column_places)]
-    return np.asarray(weight_of_names / np.outer(row_sizes, column_sizes))
+    return np.asarray(weight_of_names / np.outer(model.nominal(rows), model.nominal(columns)))
 
 
 def _matrix_of_file(matrix: str, model: Model) -> np.ndarray:

@@ -30,7 +30,7 @@ from controller.learning.recording import (
     residual_of_value,
 )
 from hfa_support.errors import NoSolutionError
-from hfa_support.matrices import quadratic_forms
+from hfa_support.matrices import quadratic_forms, spectral_abscissa
 from hfa_support.progress import Progress
 
 #: Recorded samples for each weight by default.
@@ -147,7 +147,7 @@ class RecordedGame:
     def margin(self, P: np.ndarray, problem: Problem) -> float:
         """Return the stability margin of A - βI - S_s P, 1/s, positive for a stable loop."""
         loop = self.fitted - self.S(problem) @ P
-        return problem.discount - float(np.linalg.eigvals(loop).real.max())
+        return problem.discount - spectral_abscissa(loop)
 
     def residual(self, P: np.ndarray) -> RelativeResidual:
         """Return the residual of the game's equation for the value y'P y."""
@@ -164,7 +164,7 @@ def without_discount(recorded: RecordedGame, progress: Progress | None) -> np.nd
 
     Raises NoSolutionError if a mode cannot be stabilized.
     """
-    first = max(0.0, float(np.linalg.eigvals(recorded.fitted).real.max()) + FIRST_MARGIN)
+    first = max(0.0, spectral_abscissa(recorded.fitted) + FIRST_MARGIN)
     discount, P = first, np.zeros_like(recorded.Q)
     while True:
         problem = Problem(discount, 0.0)

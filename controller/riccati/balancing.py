@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfa_support.matrices import balanced, spectral_radius
+from hfa_support.matrices import balanced, spectral_abscissa, spectral_radius
 
 
 def spectrum(matrix: np.ndarray) -> np.ndarray:
@@ -12,14 +12,9 @@ def spectrum(matrix: np.ndarray) -> np.ndarray:
     return np.sort_complex(np.linalg.eigvals(matrix))  # LAPACK balances the matrix first
 
 
-def abscissa_of(matrix: np.ndarray) -> float:
-    """Return the largest real part of the eigenvalues of a matrix, 1/s."""
-    return float(np.linalg.eigvals(matrix).real.max())
-
-
 def is_stable_in_doubles(loop: np.ndarray, *, is_discrete: bool) -> bool:
     """Return whether the eigenvalues of a loop are stable in doubles, which proves nothing."""
-    return spectral_radius(loop) < 1.0 if is_discrete else abscissa_of(loop) < 0.0
+    return spectral_radius(loop) < 1.0 if is_discrete else spectral_abscissa(loop) < 0.0
 
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:

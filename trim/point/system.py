@@ -7,7 +7,7 @@ differ between points.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.layout import Layout, column, components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_support.linear_table import LinearTable
@@ -273,7 +273,7 @@ def _expressions(structure: Structure) -> _Expressions:
     free = {unknown.name: ca.SX.sym(unknown.name) for unknown in structure.unknowns}
     variables = {**dict.fromkeys(layout.variables, ca.SX(0)), **given, **free}
     # A variable whose effect a zero parameter switches off is in no equation.
-    parameters = _column(
+    parameters = column(
         ca.SX(0) if name in structure.zero else symbol
         for name, symbol in zip(layout.names.parameters, components(p), strict=True)
     )
@@ -286,8 +286,8 @@ def _expressions(structure: Structure) -> _Expressions:
     for row in structure.rows:
         value = rates[row.name] if row.is_rate else signal_by_name[row.name]
         residuals.append((value - given.get(row.imposed, 0.0)) / row.scale)
-    y = _column(signal_by_name[name] for name in watched)
-    return _Expressions(given, free, p, x, u, y, _column(residuals))
+    y = column(signal_by_name[name] for name in watched)
+    return _Expressions(given, free, p, x, u, y, column(residuals))
 
 
 class _Dependence(NamedTuple):
@@ -321,7 +321,7 @@ def equations(structure: Structure) -> Equations:
     Raises BadInputError for a free variable that affects the equations only in steps.
     """
     e = _expressions(structure)
-    by_all = ca.jacobian(e.residual, _column(e.free.values()))  # by all free variables
+    by_all = ca.jacobian(e.residual, column(e.free.values()))  # by all free variables
     structure.layout.refuse_steps(by_all, list(e.free))
     affected, unaffected, active = _dependence(by_all)
     jacobian = ca.sparsify(by_all)[affected, active]
@@ -331,7 +331,7 @@ def equations(structure: Structure) -> Equations:
 
     z = ca.SX.sym("z", len(scaled_unknowns))
     scales = ca.DM([unknown.scale for unknown in scaled_unknowns])
-    sought = _column(e.free[unknown.name] for unknown in scaled_unknowns)
+    sought = column(e.free[unknown.name] for unknown in scaled_unknowns)
     in_order = e.residual[[*affected, *unaffected]]
     parts = [e.x, e.u, e.y, in_order, ca.densify(jacobian) @ ca.diag(scales)]
     x, u, y, residual, jacobian_of_z = ca.substitute(parts, [sought], [z * scales])
@@ -344,7 +344,7 @@ def equations(structure: Structure) -> Equations:
         affected_count=len(affected),
         constants=(*structure.given, *idle),
         z=z,
-        c=_column((*e.given.values(), *(e.free[name] for name in idle), *components(e.p))),
+        c=column((*e.given.values(), *(e.free[name] for name in idle), *components(e.p))),
         x=x,
         u=u,
         y=ca.densify(y),
@@ -352,11 +352,6 @@ def equations(structure: Structure) -> Equations:
         jacobian=jacobian_of_z,
         square=is_square and ca.sprank(jacobian) == len(active),
     )
-
-
-def _column(parts: Iterable[ca.SX]) -> ca.SX:
-    """Return a column of expressions, (n, 1), also of none."""
-    return ca.vertcat(ca.SX(0, 1), *parts)
 
 
 class Evaluation(NamedTuple):

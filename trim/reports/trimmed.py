@@ -14,7 +14,7 @@ import numpy as np
 from hfa_aircraft.layout import Linearization
 from hfa_aircraft.model import Model, recognized
 from hfa_support.errors import BadInputError, NoSolutionError, NotFiniteError
-from hfa_support.matrices import ROUNDING, balanced
+from hfa_support.matrices import ROUNDING, balanced, spectral_abscissa
 from hfa_support.reporting.named import ByName
 from hfa_support.reporting.text import digits_with_unit
 from hfa_support.units import conversion_factor
@@ -236,7 +236,7 @@ class Trimmed:
                 of_motion |= {names[position], names[depends_on[0]]}
         linear = self.model.linear
         lags = [i for i, name in enumerate(names) if name in linear and name not in of_motion]
-        if lags and np.linalg.eigvals(slopes.A[np.ix_(lags, lags)]).real.max() >= 0.0:
+        if lags and spectral_abscissa(slopes.A[np.ix_(lags, lags)]) >= 0.0:
             return []
         return lags
 
@@ -267,8 +267,7 @@ class Trimmed:
         places = [steady.states.index(name) for name in (alpha, *others)]
         A = steady.A[np.ix_(places, places)]
         B = steady.B[places]
-        nominal = np.array([signal.nominal for signal in model.inputs.values()])
-        _, pitching = np.abs(B) * nominal
+        _, pitching = np.abs(B) * model.nominal(model.inputs)
         strongest = int(np.argmax(pitching))
         if not pitching[strongest] or np.linalg.matrix_rank(balanced(A)[0]) < len(A):
             return None

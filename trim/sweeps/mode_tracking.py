@@ -67,7 +67,7 @@ def track_modes(
     """
     for name in states:
         refuse_unknown("unknown state", name, model.states)
-    nominal = np.array([model.states[name].nominal for name in states])
+    nominal = model.nominal(states)
     pairs = _connected(neighbours, np.arange(len(A) - 1)[:, None] + [0, 1])
     paired = _paired(A, nominal, pairs)
     order = np.empty(paired.values.shape, dtype=int)  # number of the eigenvalue in each column

@@ -305,10 +305,9 @@ def _starts(
     """
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
-    signals = {**system.model.rates, **system.model.signals}
     is_single = len(variables) == 1
     width = _FINE_CELL if is_single else _CELL
-    widths = np.array([width * signals[name].nominal for name in variables])
+    widths = width * system.model.nominal(variables)
     places = values / widths
     centers, cell_of_point = _cells_of(places)
     starts = _declared_starts(system, variables, centers * widths)

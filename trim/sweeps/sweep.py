@@ -448,7 +448,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return a table of alpha, of the inputs that are not 0 at all points, and of stalls and
         the variables at a limit."""
         model = self.model
-        nominal = np.array([signal.nominal for signal in model.inputs.values()])
+        nominal = model.nominal(model.inputs)
         moved = ~is_zero(np.nan_to_num(self.inputs), nominal).all(axis=0)
         inputs = [name for name, is_moved in zip(model.inputs, moved, strict=True) if is_moved]
         alpha = recognized(model.states).get("alpha", "")

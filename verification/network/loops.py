@@ -16,11 +16,10 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.riccati.balancing import abscissa_of
 from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
 from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, Outcome, has_decayed
-from hfa_support.matrices import quadratic_forms
+from hfa_support.matrices import quadratic_forms, spectral_abscissa
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.columns import of_rows
 from verification.plant import NonlinearPlant
@@ -352,7 +351,9 @@ def _tick(exact: Solution, *loops: np.ndarray) -> float:
     loops: stable matrices, (n, n)
     """
     game = exact.game
-    of_exact, *rates = (abs(abscissa_of(loop)) for loop in (game.A - game.B @ exact.K, *loops))
+    of_exact, *rates = (
+        abs(spectral_abscissa(loop)) for loop in (game.A - game.B @ exact.K, *loops)
+    )
     return DECAY / max(min([of_exact, *rates]), of_exact / SLOWEST)
 
 

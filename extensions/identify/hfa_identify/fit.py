@@ -213,8 +213,7 @@ class OutputError:
             np.where(flags, table, 0.0) for flags, table in zip(self._present, tables, strict=True)
         )
         self._counts = sum(flags.sum(axis=0) for flags in self._present)
-        sizes = [responses.model.signals[name].nominal for name in responses.measured]
-        self.least = (1e-9 * np.array(sizes)) ** 2
+        self.least = (1e-9 * responses.model.nominal(responses.measured)) ** 2
 
     def fit(self, progress: Callable[[float, float], None] | None = None) -> Fit:
         """Return the fit with the least L that Gauss-Newton steps reach from the start values.

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import components
+from hfa_aircraft.layout import column, components
 from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
@@ -130,7 +130,7 @@ class Responses:
             value + bias_of.get(name, 0.0)
             for name, value in zip(self.measured, components(true), strict=True)
         ]
-        return rates, ca.densify(ca.vertcat(ca.SX(0, 1), *recorded))
+        return rates, ca.densify(column(recorded))
 
     def compile(self) -> None:
         """Compile derivatives and integration steps, if a C compiler is available."""

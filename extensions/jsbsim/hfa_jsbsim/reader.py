@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.about import About, Domain, Source, Trimming
+from hfa_aircraft.layout import column
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import DEVIATION, GRAVITY, coordinated
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
@@ -603,11 +604,11 @@ class _Declaration:
         left_out += zeros
         constants += [0.0] * len(zeros)
         vectors = [
-            ca.vertcat(*equations.states.values()),
-            ca.vertcat(ca.SX(0, 1), *kept_inputs),
+            column(equations.states.values()),
+            column(kept_inputs),
             ca.vertcat(*kept_parameters),
         ]
-        return _Arguments(vectors, ca.vertcat(ca.SX(0, 1), *left_out), ca.SX(constants))
+        return _Arguments(vectors, column(left_out), ca.SX(constants))
 
     def _trim(self) -> dict[str, float]:
         """Return the default trim condition, straight level flight, as name -> imposed value.

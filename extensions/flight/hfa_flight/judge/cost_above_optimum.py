@@ -58,8 +58,8 @@ def lqr_at(deployed: Deployed, at: Equilibrium) -> Game:
     Q and R are those of the deployment, in a unit of the cost in which the largest is about 1.
     """
     model = deployed.model
-    x = np.array([model.states[name].nominal for name in model.linear])
-    u = np.array([model.inputs[name].nominal for name in deployed.commanded])
+    x = model.nominal(model.linear)
+    u = model.nominal(deployed.commanded)
     of_states, of_inputs = weights_at(deployed, at)
     Q, R = of_states * np.outer(x, x), of_inputs * np.outer(u, u)
     largest = power_of_two(np.array(max(np.abs(Q).max(), np.abs(R).max())))

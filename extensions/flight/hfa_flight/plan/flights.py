@@ -30,6 +30,7 @@ from hfa_flight.simulate.returned import has_returned
 from hfa_flight.simulate.row import FlightRow
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import spectral_abscissa
 
 #: Largest integration step, s.
 _STEP = 0.005
@@ -117,7 +118,7 @@ class Flights:
         from scipy.linalg import expm
 
         P = self.problem.P
-        slowest = -float(np.linalg.eigvals(self.loop).real.max())
+        slowest = -spectral_abscissa(self.loop)
         step = _TAIL_STEP / slowest
         transition = expm(self.loop * step)
         negligible = _FIRST_TAIL * float(start @ P @ start)
@@ -246,7 +247,7 @@ class Flights:
         scenario = loop.loop.scenario
         duration = scenario.tick * steps_of(seconds, scenario.tick)
         scenario = replace(scenario, duration=duration, initial=initial)
-        far = FAR * np.array([state.nominal for state in problem.model.states.values()])
+        far = FAR * problem.model.nominal(problem.model.states)
 
         def diverges(rows: Deviations) -> np.ndarray:
             return np.asarray(~(np.abs(rows.states) <= far).all(axis=1))  # so does nan

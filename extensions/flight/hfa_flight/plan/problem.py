@@ -134,11 +134,7 @@ class FlightProblem:
     @cached_property
     def sizes(self) -> NominalSizes:
         """Nominal values of the followed states, (followed,), and of the moving inputs, (m,)."""
-        signals = self.model.signals
-        return NominalSizes(
-            states=np.array([signals[name].nominal for name in self.followed]),
-            inputs=np.array([signals[name].nominal for name in self.inputs]),
-        )
+        return NominalSizes(self.model.nominal(self.followed), self.model.nominal(self.inputs))
 
     def followed_of(self, X: Any) -> np.ndarray:
         """Return the deviations of the followed states in nominal values, (followed,).

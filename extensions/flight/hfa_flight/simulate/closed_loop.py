@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import components
+from hfa_aircraft.layout import column, components
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
@@ -328,7 +328,7 @@ class ClosedLoop:
             rate=ca.vertcat(*rates),
             error=error,
             inputs=u,
-            winds=ca.vertcat(ca.SX(0, 1), *winds.values()),
+            winds=column(winds.values()),
             angle=plant.through_air(state.plant, winds),
             command=command,
             measured=measured,

@@ -206,7 +206,7 @@ def divergence(
         for rows in ((times >= begin) & (times <= begin + quarter), times >= end - quarter)
     )
     model = point.model
-    nominal = np.array([model.states[name].nominal for name in model.linear])
+    nominal = model.nominal(model.linear)
     factor = _OF_UNSTABLE if growth * (end - begin) > 1.0 else _OF_STABLE
     sizes = np.where(after > factor * before, after / nominal, 0.0)
     index = int(np.argmax(sizes))

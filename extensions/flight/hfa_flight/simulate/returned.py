@@ -29,7 +29,7 @@ def has_returned(model: Model, z: np.ndarray, P: np.ndarray, spent: np.ndarray) 
     P: cost of the linear optimum, (k, k)
     spent: cost up to the end, (N,)
     """
-    nominal = np.array([model.states[name].nominal for name in model.linear])
+    nominal = model.nominal(model.linear)
     with np.errstate(over="ignore", invalid="ignore"):  # a flight may diverge
         to_go = quadratic_forms(z, P)
         decayed = has_decayed(to_go, spent + to_go, TOLERANCE)

@@ -65,9 +65,9 @@ class CompiledLoop:
         model = self.loop.plant.point.model
         sizes = self.loop.state_sizes
         parts = StateParts(
-            plant=[each.nominal for each in model.states.values()],
-            actuators=[each.nominal for each in model.inputs.values()][: sizes.actuators],
-            cost=[0.0] * sizes.cost,
+            plant=model.nominal(model.states),
+            actuators=model.nominal(model.inputs)[: sizes.actuators],
+            cost=np.zeros(sizes.cost),
         )
         return np.concatenate(parts)
 

@@ -213,8 +213,7 @@ class SteadyFlight:
     @cached_property
     def nominal(self) -> np.ndarray:
         """Nominal values of the free variables, (f,)."""
-        signals = self.flight.model.signals
-        return np.array([signals[name].nominal for name in self.flight.unknowns])
+        return self.flight.model.nominal(self.flight.unknowns)
 
     @cached_property
     def doubles(self) -> list[float]:

@@ -88,6 +88,4 @@ def given_for(
 
 def sizes_of_gain(model: Model) -> np.ndarray:
     """Return the typical sizes (m, n) of the entries of a gain, which depend on units as K does."""
-    inputs = [signal.nominal for signal in model.inputs.values()]
-    states = [model.states[name].nominal for name in model.linear]
-    return np.outer(inputs, 1.0 / np.array(states))
+    return np.outer(model.nominal(model.inputs), 1.0 / model.nominal(model.linear))

@@ -13,13 +13,13 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from hfa_aircraft.model import Model
 from hfa_prove.check.schedule import ScheduleProof, check_schedule, real_basis
 from hfa_prove.enclosure.ball_function import Undecided
 from hfa_prove.fields import Rejected
 from hfa_prove.search.family import Family
 from hfa_prove.statements.schedule import Gains, ScheduleStatement, ScheduleWitness
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
+from hfa_support.matrices import spectral_abscissa
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 
@@ -102,8 +102,8 @@ def prove_schedule(
     n = len(flight.model.linear)
     without_P = ScheduleWitness(_MOST, np.zeros(0), np.zeros((0, n, n)))
     samples = _samples(ScheduleProof(ScheduleStatement(flight, gains, 0.0), without_P))
-    slowest = min(samples, key=lambda sample: -_largest_real_part(sample.C))
-    sampled = -_largest_real_part(slowest.C)
+    slowest = min(samples, key=lambda sample: -spectral_abscissa(sample.C))
+    sampled = -spectral_abscissa(slowest.C)
     if decay_rate is None and not sampled > 0.0:
         raise NoSolutionError(
             f"A - B K has an eigenvalue with the real part {-sampled:.6g} 1/s at "
@@ -163,31 +163,20 @@ def _samples(proof: ScheduleProof) -> list[Sample]:
     step = places[1] - places[0]
     samples = []
     last = low
-    nominal = _nominal(proof.statement.flight.model)
+    model = proof.statement.flight.model
+    nominal = model.nominal(model.linear)
     units = nominal / nominal[:, None]
     for s in places.tolist():
         try:
             guess, slope, _ = proof.flight.estimate(guess + slope * (s - last), s)
         except Undecided as error:
-            raise NoSolutionError(
-                f"{error} at {proof.statement.flight.model.schedule} {s:.6g}"
-            ) from error
+            raise NoSolutionError(f"{error} at {model.schedule} {s:.6g}") from error
         last = s
         near = s + 1e-5 * step * (1.0 if s < high else -1.0)
         C = proof.loop_at(guess, s)
         beside = proof.loop_at(guess + slope * (near - s), near)
         samples.append(Sample(s, units * C, units * (beside - C) / (near - s)))
     return samples
-
-
-def _nominal(model: Model) -> np.ndarray:
-    """Return the nominal values of the linear states, (n,)."""
-    return np.array([model.states[name].nominal for name in model.linear])
-
-
-def _largest_real_part(C: np.ndarray) -> float:
-    """Return the largest real part of an eigenvalue of C, 1/s."""
-    return float(np.linalg.eigvals(C).real.max())
 
 
 def _motions(
@@ -205,7 +194,7 @@ def _motions(
 
     def motion(speed: float, nodes: Any, P: Any) -> tuple[ScheduleStatement, ScheduleWitness]:
         claim = ScheduleStatement(flight, gains, rate, speed)
-        nominal = _nominal(flight.model)
+        nominal = flight.model.nominal(flight.model.linear)
         in_units = np.array(P) / np.outer(nominal, nominal)
         return claim, ScheduleWitness(_MOST, np.array(nodes, dtype=float), in_units)
 

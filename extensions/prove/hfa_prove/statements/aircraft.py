@@ -64,7 +64,6 @@ def facts(model: Model) -> dict[str, Any]:
     state_units, input_units, disturbance_units: units of the moving states, inputs and disturbances
     nominal: nominal values of all states and inputs, in which distances of trims are measured
     """
-    signals = model.signals
     return {
         "dynamics": model.name,
         "equations": digest_of_equations(model),
@@ -75,7 +74,7 @@ def facts(model: Model) -> dict[str, Any]:
         "state_units": list(model.units(model.linear)),
         "input_units": list(model.units(tuple(model.inputs))),
         "disturbance_units": list(model.units(tuple(model.disturbances))),
-        "nominal": [signals[name].nominal for name in (*model.states, *model.inputs)],
+        "nominal": model.nominal((*model.states, *model.inputs)).tolist(),
     }
 
 

@@ -108,8 +108,8 @@ class EquilibriumSearch:
         self.columns = model.input_places(deployed.commanded)
         self.base = np.concatenate([point.states, point.inputs])
         self.moving = [*self.rows, *(len(model.states) + column for column in self.columns)]
-        self.state_scales = np.array([model.states[name].nominal for name in model.linear])
-        self.input_scales = np.array([model.inputs[name].nominal for name in deployed.commanded])
+        self.state_scales = model.nominal(model.linear)
+        self.input_scales = model.nominal(deployed.commanded)
         rate_scales = [model.rate_scale(name) for name in model.linear]
         self.residual_scales = np.array([*rate_scales, *self.input_scales])
         self.scales = np.array([*self.state_scales, *self.input_scales])
