@@ -107,16 +107,12 @@ def check_fields(made: Any) -> None:
             _check(field.name, value, str(field.type), type(made))
 
 
-def _no_advice(name: str) -> str:
-    return ""
-
-
 def _check(
     name: str,
     value: Any,
     annotation: str,
     owner: Callable[..., Any],
-    makers: Callable[[str], str] = _no_advice,
+    makers: Callable[[str], str] = lambda _: "",
 ) -> None:
     """Raise BadInputError if an argument of a function or class is not of a kind of its annotation.
 

@@ -150,7 +150,7 @@ def _in_order_of(game: Game, H: np.ndarray, signals: tuple[str, ...]) -> np.ndar
         return H
     disturbances = numbered("w", game.E.shape[1])
     blocks = {"x": game.names.states, "u": game.names.inputs, "w": disturbances}
-    places = blocks_in_order("H_signals", signals, blocks)
+    places = blocks_in_order(signals, blocks)
     if H.shape != (len(places),) * 2:
         raise BadInputError(
             f"H is {shape_text(H.shape)}, but H_signals lists {len(places)} signals; list each of "

@@ -49,18 +49,17 @@ def _labels(matrix: Any) -> list[list[Any]] | None:
 
 
 def blocks_in_order(
-    name: str, names_or_blocks: tuple[str, ...], blocks: dict[str, tuple[str, ...]]
+    names_or_blocks: tuple[str, ...], blocks: dict[str, tuple[str, ...]]
 ) -> list[int]:
-    """Return the places in a square matrix of the signals of a plant, block by block.
+    """Return the places in H of the signals of a plant, block by block.
 
-    name: name of the matrix's list of signals, for messages
-    names_or_blocks: names of the signals of the matrix, or of its blocks, in its order
-    blocks: block, such as "x" -> names of its signals, in the order of the plant. Blocks that the
-        matrix lacks are left out
+    names_or_blocks: H_signals of a file: names of the signals of H, or of its blocks, in its order
+    blocks: block, such as "x" -> names of its signals, in the order of the plant. Blocks that H
+        lacks are left out
 
     Raises BadInputError for other names.
 
-    >>> blocks_in_order("H_signals", ("u", "beta", "alpha"), {"x": ("alpha", "beta"), "u": ("e",)})
+    >>> blocks_in_order(("u", "beta", "alpha"), {"x": ("alpha", "beta"), "u": ("e",)})
     [2, 1, 0]
     """
     in_matrix = [signal for word in names_or_blocks for signal in blocks.get(word, (word,))]
@@ -69,7 +68,7 @@ def blocks_in_order(
     if sorted(in_matrix) != sorted(in_plant):
         signals = ", ".join(chain.from_iterable(blocks.values()))
         raise BadInputError(
-            f"{name} lists {shortened(', '.join(names_or_blocks), 200)}; give the blocks "
+            f"H_signals lists {shortened(', '.join(names_or_blocks), 200)}; give the blocks "
             f"{', '.join(blocks)}, or their signals ({shortened(signals, 200)}), each of them once"
         )
     return [in_matrix.index(signal) for signal in in_plant]

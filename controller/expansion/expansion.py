@@ -232,8 +232,9 @@ def expand(linear: LinearModel, solution: Solution, order: int) -> Expansion:
     series = Series(solution, Rays(rates, order - 1), order)
     for _ in range(LOWEST + 1, order + 1):
         series.add_degree()
-    terms = tuple(series.value), tuple(series.policy)
-    expansion = Expansion(order, solution, rates, series.root, *terms)
+    expansion = Expansion(
+        order, solution, rates, series.root, tuple(series.value), tuple(series.policy)
+    )
     for degree, residual in expansion.residuals.items():
         if not residual <= LARGEST_RESIDUAL:
             raise NoSolutionError(

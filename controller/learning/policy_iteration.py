@@ -245,7 +245,7 @@ def policy_iteration(
     plain = game.without_cross_weights
     recorded = RecordedGame.of(plain, pool.without_cross_weights(game), scales)
     of_samples = excitation(recorded.psi.psi(recorded.states))
-    refuse_poor(of_samples.rank, of_samples.size, "the recorded samples")
+    refuse_poor(of_samples)
     P = with_disturbance(recorded, without_discount(recorded, progress), game.delta, progress)
     residual = recorded.residual(P)
     value = P / np.outer(scales, scales)

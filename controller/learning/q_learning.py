@@ -216,11 +216,8 @@ class QLearner:
         """Return the residual of Bellman's equation over all steps."""
         values = quadratic_forms(self.steps.begins, H)
         after = self._after(q_extremum(self.game, H)["P"])
-        error = float(np.linalg.norm(values - self.costs - after))
         terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
-        return RelativeResidual(
-            error / float(np.linalg.norm(self.costs)), error / float(np.linalg.norm(terms))
-        )
+        return RelativeResidual.of(values - self.costs - after, self.costs, terms)
 
     def training_run(self, H: np.ndarray, seed: int) -> TrainingRun:
         """Return the result of the last iteration."""

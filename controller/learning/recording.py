@@ -180,6 +180,12 @@ class RelativeResidual(NamedTuple):
     to_costs: float
     to_terms: float
 
+    @classmethod
+    def of(cls, errors: np.ndarray, costs: np.ndarray, terms: np.ndarray) -> RelativeResidual:
+        """Return the residual of errors, costs and summed magnitudes of terms, (N_h,) each."""
+        norm, of_costs, of_terms = (float(np.linalg.norm(each)) for each in (errors, costs, terms))
+        return cls(norm / of_costs, norm / of_terms)
+
 
 def residual_of_value(
     slopes: np.ndarray, drifts: np.ndarray, costs: np.ndarray, S: np.ndarray
@@ -196,24 +202,19 @@ def residual_of_value(
     with np.errstate(all="ignore"):
         changes = slopes * drifts
         policies = 0.25 * np.einsum("ji,ik,jk->j", slopes, S, slopes)
-        error = float(np.linalg.norm(changes.sum(axis=1) + costs - policies))
+        errors = changes.sum(axis=1) + costs - policies
         terms = np.abs(changes).sum(axis=1) + costs + np.abs(policies)
-        return RelativeResidual(
-            error / float(np.linalg.norm(costs)), error / float(np.linalg.norm(terms))
-        )
+        return RelativeResidual.of(errors, costs, terms)
 
 
-def refuse_poor(found: int, needed: int, what: str) -> None:
-    """Raise BadInputError if the rank of recorded data is lower than required.
+def refuse_poor(recorded: Excitation) -> None:
+    """Raise BadInputError if the rank of recorded samples is below the number of weights.
 
     With a lower rank, a small residual does not determine the weights.
-
-    found: rank of the data
-    needed: required rank
-    what: name of the data in the message
     """
-    if found < needed:
+    if recorded.rank < recorded.size:
         raise BadInputError(
-            f"the rank of {what} is {found} of {needed} (singular values below "
-            f"{RANK_TOLERANCE:g} of the largest do not count); record more different states"
+            f"the rank of the recorded samples is {recorded.rank} of {recorded.size} (singular "
+            f"values below {RANK_TOLERANCE:g} of the largest do not count); record more different "
+            "states"
         )

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from hfa.options.conditions import ListedCondition
 from hfa.options.option import option
 from hfa.options.ranges import Range, array_of
-from hfa.options.trims import SeveralTrims, TrimInput, conditions_option, trim_input
+from hfa.options.trims import SeveralTrims, TrimInput, trim_input
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import TrimCondition
@@ -27,7 +27,9 @@ class PointOptions(SeveralTrims):
         "NAME=RANGE",
         named=True,
     )
-    conditions: Path | None = conditions_option("in place of a grid")
+    conditions: Path | None = option(
+        "a .csv file of conditions, in place of a grid: names, then a row of values each", "FILE"
+    )
 
 
 class GivenPoints(NamedTuple):

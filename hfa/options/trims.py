@@ -36,11 +36,6 @@ def dihedral_option(about: str, form: str = "DEG") -> Any:
     return option(f"{about}, degrees", form, group=PAPER, first=True)
 
 
-def conditions_option(about: str) -> Any:
-    """Return the option --conditions, a file with a row for each condition."""
-    return option(f"a .csv file of conditions, {about}: names, then a row of values each", "FILE")
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrimOptions(AircraftOptions):
     """The condition of a trim."""

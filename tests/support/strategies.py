@@ -115,7 +115,7 @@ def _places(data, path=()):
             yield from _places(value, (*path, key))
 
 
-def changed_entry(data, values=VALUES):
+def changed_entry(data):
     """Return JSON data in which one entry has another value."""
 
     def changed(path, value):
@@ -126,7 +126,7 @@ def changed_entry(data, values=VALUES):
         holder[path[-1]] = value
         return whole
 
-    return st.builds(changed, st.sampled_from(list(_places(data))), values)
+    return st.builds(changed, st.sampled_from(list(_places(data))), VALUES)
 
 
 def changed_file(name, content):

@@ -62,7 +62,7 @@ def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
     )
 
 
-def load_claims(path: Path) -> Claims:
+def load_claims(path: str) -> Claims:
     """Return the content of claims.json.
 
     path: the file, or the folder that contains it

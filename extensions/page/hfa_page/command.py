@@ -36,16 +36,6 @@ from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
 
 
-def _claims(text: str) -> Any:
-    """Return the claims of --claims."""
-    return load_claims(Path(text))
-
-
-def _flights(text: str) -> Any:
-    """Return the flights of --flights."""
-    return load_flights(Path(text))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReportRequest(Request, SeveralTrims):
     """Options of `hfa report`."""
@@ -79,7 +69,7 @@ class ReportRequest(Request, SeveralTrims):
         "claims.json of studies/section5/results, or the folder that contains the "
         "file; adds the paper's claims to the page",
         "FILE",
-        _claims,
+        load_claims,
     )
     beside: Any = option(
         "another aircraft, whose trims and modes a second tab of the page shows", "FILE", load_model
@@ -88,7 +78,7 @@ class ReportRequest(Request, SeveralTrims):
         "best_flights.json of studies/best_flights/results, or the folder that "
         "contains the file; adds flights from the paper's x(0)",
         "FILE",
-        _flights,
+        load_flights,
     )
 
 

@@ -66,7 +66,7 @@ def flights_section(
     return Report(_TITLE, (flights.table, about), data=flights.data)
 
 
-def load_flights(path: Path) -> StoredFlights:
+def load_flights(path: str) -> StoredFlights:
     """Return the content of best_flights.json.
 
     path: the file, or the folder that contains it

@@ -80,7 +80,7 @@ def sections_of(job: MainJob) -> Sections:
             Report(subject(slider.sweep.model), pictures_over(slider)) for slider in job.sliders
         ),
         in_air=tuple(flight_in_turbulence(angle) for angle in job.angles[:1]),
-        angles=tuple(angle_report(job, angle) for angle in job.angles),
+        angles=tuple(angle_report(angle) for angle in job.angles),
         claims=claims_section(job.claims, job.regeneration),
         others=(
             Report("Every entry compared with the printed one", (job.regeneration.picture(),)),
@@ -160,7 +160,7 @@ def critic_picture(degrees: float) -> str:
     return f"critic-{degrees:g}.png"
 
 
-def angle_report(job: MainJob, angle: Position) -> Report:
+def angle_report(angle: Position) -> Report:
     """Return the section on a requested angle: linear model, game solution and learned critic.
 
     - Without a linear model, the section contains only the reason.

@@ -24,7 +24,6 @@ from hfa_page.flights import StoredFlights
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.text import beside_unit, in_degrees, shown_value
-from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 from trim.point.condition import TrimCondition, usual_condition
@@ -231,13 +230,13 @@ def main_job(
     parameters: ParameterSet,
     dynamics: str,
     *,
-    asked: Sequence[float] = ASKED,
-    swept: np.ndarray = SWEEP,
-    outputs: tuple[str, ...] | None = None,
-    claims: Claims | None = None,
-    flight: TrimCondition = LEVEL_FLIGHT,
-    start: OperatingPoint | None = None,
-    progress: Progress = lambda *_: None,
+    asked: Sequence[float],
+    swept: np.ndarray,
+    outputs: tuple[str, ...] | None,
+    claims: Claims | None,
+    flight: TrimCondition,
+    start: OperatingPoint | None,
+    progress: Progress,
 ) -> MainJob:
     """Return the results of `hfa report`.
 

@@ -20,7 +20,7 @@ _SAME = 1e-9
 
 
 def read_study(
-    path: Path, name: str, schema: str, stored: str, read: Callable[[Path, Any], Content]
+    path: str, name: str, schema: str, stored: str, read: Callable[[Path, Any], Content]
 ) -> Content:
     """Return the content of a file with stored results.
 
@@ -31,7 +31,9 @@ def read_study(
 
     Raises BadInputError if the file cannot be read, has another schema or lacks an entry.
     """
-    file = path / name if path.is_dir() else path
+    file = Path(path)
+    if file.is_dir():
+        file = file / name
     with file_faults(file):
         data = read_json(file)
     try:

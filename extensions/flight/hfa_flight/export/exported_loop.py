@@ -174,8 +174,8 @@ class ExportedLoop:
 def exported_loop(
     model: Model,
     point: OperatingPoint,
-    steering: Steering | None = None,
-    actuators: ActuatorBank | None = None,
+    steering: Steering | None,
+    actuators: ActuatorBank | None,
 ) -> ExportedLoop:
     """Return the loop X' = f(X, U, w) with the states [X; actuators].
 

@@ -75,8 +75,8 @@ def optimize_starts(
     starts: int,
     policies: Mapping[str, Any],
     *,
-    seed: int = 0,
-    progress: Progress | None = None,
+    seed: int,
+    progress: Progress | None,
 ) -> StartsTable:
     """Return the best flights from random initial conditions in the default box, and those of
     policies.

@@ -221,8 +221,8 @@ def _summary(flights: Sequence[FlightRow]) -> PolicySummary:
 def starts_table(
     search: BestFlights,
     starts: np.ndarray,
-    loops: Sequence[CompiledLoop] = (),
-    progress: Progress | None = None,
+    loops: Sequence[CompiledLoop],
+    progress: Progress | None,
 ) -> StartsTable:
     """Return the best flight and the flights of policies from each initial condition.
 

@@ -36,12 +36,7 @@ _UNFILTERED = (
 Flown = Mapping[str, np.ndarray]
 
 
-def member_report(
-    plan: MonteCarlo,
-    flown: Flown,
-    where: str,
-    uncontrolled: Flown | None = None,
-) -> Report:
+def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flown | None) -> Report:
     """Return the report of a Monte Carlo plan: flights lost, and quantiles of the results.
 
     The quantiles are over the flights inside the envelope.

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
 from nominal import nominal_game
-from pendulum_deployment import pendulum_deployment
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 import hfa
@@ -66,14 +65,28 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(fold
     assert (lost["converges"], lost["cost"], lost["over_best"]) == (False, None, None)
 
 
+DEPLOYMENT = """
+[policy]
+file = "actor.npz"
+[observation]
+angle = {}
+rate = {}
+[action]
+torque = {box = [-3.0, 3.0], map = "trim + a"}
+[timing]
+dt = 0.02
+"""
+
+
 def test_a_deployment_and_a_critic_are_compared(folder, capsys):
     """A saturated gain of half the size, and a deployed policy, cost more than the best flight."""
     model = hfa.load_model(PENDULUM)
     game = nominal_game(hfa.linearize(model, hfa.trim(model)))
     np.savez("K.npz", K=0.5 * hfa.solve(game).K)
-    deployment = pendulum_deployment(folder, "[timing]\ndt = 0.02\n")
+    np.savez("actor.npz", **{"0.weight": np.array([[-1.98, -0.98]]), "0.bias": np.zeros(1)})
+    Path("deployment.toml").write_text(DEPLOYMENT)
     words = ["optimize", "--aircraft", PENDULUM, "--initial", "angle=20", "--policy", "K.npz"]
-    assert main([*words, "--policy", str(deployment), "--json"]) == 0
+    assert main([*words, "--policy", "deployment.toml", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     linear, *others = data["policies"]
     assert {each["policy"].partition(" of ")[0] for each in others} == {"critic", "policy"}
