@@ -77,8 +77,9 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
             shutil.copymode(target, temporary)
         temporary.replace(target)
     except OSError as error:
-        if error.filename is not None:
-            raise
+        own_names = (str(target), str(temporary))
+        if error.filename is not None and str(error.filename) not in own_names:
+            raise  # an error of another file, in the `with` block
         raise BadInputError(
             f"cannot write {target}: {error.strerror}; choose another folder"
         ) from error

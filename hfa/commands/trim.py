@@ -196,13 +196,15 @@ def _counts_in_words(results: Sequence[str]) -> str:
 
 def _notes_on_repeated(points: GivenPoints) -> tuple[str, ...]:
     """Return notes on conditions of a file that are those of an earlier row."""
-    notes = []
-    unnamed = [row._replace(name="") for row in points.trims.rows]
-    for number, (row, condition) in enumerate(zip(points.trims.rows, unnamed, strict=True), 1):
-        first = unnamed.index(condition) + 1
-        if first < number:
-            notes.append(f"condition {row.name or number} is that of condition {first} again")
-    return tuple(notes)
+    rows = points.trims.rows
+    names = [row.name or str(number) for number, row in enumerate(rows, start=1)]
+    unnamed = [row._replace(name="") for row in rows]
+    firsts = [unnamed.index(condition) for condition in unnamed]
+    return tuple(
+        f"condition {names[place]} is that of condition {names[first]} again"
+        for place, first in enumerate(firsts)
+        if first < place
+    )
 
 
 def _notes_on_replaced(points: GivenPoints) -> list[str]:

@@ -88,7 +88,7 @@ def compiled(
     except (OSError, RuntimeError, AttributeError, subprocess.CalledProcessError) as error:
         if library is not None:
             library.unlink(missing_ok=True)
-        why = str(error).splitlines()[0]
+        why = str(error).partition("\n")[0] or type(error).__name__
         _print_once(f"cannot compile machine code with {compiler} ({why}); running without")
         return None
 

@@ -344,7 +344,7 @@ def test_a_repeated_condition_is_noted(tmp_path):
     path = tmp_path / "conditions.csv"
     path.write_text("name,speed\na,30\nb,35\nc,30\n", "utf-8")
     run = command("trim", "--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
-    assert "condition c is that of condition 1 again" in run.out + run.err
+    assert "condition c is that of condition a again" in run.out + run.err
 
 
 def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):

@@ -46,11 +46,16 @@ def test_an_unreadable_file_is_refused(fault, words):
     assert_refused(run(*words.split()), 2, name, said[words.startswith("verify")])
 
 
-def test_a_full_disk_is_told_with_the_file(monkeypatch):
-    """An output that the disk cannot hold is refused by its name, and nothing remains."""
+@pytest.mark.parametrize("is_named", [False, True])
+def test_a_full_disk_is_told_with_the_file(monkeypatch, is_named):
+    """An output that the disk cannot hold is refused by its name, and nothing remains.
 
-    def full(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    As that of the system, the error of the replacement names the temporary file.
+    """
+
+    def full(temporary, _):
+        names = (str(temporary),) if is_named else ()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), *names)
 
     monkeypatch.setattr(Path, "replace", full)
     assert_refused(run("trim", *AT_15.split(), "-o", "trim.json"), 2, "trim.json")
