@@ -47,7 +47,9 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
     stub = f"{os.path.splitext(file)[0]}.pyi"
 
     def get(name: str) -> Any:
-        """Return the object with a public name, imported from its module.
+        """Return the object with a public name, imported from its module, or the list `__all__`.
+
+        A function is returned with a check of the kinds of its arguments.
 
         Raises AttributeError if the name is unknown or if a required package is not installed.
         """

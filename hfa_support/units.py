@@ -209,7 +209,8 @@ def _powers(unit: str) -> Counter[str]:
     """Return name -> exponent of each unit in a product of units such as (ft/s^2)/(rad)."""
     plain = unit.replace("²", "^2").replace("³", "^3")
     bracket_slash_exponent_or_name = r"\(|\)|/|\^-?\d+|[^\s()/^*·]+"
-    return _product(iter(re.findall(bracket_slash_exponent_or_name, plain)))
+    words = re.findall(bracket_slash_exponent_or_name, plain)
+    return _product(iter(words))
 
 
 def _product(words: Iterator[str]) -> Counter[str]:

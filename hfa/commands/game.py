@@ -105,10 +105,11 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
         return _solved_table(given.games, given.at, given.source)
     (named,) = given.games
     reference = reference_of(request.reference, named)
-    with named.asking_for_time():
+    with named.hinting_at_discrete_time():
         solution = gare.solve(named.game)
         report = solution.report()
     figure = None
+    # A game without a linear model is that of --model, with which --order is refused.
     if request.order is not None and named.linear is not None:
         expansion = expand(named.linear, solution, request.order)
         figure = expansion.figure

@@ -96,14 +96,14 @@ def _in_memory(request: SweepRequest, points: GivenPoints) -> Outcome:
     if request.picture is not None and not result.trimmed.any():
         notes.append(f"nothing to draw: {request.picture} is not written")
         figure = None
-    # Notes are printed on standard error, so that standard output contains only the table.
+    # Other files than NetCDF are written from the report.
     is_netcdf = request.output is not None and request.output.suffix.lower() == NETCDF
     write = result.save if is_netcdf else None
     return Outcome(
         report=replace(report, notes=()),
         ok=bool(result.trimmed.any()),
         source=points.source(),
-        notes=notes,
+        notes=notes,  # on standard error, so that standard output contains only the table
         figure=figure,
         write=write,
     )

@@ -194,7 +194,7 @@ def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
     reading = reading_of(request, named.linear)
     verdicts = {}
     for path, file in with_progress([*files.items()], ProgressLine("compare")):
-        with named.asking_for_time(), prefix_errors(path):
+        with named.hinting_at_discrete_time(), prefix_errors(path):
             verdicts[path] = judge(
                 game,
                 file.critic(game, reading),

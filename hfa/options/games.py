@@ -261,7 +261,7 @@ class NamedGame(Result):
             return replace(self, game=self.game.select(inputs), linear=linear)
 
     @contextmanager
-    def asking_for_time(self) -> Iterator[None]:
+    def hinting_at_discrete_time(self) -> Iterator[None]:
         """Add a question on discrete time to a NoSolutionError that is raised in the `with` block.
 
         The question is added if the plant file does not state whether time is continuous or

@@ -37,8 +37,8 @@ class GivenPoints(NamedTuple):
 
     trims: what the options say about the trims
     constants: variable or parameter -> value of --hold, if it is the same at all points
-    axes: variable or parameter -> its values; parameters, the variable of --at, and constants that
-        an axis would replace are axes
+    axes: variable or parameter -> its values; parameters, the variable of --at, and alternatives to
+        an axis, such as a speed to a Mach number, are axes even if they are constant
     listed: whether the axes are the columns of a list, otherwise the points are all combinations. A
         list whose rows have different columns has no axes, and only `conditions`.
     """
@@ -120,12 +120,16 @@ def given_points(request: PointOptions) -> GivenPoints:
 
 
 def _axis_names(model: Model, swept: set[str]) -> set[str]:
-    """Return the names whose values are axes even if they are constant: what is swept, the
-    parameters, and alternatives to what is swept, such as the Mach number to the speed, which an
-    axis would replace.
+    """Return the names whose values are axes, also values that are the same at all points.
+
+    Axes are what is swept, the parameters, which a condition of all points does not contain, and
+    alternatives to what is swept: a speed in the condition of all points would silently give way to
+    a swept Mach number.
     """
-    replaced = {name for group in model.alternatives if swept.intersection(group) for name in group}
-    return {*swept, *replaced, *model.parameters}
+    alternatives = {
+        name for group in model.alternatives if swept.intersection(group) for name in group
+    }
+    return {*swept, *alternatives, *model.parameters}
 
 
 def _columns(rows: Sequence[ListedCondition]) -> dict[str, Range]:

@@ -45,7 +45,7 @@ from hfa_support.reporting.text import Table, flowing, is_warning
 #: Margin of a page, and distance of its footer from the edge, points.
 _MARGIN, _FOOT = 34.0, 18.0
 #: Name of a page -> width and height, points.
-_PAGES = {"high": A4, "wide": landscape(A4)}
+_PAGES = {"portrait": A4, "landscape": landscape(A4)}
 #: Sizes of headings by level, points.
 _HEADINGS = (13.0, 11.0, 10.0)
 #: Width of a label of a cover, height of a line to sign, and gap between columns, points.
@@ -121,7 +121,7 @@ class _NumberedPages(Canvas):
 def _story(report: Contents, level: int) -> Iterator[Flowable]:
     """Yield the parts of a report in reading order.
 
-    level: 0 for the document, 1 for a report in it
+    level: depth of nesting, 0 for the document
     """
     yield from _heading(report, level)
     notes = (*(f"Note: {note}" for note in report.notes), *report.source.split("\n"))
@@ -135,14 +135,14 @@ def _story(report: Contents, level: int) -> Iterator[Flowable]:
         return
     if report.head:
         yield _framed(report.head)
-        if level == 0:
+        if level == 0:  # a sheet alone is signed, in a book the cover
             yield _framed(dict.fromkeys(BLANKS, ""), _LINE)
         yield Spacer(0.0, 6.0)
     if any(isinstance(part, Group) for part in others):
         yield from _sheet(others, notes, with_pictures=level == 0)
     else:
         for part in others:
-            yield from _part(part, "high")
+            yield from _part(part, "portrait")
         yield from _small(notes)
 
 
@@ -166,7 +166,7 @@ class _Entry(Flowable):
         self.level = level
 
     def draw(self) -> None:
-        """Add the entry, to which cells link by the anchor of the report."""
+        """Add the entry to the outline, and the bookmark to which cells of tables link."""
         key = self.anchor or f"{self.canv.getPageNumber()} {self.title}"
         self.canv.bookmarkHorizontal(key, 0.0, 20.0)
         self.canv.addOutlineEntry(self.title, key, self.level)
@@ -202,7 +202,7 @@ def _book(
     """
     if head:
         yield Spacer(0.0, 12.0)
-        width = _area("high")[0]
+        width = _area("portrait")[0]
         entries = [[paragraph(k, font=BOLD), paragraph(text)] for k, text in head.items()]
         yield Grid(entries, [_LABEL, width - _LABEL], style=_IN_FRAMES)
         yield Spacer(0.0, 18.0)
@@ -214,12 +214,12 @@ def _book(
         yield Spacer(0.0, 12.0)
     yield from _small(notes)
     if parts:
-        yield NextPageTemplate("wide")
+        yield NextPageTemplate("landscape")
         if head:
             yield PageBreak()
         for part in parts:
-            yield from _part(part, "wide")
-        yield NextPageTemplate("high")
+            yield from _part(part, "landscape")
+        yield NextPageTemplate("portrait")
 
 
 def _part(part: Any, page: str) -> Iterator[Flowable]:
@@ -258,4 +258,4 @@ def _sheet(parts: Sequence[Any], notes: Sequence[str], with_pictures: bool) -> I
     none = dict.fromkeys(("leftPadding", "rightPadding", "topPadding", "bottomPadding"), 0.0)
     yield BalancedColumns(columns, innerPadding=_GAP, spaceAfter=6.0, **none)
     for part in below:
-        yield from _part(part, "high")
+        yield from _part(part, "portrait")

@@ -118,18 +118,22 @@ class Report(Contents):
         - .html, .md, .pdf: the text, in HTML and PDF with pictures. PDF requires reportlab
         - .tex: the text, its tables with the rules of booktabs. Requires pandas and Jinja2
 
+        A head without a date of issue gets that of the provenance, or today's.
+
         Raises BadInputError for another suffix.
         """
         from hfa_support.files import write_text
         from hfa_support.reporting.data_files import save_data
 
-        texts = {".html": self.page, ".md": self.markdown, ".tex": self.latex}
-        suffix = Path(path).suffix.lower()
         if document:
             self.with_document(document).save(path)
-        elif self.head and "issued" not in self.head:
+            return
+        if self.head and "issued" not in self.head:
             self._issued().save(path)
-        elif suffix in texts:
+            return
+        texts = {".html": self.page, ".md": self.markdown, ".tex": self.latex}
+        suffix = Path(path).suffix.lower()
+        if suffix in texts:
             write_text(path, texts[suffix]())
         elif suffix == ".pdf":
             imported("reportlab", "PDF files require")
