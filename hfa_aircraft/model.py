@@ -625,6 +625,11 @@ class Model(Reported):
         return self.source.native or self
 
     @property
+    def is_converted(self) -> bool:
+        """Whether the model was converted to SI units from its declared ones."""
+        return self.source.native is not None
+
+    @property
     def changed(self) -> dict[str, float]:
         """Parameters that are not as the model was loaded: name -> value as loaded."""
         native = self.native

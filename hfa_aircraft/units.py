@@ -202,7 +202,7 @@ def in_units_of(model: Model, value: Any, unit: str) -> Any:
     model: the model, possibly converted to SI
     value: value in the English unit `unit`
     """
-    return value if model.source.native is None else value * si_factor(unit)
+    return value * si_factor(unit) if model.is_converted else value
 
 
 def unit_of(model: Model, unit: str) -> str:
@@ -211,4 +211,4 @@ def unit_of(model: Model, unit: str) -> str:
     model: the model, possibly converted to SI
     unit: the English unit
     """
-    return unit if model.source.native is None else si_unit(unit)
+    return si_unit(unit) if model.is_converted else unit

@@ -162,6 +162,8 @@ def calibrated_speed(mach: Any, pressure: Any) -> Any:
 def calibrated_airspeed(dynamic_pressure: float, mach: float) -> float:
     """Return the calibrated airspeed, kt, at the static pressure 2 q / (1.4 M²).
 
+    At sea level, this airspeed has the same impact pressure.
+
     dynamic_pressure: q = ρ V²/2, Pa
     mach: Mach number M
     """

@@ -153,7 +153,7 @@ def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, col
 
 
 def _draw_hinges(axes: Axes, point: OperatingPoint) -> None:
-    """Draw both hinges on the side without panels, with the hinge moment, the same at both."""
+    """Draw both hinges, and on their side without panels the hinge moment, the same at both."""
     aircraft = point.model
     span = hfa_model.parameters_of(aircraft).panel_span
     moment = hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment

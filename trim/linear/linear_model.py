@@ -179,7 +179,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def dynamics(self) -> str:
-        """Name of the model."""
+        """Name of the model. That of the flexible aircraft names its equations: "published"."""
         return self.point.dynamics
 
     @property
@@ -205,6 +205,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         signals = self.model.inputs
         omitted = filter(None, (signals[name].omitted_dynamics for name in self.inputs))
         reduction = [self.reduction] if self.reduction else []
+        # `kinks` also notes rates that jump, and `reduction` is the note on omitted states.
         return [*self.point.warnings, *omitted, *self.kinks, *reduction]
 
     @property

@@ -262,7 +262,7 @@ class TrimCondition:
 
 def refuse_other_units(condition: TrimCondition, model: Model) -> None:
     """Raise BadInputError if only one of a condition and a model is in SI units."""
-    if (condition.model.source.native is None) != (model.source.native is None):
+    if condition.model.is_converted != model.is_converted:
         raise BadInputError(
             "the condition and the model have different units; create the condition with this model"
         )

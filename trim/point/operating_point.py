@@ -168,7 +168,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def dynamics(self) -> str:
-        """Name of the model."""
+        """Name of the model. That of the flexible aircraft names its equations: "published"."""
         return self.model.name
 
     @property
@@ -264,7 +264,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     def _refuse_other(self, model: Model) -> None:
         """Raise BadInputError if the point was not trimmed with this model's units and dynamics."""
-        if (self.model.source.native is None) != (model.source.native is None):
+        if self.model.is_converted != model.is_converted:
             raise BadInputError(
                 "the operating point and the model have different units; trim this model"
             )

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Column of the matrix -> row of a sheet.
-_FIGURES = {
+_KEY_FIGURES = {
     "n": "load factor",
     "L/D": "L/D",
     "static margin": "static margin",
@@ -75,7 +75,7 @@ def book_of(
     """Return the document of several conditions: the matrix, its figure, and a sheet for each trim.
 
     overview: report of all conditions, with the data for other files
-    conditions: the conditions
+    conditions: each with its report and, if there is a trim, its operating point
     model: the aircraft as loaded
     head: further entries of the cover, label -> text
     """
@@ -84,11 +84,12 @@ def book_of(
     sheets = [each.report for each in conditions if each.point is not None]
     name = subject(model)
     drawn = partial(matrix_figure, conditions)
-    figure = [Picture("conditions.png", f"{name} at {count} conditions", drawn)]
+    figure = Picture("conditions.png", f"{name} at {count} conditions", drawn)
+    has_curves = bool(_panels(conditions))
     return replace(
         overview,
         title=f"{name}, {count} conditions\n{overview.title}",
-        parts=[_matrix(conditions), *(figure if _panels(conditions) else []), *sheets],
+        parts=[_matrix(conditions), *([figure] if has_curves else []), *sheets],
         head={"aircraft": name, **head, **_loading(conditions)},
     )
 
@@ -215,9 +216,9 @@ def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, st
     for name in controls:
         cells[_heading(point.margins[name])] = _control_cell(point.margins[name])
     rows = {row.name: row for row in condition.report.sheet}
-    for heading, name in _FIGURES.items():
+    for heading, name in _KEY_FIGURES.items():
         if name in rows:
-            _, value, unit, _ = rows[name].cells()
+            _name, value, unit, _note = rows[name].cells()
             tone = "bad" if name == "worst level" and value != "1" else ""
             cells[f"{heading} [{unit}]" if unit else heading] = Cell(value, tone)
     return cells

@@ -39,7 +39,7 @@ def without_line_numbers(notes: Iterable[str]) -> list[str]:
     return [re.sub(r"(?<=>)(?: \d+)+|(?<=\.xml:) \d+", "", note) for note in notes]
 
 
-def first_line(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str:
+def first_lines(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str:
     """Return what was done, the equations and the condition, and below it the unstable modes: "HFA
     (published) trimmed: level, 68 ft/s, 40,000 ft, dihedral 10 deg", "unstable: none".
     Then come a stall, what the trim does not determine, and doubts.
@@ -66,7 +66,7 @@ def title_of(trimmed: Trimmed) -> str:
     """
     point = trimmed.point
     has_modes = point.ok and not trimmed.fault
-    lines = [first_line(trimmed, str(point.status), trimmed.modes if has_modes else None)]
+    lines = [first_lines(trimmed, str(point.status), trimmed.modes if has_modes else None)]
     if point._large_angles:
         lines.append(f"Far out: {point._large_angles[0]}")
     if point.initial_point:

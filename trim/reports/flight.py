@@ -48,10 +48,8 @@ def output_rows(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) ->
 
 
 def airspeed_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
-    """Yield the true, the equivalent and the calibrated airspeed, kt.
-
-    The static pressure is p = 2 q / (1.4 M²). The calibrated airspeed is that at which the impact
-    pressure at sea level is the same.
+    """Yield the true, the calibrated and the equivalent airspeed, kt, or what is missing for the
+    last two. A speed without a known unit has no row of the true airspeed.
     """
     speed = trimmed.roles["speed"]
     knots = conversion_factor(trimmed.unit(speed), "kt")

@@ -16,7 +16,7 @@ from hfa_support.reporting.text import WIDTH, Table, five_decimals, matrix_table
 from trim.linear.frequency import responses_at_modes, responses_table
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
-from trim.reports.first_lines import first_line, mode_lines, without_line_numbers
+from trim.reports.first_lines import first_lines, mode_lines, without_line_numbers
 from trim.reports.handling_qualities import handling_qualities
 from trim.reports.trimmed import Trimmed
 
@@ -105,7 +105,7 @@ def _first_lines(model: LinearModel, trimmed: Trimmed, blocks: Sequence[Block]) 
         "units of their table"
     )
     lines = [
-        first_line(trimmed, "linearized", model.modes),
+        first_lines(trimmed, "linearized", model.modes),
         mode_lines(model.modes, model.model),
         f"{equations}x = X - X0, u = U - U0",
         wrapped(units, WIDTH),

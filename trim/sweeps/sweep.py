@@ -325,7 +325,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         self._draw_paths(axes, columns)
         self._mark_ends(axes, columns)
         if len(self._lines()) > 1:
-            self._label_widths(axes)
+            self._add_widths_to_legend(axes)
         axes.axvline(0.0, color="gray", linewidth=0.8)
         axes.margins(0.05, 0.12)
         axes.locator_params(axis="x", nbins=6)
@@ -371,13 +371,13 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 label=beside_unit(f"{self.variables[-1]} {' or '.join(values)}", unit),
             )
 
-    def _label_widths(self, axes: Axes) -> None:
-        """Label the thinnest and the thickest paths with the values of all variables but the last:
-        "thin: speed 30 m/s".
+    def _add_widths_to_legend(self, axes: Axes) -> None:
+        """Add the thinnest and the thickest path to the legend, with the values of all variables
+        but the last: "thin: speed 30 m/s".
         """
         for line, width, word in ((0, _THIN, "thin"), (-1, _THICK, "thick")):
-            point = self._lines()[line].start
-            varied = zip(self.variables, self.values[point], self.plan.units, strict=True)
+            first_point = self._lines()[line].start
+            varied = zip(self.variables, self.values[first_point], self.plan.units, strict=True)
             texts = [
                 beside_unit(f"{name} {shown_value(value, unit, '.4g')}", unit)
                 for name, value, unit in [*varied][:-1]

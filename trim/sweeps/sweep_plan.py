@@ -230,12 +230,12 @@ class SweepPlan:
         texts = {FREE: " ".join(free), LIMIT: typed_limits(self.model, limits)}
         return stated | {name: text for name, text in texts.items() if text}
 
-    def values(self, start: int, stop: int) -> np.ndarray:
-        """Return the values of the swept variables at the points start .. stop - 1.
+    def values(self, first: int, stop: int) -> np.ndarray:
+        """Return the values of the swept variables at the points first .. stop - 1.
 
-        The shape is (stop - start, variables).
+        The shape is (stop - first, variables).
         """
-        flat_index = np.arange(start, stop)
+        flat_index = np.arange(first, stop)
         if self.listed:  # one row for each point
             per_axis = [flat_index] * len(self.axes)
         else:
@@ -246,7 +246,7 @@ class SweepPlan:
             columns.append(axis[place])
         return np.stack(columns, axis=-1)
 
-    def task(self, start: int, stop: int) -> Task:
-        """Return the arguments with which `run_points` computes the points start .. stop - 1."""
-        values = self.values(start, stop)
+    def task(self, first: int, stop: int) -> Task:
+        """Return the arguments with which `run_points` computes the points first .. stop - 1."""
+        values = self.values(first, stop)
         return Task(self.model, self.variables, values, self.condition, self.start)

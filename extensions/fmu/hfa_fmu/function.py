@@ -124,19 +124,22 @@ class Evaluator:
                 self.fault = ""
 
     def write_along(
-        self, v: memoryview, _: memoryview, direction: memoryview, result: memoryview
+        self, v: memoryview, _values: memoryview, direction: memoryview, result: memoryview
     ) -> None:
-        """Write the derivative along a direction, or NaN and the reason in `fault`.
+        """Write the derivative of f at v along a direction, or NaN and the reason in `fault`.
+
+        _values: f(v), which CasADi also passes
+        direction: change of v, of the same length
 
         CasADi asks for the derivatives by all arguments. Those by whole numbers do not exist: they
         are NaN without a reason.
         """
-        along = np.frombuffer(direction)
-        if along[self._whole].any():
+        changes = np.frombuffer(direction)
+        if changes[self._whole].any():
             result[:] = self._nan
             return
         try:
-            result[:] = self.along(np.frombuffer(v), along).tobytes()
+            result[:] = self.along(np.frombuffer(v), changes).tobytes()
         except FmuError as error:
             self._fail(error, v)
             result[:] = self._nan

@@ -247,9 +247,9 @@ class Instance:
                 continue
             if is_whole and not value.is_integer():
                 raise FmuError(f"the parameter {name} is {value:g}; hold it at a whole number")
-            setter, number = _setter(interface.version, kind)
+            setter, c_type = _setter(interface.version, kind)
             one = c_size_t(1)
-            memory = (number * 1)(int(value) if is_whole else value)
+            memory = (c_type * 1)(int(value) if is_whole else value)
             more = [one] if interface.version == 3 else []
             self._call(setter, (c_uint * 1)(reference), one, memory, *more)
 

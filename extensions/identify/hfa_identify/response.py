@@ -262,6 +262,7 @@ class Responses:
             stage, slopes = self._rates_at(states + ahead * stage, inputs, thetas)
             of_stage = slopes[:, :, :n] @ of_state
             of_stage[:, :, n:] += slopes[:, :, n:]
+            # The memory of of_state, which is no longer needed, holds the product.
             total += np.multiply(weight, of_stage, out=of_state)
         total *= durations[:, None, None] / 6.0
         total[:, diagonal, diagonal] += 1.0

@@ -227,7 +227,7 @@ def _smallest_gusts(request: FlyRequest, given: GivenTrim, asked: SmallestGust) 
         only = f"is left out of --gust {SMALLEST}; remove this option, or add --filter"
         refuse(request, ("noise", "turbulence"), only)
     _refuse_contradictions(request)
-    check_policy(request)
+    check_policy(request)  # without a cost of the flight, --Q and --R are those of the policy alone
     planned = _planned(request, given, trimmed(given))
     gusts = smallest_gusts(
         planned.model,
@@ -244,7 +244,7 @@ def _smallest_gusts(request: FlyRequest, given: GivenTrim, asked: SmallestGust) 
 def _refuse_contradictions(request: FlyRequest) -> None:
     """Raise BadInputError if options contradict each other or have no effect."""
     # Of a single flight, --Q and --R are the weights of its cost.
-    check_policy(request, ("Q", "R") if request.members is None else ())
+    check_policy(request, prices=("Q", "R") if request.members is None else ())
     beside = "cannot be combined with --{}; remove one of the two"
     if request.reference:
         require_policy(request, "--reference")

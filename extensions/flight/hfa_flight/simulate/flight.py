@@ -408,7 +408,10 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @cached_property
     def predicted(self) -> Deviations | None:
-        """Flight of the linear model up to the same time, simulated when it is first read."""
+        """Flight of the linear model, as long as this flight, or None if `predicts` is False.
+
+        It is simulated when it is first read.
+        """
         if not self.predicts:
             return None
         plant = LinearPlant.at(self.model, self.point, self.loop.wind_names)

@@ -31,6 +31,7 @@ def prove(request: CheckRequest) -> Outcome:
     trim = asked_trim(request)
     model = trim.given.common.model if request.aircraft is not None else None
     certificate = read_certificate(path, model)
+    # If options differ, or the proof fails, these two raise a NoSolutionError (exit code 1).
     not_given = compare(certificate.statement, given_for(certificate.statement, request, trim))
     proved = check(certificate, ProgressLine("check"))
     source = {} if model is None else aircraft_source(request, model)
