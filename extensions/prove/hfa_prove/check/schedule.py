@@ -160,7 +160,10 @@ class ScheduleProof:
         return np.array(list(self.statement.flight.first.values()))
 
     def _guess(self, s: float, before: TrimPiece | None) -> np.ndarray:
-        """Return an estimate (f,) of the trim at s, on which no proof depends."""
+        """Return an estimate (f,) of the trim at s, from the piece before or the first trim.
+
+        No proof depends on it.
+        """
         if before is None:
             return self._first
         return before.estimate + before.slope * (s - 0.5 * (before.low + before.high))
@@ -191,20 +194,24 @@ class ScheduleProof:
         return np.array(values).reshape(n, n, order="F")
 
     def loop(self, trims: TrimPiece) -> LinearInPosition:
-        """Return the closed loop on a piece.
+        """Return the closed loop C(w, s) at the trims of a piece, as C0 + C1 t + R.
+
+        With s = s0 + t and the trims w = v + v' t + e, e in `trims.offset`, the mean value theorem
+        gives C(w, s) = C(v, s0) + (C_s + C_w v') t + C_w e, where C_s and C_w are enclosed at all
+        points between (v, s0) and (w, s). C1 is the center of C_s + C_w v', and R has the rest.
 
         Raises Undecided if the loop switches on the piece, which its derivatives do not contain.
         """
         K = self._gain(trims.low)
         gain = [K.value.transpose().entries(), K.slope.transpose().entries(), [exact(K.origin)]]
         n = K.value.ncols()
-        at = [exact(value) for value in trims.estimate.tolist()]
-        (at_centre,) = self._loops.balls(at, [trims.middle], self.flight.numbers, *gain)
+        estimate = [exact(value) for value in trims.estimate.tolist()]
+        (at_centre,) = self._loops.balls(estimate, [trims.middle], self.flight.numbers, *gain)
         s = trims.middle + symmetric(trims.half_width)
-        # for the mean value theorem, all points between the estimate at the center and the trims
+        # e and 0: all points between the estimate at the center and the trims
         around = trims.along([offset.union(exact(0.0)) for offset in trims.offset])
         _, by_w, by_s = self._loops.derivatives(around, [s], self.flight.numbers, *gain)
-        f = len(at)
+        f = len(estimate)
         by_free = arb_mat(f, n * n, by_w).transpose()
         along = arb_mat(n * n, 1, by_s) + by_free * ball_matrix(trims.slope[:, None])
         middle = along.mid()
@@ -214,7 +221,10 @@ class ScheduleProof:
         return LinearInPosition(*(arb_mat(n, n, list(each)).transpose() for each in columns))
 
     def _check_decay(self, loop: LinearInPosition, trims: TrimPiece) -> None:
-        """Raise Rejected unless the decay rate is proved on a piece."""
+        """Raise Rejected unless the decay rate a is proved on a piece.
+
+        In the basis T of the modes, the inequality is -(S + S') - 2 a > 0 with S = T⁻¹ C T.
+        """
         n = loop.centre.nrows()
         values, vectors = np.linalg.eig(midpoints(loop.centre))
         largest = float(values.real.max())
@@ -225,11 +235,11 @@ class ScheduleProof:
                 f"{rate:.6g} 1/s"
             )
         T = ball_matrix(real_basis(values, vectors))
-        back = T.inv()
-        room = 2 * exact(rate) * identity(n)
+        T_inverse = T.inv()
+        twice_rate = 2 * exact(rate) * identity(n)
         for t in (-trims.half_width, trims.half_width):
-            S = back * loop.at(t) * T
-            if not is_positive_definite(-(S + S.transpose()) - room):
+            S = T_inverse * loop.at(t) * T
+            if not is_positive_definite(-(S + S.transpose()) - twice_rate):
                 raise Rejected(f"the decay rate {rate:.6g} 1/s is not proved")
 
     def _check_motion(self, loop: LinearInPosition, trims: TrimPiece, rate: float) -> None:

@@ -70,7 +70,11 @@ def _limited(flight: Flight) -> tuple[str, ...]:
 def _expressions(
     model: Model, imposed: tuple[str, ...], unknowns: tuple[str, ...], limited: tuple[str, ...]
 ) -> Expressions:
-    """Return the trim equations and the linear model, also of imposed outputs."""
+    """Return the trim equations of steady states and imposed outputs, and the linear model.
+
+    unknowns: names of the free variables
+    limited: names of signals with limits
+    """
     w = ca.SX.sym("w", len(unknowns))
     s = ca.SX.sym("s")
     numbers = ca.SX.sym("numbers", len(imposed) + len(model.parameters) + 1)
@@ -88,15 +92,15 @@ def _expressions(
     balanced = [f[states.index(name)] for name in model.steady]
     balanced += [y[name] - values[name] for name in outputs]
     G = ca.densify(ca.vertcat(*balanced))
-    moved = np.array(ca.DM(ca.jacobian_sparsity(G, w), 1)).any(axis=1)
+    depends_on_w = np.array(ca.DM(ca.jacobian_sparsity(G, w), 1)).any(axis=1)
     signals = dict(zip((*states, *model.inputs), ca.vertsplit(ca.vertcat(x, u)), strict=True)) | y
     linear = [states.index(name) for name in model.linear]
     return Expressions(
         w,
         s,
         numbers,
-        G[np.flatnonzero(moved).tolist()],
-        G[np.flatnonzero(~moved).tolist()],
+        G[np.flatnonzero(depends_on_w).tolist()],
+        G[np.flatnonzero(~depends_on_w).tolist()],
         ca.vertcat(*(signals[name] for name in limited)),
         A[linear, linear],
         B[linear, :],
@@ -275,7 +279,7 @@ class SteadyFlight:
         return proved
 
     def _krawczyk(self, piece: TrimPiece, Y: np.ndarray, box: Sequence[arb]) -> list[arb]:
-        """Return the Krawczyk step K of a box E.
+        """Return the Krawczyk step K of a box E, by the equation at the top of this module.
 
         piece: the estimate of the trims
         Y: approximate inverse of G_w, (f, f)

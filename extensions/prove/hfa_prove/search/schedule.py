@@ -165,17 +165,17 @@ def _samples(proof: ScheduleProof) -> list[Sample]:
     last = low
     model = proof.statement.flight.model
     nominal = model.nominal(model.linear)
-    units = nominal / nominal[:, None]
+    to_nominal = nominal / nominal[:, None]
     for s in places.tolist():
         try:
             guess, slope, _ = proof.flight.estimate(guess + slope * (s - last), s)
         except Undecided as error:
             raise NoSolutionError(f"{error} at {model.schedule} {s:.6g}") from error
         last = s
-        near = s + 1e-5 * step * (1.0 if s < high else -1.0)
+        near = s + 1e-5 * step * (1.0 if s < high else -1.0)  # for a difference quotient
         C = proof.loop_at(guess, s)
-        beside = proof.loop_at(guess + slope * (near - s), near)
-        samples.append(Sample(s, units * C, units * (beside - C) / (near - s)))
+        C_near = proof.loop_at(guess + slope * (near - s), near)
+        samples.append(Sample(s, to_nominal * C, to_nominal * (C_near - C) / (near - s)))
     return samples
 
 
@@ -195,8 +195,8 @@ def _motions(
     def motion(speed: float, nodes: Any, P: Any) -> tuple[ScheduleStatement, ScheduleWitness]:
         claim = ScheduleStatement(flight, gains, rate, speed)
         nominal = flight.model.nominal(flight.model.linear)
-        in_units = np.array(P) / np.outer(nominal, nominal)
-        return claim, ScheduleWitness(_MOST, np.array(nodes, dtype=float), in_units)
+        P_in_units = np.array(P) / np.outer(nominal, nominal)
+        return claim, ScheduleWitness(_MOST, np.array(nodes, dtype=float), P_in_units)
 
     W = _weight(samples[:: max(1, len(samples) // 16)])
     middle = samples[len(samples) // 2]
@@ -285,8 +285,8 @@ def _weight(samples: Sequence[Sample]) -> np.ndarray:
         largest = 0.0
         for _, C, slope in samples:
             half = _lyapunov(C, W) @ slope
-            growth = inverse @ _lyapunov(C, half + half.T) @ inverse.T
-            sizes, axes = np.linalg.eigh(growth)
+            P_slope = _lyapunov(C, half + half.T)  # dP/ds, by the derivative of P's equation
+            sizes, axes = np.linalg.eigh(inverse @ P_slope @ inverse.T)
             largest = max(largest, float(np.abs(sizes).max()))
             total += (axes * np.abs(sizes) ** _POWER) @ axes.T
         if largest == 0.0:  # P does not depend on s, and permits any rate
@@ -304,6 +304,6 @@ def _first_weight(C: np.ndarray) -> np.ndarray:
     T = real_basis(*np.linalg.eig(C))
     if np.linalg.cond(T) > _COINCIDENT:
         return np.eye(len(C))
-    back = np.linalg.inv(T)
-    P = back.T @ back
+    T_inverse = np.linalg.inv(T)
+    P = T_inverse.T @ T_inverse
     return np.asarray(-(C.T @ P + P @ C))
