@@ -74,10 +74,10 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
         notes.append(Note("these properties are never set and are 0", unset, where))
     for name in constant_commands(parts, equations):
         notes.append(Note(_CONSTANT, shortened(name), equations.declared[name]))
-    for component, what, is_never in reached.left_out.values():
+    for component, what, is_always in reached.left_out.values():
         name = shortened(component.attributes.get("name", ""))
         subject = f"<{component.name}> {name}: {what}"
-        statement = _NEVER if is_never else _OF_FILTERS
+        statement = _NEVER if is_always else _OF_FILTERS
         notes.append(Note(statement, subject, component.where, MOTION))
     omitted: dict[str, list[Element]] = {_NO_FORCE: [], _NOT_READ: []}
     for root in parts.folders.documents:
@@ -124,7 +124,7 @@ def _omitted(root: Element) -> Iterator[tuple[Element, str]]:
     pending = [root]
     while pending:
         element = pending.pop()
-        _account_attributes(element)
+        _refuse_unsupported_attributes(element)
         for child in reversed(element.children):
             if child.taken:
                 pending.append(child)
@@ -168,7 +168,7 @@ def _reason_to_omit(parent: Element, child: Element) -> str:
 _REPEATED = {"property", "output", "test", "location", "pointmass", "tank", "engine", "channel"}
 
 
-def _account_attributes(element: Element) -> None:
+def _refuse_unsupported_attributes(element: Element) -> None:
     """Raise BadInputError for an attribute that JSBSim evaluates and this package does not."""
     known = _elements().get(element.name, {})
     for name in element.attributes.keys() - element.attributes.taken:

@@ -216,7 +216,7 @@ def _actuator(component: Element, properties: Properties) -> Any:
     # Rate limits and hysteresis are omitted with a note.
     value = _lagged(component, "lag", input_of(component, properties), properties)
     if component.find("rate_limit") is not None:
-        properties.leave_out(component, "its rate limit", is_never=True)
+        properties.leave_out(component, "its rate limit", is_always=True)
     width = component.value_of("deadband_width", 0.0)
     if width:
         value = after_deadband(value, width)
@@ -399,7 +399,7 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
     if component.find("pvdot") is not None:
         slope = parameter(component, "pvdot", properties, 0.0)
     elif not is_zero(damping):
-        properties.leave_out(component, "the derivative of its input", is_never=True)
+        properties.leave_out(component, "the derivative of its input", is_always=True)
     if component.attributes.get("type") == "standard":
         return proportional * (value + integrated + damping * slope)
     return proportional * value + integrated + damping * slope

@@ -30,8 +30,8 @@ BEFORE_ALL = -1
 AFTER_ALL = 1 << 30
 #: Properties that depend on the total force. The control system must not depend on them.
 _OF_ALL_FORCES = ("accelerations/", "forces/", "moments/")
-#: Properties of wheels, which are 0 in flight.
 _NAME = re.compile(r"/?[A-Za-z_][\w.-]*(\[\d+\])?(/[A-Za-z_][\w.-]*(\[\d+\])?)*")
+#: Properties of wheels, which are 0 in flight.
 _ON_GROUND = re.compile(
     r"gear/unit(\[\d+\])?/"
     "(WOW|wheel-speed-fps|compression-ft|compression-velocity-fps|slip-angle-deg)"
@@ -60,7 +60,7 @@ class Writer:
     order: position in JSBSim's order of evaluation.
     component: the element, if it is a component of the control system.
     element: the element of the file, or None if JSBSim itself sets the property.
-    value: the value, after it was computed.
+    value: the value, or None before it is computed.
     """
 
     compute: Callable[[], Any]
@@ -89,12 +89,12 @@ class LeftOut(NamedTuple):
     """Dynamics of a component of the control system that are omitted.
 
     what: description of the omitted part
-    is_never: whether the part is omitted even if dynamic components have states
+    is_always: whether the part is omitted even if dynamic components have states
     """
 
     component: Element
     what: str
-    is_never: bool
+    is_always: bool
 
 
 class Properties:
@@ -170,10 +170,10 @@ class Properties:
         state = next(each for each in self.filters if each.symbol is symbol)
         state.writer = Writer(compute, state.component.where, self._order, state.component)
 
-    def leave_out(self, component: Element, what: str, is_never: bool = False) -> None:
+    def leave_out(self, component: Element, what: str, is_always: bool = False) -> None:
         """Record for a note what is omitted; the arguments are those of `LeftOut`."""
-        key = f"{component.where} {component.attributes.get('name', '')} {is_never}"
-        self.left_out.setdefault(key, LeftOut(component, what, is_never))
+        key = f"{component.where} {component.attributes.get('name', '')} {is_always}"
+        self.left_out.setdefault(key, LeftOut(component, what, is_always))
 
     def replace(self, name: str, value: Any) -> None:
         """Set a property to a value and remove all its writers."""

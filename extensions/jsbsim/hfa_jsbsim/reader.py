@@ -112,12 +112,8 @@ def read_model(text: str) -> Model:
     return declaration.model(Source(text, folders.digest), notes)
 
 
-#: Options after the question mark: name -> (value, field of `Choices`).
-_CHOICES = {
-    "filters": ("states", "filters"),
-    "engines": ("states", "engines"),
-    "throttles": ("each", "throttles"),
-}
+#: Options after the question mark: field of `Choices` -> its only value, which makes it True.
+_CHOICES = {"filters": "states", "engines": "states", "throttles": "each"}
 
 
 def _choices(text: str) -> Choices:
@@ -128,13 +124,13 @@ def _choices(text: str) -> Choices:
         if name == "inputs" and value:
             made["inputs"] = tuple(dict.fromkeys(map(canonical, value.split(","))))
             continue
-        if name not in _CHOICES or _CHOICES[name][0] != value:
-            known = ", ".join(f"{key}={only}" for key, (only, _) in _CHOICES.items())
+        if _CHOICES.get(name) != value:
+            known = ", ".join(f"{key}={only}" for key, only in _CHOICES.items())
             known += " or inputs=PROPERTY,PROPERTY"
             raise BadInputError(
                 f"{shortened(word)} is not an option of a JSBSim aircraft; use {known}"
             )
-        made[_CHOICES[name][1]] = True
+        made[name] = True
     return Choices(**made)
 
 
@@ -351,9 +347,9 @@ class _Declaration:
             names[f"propulsion/tank[{number}]/contents-lbs"] = f"tank{number}"
         for number in range(len(self.parts.points)):
             names[f"inertia/pointmass-weight-lbs[{number}]"] = f"pointmass{number}"
-        first = {name.replace("[0]", ""): short for name, short in names.items()}
+        without_zero = {name.replace("[0]", ""): short for name, short in names.items()}
         known = {*self.parameters, *self.inputs}
-        return {name: short for name, short in (names | first).items() if short in known}
+        return {name: short for name, short in (names | without_zero).items() if short in known}
 
     def _states(self) -> dict[str, Signal]:
         """Return the signals of the states, by name."""
@@ -682,6 +678,7 @@ class _Declaration:
                 return {}
             density = _density(altitude, imposed.get(ISA, 0.0))
             lift_coefficient = 0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density
+            # A typical lift coefficient is 0.25 + 5 alpha.
             alpha = np.clip(0.2 * (lift_coefficient - 0.25), -0.05, 0.25)
             values = {"speed": speed, "alpha": alpha, "pitch": alpha + imposed.get("gamma", 0.0)}
             for file in propellers:

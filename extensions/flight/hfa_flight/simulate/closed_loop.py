@@ -312,7 +312,7 @@ class ClosedLoop:
         arriving = self._arriving(t, command, inputs)
         if scenario.actuators is None:
             u = arriving
-            actuators_rate = ca.SX(0, 1)
+            actuators_rate = ca.SX(0, 1)  # no states
         else:
             actuators = scenario.actuators
             reachable = actuators.reachable(arriving, plant.point.u)
@@ -322,7 +322,8 @@ class ClosedLoop:
         if scenario.disturbance is not None:
             plant_rate[plant.linear_places] += scenario.disturbance.at(t)
         error = state.plant[plant.linear_places] - reference
-        cost_rate = ca.SX(0, 1) if self.cost is None else self.cost.rate(error, u)
+        no_state = ca.SX(0, 1)
+        cost_rate = no_state if self.cost is None else self.cost.rate(error, u)
         rates = StateParts(plant_rate, actuators_rate, cost_rate)
         return Expressions(
             rate=ca.vertcat(*rates),

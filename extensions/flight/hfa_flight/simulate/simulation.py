@@ -49,9 +49,6 @@ class CompiledLoop:
         self.observed = _row_function(self._function("loop_observed", ca.vertcat(*observed)))
         ends = np.cumsum([0, *(column.numel() for column in observed)]).tolist()
         self._places = tuple(map(slice, ends[:-1], ends[1:]))
-        self._alpha = -1
-        if now.angle.numel():
-            self._alpha = list(loop.plant.point.model.states).index(ALPHA)
         # Steps are at most a tick where time acts, so that none passes over a short signal.
         self.is_driven = ca.depends_on(now.rate, t)
 
@@ -129,7 +126,8 @@ class CompiledLoop:
             if over.any():
                 last = first + math.ceil(over.argmax() / per_tick)
             ends = over.any() or last == ticks
-            kept = slice((last - first) * per_tick + bool(ends))
+            # The last row is the first of the next window, if there is one.
+            kept = slice((last - first) * per_tick + (1 if ends else 0))
             parts.append(_Rows(*(part[kept] for part in rows)))
             if progress is not None:
                 progress(ticks if ends else last, ticks)
@@ -152,9 +150,9 @@ class CompiledLoop:
         parts = self.loop.parts(rows)
         errors, inputs, winds, angle = (columns[:, place] for place in self._places)
         limited = parts.plant
-        if self._alpha >= 0:
+        if angle.size:  # the envelope limits it in place of alpha
             limited = parts.plant.copy()
-            limited[:, self._alpha] = angle[:, 0]
+            limited[:, list(self.loop.plant.point.model.states).index(ALPHA)] = angle[:, 0]
         air = dict(zip(self.loop.wind_names, winds.T, strict=True))
         cost = parts.cost[:, 0] if parts.cost.size else None
         return Deviations(times, parts.plant, errors, inputs, limited, air, cost)
