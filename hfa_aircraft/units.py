@@ -35,7 +35,7 @@ def in_si(model: Model) -> Model:
         name: signal.unit if name in AIRSPEEDS else si_unit(signal.unit)
         for name, signal in model.signals.items()
     }
-    return _converted(model, units, in_si)
+    return _converted(model, units, reload=in_si)
 
 
 @lru_cache(maxsize=16)
@@ -48,7 +48,7 @@ def coherent(model: Model) -> Model:
     words = " ".join(signal.unit for signal in model.signals.values())
     bases = ENGLISH_BASES if re.search(r"\bft\b", words) else SI_BASES
     units = {name: coherent_unit(signal.unit, bases) for name, signal in model.signals.items()}
-    return _converted(model, units, coherent)
+    return _converted(model, units, reload=coherent)
 
 
 def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model], Model]) -> Model:
@@ -187,7 +187,7 @@ class _Equations:
     equations: Callable[..., Any]
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return state -> rate and output -> value.
+        """Return state -> rate and output -> value, all in converted units.
 
         x, u, p, w: state, input, parameters and disturbances
         """

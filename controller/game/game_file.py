@@ -119,10 +119,11 @@ def _time(stored: Mapping[str, Any]) -> dict[str, Any]:
                 'discount requires a discrete-time plant; remove it, or add time = "discrete"'
             )
         return {}
-    time: dict[str, Any] = {"dt": True}
-    for key in ("dt", "discount"):
-        if key in stored and stored[key] is not True:
-            time[key] = one_number(key, stored[key])
+    time: dict[str, Any] = {"dt": True}  # discrete time with an unknown sample time
+    if stored.get("dt", True) is not True:
+        time["dt"] = one_number("dt", stored["dt"])
+    if "discount" in stored:
+        time["discount"] = one_number("discount", stored["discount"])
     if not time["dt"]:
         raise BadInputError('dt is 0, but time is "discrete"; give the sample time in s')
     return time

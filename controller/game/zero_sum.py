@@ -22,7 +22,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shown,
 )
-from hfa_support.matrices import LARGEST, balanced, checked_matrix, shape_text
+from hfa_support.matrices import LARGEST, balanced, checked_matrix, power_of_two, shape_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue
 from hfa_support.reporting.text import matrix_table, numbered
@@ -416,8 +416,8 @@ def _step_with_held(A: np.ndarray, held: np.ndarray, dt: float) -> np.ndarray:
     Raises BadInputError if dt is below `SHORTEST` divided by the largest entry of A in balanced
     units.
 
-    A: (n, n)
-    held: (n, k)
+    A: rates of z per z, (n, n)
+    held: rates of z per held input v, (n, k)
     dt: duration of the step, s
     """
     from scipy.linalg import expm
@@ -433,8 +433,7 @@ def _step_with_held(A: np.ndarray, held: np.ndarray, dt: float) -> np.ndarray:
     # d/dt [z; v] = [A held; 0 0] [z; v]. With z = units y and w = sizes v,
     # y' = scaled_A y + (held / sizes) w has entries of similar sizes.
     held = held / units[:, None]
-    sizes = np.abs(held).max(axis=0)  # of each column, a power of two
-    sizes = np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0)))) * (fastest or 1.0)
+    sizes = power_of_two(np.abs(held).max(axis=0)) * (fastest or 1.0)
     rates = np.hstack([scaled_A, held / sizes])
     rates_of_held = np.zeros((held.shape[1], rates.shape[1]))
     exponential = expm(dt * np.vstack([rates, rates_of_held]))

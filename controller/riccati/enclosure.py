@@ -207,9 +207,13 @@ def decided_in_doubles(equation: Equation[DoubleBalls], frequency: float | None)
 
 
 def _have_same_gains(first: Enclosure, second: Enclosure) -> bool:
-    """Return whether B K of two enclosures differ by at most 1 % (`relative_change`)."""
+    """Return whether B K of two enclosures differ by at most 1 % (`relative_change`).
+
+    B K, not K, is what the loop A - B K sees, and does not depend on the units of the inputs.
+    """
     A, B = first.game.A, first.game.B
-    units = np.exp2(first.proved.bounds.units.states.astype(float))
+    exponents = first.proved.bounds.units.states  # of the units in which P is nearly 1
+    units = np.exp2(exponents.astype(float))
     BK_first, BK_second, A_scaled = (
         matrix / units[:, None] * units
         for matrix in (B @ midpoints(first.K), B @ midpoints(second.K), A)

@@ -70,7 +70,7 @@ class Stabilizing(Generic[Bound]):
 
     @property
     def equation(self) -> Equation[Balls]:
-        """The equation in `Balls`."""
+        """The Riccati equation of `bounds`, in `Balls`."""
         return self.bounds.with_arithmetic(Balls)
 
 

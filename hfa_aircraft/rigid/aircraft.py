@@ -90,8 +90,8 @@ class Motion:
 
         specific_force: force without weight, divided by mass, in body axes, (3,)
         """
-        weight = self._gravity * self._down
-        return acceleration(self.velocity, self.rates, specific_force, weight)
+        gravity = self._gravity * self._down
+        return acceleration(self.velocity, self.rates, specific_force, gravity)
 
     def forces(
         self,

@@ -30,7 +30,7 @@ _DIFFERENCES = {"deflection": (5e-5, "rad"), "thrust": (3e-3, "of it"), "eigenva
 #: The error of a truncated number is up to two half units, and of a rounded number one.
 MOST_HALF_UNITS = 2.0
 #: Tolerance of an entry that is an exact integer.
-_ROUNDING = 5e-13
+ROUNDING = 5e-13
 #: Limits that include all surface deflections of the released simulation.
 _ANY_INPUT = dict.fromkeys(INPUTS, (-10000.0, 10000.0))
 
@@ -131,7 +131,7 @@ def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
 def _half_unit(digits: str) -> float:
     """Return half a unit of the last decimal of a printed number."""
     decimals = len(digits.partition(".")[2])
-    return 0.5 * 10.0**-decimals if decimals else _ROUNDING
+    return 0.5 * 10.0**-decimals if decimals else ROUNDING
 
 
 @dataclass(frozen=True, repr=False)
@@ -163,7 +163,7 @@ class Validation(Checked, Reported):
             )
             for speed, dihedral, alpha, *differences in self.trims
         ]
-        inexact = [entry for entry in self.entries if entry.half_unit > _ROUNDING]
+        inexact = [entry for entry in self.entries if entry.half_unit > ROUNDING]
         about = f"speed {shown_unit('ft/s')}", "dihedral deg", "alpha deg"
         roots = [
             (f"{degrees:g}", f"{read:.2f}", f"{computed:.4f}")

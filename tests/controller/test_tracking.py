@@ -53,7 +53,10 @@ def test_the_command_of_the_paper_is_no_trim(dihedral_deg):
 
 
 def test_a_commanded_pitch_is_a_trim_of_this_pitch():
-    """The climb at which SciPy finds the pitch, where a trim holds gamma in place of the pitch."""
+    """The needed values are those of the climb with this pitch, which SciPy finds over gamma.
+
+    A pitch 0.5 rad above that of the trim is not reachable.
+    """
     model = hfa.load_model(f"{ROOT}/examples/navion.py:NAVION")
     point = hfa.trim(model)
     linear = hfa.linearize(model, point)

@@ -59,7 +59,7 @@ def test_a_linear_model_is_read_from_its_file(tmp_path):
 def test_labelled_matrices_are_put_in_order():
     """Tables of pandas name the states and inputs, in any order of rows and columns.
 
-    Wrong labels are refused, and labels where no order is known.
+    Wrong labels are refused, and labels of weights beside matrices without names.
     """
     pandas = pytest.importorskip("pandas")
     table_A = pandas.DataFrame(A, ["q", "v"], ["q", "v"])
@@ -74,6 +74,8 @@ def test_labelled_matrices_are_put_in_order():
     assert game.R.tolist() == [[3.0]]
     with pytest.raises(BadInputError, match="Q has the labels q, w; label each of q, v once"):
         hfa.game(linear, Q=pandas.DataFrame(np.eye(2), ["q", "w"], ["q", "w"]), R=[1.0])
+    with pytest.raises(BadInputError, match="Q has labels; give"):
+        hfa.lqr(A, B, Q, [1.0])
     gain = pandas.DataFrame([[2.0, 1.0]], ["f"], ["v", "q"])
     assert hfa.from_gain(game, gain).K.tolist() == [[1.0, 2.0]]
 

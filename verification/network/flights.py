@@ -166,7 +166,13 @@ def costs_above_optimum(
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
-    """Return the largest tested multiple of the box from which all simulations converge, or 0."""
+    """Return the largest tested multiple of the box from which all simulations converge, or 0.
+
+    The multiples are the powers of two from 2^-`DOUBLINGS` to 2^`DOUBLINGS`.
+
+    b: half widths of the box |z| <= b, (n,)
+    few: number of simulations from each multiple
+    """
 
     def converges(size: float) -> bool:
         """Return whether all flights from a multiple of the box converge."""

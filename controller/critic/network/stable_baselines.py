@@ -111,7 +111,8 @@ def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Stated]:
                 'the member "data" of the zip file is not a dictionary; save the model again'
             )
         tensors = flattened(torch_content(unpacked(archive, "policy.pth")))
-    return tensors, _stated(data, checked_tensors(tensors)[0])
+    doubles, _ = checked_tensors(tensors)
+    return tensors, _stated(data, doubles)
 
 
 def _stated(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Stated:
@@ -353,7 +354,10 @@ def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
 
 
 def _statistics(stored: Inert) -> list[dict[str, Any]]:
-    """Return the attributes of each running mean of a VecNormalize object, in order."""
+    """Return the attributes of each running mean of a VecNormalize object.
+
+    They are in the order of the observation space, a single one if it has no parts.
+    """
     running = getattr(stored, "obs_rms", None)
     if not isinstance(running, dict):
         running = {"observations": running}

@@ -87,6 +87,7 @@ def test_extents_are_those_of_the_ellipsoid():
 
 
 def test_linear_plant_agrees_everywhere():
+    """V2 and V3 of a linear plant agree with flights in sets z'Pz <= c of every size c."""
     linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
     solution = hfa.solve(hfa.game(linear, Q=[1.0, 1.0], R=[2.0], delta=5.0))
     assert [radius.c for radius in expand(linear, solution, 3).radii] == [math.inf, math.inf]

@@ -168,6 +168,7 @@ def test_structures_are_read_if_top_level_is_empty():
             "unknown entry 'Gamma'",
         ),
         (PLANT | {"dt": 0.1, "time": "continuous"}, "dt denotes discrete time, but"),
+        (PLANT | {"dt": True, "discount": True}, "discount does not consist of"),
         (PLANT | {"Q": [[[1], 2]]}, "Q does not consist of rows of real numbers"),
         (PLANT | {"B1": B2, "C1": A2, "D12": B2}, r"B1, C1, D12 are of another convention"),
         ({"A": A2, "B1": B2, "B2": B2, "C1": A2}, r"give instead B \(its B, or B2\), E = B1"),

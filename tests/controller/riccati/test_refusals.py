@@ -50,6 +50,7 @@ def test_a_frequency_proves_that_the_disturbance_gains_too_much(n, k, dt):
         )
         with precision(BITS):
             equation = equation_of(game, first_units(game, game.delta), Balls)
+            # None: no enclosure is known, and only a frequency can prove it.
             assert bool(why_no_value(equation, None, in_bits=False)) == is_refused
 
 

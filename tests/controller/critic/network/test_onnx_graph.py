@@ -124,7 +124,11 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_graphs_that_are_no_rows_or_no_network_are_refused(name):
+def test_unsupported_graphs_are_refused(name):
+    """A graph of other inputs, operators, attributes or shapes, or a large one, is refused.
+
+    The message says what of it is not supported.
+    """
     said, nodes, constants, states = REFUSED[name]
     assert said in refusal(onnx_file("wrong.onnx", nodes, constants, states=states))
 
