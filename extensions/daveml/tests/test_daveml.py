@@ -153,7 +153,9 @@ def test_a_center_of_gravity_and_a_thrust_have_their_moments(tmp_path):
 
 
 def test_forces_in_body_axes_give_the_aircraft_of_lift_and_drag(tmp_path):
-    """C_X = C_L sin α - C_D cos α and C_Z = -C_L cos α - C_D sin α give the same motion."""
+    """C_X = C_L sin α - C_D cos α and C_Z = -C_L cos α - C_D sin α give the motion and the outputs
+    of C_L and C_D. C_Z without C_X is refused.
+    """
 
     def product(factor, function):
         angle = f"<apply><{function}/><ci>alpha_rad</ci></apply>"
@@ -178,7 +180,9 @@ def test_forces_in_body_axes_give_the_aircraft_of_lift_and_drag(tmp_path):
 
 
 def test_a_moved_input_has_its_initial_value_and_a_constant_is_a_parameter(tmp_path):
-    """A deflection with an initial value is an input, another variable with one a parameter."""
+    """A deflection with an initial value is an input, another variable with one a parameter. Limits
+    in the file are those of the model; limits that the file does not have are marked as assumed.
+    """
     old = '<variableDef name="elevatorDeflection" varID="de" units="deg"'
     fuel = '<variableDef name="fuel" varID="f" units="kg" initialValue="2"><isInput/></variableDef>'
     path = changed(tmp_path, old, f'{fuel}{old} initialValue="-2"')
@@ -211,7 +215,7 @@ def test_an_output_of_one_file_is_an_input_of_another(tmp_path):
 
 
 def test_a_missing_and_a_repeated_definition_are_refused(tmp_path):
-    """A missing or unreadable file for the mass, and a mass in two files, are refused."""
+    """A file without the mass, a mass in two files, and a file that is missing are refused."""
     mass = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
     alone = tmp_path / "aero.dml"
     alone.write_text(TEXT.replace(mass, ""), encoding="utf-8")
@@ -313,7 +317,9 @@ def test_operators_have_the_values_of_numpy(operator, tmp_path):
     ],
 )
 def test_formulas_have_their_analytical_values(text, expected, tmp_path):
-    """Constants, numbers and the first piece that applies have their analytical values."""
+    """Nested operators, constants, numbers and the first piece that applies have their analytical
+    values.
+    """
     assert formula(text, 0.3, tmp_path) == pytest.approx(expected, rel=1e-14)
 
 
@@ -491,7 +497,9 @@ def test_a_function_of_points_equals_a_gridded_table(tmp_path):
     ],
 )
 def test_a_faulty_function_of_points_is_refused(old, new, message, tmp_path):
-    """Missing elements, wrong numbers of values and breakpoints in a wrong order are refused."""
+    """Missing elements, wrong values, undefined variables, breakpoints in a wrong order and another
+    interpolation are refused.
+    """
     assert old in _POINTS
     path = tmp_path / "points.dml"
     path.write_text(_ONE.format("", re.sub(rf"(?<!in){old}", new, _POINTS)))

@@ -39,7 +39,10 @@ def gains_file(folder, **content):
 
 
 def test_gain_files_of_each_layout_are_read(tmp_path):
-    """One gain, a table with the value first, and one with the value last, in the file's units."""
+    """One gain and tables with the scheduling value first or last are read in the file's units.
+
+    A table is linear between its breakpoints and constant beyond; flights beyond are refused.
+    """
     K = np.arange(6.0).reshape(3, 1, 2) + 1.0
     levels = np.array([1.0, 2.0, 4.0])
     for content in (
@@ -96,7 +99,9 @@ def test_wrong_gain_files_are_refused(tmp_path, content, said):
 
 
 def test_breakpoints_of_an_unknown_unit_are_refused(tmp_path):
-    """The unit of a scheduling variable that is no linear state is not in the file."""
+    """A file has no unit of a scheduling variable that is no linear state: with a state in another
+    unit than the model's, the table is refused.
+    """
     model = Model("tank", TANK.states, TANK.inputs, tank, linear=("rate",),
                   trim={"level": 0.5}, schedule="level")  # fmt: skip
     table = {"K": np.ones((2, 1, 1)), "level": [1.0, 2.0]}
@@ -106,7 +111,7 @@ def test_breakpoints_of_an_unknown_unit_are_refused(tmp_path):
 
 
 def test_a_policy_with_a_reference_follows_no_other():
-    """Gains of a table and `hfa.track` have a reference; that of the scenario is refused."""
+    """Tables of gains and `hfa.track` fly by their own reference, and refuse that of a scenario."""
     point = hfa.trim(TANK)
     table = GainSchedule(np.array([0.0, 1.0]), np.ones((2, 1, 2)), TANK)
     linear = hfa.linearize(TANK, point)

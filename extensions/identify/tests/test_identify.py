@@ -126,6 +126,7 @@ def spike(values):
 @pytest.mark.parametrize(
     ("column", "fault", "seen", "size"),
     [
+        # Sizes in rad/s and rad: that of the spike is planted, the others are those once found.
         ("pitch_rate", lambda q: 1.3 * q, "pitch_rate", 0.13),
         ("elevator", late, "alpha", 0.02),
         ("alpha", late, "alpha", 0.03),
@@ -146,7 +147,7 @@ def test_a_planted_fault_is_seen(column, fault, seen, size):
         assert (clearest.time, clearest.samples) == (pytest.approx(3.96), 1)
     else:
         assert 0.5 < clearest.time < 4.5
-        assert clearest.samples == 0
+        assert clearest.samples == 0  # no samples stand alone: the difference follows the inputs
 
 
 def test_parameters_far_from_the_start_are_told():

@@ -177,7 +177,8 @@ def _policy_function(policy: FunctionPolicy) -> str:
 def _rates(model: Model) -> ca.Function:
     """Return the CasADi Function (x, u, w, p) -> dx, the equations of motion."""
     vectors: Any = model.layout.symbols("x", "u", "p")
-    w = ca.SX.sym("w", max(1, len(model.disturbances)))
+    w = ca.SX.sym("w", max(1, len(model.disturbances)))  # C has no arrays without entries
     winds = components(w)[: len(model.disturbances)]
-    rates, _ = model.layout.expressions(tuple(map(components, vectors)), (), winds)
+    no_outputs = ()
+    rates, _ = model.layout.expressions(tuple(map(components, vectors)), no_outputs, winds)
     return ca.Function("rates", [vectors[0], vectors[1], w, vectors[2]], [rates])

@@ -238,7 +238,11 @@ def _actuator_channels(model: Model, actuators: ActuatorBank | None) -> list[Cha
 def _channels(
     model: Model, names: Iterable[str], values: Iterable[float], *, rates: bool = False
 ) -> list[Channel]:
-    """Return the channels of signals of a model."""
+    """Return the channels of signals of a model.
+
+    values: value of each signal at the start
+    rates: whether the channels also have the units of the signals' rates
+    """
     channels = []
     for name, value in zip(names, values, strict=True):
         rate_unit = model.rate_unit(name) if rates else None

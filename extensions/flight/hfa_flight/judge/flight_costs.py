@@ -66,13 +66,13 @@ class FlightCosts(Result):
 
     starts: number of initial conditions.
     lost: number of the policy's flights that leave the envelope or have not returned to the trim.
-        The others are held.
+        The others converge.
     seconds: duration of the longest of the policy's flights, s.
     lqr_lost: number of the LQR's flights that leave or have not returned.
-    both: number of initial conditions from which the flights of both are held.
-    unresolved: number of held flights whose cost changes with half the integration step.
-    ratios: costs of the policy's flights relative to the LQR's, where both are held, or None.
-    cost: cost of the policy's flights, where both are held, or None.
+    both: number of initial conditions from which the flights of both converge.
+    unresolved: number of converging flights whose cost changes with half the integration step.
+    ratios: costs of the policy's flights relative to the LQR's, where both converge, or None.
+    cost: cost of the policy's flights, where both converge, or None.
     lqr_cost: the same of the LQR's flights.
     offset_rate: cost per second of the steady-state error, or None without an equilibrium.
     """
@@ -165,28 +165,31 @@ def flight_costs(
     loop = flights.of("policy", policy_about(deployed, point, "policy"))
     starts = drawn_starts(problem, count, seed, case.box)
     _refuse_slow(flights, starts)
-    own: list[SimulatedFlight] = []
-    linear: list[SimulatedFlight] = []
+    policy_flights: list[SimulatedFlight] = []
+    lqr_flights: list[SimulatedFlight] = []
     for start in with_progress([*starts], progress):
         seconds = (1.0 + AFTER) * flights.horizon(start)
-        linear.append(flights.linear(start, seconds))
-        own.append(flights.fly(loop, start, seconds))
-    held = [flight for flight in own if flight.converges]
-    lqr_held = [flight for flight in linear if flight.converges]
-    pairs = zip(own, linear, strict=True)
-    both = [(one, other) for one, other in pairs if one.converges and other.converges]
+        lqr_flights.append(flights.linear(start, seconds))
+        policy_flights.append(flights.fly(loop, start, seconds))
+    converged = [flight for flight in policy_flights if flight.converges]
+    lqr_converged = [flight for flight in lqr_flights if flight.converges]
+    both_converged = [
+        (flight, lqr_flight)
+        for flight, lqr_flight in zip(policy_flights, lqr_flights, strict=True)
+        if flight.converges and lqr_flight.converges
+    ]
     rate = None
     if case.equilibrium is not None:
         rate = offset_rate(deployed, point, case.equilibrium)
     return FlightCosts(
         starts=count,
-        lost=count - len(held),
-        seconds=max(flight.seconds for flight in own),
-        lqr_lost=count - len(lqr_held),
-        both=len(both),
-        unresolved=sum(not flight.resolved for flight in (*held, *lqr_held)),
-        ratios=Ratios.of([one.cost / other.cost for one, other in both]),
-        cost=MeanCost.of([one.cost for one, _ in both]),
-        lqr_cost=MeanCost.of([other.cost for _, other in both]),
+        lost=count - len(converged),
+        seconds=max(flight.seconds for flight in policy_flights),
+        lqr_lost=count - len(lqr_converged),
+        both=len(both_converged),
+        unresolved=sum(not flight.resolved for flight in (*converged, *lqr_converged)),
+        ratios=Ratios.of([flight.cost / lqr_flight.cost for flight, lqr_flight in both_converged]),
+        cost=MeanCost.of([flight.cost for flight, _ in both_converged]),
+        lqr_cost=MeanCost.of([lqr_flight.cost for _, lqr_flight in both_converged]),
         offset_rate=rate,
     )

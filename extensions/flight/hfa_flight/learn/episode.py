@@ -127,8 +127,8 @@ class Episode:
         self._observed = np.zeros((1, self.deployed.observe.numel_out(0)))
         self._outcome = np.zeros((1, 3))  # reward, lost, over
         self._name_parts()
-        tables = (self._state, self._outcome, self._observed)
-        self._fly = _bound(self._code, (self._state, self._held), tables)
+        written = (self._state, self._outcome, self._observed)
+        self._fly = _bound(self._code, (self._state, self._held), written)
 
     def _name_parts(self) -> None:
         """Name the parts of the rows that are read and set between samples, as views."""

@@ -79,7 +79,9 @@ class Grid:
     ) -> None:
         self.scaled, self.dt, self.asked = scaled, dt, asked
         self._fine, self._count, self._longest = fine, count, longest
-        self._found: dict[int, Holds] = {}
+        #: Number of samples since a plan that began at a multiple of `longest` -> holds of a plan.
+        self._holds_of_plans: dict[int, Holds] = {}
+        #: Number of samples of a hold -> its linear model and cost.
         self._holds: dict[int, Hold] = {}
 
     def samples(self, age: int) -> np.ndarray:
@@ -92,6 +94,7 @@ class Grid:
         for _ in range(self._count):
             wanted = max(1, 2 * (first_sample - age) // self._fine)
             length = min(1 << (wanted.bit_length() - 1), self._longest)
+            # A hold begins and ends at a multiple of its length, so that later plans have it, too.
             while first_sample % length:
                 length //= 2
             lengths.append(length)
@@ -101,12 +104,12 @@ class Grid:
     def at(self, age: int) -> Holds:
         """Return the holds of a plan. The argument is that of `samples`."""
         phase = age % self._longest
-        if phase not in self._found:
+        if phase not in self._holds_of_plans:
             samples = self.samples(phase)
             linear = [self._hold(length) for length in samples.tolist()]
             weights = np.array([hold.W for hold in linear])
-            self._found[phase] = Holds(samples, self.dt * samples, linear, weights)
-        return self._found[phase]
+            self._holds_of_plans[phase] = Holds(samples, self.dt * samples, linear, weights)
+        return self._holds_of_plans[phase]
 
     def _hold(self, length: int) -> Hold:
         """Return the linear model and cost of a hold of some samples, computed once."""

@@ -122,7 +122,7 @@ class Predictive(SampledPolicy):
             "unsolved": done.unsolved,
             "late": done.late,
             "linear": done.linear,
-            "wrong": self.controller.wrong,
+            "wrong": self.controller.wrong,  # samples in whose place the prediction was used
         }
         times: dict[str, float | None] = {"median_seconds": None, "seconds_99": None}
         if len(done.seconds):

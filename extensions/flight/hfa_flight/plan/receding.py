@@ -85,11 +85,12 @@ class RecedingHorizon:
     """
 
     def __init__(self, planner: Planner, end: EndLaw, budget: float) -> None:
-        k, n, _ = planner.scaled.sizes
+        k, n, _ = planner.scaled.sizes  # k states of the linear model among n followed ones
         self.planner = planner
         self.end = end
         self.budget = budget
-        #: Cost below which a flight is at its target.
+        #: Cost below which a flight is at its target. The box is that of the states of the linear
+        #: model, which are the first of the followed ones.
         self.nothing = _NOTHING * planner.value(np.pad(planner.scaled.box, (0, n - k)))
         self.reset(delay=0.0)
 

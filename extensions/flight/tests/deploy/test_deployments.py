@@ -92,7 +92,7 @@ def message_of(folder, text):
     ],
 )  # fmt: skip
 def test_mistakes_in_deployment_files_are_refused(folder, typed, instead, said):
-    """In one line that names the entry and the correction."""
+    """A mistake is refused in one line that names the entry and the correction."""
     assert typed in DEPLOYMENT
     assert said in message_of(folder, DEPLOYMENT.replace(typed, instead))
 
@@ -174,7 +174,9 @@ def rewrite_zip(folder, more=None, *, weights=None):
     ],
 )
 def test_a_zip_of_anything_else_is_refused_and_not_run(folder, monkeypatch, more, said):
-    """What it would call, what is no entry of Stable-Baselines3, and other classes."""
+    """Zips that would call a function, with entries that Stable-Baselines3 does not write, or with
+    other classes are refused, and nothing is called.
+    """
     monkeypatch.chdir(folder)
     rewrite_zip(folder, more)
     assert said in message_of(folder, DEPLOYMENT)
@@ -182,7 +184,7 @@ def test_a_zip_of_anything_else_is_refused_and_not_run(folder, monkeypatch, more
 
 
 def test_spaces_that_are_no_flat_box_are_refused(folder):
-    """Another kind of space, a box of two axes, and limits in the wrong order."""
+    """Another kind of space, a box of two axes, and limits in the wrong order are refused."""
     spaces = pytest.importorskip("gymnasium").spaces
     turned = spaces.Box(-1.0, 1.0, (2,))
     turned.low = np.array([2.0, -1.0])
@@ -196,7 +198,9 @@ def test_spaces_that_are_no_flat_box_are_refused(folder):
 
 
 def test_damaged_files_are_refused(folder, monkeypatch):
-    """Each in one line: pickles, zips that lie about their size, pipes, and numbers that are none."""
+    """Each damaged file is refused in one line: pickles that call or are empty, zips that lie about
+    their size, pipes, files of another kind, and numbers that are not finite.
+    """
     monkeypatch.chdir(folder)
     (folder / "calls.pkl").write_bytes(pickle.dumps(Caller()))
     (folder / "empty.pkl").write_bytes(b"")
@@ -242,7 +246,9 @@ def test_damaged_files_are_refused(folder, monkeypatch):
 
 @pytest.mark.parametrize(("name", "activation"), [("ELU", "elu"), ("Odd", None)])
 def test_the_activation_of_a_zip_is_read_or_refused(folder, name, activation):
-    """`policy_kwargs` with a class of PyTorch, which is not imported, as the layers alone with it."""
+    """A zip that names its activation by a class of PyTorch, which is not imported, has the actions
+    of its layers alone with this activation. An unknown activation is refused.
+    """
     content = f"(dS'activation_fn'\nctorch.nn.modules.activation\n{name}\ns.".encode()
     rewrite_zip(folder, {"policy_kwargs": pickled(content)})
     if activation is None:
@@ -258,7 +264,9 @@ def test_the_activation_of_a_zip_is_read_or_refused(folder, name, activation):
 
 
 def test_the_usual_deployment_moves_inputs_by_half_their_range():
-    """From the trim by a in [-1, 1]; by the nominal value of an input without limits."""
+    """An action a in [-1, 1] moves an input from its trim by half its range, or by its nominal value
+    without limits. All linear states are observed in their nominal values.
+    """
     model = dataclasses.replace(
         model_of(GTM),
         inputs={
@@ -330,7 +338,9 @@ ZIPS = ROOT / "tests" / "controller" / "critic" / "network" / "zips"
 
 @pytest.mark.parametrize("name", ["ppo", "ppo_squash", "sac", "sac_sde", "td3", "ars", "a2c"])
 def test_a_deployment_has_the_actions_that_verify_judges(name):
-    """Bit by bit, with squash, clip and box of the file; another box or squash is refused."""
+    """Its actions equal those of `read_critic` bit by bit, with the squash, clip and box of the file.
+    Another box or squash is refused.
+    """
     file = ZIPS / f"{name}.zip"
     tables = {"observation": {each: {} for each in ("speed", "alpha", "pitch")}}
     deployment = gtm_deployment({"file": file}, **tables)
@@ -349,7 +359,9 @@ def test_a_deployment_has_the_actions_that_verify_judges(name):
 
 
 def test_the_normalizer_of_a_checkpoint_is_that_of_the_deployment(tmp_path):
-    """The file of rsl_rl states it: (o - mean) / (deviation + .01); another one is refused."""
+    """The normalizer in a file of rsl_rl is applied, (o - mean) / (deviation + .01). A second one in
+    the deployment is refused.
+    """
     weight = np.random.default_rng(1).normal(size=(2, 4))
     mean, deviation = np.array([[1.0, 2.0, -1.0, 0.5]]), np.array([[2.0, 0.5, 0.1, 3.0]])
     path = torch_file(
@@ -371,7 +383,9 @@ def test_the_normalizer_of_a_checkpoint_is_that_of_the_deployment(tmp_path):
 
 
 def test_a_normalizer_of_a_dictionary_is_in_the_order_of_its_space():
-    """As `VecNormalize.normalize_obs` of Stable-Baselines3 normalizes it, with its clip at 1.5."""
+    """A policy behind it acts as on the observations that `VecNormalize.normalize_obs` of
+    Stable-Baselines3 normalized, with its clip at 1.5, and not as without it.
+    """
     stored = json.loads((ZIPS / "actions.json").read_text())
     observed, normalized = stored["observations"], stored["normalized by sac_dict.pkl"]
     tables = {"observation": {each: {} for each in ("speed", "alpha", "pitch")}}
@@ -388,7 +402,9 @@ def test_a_normalizer_of_a_dictionary_is_in_the_order_of_its_space():
 
 
 def test_a_normalizer_that_saw_more_than_the_training_is_noted(folder):
-    """A normalizer of PPO has seen its steps and one reset of each environment, or more."""
+    """A normalizer of PPO has seen the steps of the training and at most one reset of each
+    environment. One that has seen more is noted, also in the report of `hfa verify`.
+    """
     steps = json.loads(zipfile.ZipFile(FOLDER / "ppo_gtm.zip").read("data"))["num_timesteps"]
     (folder / "deployment.toml").write_text(DEPLOYMENT)
     point = hfa.trim(model_of(GTM), at=45.0)
@@ -403,7 +419,7 @@ def test_a_normalizer_that_saw_more_than_the_training_is_noted(folder):
 
 
 def test_an_assessment_finds_another_normalizer_and_a_missing_one():
-    """The finding is a warning, beside the verdict of the loop with what is given."""
+    """Each is one finding. Only the right normalizer gives the loop of the stored deployment."""
     for policy, said in (
         ({}, "trained behind a VecNormalize"),
         ({"normalizer": FOLDER / "ppo_squash.pkl"}, "saw 516 observations"),

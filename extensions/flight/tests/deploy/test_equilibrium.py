@@ -81,7 +81,9 @@ def test_the_equilibrium_balances_the_offset_of_the_policy():
 
 @pytest.mark.slow
 def test_inputs_that_follow_themselves_have_a_larger_gain():
-    """u = -K x + .5 of the elevator before: its settled gain is twice K, and K for an integrator."""
+    """The elevator -K x + .5 of its value before has the settled gain 2 K, and -K x + its value
+    before, an integrator, K.
+    """
     names = ("alpha", "speed", "elevator")
     for share, factor in ((0.5, 2.0), (1.0, 1.0)):
         follows = lambda o, s=share: -ca.DM(K) @ o[:2] + ca.DM([s, 0.0]) * o[2]  # noqa: E731
@@ -118,7 +120,9 @@ def test_a_saturated_equilibrium_fails_and_its_actions_are_named():
 
 
 def test_clipped_observations_are_named():
-    """On either side."""
+    """An observation that the normalizer clips at the equilibrium is named, on either side. It is
+    3 standard deviations off the mean.
+    """
     for mean, clip, named in ((0.3, 2.9, ("alpha",)), (-0.3, 2.9, ("alpha",)), (0.3, 3.1, ())):
         numbers = {"mean": [mean, 0.0], "variance": [0.01, 1.0], "clip": clip}
         found = equilibrium(lambda o: 0.0 * o, policy={"normalizer": numbers})

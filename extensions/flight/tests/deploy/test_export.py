@@ -84,7 +84,9 @@ def test_exported_c_equals_the_deployment_file(name, tmp_path, capsys):
 
 @needs_compiler
 def test_exported_c_has_the_gain_and_the_delay(tmp_path):
-    """u = U0 + K o within the limits of the inputs; sample time and delay in the header."""
+    """The C code computes u = U0 + K o within the limits of the inputs, and its header has the sample
+    time and the delay.
+    """
     gain = np.arange(8.0).reshape(2, 4) / 10.0
     np.savez(tmp_path / "gain.npz", K=-gain)
     (tmp_path / "gain.toml").write_text(
@@ -106,7 +108,7 @@ def test_exported_c_has_the_gain_and_the_delay(tmp_path):
 
 @needs_compiler
 def test_exported_c_has_the_functions_of_networks(tmp_path):
-    """u = U0 + W2 gelu(W1 o), with one hidden layer and erf of C99."""
+    """The C code computes u = U0 + W2 gelu(W1 o) of one hidden layer, with erf of C99."""
     random = np.random.default_rng(3)
     first, last = random.normal(size=(8, 2)), random.normal(size=(1, 8)) / 50.0
     np.savez(tmp_path / "net.npz", **{"0.weight": first, "2.weight": last})
@@ -137,7 +139,9 @@ def test_exported_c_has_the_functions_of_networks(tmp_path):
     ],
 )
 def test_what_a_deployment_file_cannot_be_is_refused(words, named, tmp_path, monkeypatch, capsys):
-    """An FMU, which has neither sample time nor delay, and a weight of a game."""
+    """An FMU, which has neither sample time nor delay, and the weight of a game are refused in one
+    line, and nothing is written.
+    """
     monkeypatch.chdir(tmp_path)
     where = ["--policy", str(FOLDER / "ppo_gtm.toml"), "--aircraft", AIRCRAFT["ppo_gtm"][0]]
     assert main(["export", *where, "--at", "45", *words]) == 2

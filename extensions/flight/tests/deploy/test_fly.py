@@ -15,7 +15,8 @@ from hfa_flight import ActuatorBank, Scenario
     [(0.02, 0.03, 2), (1.0 / 60.0, 0.02, 5)],
 )
 def test_commands_change_at_whole_samples_after_the_delay(dt, delay, parts):
-    """The flight is a whole number of samples, and has shorter steps with actuators.
+    """Commands change at whole samples after the delay, and the flight is a whole number of ticks.
+    With actuators, the integration has steps of at most 1 ms.
 
     parts: sample time / greatest common divisor of sample time and delay
     """
@@ -32,7 +33,7 @@ def test_commands_change_at_whole_samples_after_the_delay(dt, delay, parts):
 
 
 def test_a_delay_that_is_no_fraction_of_the_sample_time_is_refused():
-    """With the nearest delay that is possible."""
+    """The refusal names the nearest possible delay."""
     with pytest.raises(BadInputError, match=r"timing\.delay is 0.013123456 s.*give 0\.0131"):
         flown_with(0.02, 0.013123456)
 

@@ -78,9 +78,8 @@ def test_a_linear_plant_is_assessed(assessed):
 
 
 def test_a_gain_alone_is_assessed(folder):
-    """With a sample time it has the same spectral radius as a deployment of all states and inputs.
-
-    So has the gain in other units.
+    """A gain with a sample time, also in other units, has the spectral radius of a deployment of all
+    states and inputs.
     """
     units = {"state_units": ["rad", "rad/s"], "input_units": ["N m"]}
     np.savez("plant.npz", A=[[0.0, 1.0], [2.0, -0.3]], B=[[0.0], [1.0]], **units)
@@ -98,7 +97,9 @@ def test_a_gain_alone_is_assessed(folder):
 
 
 def test_a_network_of_the_states_is_assessed_alone(folder):
-    """With a sample time as by a deployment file; not one that was trained behind a normalizer."""
+    """A network with a sample time is assessed as by a deployment file. One that was trained behind a
+    normalizer is refused.
+    """
     np.savez("plant.npz", A=-np.eye(3), B=[[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
     observed = "x1 = {}\nx2 = {}\nx3 = {}"
     table = DEPLOYMENT.replace("x1 = {}\nx2 = {}", observed).replace("u1 = {}", "u1 = {}\nu2 = {}")
@@ -130,7 +131,9 @@ def test_a_network_of_the_states_is_assessed_alone(folder):
     ],
 )
 def test_a_file_that_is_no_sampled_policy_is_refused(files, words, said):
-    """A file without a linear policy, a gain for another sample time, and a policy without one."""
+    """Refused are files without a policy, a gain for another sample time, a policy without a sample
+    time, and a deployment with a second one.
+    """
     np.save("P.npy", np.eye(2))
     Path("policy.onnx").touch()
     assert_refused(hfa("assess", *words.split(), "--aircraft", "plant.npz"), 2, said)
@@ -147,12 +150,14 @@ def test_a_file_that_is_no_sampled_policy_is_refused(files, words, said):
     ],
 )
 def test_faulty_plants_are_refused(files, words, said):
-    """Plants in discrete time, not finite, without B, or with weights that have no cost here."""
+    """Refused are plants in discrete time, not finite, without B, with a Q of another size, or with
+    cross weights.
+    """
     assert_refused(hfa("assess", *words.split()), 2, said)
 
 
 def test_weights_of_the_plant_file_are_those_of_the_cost(assessed):
-    """The exact gain of Q and R in the plant file costs 1.00 times its own cost."""
+    """A policy that is the exact gain of Q and R in the plant file costs 1.00 times the exact cost."""
     plant = {"A": [[0.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": [[1.0, 0.1], [0.1, 0.1]]}
     P = solve_continuous_are(plant["A"], plant["B"], plant["Q"], [[0.05]])
     K = 20.0 * np.transpose(plant["B"]) @ P

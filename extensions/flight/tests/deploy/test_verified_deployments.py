@@ -47,7 +47,9 @@ def test_a_zip_with_normalizer_and_a_held_input_is_read():
 
 @pytest.mark.slow
 def test_the_command_judges_a_deployment_with_its_cost_and_inputs():
-    """`hfa verify` judges the game of the moved inputs, with the weights of the file."""
+    """`hfa verify` judges the game of the moved inputs, with the weights of the file. The same
+    weights and inputs may be given as options.
+    """
     words = (*AT_8, "--weights", str(STATED))
     data = answer(*words, code=FAILED)
     assert data["inputs"] == list(MOVED)
@@ -94,7 +96,9 @@ def test_a_saved_deployment_is_the_same_policy(name, tmp_path):
 
 
 def test_the_deployment_of_an_environment_is_saved_with_a_policy(tmp_path):
-    """With a policy's file, and its cost 1/nominal²; without a file it is refused."""
+    """It is saved with the files of a policy and the cost 1/nominal². Without a policy's file, or
+    with another suffix than .toml, it is refused and nothing is written.
+    """
     model = aircraft("ppo_gtm")
     made = toolchain.environment(model, points=trims("ppo_gtm")[:1]).unwrapped.deployment
     with pytest.raises(BadInputError, match=r'changed\(policy=\{"file": "ppo.zip"\}\)'):

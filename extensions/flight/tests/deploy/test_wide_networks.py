@@ -20,7 +20,9 @@ ACTIVATIONS = {
 
 @pytest.mark.parametrize("name", ACTIVATIONS)
 def test_activations_on_rows_are_those_of_numpy(name, tmp_path):
-    """With any number of units; the observations are not changed."""
+    """A hidden layer has the values of NumPy, for all rows at once and in the graph of CasADi. The
+    observations are not changed.
+    """
     layers = {"0.weight": 30.0 * np.eye(4), "0.bias": np.zeros(4), "2.weight": np.eye(2, 4)}
     np.savez(tmp_path / "one.npz", **layers, **{"2.bias": np.zeros(2)})
     entries = {"file": str(tmp_path / "one.npz"), "activation": name}

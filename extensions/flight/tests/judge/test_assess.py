@@ -151,16 +151,19 @@ def stiff_cost(v, K, sample):
 def test_costs_equal_scipys_integrals_of_the_same_flights():
     """The costs of a policy at 5 Hz are right for an aircraft that is 121 times faster off the trim.
 
-    The LQR's cost by SciPy is that of one initial condition only, from which SciPy flies the policy.
+    The initial condition is not in the result: it is the one whose LQR cost by SciPy is the reported
+    one. From it, SciPy flies the policy. The assessment says that its steps resolve the flights.
     """
     model, deployment, K = stiff_case()
     (point,) = hfa.assess(model, deployment, samples=1).points
     costs = point.costs
-    off = lambda v: stiff_cost(v, K, 0.0) - costs.lqr_cost.mean  # noqa: E731
-    start = brentq(off, 1e-3, point.case.box[0], xtol=1e-9)
-    policy = stiff_cost(start, K, 0.2)
-    assert costs.cost == pytest.approx((policy, 0.0), rel=2e-3)
-    assert costs.ratios == pytest.approx([policy / costs.lqr_cost.mean] * 3, rel=2e-3)
+    lqr_cost_error = lambda v: stiff_cost(v, K, 0.0) - costs.lqr_cost.mean  # noqa: E731
+    start = brentq(lqr_cost_error, 1e-3, point.case.box[0], xtol=1e-9)
+    policy_cost = stiff_cost(start, K, 0.2)
+    assert costs.cost.mean == pytest.approx(policy_cost, rel=2e-3)
+    assert costs.cost.deviation == 0.0  # of a single flight
+    least, median, worst = costs.ratios
+    assert least == median == worst == pytest.approx(policy_cost / costs.lqr_cost.mean, rel=2e-3)
     assert point.integration.is_resolved
 
 

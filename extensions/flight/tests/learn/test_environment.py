@@ -161,15 +161,15 @@ def test_fly_and_environments_give_equal_flights():
 
 
 def test_actions_act_within_their_box():
-    """An action beyond the box has the effect of its end, and costs as much."""
+    """An action beyond the box [-1, 1] has the effect of its nearer end, and costs as much."""
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
     env = environment(model, gtm_deployment({}, action=ACTION), points)
-    runs = []
-    for action in (1.0, 7.0):
+    effects = {}
+    for action in (-7.0, -1.0, 1.0, 7.0):
         env.reset(seed=1)
         _, reward, _, _, info = env.step(np.array([action]))
-        runs.append([reward, *info["X"], *info["U"]])
-    assert runs[0] == runs[1]
+        effects[action] = [reward, *info["X"], *info["U"]]
+    assert effects[-7.0] == effects[-1.0] != effects[1.0] == effects[7.0]
 
 
 @pytest.mark.parametrize("side", ["above", "below"])

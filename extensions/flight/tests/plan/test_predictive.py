@@ -100,8 +100,10 @@ def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds():
 
 def test_one_program_makes_the_last_plan_the_optimum_of_another_state():
     """At a second sample whose state is not the predicted one, the input of a linear model is that
-    of the exact gain of the holds. The old plan would give -0.43 in place of -0.17.
+    of the exact gain of the holds. The old plan would give -0.43 in place of -0.34.
     """
+    # The limits of the position are not reached, but the linear policy, which does not know them,
+    # must not take over at the second sample.
     policy = predictive(
         CART, AT_REST, *WEIGHTS, horizon=1.6, margin=0.0,
         limits={"position": (-1.0, 1.0)},
@@ -149,7 +151,9 @@ def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies()
     ids=["long", "short"],
 )
 def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs(start, horizon, Q, R):
-    """Its cost is that of SciPy's least squares with bounds, over the holds of the plan."""
+    """The cost of the first plan is that of SciPy's least squares over the inputs of its holds, which
+    SciPy and the plan keep within the limits of the force. One of them is reached.
+    """
     wide = {"speed": (-100.0, 100.0), "position": (-1000.0, 1000.0)}
     policy = predictive(CART, AT_REST, Q, R, limits=wide, horizon=horizon)
     linear = hfa.linearize(CART, AT_REST)
@@ -168,8 +172,9 @@ def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs(sta
     found = lsq_linear(
         np.vstack([*rows, root @ forced]), -np.concatenate([*known, root @ free]), (-2.0, 2.0)
     )
+    # SciPy's cost is half the sum of squares.
     assert policy.samples.first.cost == pytest.approx(2.0 * found.cost, rel=2e-4)
-    assert np.abs(found.x).max() > 1.99
+    assert np.abs(found.x).max() > 1.99  # an input is at a limit of the force, 2 N
 
 
 def unstable(square, cube):

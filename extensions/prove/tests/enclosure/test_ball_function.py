@@ -24,10 +24,13 @@ def _smooth():
 
 
 def test_balls_enclose_every_operation():
-    """Balls of every operation on a box contain the values at its corners and at random points."""
+    """Balls of every operation on a box are finite, and contain the values at its corners and at
+    random points.
+    """
     function = _smooth()
     centre, half = np.array([0.3, -0.4]), 0.5
     (found,) = BallFunction(function)([arb(value, half) for value in centre.tolist()])
+    assert all(ball.is_finite() for ball in found)
     points = np.random.default_rng(2).uniform(-1.0, 1.0, (200, 2))
     points[:100] = np.sign(points[:100])
     for place in centre + half * points:

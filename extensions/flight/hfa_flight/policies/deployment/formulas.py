@@ -35,7 +35,7 @@ class Formula(NamedTuple):
         return self.function.call([ca.SX(values[name]) for name in self.names])[0]
 
 
-def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
+def read_formula(text: str, known: tuple[str, ...]) -> Formula:
     """Read a formula.
 
     known: permitted names
@@ -43,7 +43,7 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
     Raises BadInputError for an unknown name, an unsupported operation, a text longer than
     `_LONGEST` characters, and for anything that is not a formula.
     """
-    if not isinstance(text, str) or len(text) > _LONGEST:
+    if len(text) > _LONGEST:
         raise BadInputError(
             f"{shown(text)} is too long for a formula; give at most {_LONGEST} characters"
         )
