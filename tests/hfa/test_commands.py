@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from cli import answer, hfa
 from game_files import AT_15
+from project import ROOT
 
 from hfa.main import DONE, FAILED
 from hfa.paper import default_parameters
 from hfa_model import INPUTS, LINEAR_STATES, save_parameters
+
+PENDULUM = f"{ROOT / 'examples/pendulum.py'}:PENDULUM"
 
 
 def text(*words, code=DONE):
@@ -39,7 +42,7 @@ def test_the_json_of_trim_has_the_balanced_point():
 
 
 def test_options_are_in_degrees_and_json_in_radians():
-    """Angles of --hold and --limit are read in degrees, and JSON output is in radians."""
+    """Angles of --hold, --limit and --start are read in degrees, and JSON output is in radians."""
     held = ("--hold", "gamma=-1.5", "--hold", "aileron_center=2")
     words = ("--dihedral", "10", *held, "--limit", "elevator_outer=-25:25")
     point = answer("trim", *words)["operating_point"]
@@ -52,6 +55,9 @@ def test_options_are_in_degrees_and_json_in_radians():
     assert answer("trim", *words)["variables"]["elevator_outer"]["margin"] == pytest.approx(
         margin, rel=1e-12
     )
+    begun = answer("trim", "--aircraft", PENDULUM, "--free", "angle", "--start", "angle=30")
+    begin = begun["provenance"]["condition"]["begin"]
+    assert begin["angle"] == pytest.approx(np.radians(30.0), rel=1e-15)
 
 
 def test_the_json_of_linearize_has_printed_matrix_and_modes():

@@ -8,7 +8,6 @@ from game_files import AT_15
 COMMAND = ("--reference", "speed=7+0.01t+2sin(0.5t),alpha=5.73,dihedral=28.65")
 
 
-@pytest.mark.slow
 def test_a_command_is_typed_in_degrees():
     """The commanded angles reach the tracking in rad, and in SI units nothing but units changes."""
     data = answer("solve", *AT_15, *COMMAND)["tracking"]

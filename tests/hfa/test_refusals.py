@@ -83,6 +83,7 @@ REFUSED = {
             "unknown dynamics 'aristotle'; choose from published, newton",
         ),
         ("--dihedral 15 --limit throttle=1", "throttle is '1'; give LOW:HIGH"),
+        ("--dihedral 15 --limit throttle=9:1", "throttle is '9:1'; give two different limits"),
         (
             "--dihedral 15 --outputs lift_centre",
             "unknown output 'lift_centre'; did you mean lift_center? choose from speed, alpha",

@@ -14,7 +14,10 @@ from hfa.main import FAILED
 
 
 def test_the_cost_limit_decides_the_exit_code():
-    """A critic of 1.004 P fails without a limit and with 1e-9 %, and passes with 0.01 %."""
+    """A critic of 1.004 P fails without a limit and with 1e-9 %, and passes with 0.01 %.
+
+    It passes without a limit of the cost if its error may be 1 %.
+    """
     plant = small("plant.json")
     file = stored("P.json", P=1.004 * solve(load_game(plant)).P)
     words = ("verify", "--model", plant, "--weights", file)
@@ -24,6 +27,7 @@ def test_the_cost_limit_decides_the_exit_code():
     assert kept["graded"]["ok"] is True
     assert kept["graded"]["limit_cost_percent"] == 0.01
     assert answer(*words, "--limit-cost", "1e-9", code=FAILED)["graded"]["ok"] is False
+    assert answer(*words, "--limit-error", "0.01")["ok"] is True
     printed = hfa(*words, "--limit-cost", "0.01").out
     lost = f"{graded['cost_lost_worst_percent']:.2g} % above the optimum"
     assert f"PASS on the linear game, balanced box: {lost}\n" in printed

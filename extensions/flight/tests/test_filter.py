@@ -493,6 +493,7 @@ def test_a_delay_changes_neither_noise_nor_filter(folder, delay):
     drawn = Uncertainty(noise=NOISE).samples(0, 0, 5, tuple(NOISE))
     np.testing.assert_allclose(data["scenario"]["drawn_noise"], drawn.std(axis=0))
     assert data["policy"]["filter"]["dt"] == 0.01
+    assert data["scenario"].get("delay", 0.0) == float(delay)
 
 
 @pytest.mark.parametrize("angle", [5.0, 15.0])

@@ -110,19 +110,29 @@ def written(path, columns, degrees):
 
 def test_the_command_writes_an_aircraft(folder):
     """The file names its aircraft relative to itself and contains the estimates and the values of
-    --given; a changed aircraft is refused.
+    --given; a changed aircraft is refused. With --inputs, the estimate is that of Python.
+    The exit code of a record with a frozen sensor is 1.
     """
     for name in ("data", "results"):
         Path(name).mkdir()
     aircraft = Path("data/uav.toml")
     aircraft.write_text(Path(UAV).read_text())
     flown = record(model=AIRCRAFT.with_parameters(CD_0=0.05))
-    written("flight.csv", flown, {"alpha": "deg", "elevator": "deg", "pitch_rate": "deg/s"})
+    degrees = {"alpha": "deg", "elevator": "deg", "pitch_rate": "deg/s"}
+    written("flight.csv", flown, degrees)
     words = ("--aircraft", str(aircraft), "--free", "Cm_q", "--given", "CD_0=0.05")
     done = run("identify", "flight.csv", *words, "-o", "results/found.toml", "--json")
     assert done.code == 0, done.out + done.err
     parameters = json.loads(done.out)["parameters"]
     assert parameters["Cm_q"]["low"] < true_value("Cm_q") < parameters["Cm_q"]["high"]
+    written("frozen.csv", flown | {"pitch_rate": np.zeros_like(flown["pitch_rate"])}, degrees)
+    assert run("identify", "frozen.csv", *words).code == 1
+    stepped = json.loads(run("identify", "flight.csv", *words, "--inputs", "steps", "--json").out)
+    told = hfa.identify(
+        hfa.load_model(str(aircraft)), "flight.csv", ["Cm_q"], given={"CD_0": 0.05}, inputs="steps"
+    )
+    assert stepped["parameters"]["Cm_q"]["value"] == told["Cm_q"].value
+    assert told["Cm_q"].value != parameters["Cm_q"]["value"]
     Path("elsewhere").mkdir()
     for name in ("data", "results"):
         Path(name).rename(Path("elsewhere", name))

@@ -11,6 +11,7 @@ from scipy.linalg import solve_continuous_are
 from scipy.signal import cont2discrete
 from tolerances import FEW_ROUNDINGS
 
+import hfa as toolchain
 from hfa.main import main
 
 DEPLOYMENT = """
@@ -66,15 +67,22 @@ def assessed(tmp_path, capsys):
     return run
 
 
-def test_a_linear_plant_is_assessed(assessed):
-    """The spectral radius equals that of SciPy's held plant. A is singular."""
+def test_a_linear_plant_is_assessed(assessed, tmp_path):
+    """The spectral radius equals that of SciPy's held plant. A is singular.
+
+    Its flights are those of Python with the same seed. The opposite gain has the exit code 1.
+    """
     A, B, K = [[0.0, 1.0], [0.0, 0.0]], np.array([[0.0], [1.0]]), np.array([[4.24, 2.8]])
-    code, output, _ = assessed(K, "--json", A=A, B=B)
+    code, output, _ = assessed(K, "--json", "--seed", "3", A=A, B=B)
     data = json.loads(output)
+    plant = toolchain.load_model(str(tmp_path / "plant.npz"))
+    told = toolchain.assess(plant, str(tmp_path / "deployment.toml"), samples=2, seed=3)
+    assert data["points"] == json.loads(told.report().json())["points"]
     Ad, Bd, *_ = cont2discrete((np.array(A), B, np.eye(2), np.zeros((2, 1))), 0.05)
     radius = np.abs(np.linalg.eigvals(Ad - Bd @ K)).max()
     assert data["points"][0]["spectral_radius"] == pytest.approx(radius, rel=1e3 * FEW_ROUNDINGS)
     assert code == 0
+    assert assessed(-K, A=A, B=B)[0] == 1
 
 
 def test_a_gain_alone_is_assessed(folder):

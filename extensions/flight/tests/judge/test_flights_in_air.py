@@ -26,18 +26,24 @@ def assert_same(one, other):
 
 
 def test_flights_in_python_are_those_of_the_command(capsys):
-    """Two flights of the exact gain in noise, both lost, with another seed than the default."""
-    words = ["fly", "--policy", "exact", "--dihedral", "10", "--noise=speed=.3"]
-    assert main([*words, "--samples", "2", "--seed", "4", "--json"]) == 1
+    """Two flights of the exact gain in noise, of which one is lost, with other lift and another
+    seed than the default. The share of --need decides the exit code.
+    """
+    words = ["fly", "--policy", "exact", "--dihedral", "10", "--noise=speed=.05"]
+    words += ["--error", "lift_slope=0.3", "--duration", "0.5", "--samples", "2", "--seed", "1"]
+    assert main([*words, "--need", "share=0.5"]) == 0
+    capsys.readouterr()
+    assert main([*words, "--json"]) == 1
     commanded = json.loads(capsys.readouterr().out)
     model = hfa.aircraft()
     point = hfa.trim(model, dihedral=np.radians(10.0))
     gain = hfa.solve(hfa.paper.published_game(point.linearize())).K
-    noisy = hfa.Scenario(20.0, uncertainty=Uncertainty(noise={"speed": 0.3}))
-    flown = hfa.fly(model, point, gain, scenario=noisy, samples=2, seed=4)
+    uncertain = Uncertainty({"lift_slope": 0.3}, {"speed": 0.05})
+    noisy = hfa.Scenario(0.5, uncertainty=uncertain)
+    flown = hfa.fly(model, point, gain, scenario=noisy, samples=2, seed=1)
     assert not flown.ok
     assert_same(commanded, flown.report().data)
-    assert commanded["held"] == 0
+    assert commanded["within_limits"] == 1
 
 
 def test_rms_of_many_flights_equals_that_of_each():

@@ -24,7 +24,8 @@ def best_of_cart(start, **more):
 def test_saturated_double_integrator_cost_equals_closed_form():
     """The best cost of a saturated double integrator agrees with its closed form within 0.1 %.
 
-    State and costate are polynomials in time, backwards from a point at which the LQR saturates.
+    The force of the trim is 0.5 N, from which its limits are 1 N away. State and costate are
+    polynomials in time, backwards from a point at which the LQR saturates.
     The problem is convex. Pontryagin's conditions are therefore sufficient.
     """
     P = np.array([[np.sqrt(3.0), 1.0], [1.0, np.sqrt(3.0)]])
@@ -39,7 +40,13 @@ def test_saturated_double_integrator_cost_equals_closed_form():
     assert (lambda2(np.linspace(begin, 0.0, 50)) >= 2.0 - 1e-12).all()
     running = x1**2 + x2**2 + 1.0
     cost = -running.integ()(begin) + switch @ P @ switch
-    best = best_of_cart({"position": x1(begin), "velocity": x2(begin)})
+    uphill = replace(
+        cart(),
+        inputs={"force": hfa.Signal("N", min=-0.5, max=1.5)},
+        equations=lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force - 0.5}, {}),
+    )
+    start = {"position": x1(begin), "velocity": x2(begin)}
+    best = hfa.optimize(uphill, hfa.trim(uphill), start, np.eye(2), np.eye(1))
     assert best.cost == pytest.approx(cost, rel=1e-3)
     assert best.saturated == ["force"]
     assert best.spread < 0.05

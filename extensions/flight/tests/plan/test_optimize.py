@@ -44,13 +44,13 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(fold
     """
     A, B = np.array([[0.0, 1.0], [-2.0, -0.3]]), np.array([[0.0], [3.0]])
     np.savez("plant.npz", A=A, B=B)
-    P = solve_continuous_are(A, B, np.eye(2), np.eye(1))
-    K = 0.5 * B.T @ P
+    P = solve_continuous_are(A, B, np.eye(2), [[0.5]])
+    K = B.T @ P
     np.savez("K.npz", K=K)
     words = ["optimize", "--aircraft", "plant.npz", "--initial", "x1=0.5,x2=0.2"]
-    assert main([*words, "--policy", "K.npz", "--Q", "1,1", "--R", "1", "--json"]) == 0
+    assert main([*words, "--policy", "K.npz", "--Q", "1,1", "--R", "0.5", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
-    X = solve_continuous_lyapunov((A - B @ K).T, -(np.eye(2) + K.T @ K))
+    X = solve_continuous_lyapunov((A - B @ K).T, -(np.eye(2) + 0.5 * K.T @ K))
     z = np.array([0.5, 0.2])
     assert data["cost"] == pytest.approx(z @ P @ z, rel=2e-3)
     linear, other = data["policies"]
@@ -58,11 +58,20 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(fold
     assert other["cost"] == pytest.approx(z @ X @ z, rel=1e-4)
     assert other["over_best"] == pytest.approx(other["cost"] / data["cost"])
     np.savez("K.npz", K=-K)
-    weighted = ["--Q", "1,1", "--R", "1", "-o", "flight.json"]
+    weighted = ["--Q", "1,1", "--R", "0.5", "-o", "flight.json"]
     assert main([*words, "--policy", "K.npz", *weighted]) == 1
     assert " inf " not in capsys.readouterr().out
     _, lost = json.loads(Path("flight.json").read_text())["policies"]
     assert (lost["converges"], lost["cost"], lost["over_best"]) == (False, None, None)
+
+
+def test_a_flight_between_trims_begins_at_the_held_value_and_ends_at_that_of_to(capsys):
+    """From 5 deg to the upright pendulum."""
+    words = ["optimize", "--aircraft", PENDULUM, "--hold", "angle=5", "--to", "angle=0"]
+    assert main([*words, "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["start"] == pytest.approx({"angle": np.radians(5.0)})
+    assert data["operating_point"]["states"]["angle"] == 0.0
 
 
 DEPLOYMENT = """

@@ -2,10 +2,13 @@
 in the steps of a predictive policy.
 """
 
+import json
+
 import casadi as ca
 import numpy as np
 import pytest
 from carts import cart
+from cli import hfa as command
 
 import hfa
 from hfa_flight.plan.collocation import Transcription
@@ -64,6 +67,20 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch):
     assert best.source == best.found.linear.policy
     assert best.reason.startswith("IPOPT finds no flight within the limits")
     assert best.cost == best.found.linear.cost
+    assert f"at most {best.cost:.6g}" in best.title().partition("\n")[0]
+
+
+def test_initial_conditions_without_a_flight_count_in_the_share(folder, monkeypatch):
+    """IPOPT finds nothing (planted), and the linear optimum of a cart is too fast from some starts."""
+    monkeypatch.setattr(ca, "nlpsol", Failing)
+    np.savez("cart.npz", A=[[0.0, 1.0], [0.0, 0.0]], B=[[0.0], [1.0]])
+    words = ("optimize", "--aircraft", "cart.npz", "--starts", "5", "--limit", "x2=-0.3:0.3")
+    run = command(*words, "--json")
+    found = json.loads(run.out)["found"]
+    assert run.code == 1
+    assert 0 < found < 5
+    for share, code in ((found / 5, 0), (found / 5 + 0.1, 1)):
+        assert command(*words, "--need", f"share={share}").code == code
 
 
 def test_without_a_flight_of_either_the_start_is_refused(monkeypatch):
