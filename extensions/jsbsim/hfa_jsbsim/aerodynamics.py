@@ -129,7 +129,7 @@ class Aerodynamics:
         """Return the lift, lb: the upward force normal to the airflow."""
         if self._force_frame == "WIND":
             return self._sum(2, at_center=False) + self._sum(2, at_center=True)
-        force = self._force(False) + self._force(True)
+        force = self._force(at_center=False) + self._force(at_center=True)
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
 
     def _lift_squared(self) -> Any:
@@ -202,7 +202,8 @@ def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
             )
         component = _COMPONENTS[name]
         functions[component] = list(axis.all("function"))
-        if component > 2:  # JSBSim ignores moments at the center of gravity
+        # What JSBSim ignores counts as not read.
+        if component > 2:  # moments at the center of gravity
             for function in filter(_acts_at_center, functions[component]):
                 function.taken = False
         if component in axes:

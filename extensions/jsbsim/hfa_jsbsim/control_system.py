@@ -83,7 +83,7 @@ def _add_component(component: Element, properties: Properties, commands: ca.SX, 
         try:
             return _output(component, properties, commands)
         except LoopError:
-            component.taken = False
+            component.taken = False  # its output is not used
             raise
 
     writer = Writer(compute, component.where, order, component, component)
@@ -271,7 +271,7 @@ def _washout(component: Element, properties: Properties) -> Any:
     rate = filter_rate(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its output is 0, as for a constant input")
-        component.find("input")
+        component.find("input")  # counts as read
         return 0.0
     state = properties.add_state(component)
     value = input_of(component, properties)

@@ -212,8 +212,11 @@ def _dry_of(engine: Element, feeds: Sequence[Tank]) -> str:
 class HostAircraft:
     """Quantities of the aircraft on which an engine depends.
 
+    properties: all JSBSim properties.
+    motion: motion relative to the air.
     body: object with `mass`.
     states: object with the states as attributes.
+    tanks: all tanks, of which an engine uses those in `EngineFile.feeds`.
     parameters: name -> symbol.
     """
 
@@ -273,7 +276,7 @@ def orientation(file: EngineFile, properties: Properties) -> ca.SX:
     return ca.SX(rotation(*angles))
 
 
-def placed(file: EngineFile, aircraft: HostAircraft) -> ca.SX:
+def thruster_location(file: EngineFile, aircraft: HostAircraft) -> ca.SX:
     """Return the location of the thruster, structural frame, inches, (3,)."""
     names = [file.full_name(f"{axis}-position") for axis in "xyz"]
     return ca.vertcat(*(ca.SX(aircraft.properties.read(name, file.mount.where)) for name in names))
@@ -291,7 +294,7 @@ def thrust_force_and_moment(
     moment: additional moment of the thruster, body axes, ft lb, or None.
     """
     force = orientation(file, aircraft.properties)[:, 0] * thrust
-    point = placed(file, aircraft) if location is None else location
+    point = thruster_location(file, aircraft) if location is None else location
     total = ca.cross(aircraft.mass.arm(point), force)
     return force, total if moment is None else total + moment
 
@@ -371,7 +374,13 @@ def lag_rates(file: EngineFile, aircraft: HostAircraft) -> dict[str, Any]:
 
 
 def _generator_rate(file: EngineFile, aircraft: HostAircraft, speed: ca.SX) -> Any:
-    """Return the acceleration of a turboprop's gas generator from its speed, %, in %/s."""
+    """Return the acceleration of a turboprop's gas generator, %/s (`FGTurboProp`).
+
+    It is the error of the speed divided by a time that depends on its sign and on whether the
+    engine runs.
+
+    speed: speed of the gas generator, %
+    """
     delay = file.engine.value_of("n1idle_max_delay", 1.0)
     low, high = file.shaft("n1")
     on = low + throttle_of(file, aircraft) * (high - low)
@@ -383,7 +392,7 @@ def _generator_rate(file: EngineFile, aircraft: HostAircraft, speed: ca.SX) -> A
 
 
 def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
-    """Record that a turbine's spool functions may be omitted, because no force depends on them."""
+    """Mark a turbine's spool functions as not read, because no force depends on them."""
     for function in file.engine.children:
         if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(names):
             function.taken = False

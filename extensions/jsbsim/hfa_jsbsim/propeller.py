@@ -17,8 +17,8 @@ from hfa_jsbsim.engines import (
     internal_table,
     orientation,
     own_property,
-    placed,
     thrust_force_and_moment,
+    thruster_location,
 )
 
 #: Fraction of the remaining angle by which the blades feather in each of JSBSim's frames.
@@ -36,7 +36,7 @@ def propeller_effect(file: EngineFile, aircraft: HostAircraft, power: Any) -> Ef
     prop = file.thruster
     power = ca.if_else(engine_rpm(file, aircraft) > 0.1, power, ca.fmax(power, 0.0))
     diameter = max(prop.value_of("diameter", 0.001, "FT"), 0.001)
-    axes, location = orientation(file, aircraft.properties), placed(file, aircraft)
+    axes, location = orientation(file, aircraft.properties), thruster_location(file, aircraft)
     flow = _flow(file, aircraft, axes, location, diameter)
     blade, blade_rates = _blade(file, aircraft)
     thrust_coefficient = _coefficient(file, aircraft, "C_THRUST", flow, blade)
