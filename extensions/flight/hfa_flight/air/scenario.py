@@ -161,9 +161,9 @@ class Scenario(Reported):
             raise BadInputError(f"gust is {shown(self.gust)}; give a gust such as {example}")
         if self.samples is not None:
             shape = numbers_in("samples", self.samples).shape
-            if len(shape) != 2 or shape[0] < self.intervals:
+            if len(shape) != 2 or shape[0] < self.sample_count:
                 raise BadInputError(
-                    f"samples has shape {shape}; give noise (N, k) for {self.intervals} samples"
+                    f"samples has shape {shape}; give noise (N, k) for {self.sample_count} samples"
                 )
         if self.gust is not None and self.uncertainty.turbulence is not None:
             raise BadInputError(
@@ -216,7 +216,7 @@ class Scenario(Reported):
         return round(self.interval / self.tick)
 
     @property
-    def intervals(self) -> int:
+    def sample_count(self) -> int:
         """Number of samples of the flight."""
         return steps_of(self.duration, self.interval)
 
@@ -306,13 +306,13 @@ class Scenario(Reported):
         gust = self.gust
         if uncertain.turbulence is not None:
             air = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
-            gust = uncertain.turbulence.air(point, self.interval, self.intervals, air)
+            gust = uncertain.turbulence.air(point, self.interval, self.sample_count, air)
         return replace(
             self,
             errors=errors,
             gust=gust,
             uncertainty=Uncertainty(),
-            samples=uncertain.samples(seed, member, self.intervals, point.model.linear),
+            samples=uncertain.samples(seed, member, self.sample_count, point.model.linear),
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -144,11 +144,11 @@ class Turbulence:
         words = ["" if value is None else str(value) for value in values]
         return (spectrum + ":".join(words)).rstrip(":")
 
-    def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
+    def air(self, point: OperatingPoint, interval: float, count: int, seed: int) -> TurbulentAir:
         """Return the turbulence of a flight that begins at the trim `point`.
 
         interval: duration of a sample, s
-        ticks: number of samples
+        count: number of samples
         seed: seed of the noise
 
         Raises BadInputError if the altitude is unknown, if the specification has no turbulence of
@@ -175,7 +175,7 @@ class Turbulence:
             feet=feet,
             speed=gust_speed(point) / feet,
             interval=interval,
-            ticks=ticks,
+            count=count,
             seed=seed,
             taken=self._taken(point, feet),
             trimmed_at=trimmed_at,
@@ -338,7 +338,7 @@ class TurbulentAir(Gust):
     feet: length of a foot in the model's unit.
     speed: V, ft/s.
     interval: duration of a sample, s.
-    ticks: number of samples.
+    count: number of samples.
     seed: seed of the noise.
     taken: component -> disturbance of the model -> factor.
     trimmed_at: altitude of the trim, ft.
@@ -351,7 +351,7 @@ class TurbulentAir(Gust):
     feet: float
     speed: float
     interval: float
-    ticks: int
+    count: int
     seed: int
     taken: Mapping[str, Mapping[str, float]]
     trimmed_at: float | None = None
@@ -392,8 +392,8 @@ class TurbulentAir(Gust):
 
     @cached_property
     def values(self) -> np.ndarray:
-        """Disturbances at the samples, (ticks + 1, k), in the units of the model."""
-        components = AirFilter.of(self).drawn(self.ticks + 1, self.seed)
+        """Disturbances at the samples, (count + 1, k), in the units of the model."""
+        components = AirFilter.of(self).drawn(self.count + 1, self.seed)
         return components @ self.factors
 
     @property
@@ -424,7 +424,7 @@ class TurbulentAir(Gust):
             which = f"{self.turbulence.level} turbulence of MIL-F-8785C ({spectrum}) at {altitude}"
             if self.trimmed_at is not None and abs(self.trimmed_at - self.altitude) > 1.0:
                 which += f" (the trim is at {self.trimmed_at * self.feet:,.0f} {unit})"
-        half = 0.5 * self.ticks * self.interval
+        half = 0.5 * self.count * self.interval
         percent = f"{100 * AirFilter.of(self).risen(half):.0f} %"
         return (
             f"{which}: {', '.join(self.taken)}; intensity {numbers[0]} {unit}/s, scale {numbers[1]}"
@@ -466,7 +466,10 @@ class AirFilter:
 
     @classmethod
     def of(cls, air: TurbulentAir) -> AirFilter:
-        """Return the filter that generates the turbulence `air`."""
+        """Return the filter that generates the turbulence `air`.
+
+        Its equations of p, q and r are those of `TurbulentAir`.
+        """
         along, across = FILTERS[air.turbulence.spectrum]
         shapes = ((along, 2.0), (across, 1.0), (across, 1.0))
         parts = []
@@ -481,10 +484,11 @@ class AirFilter:
             without_rates = np.vstack([C, np.zeros_like(C)])
             return cls(A, B, without_rates, air.interval)
         span = span / air.feet
-        size = air.intensities[2] * np.sqrt(0.8 / air.speed) * (np.pi / (4 * span)) ** (1 / 6)
-        size /= air.lengths[2] ** (1 / 3)
+        roll_gain = air.intensities[2] * np.sqrt(0.8 / air.speed)
+        roll_gain *= (np.pi / (4 * span)) ** (1 / 6)
+        roll_gain /= air.lengths[2] ** (1 / 3)
         lag = 4 * span / (np.pi * air.speed)
-        rolling = _Filter(np.array([[-1 / lag]]), np.array([[1 / lag]]), np.array([[size]]))
+        rolling = _Filter(np.array([[-1 / lag]]), np.array([[1 / lag]]), np.array([[roll_gain]]))
         components = _in_parallel([*parts, rolling])
         # q is the gradient of w in row 2, and r that of v in row 1.
         for row, sign, share in ((2, 1.0, 4.0), (1, -1.0, 3.0)):

@@ -22,7 +22,7 @@ from trim.point.operating_point import OperatingPoint
 #: A flight without an envelope diverges if an error grows by more than this factor from the first
 #: quarter of the flight to the last: with an unstable linear loop, more than a drift at a constant
 #: rate, else more than a drift with t^4.
-_OF_UNSTABLE, _OF_STABLE = 4.0, 256.0
+_FACTOR_IF_UNSTABLE, _FACTOR_IF_STABLE = 4.0, 256.0
 #: Smallest number of steps after the last excitation by which a flight is judged.
 _FEWEST = 8
 #: Smallest error of a flight that diverges, in nominal values.
@@ -207,7 +207,8 @@ def divergence(
     )
     model = point.model
     nominal = model.nominal(model.linear)
-    factor = _OF_UNSTABLE if growth * (end - begin) > 1.0 else _OF_STABLE
+    grows_by_e = growth * (end - begin) > 1.0
+    factor = _FACTOR_IF_UNSTABLE if grows_by_e else _FACTOR_IF_STABLE
     sizes = np.where(after > factor * before, after / nominal, 0.0)
     index = int(np.argmax(sizes))
     if sizes[index] < _VISIBLE:
