@@ -309,7 +309,7 @@ class Episode:
         now, remaining = ca.vertsplit(state, [0, flown, flown + 1])
         flying, limits = ca.vertsplit(held, [0, of_flight, of_flight + 2 * n])
         actions, trim, _ = (flying[part] for part in flight.held_slices)
-        memory = flight.slices[1]
+        memory = flight.slices.memory
         inputs = slice(memory.stop - m, memory.stop)
         X, before = now[:n], now[inputs]
         assert flight.commands_of is not None  # set by the constructor
@@ -324,8 +324,8 @@ class Episode:
         """Return the CasADi Function (state of a flight, trim) -> observations."""
         n, m = len(self.deployed.model.states), len(self.deployed.model.inputs)
         state = ca.MX.sym("state", sum(self._flight.sizes))
-        trim = ca.MX.sym("trim", self._flight.held_sizes[1])
-        end = self._flight.slices[1].stop
+        trim = ca.MX.sym("trim", self._flight.held_sizes.trim)
+        end = self._flight.slices.memory.stop
         seen = self.deployed.observe(state[:n], state[end - m : end], trim)
         return ca.Function("observation", [state, trim], [seen])
 

@@ -17,6 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -58,6 +59,33 @@ class Ticks:
         return after[:, None]
 
 
+class SampledState(NamedTuple):
+    """Parts of the state of a sampled flight, or their sizes or slices, in their order.
+
+    X: absolute states of the aircraft, (n,)
+    memory: last commands, the latest first, (m (whole samples of the delay + 1),). The last of
+        them acts at the sample.
+    extremes: lowest and highest X in the sample before, (2 n,)
+    """
+
+    X: Any
+    memory: Any
+    extremes: Any
+
+
+class HeldInSample(NamedTuple):
+    """Parts of what is held during a sample, or their sizes or slices, in their order.
+
+    raw: outputs of the network, (r,)
+    trim: (X0; U0; p)
+    push: rates added to those of the linear states, then the disturbances
+    """
+
+    raw: Any
+    trim: Any
+    push: Any
+
+
 @dataclass(frozen=True, eq=False)
 class SampledFlight:
     """Aircraft of a deployment over a sample, as a function of the state and of what is held.
@@ -77,34 +105,35 @@ class SampledFlight:
     winds: tuple[str, ...] = ()
 
     @property
-    def late(self) -> Delay:
+    def delay_in_samples(self) -> Delay:
         """The delay in samples, after whose rest the later of two delayed commands acts."""
         return in_samples(self.delay, self.dt)
 
     @cached_property
-    def sizes(self) -> tuple[int, ...]:
-        """Numbers of entries of the parts of the state: X, memory, extremes."""
+    def sizes(self) -> SampledState:
+        """Numbers of entries of the parts of the state."""
         model = self.deployed.model
         n = len(model.states)
-        memory = len(model.inputs) * (self.late.whole + 1)
-        return n, memory, 2 * n
+        memory = len(model.inputs) * (self.delay_in_samples.whole + 1)
+        return SampledState(X=n, memory=memory, extremes=2 * n)
 
     @cached_property
-    def slices(self) -> tuple[slice, ...]:
-        """Slices of the parts of the state: X, memory, extremes."""
-        return _slices(self.sizes)
+    def slices(self) -> SampledState:
+        """Slices of the parts of the state."""
+        return SampledState(*_slices(self.sizes))
 
     @cached_property
-    def held_sizes(self) -> tuple[int, ...]:
-        """Numbers of entries of the parts of what is held: raw, trim, push."""
+    def held_sizes(self) -> HeldInSample:
+        """Numbers of entries of the parts of what is held."""
         model = self.deployed.model
         trim = len(model.states) + len(model.inputs) + len(model.parameters)
-        return len(self.deployed.commanded), trim, len(model.linear) + len(self.winds)
+        push = len(model.linear) + len(self.winds)
+        return HeldInSample(raw=len(self.deployed.commanded), trim=trim, push=push)
 
     @cached_property
-    def held_slices(self) -> tuple[slice, ...]:
-        """Slices of the parts of what is held: raw, trim, push."""
-        return _slices(self.held_sizes)
+    def held_slices(self) -> HeldInSample:
+        """Slices of the parts of what is held."""
+        return HeldInSample(*_slices(self.held_sizes))
 
     @cached_property
     def samples_in_window(self) -> int:
@@ -129,7 +158,7 @@ class SampledFlight:
         commands_of = commands(self.deployed) if self.commands_of is None else self.commands_of
         U = commands_of(raw, X, before, trim)
         p = trim[n + m :]
-        whole, rest = self.late
+        whole, rest = self.delay_in_samples
         acting = U if whole == 0 else memory[(whole - 1) * m : whole * m]
         step_late = self._step(self.dt - rest)
         if rest:
@@ -150,7 +179,7 @@ class SampledFlight:
     def entering(self) -> ca.Function:
         """Return the function (state, trim) -> inputs of the policy's network."""
         state = ca.MX.sym("state", sum(self.sizes))
-        trim = ca.MX.sym("trim", self.held_sizes[1])
+        trim = ca.MX.sym("trim", self.held_sizes.trim)
         X, memory, _ = _parts(state, self.sizes)
         observed = self.deployed.observe(X, memory[-len(self.deployed.model.inputs) :], trim)
         seen = self.deployed.normalized(observed)[1]
@@ -167,7 +196,7 @@ class SampledFlight:
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         trim_inputs = trims[:, n : n + m]
-        memory = np.tile(trim_inputs, (1, self.late.whole + 1))
+        memory = np.tile(trim_inputs, (1, self.delay_in_samples.whole + 1))
         return np.hstack([states, memory, states, states])
 
     def stays(self, states: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
@@ -177,9 +206,9 @@ class SampledFlight:
 
     def extremes(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and the highest X of a sample from states of flights, (..., n) each."""
-        *_, extremes = self.slices
-        n = self.sizes[0]
-        return states[..., extremes][..., :n], states[..., extremes][..., n:]
+        extremes = states[..., self.slices.extremes]
+        n = self.sizes.X
+        return extremes[..., :n], extremes[..., n:]
 
     def compiled(self, flights: int, seconds: float) -> CompiledSamples:
         """Return the policy and the aircraft, compiled if flights * seconds / dt >= `COMPILE_FROM`.
