@@ -80,8 +80,8 @@ def same_points(
     condition: trim condition of the aircraft; A of `ours` has only the states of its linear models
     """
     model = condition.model
-    sizes = np.array([signal.nominal for signal in model.states.values()])
-    input_sizes = np.array([signal.nominal for signal in model.inputs.values()])
+    sizes = model.nominal(model.states)
+    input_sizes = model.nominal(model.inputs)
     names = hfa.linearize(model, hfa.trim(model, condition)).states
     kept = [list(model.states).index(name) for name in names]
     units = sizes[kept] / sizes[kept][:, None]
@@ -355,7 +355,7 @@ def _flight(quick: bool, seconds: float) -> Comparison:
         return flown.states[-1]
 
     def agree(last: np.ndarray, peer: np.ndarray) -> None:
-        sizes = np.array([signal.nominal for signal in model.states.values()])
+        sizes = model.nominal(model.states)
         np.testing.assert_allclose(last / sizes, peer / sizes, rtol=0.0, atol=1e-5)
 
     job = f"{seconds:g} s of flight of the HFA under its exact policy"
@@ -371,7 +371,7 @@ def predictive(quick: bool) -> list[Comparison]:
     model = hfa.aircraft()
     point = hfa.trim(model)
     policy = hfa.predictive(model, point)
-    states = np.array(point.states) + 0.02 * np.array([s.nominal for s in model.states.values()])
+    states = np.array(point.states) + 0.02 * model.nominal(model.states)
     samples = count()
     policy(next(samples) * policy.dt, states)
     number = 2 if quick else 20

@@ -19,8 +19,8 @@ from hfa_support.reporting.text import (
     beside_unit,
     is_zero,
     short_number,
-    shown_unit,
     shown_values,
+    with_shown_unit,
 )
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
@@ -212,9 +212,10 @@ def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, st
     alpha = Trimmed(point).roles.get("alpha")
     if alpha:
         margin = point.margins[alpha]
-        cells[_heading(margin)] = Cell(short_number(margin.value, margin.unit))
+        cells[with_shown_unit(alpha, margin.unit)] = Cell(short_number(margin.value, margin.unit))
     for name in controls:
-        cells[_heading(point.margins[name])] = _control_cell(point.margins[name])
+        margin = point.margins[name]
+        cells[with_shown_unit(name, margin.unit)] = _control_cell(margin)
     rows = {row.name: row for row in condition.report.sheet}
     for heading, name in _KEY_FIGURES.items():
         if name in rows:
@@ -222,12 +223,6 @@ def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, st
             tone = "bad" if name == "worst level" and value != "1" else ""
             cells[f"{heading} [{unit}]" if unit else heading] = Cell(value, tone)
     return cells
-
-
-def _heading(margin: Margin) -> str:
-    """Return the heading of a variable's column: "elevator [deg]"."""
-    unit = shown_unit(margin.unit)
-    return margin.name if unit in ("", "1") else f"{margin.name} [{unit}]"
 
 
 def _control_cell(margin: Margin) -> Cell:

@@ -188,7 +188,6 @@ def matrices(model: LinearModel) -> list[Table]:
 
 
 def _matrix(block: Block) -> Table:
-    """Return a table of the entries of a matrix."""
     return matrix_table(block.name, block.rows, block.columns, block.values)
 
 

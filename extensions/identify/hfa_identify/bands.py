@@ -39,7 +39,7 @@ def _variance_ratio(fit: Fit) -> float:
 
     N is the number of measured samples of all quantities and records.
     """
-    samples = int(fit.samples.sum())
+    samples = int(fit.search.samples.sum())
     return samples / max(samples - _unknowns(fit), 1)
 
 
@@ -76,7 +76,7 @@ def covariance(fit: Fit) -> np.ndarray:
 def _covariance_of_score(fit: Fit) -> np.ndarray:
     """Return the covariance (p, p) of Σ S' R⁻¹ v, with the autocovariance of the noise."""
     V = np.zeros((len(fit.theta), len(fit.theta)))
-    unknowns = _unknowns(fit) / int(fit.samples.sum())
+    unknowns = _unknowns(fit) / int(fit.search.samples.sum())
     for number, (residual, present) in enumerate(zip(fit.residuals, fit.present, strict=True)):
         projected, weights = fit.projected[number], fit.weights(number)
         for quantity in np.flatnonzero(present.any(axis=0)).tolist():

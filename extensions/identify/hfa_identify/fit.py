@@ -96,7 +96,6 @@ class Fit:
     starts: state at the first sample of each record, (n,) each.
     noise: noise variances of the measured quantities, (k,).
     residuals: (N, k) for each record, 0 for a missing sample.
-    present: (N, k) for each record, False for a missing sample.
     simulated: simulation of each record.
     likelihood: L, as defined in this module.
     steps: number of Gauss-Newton steps.
@@ -108,12 +107,16 @@ class Fit:
     starts: tuple[np.ndarray, ...]
     noise: np.ndarray
     residuals: tuple[np.ndarray, ...]
-    present: tuple[np.ndarray, ...]
     simulated: tuple[Simulation, ...]
     likelihood: float
     steps: int
     converged: bool
     search: OutputError
+
+    @property
+    def present(self) -> tuple[np.ndarray, ...]:
+        """(N, k) for each record, False for a missing sample."""
+        return self.search.present
 
     @cached_property
     def responses(self) -> tuple[Response, ...]:
@@ -169,11 +172,6 @@ class Fit:
             slopes - by_start @ (of_start @ np.tensordot(weighted, slopes, ((0, 1), (0, 1))))
         )
 
-    @cached_property
-    def samples(self) -> np.ndarray:
-        """Number of samples of each measured quantity in all records, (k,)."""
-        return np.asarray(sum(flags.sum(axis=0) for flags in self.present))
-
 
 class Step(NamedTuple):
     """Step of the unknowns of a fit.
@@ -191,6 +189,8 @@ class OutputError:
 
     bounds: limits of the unknowns, (p, 2).
     guesses: guess of each record's initial state, (n,) each.
+    present: (N, k) for each record, False for a missing sample.
+    samples: number of samples of each measured quantity in all records, (k,).
     least: least noise variance of each quantity, (k,).
     """
 
@@ -208,11 +208,11 @@ class OutputError:
         self.guesses = tuple(guesses)
         self._priors = tuple(_start_weights(responses.model, record) for record in self.records)
         tables = [record.table(responses.measured) for record in self.records]
-        self._present = tuple(np.isfinite(table) for table in tables)
+        self.present = tuple(np.isfinite(table) for table in tables)
         self._measured = tuple(
-            np.where(flags, table, 0.0) for flags, table in zip(self._present, tables, strict=True)
+            np.where(flags, table, 0.0) for flags, table in zip(self.present, tables, strict=True)
         )
-        self._counts = sum(flags.sum(axis=0) for flags in self._present)
+        self.samples = np.sum([flags.sum(axis=0) for flags in self.present], axis=0)
         self.least = (1e-9 * responses.model.nominal(responses.measured)) ** 2
 
     def fit(self, progress: Callable[[float, float], None] | None = None) -> Fit:
@@ -284,7 +284,7 @@ class OutputError:
         )
         residuals = tuple(
             np.where(flags, table - each.y, 0.0)
-            for flags, table, each in zip(self._present, self._measured, simulated, strict=True)
+            for flags, table, each in zip(self.present, self._measured, simulated, strict=True)
         )
         with np.errstate(over="ignore", invalid="ignore"):
             noise = self._noise(residuals)
@@ -292,14 +292,21 @@ class OutputError:
         if not math.isfinite(likelihood):
             raise FloatingPointError("the simulation diverges")
         return Fit(
-            theta, starts, noise, residuals, self._present, simulated, likelihood, steps,
-            converged=False, search=self,
-        )  # fmt: skip
+            theta,
+            starts,
+            noise,
+            residuals,
+            simulated,
+            likelihood,
+            steps,
+            converged=False,
+            search=self,
+        )
 
     def _noise(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
         """Return the variances of the residuals (k,)."""
         squares = sum((each**2).sum(axis=0) for each in residuals)
-        return np.asarray(np.maximum(squares / np.maximum(self._counts, 1), self.least))
+        return np.asarray(np.maximum(squares / np.maximum(self.samples, 1), self.least))
 
     def _likelihood(
         self, residuals: Sequence[np.ndarray], noise: np.ndarray, starts: Sequence[np.ndarray]
@@ -307,7 +314,7 @@ class OutputError:
         """Return L, as defined in this module."""
         # residuals (N, k), noise (k,), starts (n,)
         squares = sum((each**2).sum(axis=0) for each in residuals)
-        total = 0.5 * float(np.sum(self._counts * (np.log(noise) - 1.0) + squares / noise))
+        total = 0.5 * float(np.sum(self.samples * (np.log(noise) - 1.0) + squares / noise))
         for start, guess, prior in zip(starts, self.guesses, self._priors, strict=True):
             total += 0.5 * float((start - guess) ** 2 @ prior)
         return total
@@ -317,45 +324,30 @@ class OutputError:
 
         Raises FloatingPointError if they are not finite.
         """
-        normals = []
-        for number, response in enumerate(fit.responses):
-            to_guess = self._priors[number] * (self.guesses[number] - fit.starts[number])
-            residual = fit.residuals[number]
-            normals.append(self._normal(number, response.slopes, residual, fit.noise, to_guess))
-        return tuple(normals)
+        return tuple(self._normal(fit, number) for number in range(len(self.records)))
 
-    def _normal(
-        self,
-        number: int,
-        slopes: np.ndarray,
-        residual: np.ndarray,
-        noise: np.ndarray,
-        to_guess: np.ndarray,
-    ) -> Normal:
-        """Return the normal equations of a record for known noise variances.
-
-        number: index of the record
-        slopes: sensitivities dy/d(θ, x₀), (N, k, p + n)
-        residual, noise: residuals (N, k) and noise variances (k,)
-        to_guess: distance of the initial state from its guess times its reciprocal variances, (n,)
+    def _normal(self, fit: Fit, number: int) -> Normal:
+        """Return the normal equations of record `number`, with the noise variances of the fit.
 
         Raises FloatingPointError if they are not finite.
         """
         p = len(self.responses.free)
-        weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
+        slopes = fit.responses[number].slopes
+        weights = np.where(self.present[number], 1.0 / np.sqrt(fit.noise), 0.0)
         rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])
         with np.errstate(over="ignore", invalid="ignore"):
             square = rows.T @ rows
-            right = rows.T @ (residual * weights).ravel()
+            right = rows.T @ (fit.residuals[number] * weights).ravel()
         if not (np.isfinite(square).all() and np.isfinite(right).all()):
             raise FloatingPointError("the simulation diverges")
+        prior = self._priors[number]
         return Normal(
             M=square[:p, :p],
             B=square[:p, p:],
-            A=square[p:, p:] + np.diag(self._priors[number]),
+            A=square[p:, p:] + np.diag(prior),
             g=right[:p],
-            h=right[p:] + to_guess,
-            prior=self._priors[number],
+            h=right[p:] + prior * (self.guesses[number] - fit.starts[number]),
+            prior=prior,
         )
 
     def _step(self, current: Fit, damping: float) -> Step:

@@ -183,7 +183,6 @@ def read_tanks(propulsion: Element | None) -> list[Tank]:
 
 
 def _tank(element: Element) -> Tank:
-    """Return the tank that a <tank> element describes."""
     contents = element.value_of("contents", 0.0, "LBS")
     capacity = element.value_of("capacity", 0.00001, "LBS")
     if capacity == 0.0:

@@ -19,12 +19,10 @@ from hfa_support.errors import shortened
 
 
 def _sum(*values: Any) -> Any:
-    """Return the sum of values."""
     return reduce(lambda one, other: one + other, values)
 
 
 def _product(*values: Any) -> Any:
-    """Return the product of values."""
     return reduce(lambda one, other: one * other, values)
 
 
