@@ -27,7 +27,9 @@ def written(deviation=0.02):
 
 @pytest.mark.usefixtures("folder")
 def test_flights_of_drawn_aircraft_have_the_spread_of_their_parameters(capsys):
-    """Initial pitch accelerations, from .01 s at alpha + 1 deg, within 15 % of the covariance's."""
+    """Pitch rates after .01 s at alpha + 1 deg have, from 5 to 95 %, the spread that the covariance
+    gives the initial pitch acceleration, within 15 %.
+    """
     words = ["fly", "--aircraft", written(), "--policy", "none", "--draws", "150"]
     assert main([*words, "--duration", "0.01", "--initial", "alpha=1", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)

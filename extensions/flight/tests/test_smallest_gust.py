@@ -35,8 +35,8 @@ def largest_response(length, rate):
 
 
 def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
-    """The limit over the largest response of the loop with a gain, up and down; none for a gust
-    that is too short to move it by a limit at 10 ft/s, the airspeed.
+    """The thresholds up and down are the limits divided by the largest response of the loop with a
+    gain. A gust of 0.2 ft has none: it cannot move the kite by a limit at 10 ft/s, the airspeed.
     """
     found = smallest_gusts(KITE, hfa.trim(KITE), [[2.0]], [5.0, 0.2])
     up, down, *none = found.thresholds

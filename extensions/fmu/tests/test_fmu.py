@@ -231,7 +231,7 @@ def test_the_exported_aircraft_is_the_aircraft():
 
 
 def test_the_game_of_an_fmu_is_solved():
-    """The commands that need numbers alone accept an FMU."""
+    """`solve`, `verify` and `sweep`, which need numbers alone, accept an FMU."""
     given = ("--aircraft", fmu(), "--Q", "1,1", "--R", "1")
     assert run("solve", *given, "-o", "K.npz").code == 0
     assert run("verify", *given, "--weights", "K.npz").out.startswith("PASS")
@@ -280,7 +280,9 @@ def test_an_unsuitable_fmu_is_refused(case):
 def test_an_fmu_for_another_system_is_refused():
     """The line names the system that the FMU supports."""
     written = fmu(folder="win32")
-    assert_refused(run("trim", "--aircraft", written), 2, "no library for this system")
+    assert_refused(
+        run("trim", "--aircraft", written), 2, "no library for this system (found: win32)"
+    )
 
 
 #: Fault of the library -> words of `hfa`, and the reason in its line.
@@ -349,7 +351,9 @@ def test_the_equations_after_an_event_are_linearized(version):
 
 
 def test_both_sides_of_a_kink_are_said():
-    """rate' contains -.5 rate - |rate|: the slopes are .5 and -1.5."""
+    """rate' contains -.5 rate - |rate|: the report has the slopes .5 and -1.5, and the error of the
+    linear model relative to its largest entry.
+    """
     linear = hfa.trim(hfa.load_model(fmu("kinked"))).linearize()
     said = " ".join(linear.report().text().split())
     assert "A(rate, rate) is 0.5 below and -1.5 above" in said
@@ -420,8 +424,8 @@ def test_parameters_of_all_types_are_held(version, kind, causality):
 
 
 def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number():
-    """A derivative by a whole number would be a difference over a step that it does not have; that
-    by the length, gravity / length² sin(angle), is one.
+    """A truth value or whole number is held at a whole number within its limits. The derivative by
+    one is not a number; those by states, input, length (gravity / length² sin(angle)) and damping are.
     """
     written = with_parameters(2)
     said = " ".join(
@@ -450,7 +454,9 @@ def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number():
 
 @pytest.mark.slow
 def test_parameters_of_an_fmu_are_identified():
-    """Gravity / length and damping of a record of the pendulum by SciPy, beside a whole number."""
+    """Length and damping are those of SciPy's record of the pendulum. The FMU also has parameters that
+    are whole numbers.
+    """
     time = np.linspace(0.0, 1.0, 11)
 
     def rates(_, x):
@@ -615,7 +621,9 @@ def test_commands_that_need_equations_refuse_an_fmu(words, said):
 
 
 def test_a_data_file_executes_no_fmu():
-    """A file of parameters that names an FMU as its aircraft is refused; no zip file is no FMU."""
+    """A file of parameters that names an FMU as its aircraft is refused, and so is a file named .fmu
+    that is no zip archive.
+    """
     Path("changed.toml").write_text('aircraft = "pendulum.fmu"\n[parameters]\nlength = 3.0\n')
     fmu()
     assert_refused(run("trim", "--aircraft", "changed.toml"), 2, "executes none")
@@ -625,7 +633,7 @@ def test_a_data_file_executes_no_fmu():
 
 @pytest.mark.skipif(REFERENCE is None, reason="REFERENCE_FMUS names no folder of reference FMUs")
 def test_reference_fmus_are_read_or_refused():
-    """A of VanDerPol and Dahlquist at rest; BouncingBall has no equilibrium.
+    """VanDerPol and Dahlquist have the known A at rest; BouncingBall has no trim.
 
     The folder REFERENCE_FMUS contains the FMUs of github.com/modelica/Reference-FMUs as NAME.fmu,
     of FMI 2.0 or 3.0. No package of PyPI contains them.
@@ -648,7 +656,7 @@ def test_a_sheet_without_limits_is_written():
 
 @pytest.mark.slow
 def test_costs_of_a_gain_are_compared_without_best_flights():
-    """A program cannot have the compiled function, but the flights of K and of the LQR cost."""
+    """`assess` has the mean costs of flights of K and of the LQR, which need no equations."""
     weights = ("--Q", "1,1", "--R", "1")
     run("solve", "--aircraft", fmu(), *weights, "-o", "K.npz", "-q")
     words = ("--sample-time", "0.05", "--samples", "2")

@@ -95,7 +95,7 @@ def test_gaps_and_several_records():
 
 
 def test_a_table_of_pandas_is_a_record():
-    """Units in its head are converted."""
+    """An angle in degrees, by the head of its column, gives the estimate of the record in radians."""
     pandas = pytest.importorskip("pandas")
     table = pandas.DataFrame(record()).rename(columns={"alpha": "alpha [deg]"})
     table["alpha [deg]"] = np.degrees(table["alpha [deg]"])
@@ -331,7 +331,9 @@ def test_correlated_parameters_are_told():
 
 
 def test_an_unmeasured_state_may_begin_elsewhere():
-    """The initial value of a state without a sensor is estimated."""
+    """A state without a sensor that begins at 3 in place of 0 does not change the estimate: its
+    initial value is estimated, too.
+    """
     generator = np.random.default_rng(4)
     time, u = 0.1 * np.arange(60), generator.standard_normal(60)
     y = 2.0 * u + 3.0 * np.exp(-time) + 0.01 * generator.standard_normal(60)
@@ -360,7 +362,9 @@ def test_an_estimate_ends_at_the_limit_of_its_parameter():
 
 
 def test_a_frozen_sensor_is_not_explained():
-    """A pitch rate of 0 contradicts the motion of the other columns."""
+    """A pitch rate of 0, which contradicts the motion of the other columns, is named, and the result
+    does not pass.
+    """
     columns = record()
     columns["pitch_rate"] = np.zeros_like(columns["time"])
     result = identify(begun(1.2), columns, FREE)

@@ -83,7 +83,7 @@ def test_a_faulty_record_is_refused(fault):
 
 
 def test_wrong_arguments_are_refused():
-    """Unknown parameters, no records, no parameters, and names that are not estimated."""
+    """Unknown parameters, no records, no parameters, and one both free and given are refused."""
     for records, free, named in (
         (record(), ["Cm_p"], "no parameter 'Cm_p'"),
         ([], FREE, "no records"),
@@ -161,7 +161,9 @@ def test_the_command_writes_an_aircraft(folder):
     ],
 )
 def test_the_command_refuses_in_one_line(text, words, named, folder):
-    """Exit code 2, one line that names what is wrong, no file."""
+    """A faulty record is refused with exit code 2 and one line that names the fault; no file is
+    written.
+    """
     Path("record.csv").write_text(text, encoding="utf-8")
     Path("columns.toml").write_text("")
     options = ("--aircraft", UAV, "--free", "Cm_q", "-o", "found.toml", *words)

@@ -187,7 +187,7 @@ def test_an_angle_without_trim_is_reported_with_reason(tmp_path):
 
 @pytest.mark.slow
 def test_a_missing_plotly_is_refused_before_the_computation():
-    """Without Plotly (hidden here), the page is refused in one line before the computation."""
+    """Without Plotly (hidden here), the page is refused in one line and not written."""
     program = "import sys; sys.modules['plotly.offline'] = None; import hfa.main; "
     program += "sys.exit(hfa.main.main(['report', '-o', 'page.html']))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
@@ -215,7 +215,9 @@ def test_wrong_options_of_report_are_refused(words, named):
 
 
 def test_a_slider_has_ends():
-    """A variable that is 0 at the default trim gives the slider no values unless it has limits."""
+    """A variable that is 0 at the default trim gives the slider no values unless it has limits, which
+    are then its ends. Without limits the trims have no picture.
+    """
 
     def rates(x, u, p, w):
         return {"speed": u.thrust - x.speed}, {}
@@ -257,7 +259,7 @@ def test_another_aircraft_fails_and_is_told_from_that_of_the_studies():
     ],
 )
 def test_damaged_results_of_studies_are_refused(option, source, place):
-    """Files of claims and of flights with a damaged entry are refused before anything is computed."""
+    """Files of claims and of flights with a damaged entry are refused in one line."""
     data = json.loads(source.read_text(encoding="utf-8"))
     inner = data
     for key in place[:-1]:

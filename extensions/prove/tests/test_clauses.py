@@ -34,7 +34,9 @@ def proved(low, high, gains=CONSTANT, **more):
 
 
 def test_a_decay_rate_is_proved_to_its_closed_form():
-    """99.9 % of the exact decay rate is proved, and 100.1 % is refused at the worst pull."""
+    """99.9 % of the exact decay rate is proved, and 100.1 % is refused at the worst pull. Without a
+    given decay rate, 99 % of the exact one is proved.
+    """
     exact = decay(1.0, 2.0)
     assert proved(1.0, 2.0, decay_rate=0.999 * exact).statement.decay_rate == 0.999 * exact
     with pytest.raises(NoSolutionError, match="open at pull 1"):
@@ -73,7 +75,9 @@ def test_a_proved_motion_does_not_depend_on_units(monkeypatch):
     [((0.5,), True), ((0.5, 0.5), True), ((0.5, 0.5, 8.0), False)],
 )
 def test_a_scheduling_variable_may_be_without_effect(stiffness_gains, is_any_rate, monkeypatch):
-    """x'' = u - 0.2 x' - x does not depend on s: V is constant where the gains are constant."""
+    """x'' = u - 0.2 x' - x does not depend on s: any rate of s is proved for constant gains, and a
+    finite one for gains that change. A rate that is stated is proved as it is.
+    """
     monkeypatch.setattr("hfa_prove.search.schedule._SAMPLES", 21)
     model = Model(
         "idle", {"x": Signal("m"), "v": Signal("m/s")}, {"u": Signal("N", 1.0, -9.0, 9.0)},
@@ -484,7 +488,8 @@ def test_the_command_writes_what_it_checks(folder):
 
 @pytest.mark.slow
 def test_the_command_proves_writes_and_checks(folder):
-    """The paper's gains from 14 to 15 deg: any rate; a file of gains; refusals of false claims.
+    """The paper's gains from 14 to 15 deg are proved for any rate of the angle, and a table with them
+    is the same claim. --check verifies both certificates, also against the user's Q.
 
     The decay rate is at least 0.98 of that of the eigenvalues at five angles.
     """

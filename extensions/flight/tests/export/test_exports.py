@@ -100,7 +100,8 @@ def test_the_policy_in_c_interpolates_a_gain_table(folder, gains):
     ],
 )
 def test_an_fmu_simulates_the_flight_in_fmpy(folder, kind, request):
-    """Co-simulation and model exchange of 5 s; FMPy's validator accepts the FMU.
+    """Co-simulation and model exchange of 5 s in FMPy give the flight of `fly`. FMPy's validator
+    accepts the FMU, which has the variables and the folders of its kind.
 
     A gain follows a reference. A gain table moves actuators, whose rate is limited.
     """
@@ -152,7 +153,9 @@ FILTER = [
 
 
 def test_an_fmu_behind_a_filter_simulates_the_flight(folder):
-    """Co-simulation, with a sensor that is 0.02 rad off, in steps that samples do not divide."""
+    """Co-simulation in FMPy gives the flight of `fly` with a sensor that is 0.02 rad off, in steps
+    that samples do not divide.
+    """
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     validation = pytest.importorskip("fmpy.validation")
     file = f"{ROOT}/examples/pendulum.py:PENDULUM"
@@ -181,7 +184,9 @@ def test_an_fmu_behind_a_filter_simulates_the_flight(folder):
 
 
 def test_an_exported_filter_equals_the_policy_behind_it(folder):
-    """Random samples, impossible values, and some that are no numbers: equal to rounding."""
+    """The C code commands what the policy does, to rounding, for random samples, impossible values
+    and values that are not numbers.
+    """
     exported(*FILTER, "-o", "c")
     compiled(folder / "c", "-O0", "-shared", "-fPIC", "hfa_filter.c", "-o", "library.so")
     linear = model_at(10.0, "published")

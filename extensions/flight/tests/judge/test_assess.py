@@ -55,7 +55,7 @@ def test_the_cost_above_the_optimum_is_that_of_summed_samples():
     quadrature.
 
     The optimum with held inputs and no delay is SciPy's. The worst deviation costs more than the
-    mean one.
+    mean one, and a required cost between both is not met.
     """
     A, B, K = np.array([[0.0, 1.0], [-2.0, -0.5]]), np.array([[0.0], [1.5]]), [[0.8, 1.2]]
     model = hfa.Model(
@@ -168,7 +168,9 @@ def test_costs_equal_scipys_integrals_of_the_same_flights():
 
 
 def test_samples_with_delay_equal_scipys_integration():
-    """Commands of the last sample but one, and of the last after half a sample, act in turn."""
+    """With a delay of 1.5 samples, the command of two samples ago acts in the first half of a sample
+    and that of one sample ago in the second. The flight is that of SciPy with these commands.
+    """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     deployment = stored_deployment("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.03})
     off = dict(zip(model.states, (1.0, 0.02, 0.05, -0.03), strict=True))
@@ -272,7 +274,7 @@ def refusal(points=(45.0,), observation=None, action=None, **settings):
     ],
 )
 def test_what_cannot_be_assessed_is_refused(given, said):
-    """In one line, before flights are simulated."""
+    """Wrong formulas, points and boxes are refused in one line."""
     assert said in refusal(**given)
 
 

@@ -26,8 +26,9 @@ def assert_same(one, other):
 
 
 def test_flights_in_python_are_those_of_the_command(capsys):
-    """Two flights of the exact gain in noise, of which one is lost, with other lift and another
-    seed than the default. The share of --need decides the exit code.
+    """Two flights of the exact gain in noise, of which one is lost, have the same report by the
+    command and in Python, with other lift and another seed than the default. The share of --need
+    decides the exit code.
     """
     words = ["fly", "--policy", "exact", "--dihedral", "10", "--noise=speed=.05"]
     words += ["--error", "lift_slope=0.3", "--duration", "0.5", "--samples", "2", "--seed", "1"]
@@ -94,7 +95,7 @@ def test_wrong_arguments_of_many_flights_are_refused(options, said):
 
 
 def test_the_advice_on_noise_leads_on(capsys):
-    """`assess` flies without it, and names `fly --policy FILE --samples N`."""
+    """`assess --noise` is refused and names `fly --policy FILE`, which flies in this noise."""
     assert main(["assess", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, "--noise", "x"]) == 2
     assert "hfa fly --policy DEPLOYMENT.toml" in capsys.readouterr().err
     words = ["fly", "--policy", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, "--at", "45"]

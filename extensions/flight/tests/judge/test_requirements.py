@@ -20,7 +20,9 @@ def deployment(gain, offset=0.0):
 
 
 def test_every_flight_must_converge_or_the_required_share():
-    """About half of the starts of [-1, 1] can be held; the counts decide, not the linear loop."""
+    """About half of the flights converge, although the linear loop is stable. They pass if the
+    required share is at most theirs, and not if every flight must converge.
+    """
     found = hfa.assess(UNSTABLE, deployment(4.0), samples=12)
     (point,) = found.points
     assert point.radius < 1.0
@@ -86,7 +88,9 @@ def test_an_equilibrium_beyond_the_limits_fails_without_flights(offset, passes):
 
 
 def test_a_flight_that_departs_again_has_not_converged():
-    """v' = .005 v grows by 5 % in the last ten seconds, also from the starts near 0."""
+    """v' = .005 v grows by 5 % in the last ten seconds: no flight has converged, also from starts
+    near 0. With a gain of .2 each of the same starts converges.
+    """
     model = scalar(lambda v, f: 0.005 * v + f, 50.0)
     for gain, converged in ((0.0, 0), (0.2, 100)):
         (found,) = hfa.assess(model, deployment(gain), samples=100, box={"v": 0.1}).points

@@ -36,8 +36,8 @@ def flown(env, start):
 def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim():
     """States and observations are those of an aircraft with the drawn lift and frozen trim values.
 
-    The observations of the changed aircraft without frozen trim values differ, and its states do
-    not.
+    The observations and rewards of the changed aircraft without frozen trim values differ, and its
+    states do not.
     """
     model = model_of(AIRCRAFT)
     point = trim(model, at=45.0)
@@ -59,7 +59,8 @@ def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim()
     expected, seen, _ = flown(environment(changed, frozen, [moved]), start)
     np.testing.assert_allclose(states, expected, rtol=1e-12)
     np.testing.assert_allclose(observations, seen, rtol=1e-6)
-    _, shifted, others = flown(environment(changed, DEPLOYMENT, [moved]), start)
+    not_frozen, shifted, others = flown(environment(changed, DEPLOYMENT, [moved]), start)
+    np.testing.assert_allclose(not_frozen, states, rtol=1e-12)
     assert np.abs(observations - shifted)[:, 1].min() > 0.01
     assert np.abs(rewards - others).min() > 0.0
 

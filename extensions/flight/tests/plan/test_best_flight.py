@@ -26,7 +26,8 @@ def test_saturated_double_integrator_cost_equals_closed_form():
 
     The force of the trim is 0.5 N, from which its limits are 1 N away. State and costate are
     polynomials in time, backwards from a point at which the LQR saturates.
-    The problem is convex. Pontryagin's conditions are therefore sufficient.
+    The problem is convex. Pontryagin's conditions are therefore sufficient. The force is reported as
+    saturated, and the costs of both meshes differ by less than 5 %.
     """
     P = np.array([[np.sqrt(3.0), 1.0], [1.0, np.sqrt(3.0)]])
     switch = np.array(
@@ -70,7 +71,9 @@ def test_policies_in_any_form_are_compared_with_the_best_flight():
 
 
 def test_a_flight_that_leaves_and_comes_back_does_not_converge():
-    """At the trim at its end, but faster than permitted before: as for `fly`, not returned."""
+    """A flight that is at the trim at its end, but was faster than permitted before, has neither
+    converged nor a cost ratio. `fly` says that it has not returned, and departs at the same time.
+    """
     model = cart()
     point = hfa.trim(model)
     limits = {"velocity": (-0.5, 1.0)}
@@ -92,7 +95,8 @@ def test_a_flight_that_leaves_and_comes_back_does_not_converge():
 def test_another_integrator_gives_the_same_cost(gtm):
     """SciPy's integrator computes the same cost within 0.5 % for the inputs of the best flight.
 
-    The cost is within 1 % of the proposed cost, and at most that of the linear optimum.
+    The cost is within 1 % of the proposed cost, and at most that of the linear optimum. States and
+    inputs stay within their limits.
     """
     trim_x = np.array(gtm.point.states)
     trim_u = np.array(gtm.point.inputs)
@@ -155,14 +159,18 @@ def test_an_input_not_selected_is_constant():
     ],
 )
 def test_unusable_arguments_are_refused(start, more, says):
-    """Wrong names, limits, times and initial conditions are refused in one line."""
+    """Unknown inputs and states, and initial conditions beyond the limits or at the trim, are
+    refused in one line.
+    """
     with pytest.raises(hfa.BadInputError, match=says) as caught:
         best_of_cart(start, **more)
     assert "\n" not in str(caught.value)
 
 
 def test_a_proposal_through_a_kink_is_confirmed():
-    """v' = u - .3 |v|: the flight of the exact equations costs what the smooth copy promised."""
+    """v' = u - .3 |v|: the flight of the exact equations costs what the smooth copy promised, and at
+    most as much as the linear optimum.
+    """
     model = replace(
         cart(),
         equations=lambda x, u, p, w: (
