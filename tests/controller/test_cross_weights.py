@@ -65,11 +65,15 @@ def test_margins_open_the_loop_at_the_input_of_the_plant():
 
 
 def test_the_joint_weight_decides():
-    """The boundary is Q - N R^-1 N' = 0: on it the game is solved, beyond it is refused."""
+    """The boundary is Q - N R^-1 N' = 0: on it the game is solved, beyond it is refused.
+
+    N of another shape is refused.
+    """
     A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
     c, d = np.array([[1.0, 0.3]]), 0.7
     on = Game(A, B, Q=c.T @ c, R=[[d * d]], N=c.T * d)
     assert np.abs(on.without_cross_weights.Q).max() < 1e-15
+    assert solve(on).is_stable
     for matrix in (np.array([[1.2], [0.3]]), np.array([[0.0], [1.001]])):
         with pytest.raises(
             BadInputError, match=r"\[\[Q, N\], \[N', R\]\] is not positive semidefinite"

@@ -2,7 +2,6 @@
 
 import math
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -108,7 +107,10 @@ def test_solutions_scale_with_the_units(kind, seed):
     "seed", [2, 7, *(pytest.param(k, marks=pytest.mark.slow) for k in range(9, 40))]
 )
 def test_sampled_games_scale_with_the_units(seed):
-    """The matrices of a sampled game scale, and a too short step is refused in all units."""
+    """The matrices of a sampled game scale, and a too short step is refused in all units.
+
+    An unknown step, True, is refused.
+    """
     game = drawn("continuous", seed)
     other, (z, u, d, t, cost) = in_other_units(game, seed)
     found, right = other.sampled(0.1 * t, 0.9), game.sampled(0.1, 0.9)
@@ -121,4 +123,4 @@ def test_sampled_games_scale_with_the_units(seed):
         with pytest.raises(hfa.BadInputError, match="too short"):
             each.sampled(step)
     with pytest.raises(hfa.BadInputError, match="dt is True"):
-        replace(game).sampled(True)
+        game.sampled(True)

@@ -166,7 +166,10 @@ def heavy(tmp_path_factory):
 
 
 def test_the_json_contains_the_whole_condition(heavy):
-    """The provenance in JSON contains the trim condition, changed parameters and the command."""
+    """The provenance in JSON contains the trim condition, changed parameters and the command.
+
+    The last bit of a parameter changes its hash.
+    """
     words = (
         "--dihedral",
         "12",

@@ -49,7 +49,7 @@ def pages(folder):
 
 
 def test_the_cover_says_what_the_book_is_of(pages):
-    """Document, aircraft, digests of its files, mass as loaded and date, and lines to sign."""
+    """It has document, aircraft, digests of its files, mass, date, results and signatures."""
     for text in (
         "documentTR-12,revisionB",
         "aircraftAerosonde(derivatives)",
@@ -64,7 +64,7 @@ def test_the_cover_says_what_the_book_is_of(pages):
 
 
 def test_the_matrix_has_all_conditions_and_what_is_said_of_them(pages):
-    """Controls have the used share of their travel; a stall, a doubt and a failure their reason."""
+    """Rows have the used share of the travel, and the reason of a stall, doubt or failure."""
     matrix = pages[1]
     for number, name in enumerate(("stall", "planted", "tooslow", "climb"), start=1):
         assert f"{number}{name}" in matrix
@@ -98,7 +98,7 @@ def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, folder):
 
 
 def test_a_page_in_html_says_the_same(folder):
-    """Its matrix links to the sheets."""
+    """The HTML has document, stall, doubt and advice, and its matrix links to each sheet."""
     written(folder, "--document", "TR-12, revision B", "-o", str(folder / "book.html"))
     html = (folder / "book.html").read_text("utf-8")
     for said in ("TR-12, revision B", "STALLED: CL", "principal moment", "a value between"):
@@ -110,8 +110,9 @@ def test_a_page_in_html_says_the_same(folder):
 
 
 def test_the_figure_has_the_values_of_the_sheets():
-    """Alpha in degrees, the used share of the travel in percent, the static margin, and nan without
-    a trim.
+    """Lines have alpha in degrees, the used share of the travel in percent and the static margin.
+
+    They are nan without a trim. Without any alpha, the figure is refused.
     """
     model = hfa.load_model(f"{ROOT}/examples/uav.toml")
     points = [hfa.trim(model, hold={"speed": speed}) for speed in (30.0, 35.0)]
@@ -135,7 +136,7 @@ def test_the_figure_has_the_values_of_the_sheets():
 
 
 def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder):
-    """There is no figure to draw."""
+    """Each has its reason in the matrix, and no figure is drawn."""
     (folder / "weak.csv").write_text("speed,limit\n45,throttle=0:5\n200,\n", "utf-8")
     words = ("trim", "--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--conditions")
     run = command(*words, f"{folder}/weak.csv", "-q", "-o", str(folder / "weak.html"))
@@ -147,7 +148,7 @@ def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder):
 
 
 def test_a_model_without_a_speed_has_a_book(folder):
-    """The matrix has its input with the used share of its travel."""
+    """The matrix of a pendulum has a column of its input, the torque."""
     words = ("trim", "--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM", "--hold", "angle=0,2")
     run = command(*words, "-q", "-o", str(folder / "pendulum.html"))
     assert run.code == 0, run.err
@@ -172,7 +173,7 @@ def test_the_cover_has_the_mass_as_loaded_and_in_the_conditions(held, said, fold
 
 
 def test_a_single_sheet_has_its_document_too(folder):
-    """The same words in Python."""
+    """A sheet that Python saves with a document has it and lines to sign."""
     model = hfa.load_model(str(folder / "uav.toml"))
     point = hfa.trim(model)
     point.save(folder / "sheet.html", document="TR-12, revision B")

@@ -57,7 +57,10 @@ def rows_of(path):
 
 
 def test_each_row_balances_in_an_independent_simulation(book):
-    """The rates of the rigid body are 0, but for the pitch of the pull-up, within 1e-5 of 1.5 g."""
+    """Rates of the rigid body are 0 within 1e-5 of 1.5 g, but for the pitch rate of the pull-up.
+
+    Knots, calibrated airspeed and Mach number are those of the standard atmosphere.
+    """
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
     for name, cells in rows_of(book / "matrix.csv").items():
         assert cells["results"] == RESULTS.get(name, "trimmed")
@@ -134,7 +137,7 @@ def test_the_terminal_shows_a_short_sheet(book):
     short, provenance = command(*words, "--row", "cruise").out.rsplit("\n\n", 1)
     assert provenance.startswith("hfa ")  # as long as the paths of the files
     short = short.splitlines()
-    assert len(short) <= 38
+    assert len(short) <= 38  # and two lines for the command and its prompt
     assert max(map(len, short)) <= 80
     names = {line.split("  ")[0] for line in short}
     assert {"elevator", "static margin", "speed / stall speed"} <= names
@@ -173,7 +176,7 @@ def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book):
 
 
 def test_a_stall_is_said_by_linearize_too(book):
-    """The first lines of a turn have its load factor."""
+    """Its first lines have the stall, and the load factor of a turn."""
     words = ("linearize", "--aircraft", str(book / "uav.toml"), "--conditions")
     run = command(*words, str(book / "conditions.csv"), "--row", "stall", "-q")
     assert "STALLED: CL" in run.out.partition("\n\n")[0]
@@ -182,7 +185,10 @@ def test_a_stall_is_said_by_linearize_too(book):
 
 
 def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
-    """Its air has both; words may have capitals, and a unit may be KCAS."""
+    """The speed has both airspeeds in the air of this altitude, which a sweep finds, too.
+
+    Words may have capitals, and a unit may be KCAS. If no altitude has both, they are refused.
+    """
     path = tmp_path / "climb.csv"
     path.write_text("Name,Speed [KCAS],MACH,Free\na,60,0.1,Altitude\nb,60 KCAS,0.2,altitude\n")
     words = ("--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
@@ -300,7 +306,7 @@ def test_a_wrong_file_is_refused(verb, option, text, said, tmp_path):
     ],
 )
 def test_a_usual_word_leads_to_the_name(word, said, tmp_path):
-    """As an option and as a heading."""
+    """As an option and as a heading, it is refused with the name or options to use."""
     path = tmp_path / "conditions.csv"
     path.write_text(f"{word}\n30\n", "utf-8")
     words = ("trim", "--aircraft", f"{ROOT}/examples/uav.toml")
@@ -348,7 +354,7 @@ def test_a_repeated_condition_is_noted(tmp_path):
 
 
 def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):
-    """c.g. [%] is cg in chords."""
+    """c.g. [%] is cg in chords; headings may have capitals, flight levels and knots."""
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
     model = hfa.from_derivatives({**table, "cg": 0.25})
     path = tmp_path / "conditions.csv"

@@ -6,7 +6,10 @@ from hfa_aircraft.march.refinement import ReportedFigure, resolved
 
 
 def test_the_stated_change_is_that_with_half_the_step():
-    """The step of a figure 1 + 4e-3 / parts is halved until it changes by at most 0.1 %."""
+    """The step of a figure 1 + 4e-3 / parts is halved until it changes by at most 0.1 %.
+
+    A figure 1 / parts, which always changes by its own size, is not resolved.
+    """
     flown, error = resolved(
         lambda parts: 1.0 + 4e-3 / parts, lambda value: {"it": ReportedFigure(value)}, 0.2
     )

@@ -96,7 +96,10 @@ def test_a_plant_is_an_aircraft_of_these_commands(command, folder):
 
 
 def test_a_descriptor_matrix_is_no_aircraft(folder):
-    """It would change A. C and D alone change nothing, and an E alone is noted."""
+    """E beside C and D is refused, as MATLAB's descriptor would change A.
+
+    C and D alone change nothing, and an E alone is noted.
+    """
     plant = '{"A": [[0, 1], [-2, -0.3]], "B": [[0], [1]], '
     Path("other.json").write_text(plant + '"C": [[1, 0]], "D": [[0]], "E": [[2, 0], [0, 1]]}')
     refused = cli.hfa("linearize", "--aircraft", "other.json")
@@ -108,7 +111,7 @@ def test_a_descriptor_matrix_is_no_aircraft(folder):
 
 
 def test_deviations_of_an_aircraft_are_no_doubtful_flight(folder):
-    """At the origin of a linear model, the deviation of the speed is 0."""
+    """A linear model whose speed, a deviation, is 0 is not doubted as an aircraft that stands."""
     assert cli.hfa("linearize", "--dihedral", "10", "-o", "linear.json").code == 0
     assert "Check:" not in cli.hfa("linearize", "--aircraft", "linear.json").out
 

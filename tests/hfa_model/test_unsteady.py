@@ -127,7 +127,10 @@ def sears(k):
     [("lag", theodorsen, MOTION, 0.0144), ("gust", sears, GUST, 0.1173)],
 )
 def test_lags_approximate_theodorsen_and_sears(kind, of, lag, most):
-    """Jones's two lags approximate the lift of an oscillation and of a gust so far, k = .05 to 2."""
+    """The largest error of Jones's two lags, relative to the steady lift, is the known one.
+
+    The functions are those of an oscillation and of a gust, for reduced frequencies .05 to 2.
+    """
     k = np.linspace(0.05, 2.0, 400)
     assert np.abs(response(kind, lag, k) - of(k)).max() == pytest.approx(most, rel=0.01)
 

@@ -219,7 +219,7 @@ def test_unanswerable_calls_are_refused(message, tmp_path, monkeypatch):
 
 
 def test_a_plant_in_continuous_time_is_read(tmp_path):
-    """`time` may say so, and states with names keep them."""
+    """A plant file may state `time` = "continuous", and its states keep their names."""
     model = hfa.load_model(plant(tmp_path, time="continuous", dt=0, states=["q", "v"]))
     assert tuple(model.states) == ("q", "v")
     assert model.rates_at([1.0, 2.0], [3.0]) == pytest.approx({"q": 2.0, "v": 0.4})

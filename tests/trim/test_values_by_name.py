@@ -61,7 +61,8 @@ def test_results_become_tables_of_pandas():
     game = hfa.paper.published_game(linear)
     solution = hfa.solve(game)
     verdict = hfa.verify(game, hfa.from_value(game, solution.P))
-    assert len(solution.to_pandas()) == len(verdict.to_pandas()) == 66
+    entries = 6 * 6 + 5 * 6  # of P and K
+    assert len(solution.to_pandas()) == len(verdict.to_pandas()) == entries
     assert {"P learned", "P exact"} <= {axes.get_title() for axes in verdict.plot()}
     pyplot.close("all")
 

@@ -172,7 +172,10 @@ def test_the_nearest_of_several_games_is_named():
 
 
 def test_multiples_of_rows_and_columns_are_named():
-    """Actions that are not mapped to the inputs, a normalized state, and an input that never moves."""
+    """The reason gives the factors of rows, as of actions not mapped to inputs, and of columns.
+
+    It names an input that never moves.
+    """
     K = gain(TWO_INPUTS)
     rows = verify(TWO_INPUTS, from_gain(TWO_INPUTS, K * [[0.2], [0.7]])).reason
     assert rows.startswith("each row of K is a multiple of the exact one (u1 0.2, u2 0.7)")

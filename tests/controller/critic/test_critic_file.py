@@ -114,7 +114,11 @@ def test_one_row_is_read_as_one_critic():
 
 
 def test_the_files_basis_applies_unless_another_is_named():
-    """The basis named in a critic file applies unless the caller names another basis."""
+    """The basis named in a critic file applies unless the caller names another basis.
+
+    It may be a list of functions. Beside P, an entry `basis` of another program is ignored, but a
+    listed basis of the caller requires W.
+    """
     single = stored("w.npz", W=np.arange(5.0), basis="quadratic+linear")
     found = critic_in(single, GAME).basis
     assert found is not None
@@ -235,7 +239,7 @@ def test_the_results_of_lqr_of_matlab_are_k_and_p(poles):
 
 
 def test_a_gain_of_one_input_may_be_a_vector():
-    """In a file and as an array; with several inputs it is refused."""
+    """It is read in a file and as an array; with several inputs it is refused."""
     np.savez("k.npz", K=[4.0, 3.0])
     for found in (critic_in("k.npz", ONE), hfa.from_gain(ONE, [4.0, 3.0])):
         assert found.K.tolist() == [[4.0, 3.0]]
@@ -283,7 +287,10 @@ def test_h_is_read_in_the_order_that_its_file_lists():
 
 
 def test_the_table_of_hfa_solve_is_read_back(tmp_path):
-    """P and K of a .csv file, with names and units: PASS; in another unit K is converted."""
+    """P and K of the .csv file pass, and K of a file in another unit is converted.
+
+    A table of P that lacks an entry is refused.
+    """
     exact = hfa.solve(ONE)
     exact.save("solved.csv")
     assert hfa.verify(ONE, "solved.csv").ok

@@ -117,7 +117,10 @@ def identity_error(expansion):
 @pytest.mark.parametrize("delta", [np.inf, 3.0])
 @pytest.mark.parametrize("degree", [2, 3, 4, 5])
 def test_identity_holds_by_the_derivatives_of_the_functions(delta, degree):
-    """A plant with products of inputs, and a game with cross weights."""
+    """The Hamiltonian is 0 to degree D, and its derivative with respect to u to degree D - 1.
+
+    The plant has products of inputs, and the game cross weights.
+    """
     linear = linear_of(MIXED)
     expansion = expand(linear, hfa.solve(mixed_game(linear, delta)), degree)
     assert identity_error(expansion) <= ROUNDING
@@ -127,6 +130,10 @@ def test_identity_holds_by_the_derivatives_of_the_functions(delta, degree):
 
 @pytest.mark.parametrize("kind", ["value_terms", "policy_terms"])
 def test_a_wrong_coefficient_is_seen(kind):
+    """A coefficient that is 1 % off violates the identity by far more than `ROUNDING`.
+
+    The residual shows a wrong coefficient of the value, too.
+    """
     linear = linear_of(MIXED)
     exact = expand(linear, hfa.solve(mixed_game(linear, 3.0)), 4)
     for degree, term in enumerate(getattr(exact, kind)):

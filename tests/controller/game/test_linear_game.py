@@ -41,7 +41,7 @@ def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(dynamics, 
 
 @pytest.mark.parametrize("is_stored_in_si", [True, False])
 def test_a_solution_passes_in_other_units_of_its_aircraft(is_stored_in_si, tmp_path):
-    """Q, R and E are those of one game, and the file is converted."""
+    """The solution of a game in ft, lbf and deg passes in SI units, and the reverse."""
     model = Model(
         "cart",
         {"speed": Signal("ft/s", nominal=3.0), "angle": Signal("deg", nominal=5.0)},

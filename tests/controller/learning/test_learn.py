@@ -146,8 +146,8 @@ def test_the_law_as_printed_is_eq_46():
 # A learner of the user.
 
 
-def test_every_row_of_a_users_learner_is_recorded_once():
-    """With more than 20,000 ticks some rows are left out, but not the last."""
+def test_a_long_run_of_a_users_learner_keeps_its_first_and_last_rows():
+    """Of more than 20,000 ticks some rows are left out. The progress never falls, and ends at 1."""
 
     class Counter:
         ticks = 30_001

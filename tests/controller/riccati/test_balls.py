@@ -61,7 +61,10 @@ def test_an_operation_contains_the_exact_result(operation, seed, radius):
 
 @pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
 def test_norms_are_upper_bounds(arithmetic):
-    """A tiny row does not lower the bound, and with an undefined row there is none."""
+    """Norms of a matrix and of its inverse are at most their bounds, also beside a tiny row.
+
+    With an undefined row, or without an inverse, there is no finite bound.
+    """
     with precision(256):
         for seed in range(5):
             matrix = np.random.default_rng(seed).standard_normal((4, 4))
@@ -98,7 +101,10 @@ def test_only_positive_matrices_are_proved_positive(arithmetic):
 @pytest.mark.parametrize("text", ["0.1 +/- 1e-9", "1/3 +/- 1e-70", "-2", "0", "0 +/- 3e-300"])
 @pytest.mark.parametrize("again", [lambda ball: pickle.loads(pickle.dumps(ball)), copy.deepcopy])
 def test_a_pickled_ball_contains_the_ball_and_hardly_more(text, again):
-    """The process that reads the ball may have fewer bits than the ball."""
+    """The radius is at most 2^-27 larger, and the midpoint is the same.
+
+    The process that reads the ball may have fewer bits than the ball.
+    """
     middle, _, radius = text.partition(" +/- ")
     with precision(300):
         ball = arb(fmpq(*map(int, middle.split("/")))) if "/" in middle else arb(middle)
@@ -121,7 +127,11 @@ def test_balls_that_are_not_finite_can_be_pickled():
 @pytest.mark.parametrize("terms", [1, 5, 40])
 @pytest.mark.parametrize("seed", range(3))
 def test_pairs_contain_the_exact_result_in_twice_the_digits(terms, seed):
-    """The entries of the matrices have wide ranges, and their sums cancel to the last digits."""
+    """Results of pairs contain the exact ones, and their radii are about 1e-25 of the terms.
+
+    The entries have wide ranges, and their sums cancel to the last digits. Products of wider pairs
+    contain those of their corners.
+    """
     rng = np.random.default_rng([terms, seed])
 
     def entries(*shape):

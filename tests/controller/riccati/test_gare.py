@@ -24,7 +24,7 @@ I2 = np.eye(2)
     "name", ["published-5", pytest.param("published-15", marks=pytest.mark.slow)]
 )
 def test_P_and_K_of_the_paper_are_exact_to_1e12(name):
-    """Every entry of P in units in which its diagonal is 1, and K."""
+    """K and every entry of P, in units in which its diagonal is 1, are those of 60 digits."""
     game = game_models()[name]
     P, K = exact_solution(game)
     units = 1.0 / np.sqrt(np.diag(P))
@@ -113,7 +113,10 @@ def test_a_missing_lqr_solution_names_the_mode(A, B, Q, message):
 @pytest.mark.parametrize("factor", [1e-90, 1e-30, 1e30, 1e90])
 @pytest.mark.parametrize("name", ["A", "B", "R", "Q"])
 def test_extreme_numbers_have_their_exact_solution(name, factor):
-    """K and P of x1' = x1 + u beside x2' = -x2, in any numbers."""
+    """K and P of x1' = a x1 + b u beside x2' = -a x2 are those of the closed form.
+
+    One of A, B, R and Q has the given size, the others the size 1.
+    """
     parts = {"A": np.diag([1.0, -1.0]), "B": np.eye(2)[:, :1], "Q": I2, "R": np.eye(1)}
     parts[name] = factor * parts[name]
     solution = solve(Game(**parts))
@@ -127,7 +130,10 @@ def test_extreme_numbers_have_their_exact_solution(name, factor):
 
 
 def test_the_bracket_of_minimum_delta_is_narrow(game):
-    """test_stored_games.py has the exact ones; below the bracket, the game is refused."""
+    """The bounds of the smallest delta differ by 1e-6, and just below them the game is refused.
+
+    test_stored_games.py has the exact values.
+    """
     smallest = minimum_delta(game)
     assert smallest.value / smallest.refused <= 1.000001  # as docs/games.md states
     assert smallest.margin(7.0) == pytest.approx(7.0 / smallest.value)
@@ -198,8 +204,10 @@ def test_an_undamped_costless_mode_is_named(size, seed):
 
 
 def test_a_slow_mode_of_a_stiff_plant_is_solved():
-    """Each state drives the next, and the input reaches the slow unstable mode by 1e-15 of the
-    fastest rate.
+    """P and K are those of 60 digits to 1e-12.
+
+    Each state drives the next, and the input reaches the slow unstable mode by 1e-15 of the fastest
+    rate.
     """
     A = np.diag([-1e7, -2.0, 1e-3]) + np.diag([1e-4, 1e-4], -1)
     game = Game(A, np.eye(3)[:, :1], Q=np.eye(3), R=np.eye(1))
@@ -228,7 +236,10 @@ def test_the_printed_gain_stabilizes(slow, is_refined):
 
 
 def test_the_bracket_of_many_unstable_states_is_that_of_proofs_in_the_users_states():
-    """Two inputs hold them: in some directions P is far larger than in others."""
+    """The game has a value at the upper bound, and is proved to have none at the lower one.
+
+    Two inputs hold eight states: in some directions P is far larger than in others.
+    """
     rng = np.random.default_rng(3)
     n = 8
     A, B, E = (rng.standard_normal((n, k)) for k in (n, 2, 2))

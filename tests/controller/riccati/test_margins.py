@@ -64,7 +64,10 @@ FREQUENCIES = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 2000)])
 
 @pytest.mark.parametrize("inputs", [2, pytest.param(5, marks=pytest.mark.slow)])
 def test_the_disk_margin_agrees_with_python_control(inputs):
-    """No smaller margin is found by SLICOT's μ on a grid, and 1 / α exceeds the largest by 1 %."""
+    """The margin is that of SLICOT's μ on a grid of frequencies within 1 %.
+
+    The grid may miss the smallest margin, so that ours may be smaller, but not 0.1 % larger.
+    """
     pytest.importorskip("slycot", reason="the package slycot is not installed")
     for seed in range(2):
         rng = np.random.default_rng(seed)

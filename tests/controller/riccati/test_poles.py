@@ -55,7 +55,7 @@ def test_poles_of_a_solution_do_not_lose_their_digits_in_its_units():
     """A double integrator in units of 1e-12 has the closed-form poles (-1 ± i) / √2."""
     scale = 2.0**-40
     game = Game([[0.0, scale], [0.0, 0.0]], [[0.0], [1.0]], Q=[scale**-2, 0.0], R=[1.0])
-    found = solve(game).poles() * scale**0.0
+    found = solve(game).poles()
     exact = np.sqrt(0.5) * np.array([-1.0 - 1.0j, -1.0 + 1.0j])
     np.testing.assert_allclose(found, exact, rtol=1e-15)
 

@@ -142,7 +142,7 @@ def test_the_sheet_repeats_configuration_words(folder):
 
 
 def test_a_center_that_is_not_finite_is_refused():
-    """A value of the parameter that is not finite is refused in one line."""
+    """A value of cg that is not finite is refused, and any value of a table that states no cg."""
     model = from_derivatives(UAV | {"cg": 0.25})
     for value in (float("nan"), float("inf")):
         with pytest.raises(BadInputError, match=f"cg is {value}; give a finite number"):

@@ -47,14 +47,14 @@ def lost(report, text):
 
 @pytest.mark.parametrize(("count", "expected"), [(3, 1), (16, 1), (24, 2)])
 def test_a_sheet_has_all_rows_and_as_few_pages_as_they_need(count, expected, tmp_path):
-    """The pages are numbered "1 of 2", and each has rows of both columns."""
+    """All rows are on the expected pages, which are numbered "1 of 2" and not almost empty."""
     report = sheet(count)
     texts = pages(report, tmp_path)
     assert len(texts) == expected
     assert not lost(report, "".join(texts))
     for number, text in enumerate(texts, start=1):
         assert f"{number}of{len(texts)}" in text
-        assert len(text) > 400
+        assert len(text) > 400  # a full page has more than 1000 characters
 
 
 def test_a_row_that_is_not_on_the_page_is_seen(tmp_path):
@@ -83,7 +83,7 @@ def book(count):
 
 @pytest.mark.parametrize("count", [1, 51, 60])
 def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path):
-    """A page of the matrix has at least four rows, each sheet a page of its own."""
+    """A page of the matrix has at least three rows, each sheet a page of its own."""
     texts = pages(book(count), tmp_path)
     assert not lost(book(count), "".join(texts))
     sheets = min(count, 2)
@@ -93,7 +93,7 @@ def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path):
         assert f"condition{index}:level" in text
         assert "12,B" in text
     for text in texts[1:-sheets]:
-        assert text.count("stalled") >= min(count, 4) - 1
+        assert text.count("stalled") >= min(count, 3)
         assert text.count("results") == 1
 
 

@@ -100,7 +100,10 @@ def values(point):
 
 
 def test_handling_qualities_follow_from_the_modes():
-    """test_sheet.py computes n/alpha and CAP by hand."""
+    """Frequencies, dampings, time constants and times are those of the eigenvalues.
+
+    test_sheet.py computes n/alpha and CAP by hand.
+    """
     point = trimmed(NAVION)
     qualities = values(point)
     roots = {mode.name: mode.eigenvalue for mode in point.modes}

@@ -117,7 +117,7 @@ def apart(found, expected):
 
 
 def test_a_hydraulic_servo_in_si_units_has_its_modes():
-    """Position, velocity and pressure: -2.0 and -32 ± 1673i."""
+    """A servo with position, velocity and pressure has the eigenvalues -2.0 and -32 ± 1673i."""
     oscillation, lag = SERVO.modes
     assert oscillation.eigenvalue == pytest.approx(-32.00015427 + 1673.14315265j, rel=1e-8)
     assert lag.eigenvalue == pytest.approx(-1.99969146, rel=1e-8)
@@ -125,6 +125,7 @@ def test_a_hydraulic_servo_in_si_units_has_its_modes():
 
 
 def check(plant):
+    """Assert that modes, eigenvalues and frequency response are those of rational arithmetic."""
     linear, known = LinearModel.of(*plant), exact(plant)
     assert linear.is_stable
     modes = [mode.eigenvalue for mode in linear.modes]

@@ -50,7 +50,7 @@ def test_outputs_are_compared_in_the_same_units(units):
 
 
 def test_a_weight_that_is_not_that_of_the_mass_is_doubted():
-    """A mass in pounds beside a weight in newtons."""
+    """A mass in pounds beside a weight in newtons is doubted, with their ratio."""
     plane = replace(UAV, about=replace(UAV.about, configuration=mass_in_pounds))
     assert "Check: the weight is 0.454 times mass and gravity" in first_lines(plane)
 
@@ -60,6 +60,6 @@ def mass_in_pounds(x, u, p):
 
 
 def test_inertias_of_a_held_value_are_doubted():
-    """Ixz = 1.19 kg m² is above sqrt(Ixx Izz) = 1.204 less the rest of the body."""
+    """Ixz = 1.3 kg m² is above sqrt(Ixx Izz) = 1.204 kg m²."""
     title = first_lines(UAV.with_parameters(Ixz=1.3))
     assert "a principal moment of inertia is not positive" in title

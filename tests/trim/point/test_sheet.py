@@ -40,7 +40,7 @@ def sheet(name, **hold):
 
 
 def test_paths_controls_and_modes_stand_in_the_first_lines():
-    """A climb, a descent, alpha, each moved control with its limits, and modes of `linearize`."""
+    """They name climb or descent, alpha, moved controls with their limits, and the modes."""
     gtm = f"{EXAMPLES}/gtm.py:GTM"
     for gamma, words in ((2.0, ": climb 2 deg,"), (-3.0, ": descent 3 deg,")):
         point, _ = sheet(gtm, gamma=math.radians(gamma))
@@ -155,7 +155,10 @@ def test_a_derivative_that_is_not_a_number_is_one_line(words, code, folder):
 
 
 def test_lags_follow_in_static_margin_and_control_per_g():
-    """Independent: rigid-body slopes of steady lags at 15 deg, .2062 chord and -25.40 deg/g."""
+    """They are those of rigid-body slopes with steady lags, .2062 chord and -25.40 deg/g at 15 deg.
+
+    CL_alpha is that of followed lags without apparent mass.
+    """
     model = hfa.aircraft("unsteady")
     point = hfa.trim(model, hold={"dihedral": math.radians(15.0)})
     stability = values(point.report().data)
@@ -261,7 +264,10 @@ def test_an_assumed_limit_of_an_angle_does_not_hide_a_trim_upside_down():
 
 
 def test_the_configuration_is_that_of_the_data():
-    """HFA: Iyy is c1 + c2 sin² η of the paper. Table: its entries."""
+    """Iyy of the HFA is c1 + c2 sin² η of the paper, and its mass that of its weight.
+
+    The configuration of a table has its entries.
+    """
     eta = math.radians(11.0)
     point, data = sheet("hfa", dihedral=eta)
     p = hfa_model.parameters_of(point.model)
@@ -469,7 +475,7 @@ def test_levels_of_a_sheet_are_those_of_its_modes():
 
 
 def test_a_sheet_of_degrees_taken_as_radians_is_doubted(folder):
-    """Alpha of 143 deg, limits beyond a turn, inertias of no body: each is named, trim or not."""
+    """Limits of 25 rad and inertias that no rigid body has are named."""
     text = (EXAMPLES / "uav.toml").read_text("utf-8")
     text = text.replace('["-25 deg", "25 deg"]', "[-25, 25]").replace("Izz = 1.759", "Izz = 2.9")
     Path("wrong.toml").write_text(text, "utf-8")
@@ -480,7 +486,10 @@ def test_a_sheet_of_degrees_taken_as_radians_is_doubted(folder):
 
 
 def test_published_and_newton_dynamics_differ_by_mode_in_percent():
-    """At 7 deg the fast dihedral mode is the fastest real one, in `trim` and in `linearize`."""
+    """`trim` and `linearize` compare the fast dihedral mode, the fastest real one, and the pair.
+
+    The short period differs by |λ_newton / λ_published - 1| in percent.
+    """
     pairs, fastest = {}, {}
     for dynamics in ("published", "newton"):
         linear = hfa.paper.level_model(hfa.aircraft(dynamics), math.radians(7.0))

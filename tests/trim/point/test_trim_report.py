@@ -49,8 +49,9 @@ GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 @pytest.mark.parametrize("condition", [LEVEL, GLIDE], ids=["level", "glide"])
 def test_performance_follows_from_the_loads(published_aircraft, condition):
-    """Pressure, Mach number and hinge moment of the report, and the balance along and across the
-    path in a glide: T cos α - D = W sin γ, L + T sin α = W cos γ.
+    """Pressure and Mach number are those of the standard air, and the hinge moments balance.
+
+    Forces balance along and across the path: T cos α - D = W sin γ, L + T sin α = W cos γ.
     """
     point = trim(published_aircraft, condition)
     gamma = point.values["gamma"]
@@ -79,7 +80,7 @@ def test_performance_follows_from_the_loads(published_aircraft, condition):
 
 
 def test_a_later_limit_replaces_an_earlier_one():
-    """Limits of other variables are kept."""
+    """The later limit of a variable replaces the earlier one; limits of others are kept."""
     first, then = {"throttle": (0.0, 90.0), "alpha": (-0.1, 0.2)}, {"throttle": (10.0, 60.0)}
     assert release(release(BASE, limits=first), limits=then).limits == first | then
 

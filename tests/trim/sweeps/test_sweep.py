@@ -54,7 +54,8 @@ CASES = {
 def test_each_point_equals_its_single_trim(published_aircraft, name):
     """Each point of a sweep equals its single trim and linear model.
 
-    If a point has no trim, the sweep and the single trim give the same reason.
+    If a point has no trim, the sweep and the single trim give the same reason: of each grid with
+    a limit one point, and four of the slow one.
     """
     grid, condition = CASES[name]
     result = sweep(published_aircraft, grid, condition=condition)

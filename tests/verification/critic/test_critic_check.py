@@ -202,7 +202,11 @@ def test_contradicting_parts_are_refused(game):
 
 
 def test_errors_are_those_of_their_definitions():
-    """With an R that is not diagonal: norms, norms in balanced units, entries, and in a box."""
+    """Each error is that of its definition, with an R that is not diagonal.
+
+    Definitions are norms, norms in balanced units, entries relative to the largest, and largest
+    values in a box. A quartic term counts in ten times the box, a linear one in a tenth of it.
+    """
     rng = np.random.default_rng(8)
     A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
     R = np.array([[4.0, 1.0], [1.0, 9.0]])

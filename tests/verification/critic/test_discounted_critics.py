@@ -20,7 +20,7 @@ DT = 0.01
 
 
 def test_the_exact_discounted_critic_passes(elevator_game):
-    """So do the exact P and K, and the exact H over (x, u)."""
+    """The exact P, the exact K and the exact H over (x, u) pass."""
     problem = elevator_game.sampled(DT, DISCOUNT)
     exact = solve(problem)
     assert verify(problem, from_value(problem, exact.P)).ok

@@ -31,7 +31,7 @@ def test_a_gain_above_delta_fails_and_margins_are_of_both_policies(elevator_game
 
 
 def test_a_positive_definite_value_below_the_exact_one_is_not_indefinite():
-    """Its error is told by other checks, and that it is positive definite by this one."""
+    """P / 2 passes the check of the smallest eigenvalue, which -P / 2 fails."""
     game = hfa.Game(np.diag([-1.0, -2.0]), np.eye(2), Q=np.eye(2), R=np.eye(2))
     for size, is_ok in ((0.5, True), (-0.5, False)):
         P = size * solve(game).P

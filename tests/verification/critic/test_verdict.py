@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_the_entries_of_a_report_are_the_farthest(game):
-    """The three of K that are farthest from the exact ones, relative to the largest; none if exact."""
+    """The report lists the three entries of K farthest from the exact ones, none if K is exact."""
     exact = gain(game)
     assert "-o FILE writes all" not in str(verify(game, from_gain(game, exact)).report())
     learned = 1.001 * exact

@@ -35,7 +35,10 @@ refusal = partial(network_files.refusal, states=3, inputs=2)
 
 @pytest.mark.parametrize("name", STORED["actions"])
 def test_a_zip_gives_the_actions_of_stable_baselines(name):
-    """With squash, clip and box, without help; the algorithm is stated."""
+    """The actions are those of `predict`, with squash, clip and box, without help of the user.
+
+    The algorithm and the box are stated. Only zips of ARS have no unused part.
+    """
     critic = read(ZIPS / f"{name}.zip")
     assert critic.u(OBSERVED) == pytest.approx(np.array(STORED["actions"][name]), abs=1e-6)
     assert critic.stated.algorithm == name.partition("_")[0].upper()
@@ -44,7 +47,7 @@ def test_a_zip_gives_the_actions_of_stable_baselines(name):
 
 
 def test_a_report_says_what_a_zip_states():
-    """Algorithm, box, and unused parts, in the text and in the data."""
+    """The text of a report names the unused part; its data have algorithm and box, too."""
     critic = read(ZIPS / "sac.zip")
     told = hfa.verify(GAME, critic, flights=0).report()
     (note,) = critic.stated.notes
@@ -55,11 +58,11 @@ def test_a_report_says_what_a_zip_states():
 
 
 def test_a_value_beside_a_policy_is_read_with_the_activation_of_the_zip():
-    """V has neither squash nor box; u has both."""
+    """V has the activation of the zip, and not the box of u; another activation is refused."""
     both = read(ZIPS / "ppo.zip", network="V=value_net,policy=policy_net+action_net")
     assert both.u(OBSERVED) == pytest.approx(np.array(STORED["actions"]["ppo"]), abs=1e-6)
     assert both.value is not None
-    assert np.array(both.value(100.0 * OBSERVED.T)).max() > 2.0
+    assert np.array(both.value(100.0 * OBSERVED.T)).max() > 2.0  # the upper end of the box
     assert pytest.approx(both.K) == read(ZIPS / "ppo.zip", activation="ELU").K
     assert "but the file contains 'elu'" in refusal(ZIPS / "ppo.zip", activation="tanh")
 
@@ -119,7 +122,7 @@ def test_a_zip_without_its_class_is_refused():
 
 
 def test_an_old_torch_file_that_claims_large_storages_is_refused():
-    """Its storages together have at most the size of the file."""
+    """A file of torch before 1.6 is read, and refused if its storages are larger than the file."""
     with zipfile.ZipFile(ZIPS / "sac_old.zip") as archive:
         content = archive.read("policy.pth")
     Path("old.pth").write_bytes(content)
@@ -154,7 +157,7 @@ VALUE = ("critic.0", "critic.2", "critic.4")
 
 @pytest.mark.parametrize("write", [torch_file, safetensors_file])
 def test_a_checkpoint_of_cleanrl_is_squashed_and_scaled(write):
-    """tanh(output) action_scale + action_bias; its Q functions are not used."""
+    """The policy is tanh(output) action_scale + action_bias; Q functions are noted as unused."""
     names = ("0.fc1", "0.fc2", "0.fc_mu")
     tensors = chain(*names) | chain("1.fc1", "1.fc2", "1.fc3", widths=(5, 6, 6, 1))
     scale = {"0.action_scale": np.array([[2.0, 0.5]]), "0.action_bias": np.array([[1.0, 0.0]])}
@@ -166,7 +169,7 @@ def test_a_checkpoint_of_cleanrl_is_squashed_and_scaled(write):
 
 
 def test_normalizers_of_checkpoints_are_refused_or_absent():
-    """rsl_rl and rl_games store a normalizer beside the policy, which the states are not behind."""
+    """Checkpoints of rsl_rl and rl_games are read, and refused if they have a normalizer."""
     names = [f"model_state_dict.{name}" for name in (*ACTOR, *VALUE)]
     rsl_rl = chain(*names[:3]) | chain(*names[3:], widths=CRITIC)
     rsl_rl["model_state_dict.std"] = np.ones(2)
@@ -188,7 +191,10 @@ def test_normalizers_of_checkpoints_are_refused_or_absent():
 
 @pytest.mark.parametrize("kind", ["float16", "bfloat16"])
 def test_half_precision_is_read(kind):
-    """float16, and bfloat16 in safetensors: the upper halves of float32."""
+    """The policy of weights in float16 or bfloat16 is that of the rounded weights.
+
+    A number in bfloat16 is the upper half of one in float32.
+    """
     tensors = chain(*ACTOR)
     singles = {name: each.astype("f4") for name, each in tensors.items()}
     if kind == "float16":
@@ -276,7 +282,7 @@ def test_a_policy_of_other_observations_is_no_q_function():
 
 
 def test_a_layer_on_a_basis_says_what_its_file_contains_besides():
-    """A value of 6 weights beside an actor, which is not used."""
+    """A value of 6 weights is read, and the actor beside it is noted as unused."""
     stored = chain("value", widths=(6, 1)) | chain(*ACTOR)
     critic = read(torch_file("both.pt", stored), network="V=value")
     assert critic.weights is not None

@@ -134,6 +134,7 @@ def test_unsupported_graphs_are_refused(name):
 
 
 def test_damaged_graphs_and_weights_in_other_files_are_refused():
+    """A graph with weights in another file, a damaged one, and an activation beside a graph."""
     assert "stored in another file; export the weights in" in refusal(external("a.onnx"))
     content = Path(onnx_file("good.onnx", QUADRATIC, _SINGLES)).read_bytes()
     Path("damaged.onnx").write_bytes(content[:-40])
@@ -244,7 +245,10 @@ def test_each_operator_equals_onnxruntime(name):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_random_wide_graphs_equal_onnxruntime(seed):
-    """Three layers of up to 200 units, each added to its input, beside it or in its place."""
+    """Random graphs of three layers give the values of ONNX Runtime.
+
+    A layer has up to 200 units, and is added to its input, stands beside it or replaces it.
+    """
     rng = np.random.default_rng(seed)
     nodes, constants, width = [("Identity", "x", "y0")], {}, 6
     for k in range(3):
