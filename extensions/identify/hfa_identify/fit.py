@@ -215,7 +215,7 @@ class OutputError:
         self.samples = np.sum([flags.sum(axis=0) for flags in self.present], axis=0)
         self.least = (1e-9 * responses.model.nominal(responses.measured)) ** 2
 
-    def fit(self, progress: Callable[[float, float], None] | None = None) -> Fit:
+    def fit(self, progress: Callable[[float, float], None] | None) -> Fit:
         """Return the fit with the least L that Gauss-Newton steps reach from the start values.
 
         Raises FloatingPointError if the first simulation diverges or its sensitivities are not

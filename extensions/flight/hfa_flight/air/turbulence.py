@@ -152,8 +152,7 @@ class Turbulence:
         seed: seed of the noise
 
         Raises BadInputError if the altitude is unknown, if the specification has no turbulence of
-        this level there, if no speed is recognized, or if the model supports no
-        component.
+        this level there, if no speed is recognized, or if the model supports no component.
         """
         model = point.model
         feet = _feet(model)
