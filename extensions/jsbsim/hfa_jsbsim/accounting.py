@@ -219,7 +219,7 @@ def _notes_on_writers(equations: Equations) -> list[Note]:
     notes = []
     for name, writers in properties.writers().items():
         rights = access(name)
-        in_files = [writer for writer in writers if writer.element is not None]
+        in_files = [writer for writer in writers if writer.is_of_file]
         if not rights or not in_files:
             continue
         if rights == "R" and name in properties.names_read:

@@ -281,8 +281,8 @@ class Equations:
             for lever, value in levers.items():
                 command = f"fcs/{lever}-cmd-norm[{file.number}]"
                 properties.define(command, value)
-                follow = Writer(partial(properties.read, command, ""), "", BEFORE_ALL)
-                properties.add_writer(f"fcs/{lever}-pos-norm[{file.number}]", follow)
+                position = f"fcs/{lever}-pos-norm[{file.number}]"
+                self._define_lazily(position, partial(properties.read, command, ""))
         self._define_chosen_inputs()
         properties.define_initial("gear/gear-pos-norm", 1.0)
         properties.define("accelerations/gravity-ft_sec2", self.parameters["gravity"])
@@ -413,13 +413,13 @@ class Equations:
             )
         if rights and "value" in element.attributes:
             held = self.properties.writer(element.text)
-            symbol = held.compute() if held is not None and held.element is None else None
+            symbol = held.compute() if held is not None and not held.is_of_file else None
             parameter = next((name for name, each in self.parameters.items() if each is symbol), "")
             is_command = any(each.symbol is symbol for each in self.inputs.values())
             if parameter and parameter not in ("mixture", "advance"):  # engines run best with 1
                 self.starts[parameter] = value
             if not (parameter or is_command):
-                writer = Writer(lambda: value, element.where, 0, element=element)
+                writer = Writer(lambda: value, element.where, 0, is_of_file=True)
                 self.properties.add_writer(element.text, writer)
         elif not rights and (overrides or not self.properties.is_known(element.text)):
             self.properties.define_initial(element.text, value)
@@ -444,7 +444,7 @@ class Equations:
             if first is not element:
                 fault = f"{shortened(full_name)} is the name of another function ({first.where})"
                 raise element.error(f"{fault}; give this function another name")
-            writer = Writer(compute, element.where, element=element)
+            writer = Writer(compute, element.where, is_of_file=True)
             self.properties.add_writer(full_name, writer)
 
     def _add_engine(self, file: EngineFile, aircraft: HostAircraft) -> Writer:
@@ -463,7 +463,7 @@ class Equations:
             parts = (getattr(effect, kind)[axis] for effect in self._effects())
             return sum(parts, start=ca.SX(0.0))
 
-        self.properties.add_writer(name, Writer(compute, "", BEFORE_ALL))
+        self._define_lazily(name, compute)
 
     def _effects(self) -> list[Effect]:
         """Return the effect of each engine."""
@@ -555,7 +555,7 @@ class Equations:
         """Raise BadInputError if the files set a wind, a gust or turbulence by a component."""
         for kind, axis in product(("wind", "gust", "turb"), ("north", "east", "down")):
             writer = self.properties.writer(f"atmosphere/{kind}-{axis}-fps")
-            if writer is not None and writer.element is not None:
+            if writer is not None and writer.is_of_file:
                 raise BadInputError(
                     f"{writer.where}: this sets the wind, which is not supported; use the "
                     f"parameters {', '.join(WINDS)}"

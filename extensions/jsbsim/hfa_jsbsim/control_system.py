@@ -86,7 +86,7 @@ def _add_component(component: Element, properties: Properties, commands: ca.SX, 
             component.taken = False  # its output is not used
             raise
 
-    writer = Writer(compute, component.where, order, component, component)
+    writer = Writer(compute, component.where, order, component, is_of_file=True)
     for output_name in dict.fromkeys(names):
         properties.add_writer(output_name, writer)
 

@@ -53,13 +53,13 @@ class LoopError(BadInputError):
 
 @dataclass(eq=False)
 class Writer:
-    """Element that sets a property.
+    """What sets a property: an element of a file, or JSBSim itself.
 
     compute: function without arguments that returns the value.
     where: file and line.
     order: position in JSBSim's order of evaluation.
     component: the element, if it is a component of the control system.
-    element: the element of the file, or None if JSBSim itself sets the property.
+    is_of_file: whether an element of a file sets the property, and not JSBSim itself.
     value: the value, or None before it is computed.
     """
 
@@ -67,7 +67,7 @@ class Writer:
     where: str
     order: int = AFTER_ALL
     component: Element | None = None
-    element: Element | None = None
+    is_of_file: bool = False
     value: Any = field(default=None)
 
 
