@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 #: Status of a call, from FMI. A call with status 0 or 1 (warning) has results.
 _STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
-_ERROR, _FATAL = 3, 4
+_OK, _ERROR, _FATAL = 0, 3, 4
 #: Largest number of iterations at an event.
 _MOST_ITERATIONS = 100
 #: Largest number of characters of a message of the FMU.
@@ -101,13 +101,16 @@ class Instance:
         self._v = (c_double * (n + m + len(interface.parameters)))()
         self._f = (c_double * (n + len(interface.outputs)))()
         self._v_bytes, self._f_bytes = (memoryview(each).cast("B") for each in (self._v, self._f))
+        # Arguments of the calls that set the states and the inputs, and get the rates and outputs.
         self._x = self._v, c_size_t(n)
         self._rates = self._f, c_size_t(n)
         self._inputs = self._reals(interface.inputs, self._v, n)
         self._outputs = self._reals(interface.outputs, self._f, n)
         #: Bytes of the inputs in v, and of the parameters.
         self._of_inputs, self._of_parameters = slice(8 * n, 8 * (n + m)), slice(8 * (n + m), None)
+        #: Bytes of the inputs at the last event, and of the parameters of the instance.
         self._stepped = self._begun_with = b""
+        #: Whether each event indicator of the instance is positive, or [] before it is known.
         self._signs: list[bool] = []
         self._callbacks: list[Any] = self._made_callbacks()
         is_two = interface.version == 2
@@ -132,7 +135,7 @@ class Instance:
         """Give up the instance, with what it remembers of its past."""
         with self._lock:
             if self._component is not None:
-                self._end(0)
+                self._end(_OK)
 
     def indicators(self, v: Any) -> list[float]:
         """Return the event indicators after the events. Raises FmuError if a call fails."""

@@ -232,10 +232,10 @@ def _called(function: ca.Function, name: str) -> Callable[..., Sequence[Any]]:
 
 
 def _of_table(table: Table, values: Sequence[Any]) -> Any:
-    """Return Σ_I c_I Π φ_i(a_i), one argument at a time.
+    """Return the value of a table at balls a_d, Σ_I c_I Π_d φ_(d, I_d)(a_d).
 
-    Σ_i φ_i g_i is g_0 Σ φ_i + Σ_i (φ_i + φ_(i+1) + ..) (g_i - g_(i-1)): differences of neighbors
-    remain small where few φ_i change.
+    It is summed over `Table.layers` of the last argument, whose differences of neighbors remain
+    narrow.
     """
     if len(values) == 1:
         return _of_spline(table.spline(), values[0])

@@ -70,7 +70,7 @@ class Spline:
         return float(polynomial(self.pieces[piece], t - self.origins[piece]))
 
     def combined(self, weights: Sequence[Fraction], others: Sequence[Spline]) -> Spline:
-        """Return the weighted sum of splines with the same knots."""
+        """Return the weighted sum of other splines, all with the knots of this one."""
         pieces = []
         for parts in zip(*(other.pieces for other in others), strict=True):
             columns = zip(*map(_filled, parts), strict=True)

@@ -70,16 +70,16 @@ class DeployedPolicy(Policy):
         It is called at each tick, with the measured deviations of the states from trim, (n,).
         """
         deployment = self.deployed.deployment
-        ticks = round(deployment.dt / self.tick)
-        late = in_samples(deployment.delay, self.tick).whole
-        waiting: list[tuple[int, np.ndarray]] = []
+        ticks_per_sample = round(deployment.dt / self.tick)
+        delayed_ticks = in_samples(deployment.delay, self.tick).whole
+        waiting: list[tuple[int, np.ndarray]] = []  # tick from which a command acts, and command
         acting = np.zeros(len(self.point.u))
         commanded = self.commander()
 
         def sample(tick: int, measured: np.ndarray) -> np.ndarray:
             nonlocal acting
-            if tick % ticks == 0:
-                waiting.append((tick + late, commanded(measured)))
+            if tick % ticks_per_sample == 0:
+                waiting.append((tick + delayed_ticks, commanded(measured)))
             while waiting and waiting[0][0] <= tick:
                 acting = waiting.pop(0)[1]
             return acting
