@@ -310,20 +310,17 @@ class ClosedLoop:
         measured[plant.linear_places] = measurements.states
         command = self.policy.control(t, measurements, inputs.policy)
         arriving = self._arriving(t, command, inputs)
-        if scenario.actuators is None:
-            u = arriving
-            actuators_rate = ca.SX(0, 1)  # no states
-        else:
-            actuators = scenario.actuators
-            reachable = actuators.reachable(arriving, plant.point.u)
+        no_states = ca.SX(0, 1)
+        u, actuators_rate = arriving, no_states
+        if scenario.actuators is not None:
+            reachable = scenario.actuators.reachable(arriving, plant.point.u)
             u = state.actuators
-            actuators_rate = actuators.rates(state.actuators, reachable)
+            actuators_rate = scenario.actuators.rates(state.actuators, reachable)
         plant_rate = plant.rate(state.plant, u, winds, inputs.parameters)
         if scenario.disturbance is not None:
             plant_rate[plant.linear_places] += scenario.disturbance.at(t)
         error = state.plant[plant.linear_places] - reference
-        no_state = ca.SX(0, 1)
-        cost_rate = no_state if self.cost is None else self.cost.rate(error, u)
+        cost_rate = no_states if self.cost is None else self.cost.rate(error, u)
         rates = StateParts(plant_rate, actuators_rate, cost_rate)
         return Expressions(
             rate=ca.vertcat(*rates),
