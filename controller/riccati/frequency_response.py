@@ -126,7 +126,8 @@ def _highest_at(system: System, frequencies: np.ndarray) -> Peak:
 def _resonances(poles: np.ndarray) -> np.ndarray:
     """Return frequencies near which gains are large: 0, and |λ|, Im λ of the least damped poles."""
     upper = poles[poles.imag >= 0.0]
-    least_damped = upper[np.argsort(-upper.real / np.abs(upper))[:STARTS]]
+    with np.errstate(invalid="ignore"):  # λ = 0 has no damping, and is sorted last
+        least_damped = upper[np.argsort(-upper.real / np.abs(upper))[:STARTS]]
     return np.concatenate([[0.0], np.abs(least_damped), least_damped.imag])
 
 
