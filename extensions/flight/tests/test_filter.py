@@ -113,7 +113,9 @@ def test_the_gain_is_the_optimal_one(known):
 
 
 def test_modes_that_no_sensor_observes_are_named():
-    """A decaying one is noted; one that does not decay is refused with the sensor to add."""
+    """A decaying mode that no sensor observes is noted. One that does not decay is refused with the
+    sensor to add, with which there is a filter.
+    """
     states = {name: hfa.Signal(nominal=1.0) for name in ("x", "y")}
 
     def linear(growth):
@@ -303,7 +305,9 @@ def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
 
 @pytest.mark.parametrize(("delay", "samples"), [(0.03, 4), (0.025, 3)])
 def test_a_delay_is_known_to_the_filter(point, linear, gain, delay, samples):
-    """The prediction moves with the first command from its delay on, until then with none."""
+    """The first command is that of the state predicted over the delay. The estimate then moves with
+    this command from its delay on, and until then with none.
+    """
     known = hfa.filter(linear, NOISE)
     late, _ = known.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=delay))
     late.reset()

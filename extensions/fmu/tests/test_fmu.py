@@ -240,7 +240,7 @@ def test_the_game_of_an_fmu_is_solved():
 
 @pytest.mark.slow
 def test_an_fmu_flies():
-    """The LQR cost of a flight is x'Px."""
+    """A flight with the exact gain costs x'Px, and compiles nothing again."""
     given = ("--aircraft", fmu(), "--Q", "1,1", "--R", "1")
     assert run("solve", *given, "-o", "K.npz").code == 0
     words = [
@@ -278,7 +278,7 @@ def test_an_unsuitable_fmu_is_refused(case):
 
 
 def test_an_fmu_for_another_system_is_refused():
-    """The line names the system that the FMU supports."""
+    """An FMU for another system is refused with the system that it supports."""
     written = fmu(folder="win32")
     assert_refused(
         run("trim", "--aircraft", written), 2, "no library for this system (found: win32)"
@@ -300,7 +300,7 @@ FAILURES = {
 
 @pytest.mark.parametrize(("fault", "version"), by_turns(FAILURES))
 def test_a_failure_of_the_library_is_one_line(fault, version, monkeypatch):
-    """No failed call becomes a trim: nothing is printed on standard output."""
+    """A failed call is refused in one line, and nothing is printed on standard output."""
     if fault == "stuck":  # only this call lasts until the limit of time
         monkeypatch.setattr("hfa_fmu.read._LONGEST", 0.1)
     words, said = FAILURES[fault]
@@ -340,7 +340,9 @@ def test_a_flight_into_a_failure_or_an_event_is_refused(fault, said, angle, unit
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_the_equations_after_an_event_are_linearized(version):
-    """The damping is doubled beyond an angle of .5; at the event there is no linear model."""
+    """A has the damping before and after an event at an angle of .5, beyond which it is doubled; at
+    the event there is no linear model.
+    """
     model = hfa.load_model(fmu("event", version))
     for angle, damping in ((0.4, 0.5), (0.6, 1.0)):
         point = hfa.trim(model, hold={"body_angle": angle}, free=["torque"])
@@ -486,7 +488,9 @@ def test_rates_beyond_an_event_are_those_there():
 
 
 def test_values_do_not_depend_on_what_was_evaluated_before():
-    """The damping is doubled beyond .5, and normal again only below .1: a hysteresis."""
+    """The damping of the FMU is doubled beyond .5 and stays so down to .1, a hysteresis. The damping
+    at an angle of .3 is nevertheless the same after a trim at .6.
+    """
     model = hfa.load_model(fmu("event memory"))
     for angle, damping in ((0.3, 0.5), (0.6, 1.0), (0.3, 0.5)):
         point = hfa.trim(model, hold={"body_angle": angle}, free=["torque"])
@@ -495,7 +499,9 @@ def test_values_do_not_depend_on_what_was_evaluated_before():
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_what_modelstructure_leaves_out_and_units_are_said(version):
-    """A state without an entry in ModelStructure is none; units are missing."""
+    """Notes name a variable that is no state, because ModelStructure does not list its derivative, and
+    one without a unit.
+    """
     text = description(version).replace('unit="rad/s"', "")
     listed = {
         2: '<Derivatives><Unknown index="6" dependencies="2"/>',
@@ -509,7 +515,9 @@ def test_what_modelstructure_leaves_out_and_units_are_said(version):
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_an_event_at_the_start_values_hinders_no_trim(version):
-    """The event is at the start angle of .5, and the trim at 0."""
+    """The trim at the angle 0 is found from the start angle of .5, which is at the event. The report
+    says that searches begin there.
+    """
     text = description(version, "event").replace('start="0.3"', 'start="0.5"')
     point = hfa.trim(hfa.load_model(packed(text, version)))
     assert point["body_angle"] == pytest.approx(0.0, abs=1e-9)
@@ -535,7 +543,7 @@ def test_types_steps_and_capitals():
 
 @pytest.mark.slow
 def test_a_library_that_does_not_return_ends_with_sigterm():
-    """The library returns at the start values, and not at an angle of 70 deg."""
+    """SIGTERM ends a command whose library does not return, at an angle of 70 deg, with one line."""
     words = ["trim", "--hold", "body_angle=70", "--free", "torque", "--aircraft", fmu("hangs")]
     child = subprocess.Popen([SCRIPT, *words], stderr=subprocess.PIPE, text=True)
     with pytest.raises(subprocess.TimeoutExpired):
@@ -546,7 +554,9 @@ def test_a_library_that_does_not_return_ends_with_sigterm():
 
 
 def test_the_fmu_that_casadi_exports_is_read():
-    """x'' = -x - .3 x' + 2 u, in FMI 3.0 with declared dependencies and derivatives."""
+    """A and B are those of x'' = -x - .3 x' + 2 u, in FMI 3.0 with declared dependencies and
+    derivatives.
+    """
     fmpy = pytest.importorskip("fmpy", reason="FMPy, which has FMI's headers, is not installed")
     made = ca.DaeBuilder("spring")
     x, v, u = made.add("x"), made.add("v"), made.add("u", "input")
@@ -596,7 +606,9 @@ class Swing(Fmi3Slave, ModelExchange):
 
 
 def test_the_fmu_that_pythonfmu3_builds_is_read():
-    """A pendulum written in Python, which divides by its length: it is never called at zeros."""
+    """A is that of a pendulum written in Python, which divides by its length and is therefore never
+    called at zeros.
+    """
     pytest.importorskip("pythonfmu3", reason="pythonfmu3 is not installed")
     Path("swing.py").write_text(OF_PYTHON)
     words = [sys.executable, "-m", "pythonfmu3", "build", "-f", "swing.py"]

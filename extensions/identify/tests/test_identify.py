@@ -84,7 +84,9 @@ def test_colored_noise_widens_the_bands():
 
 
 def test_gaps_and_several_records():
-    """A record with missing samples is identified together with a second one."""
+    """Estimates from a record with missing samples together with a second one agree with the true
+    values: chi-square (7) below 24.3 (1 in 1000).
+    """
     gaps, later = record(1), record(2)
     later["time"] = later["time"] + 100.0
     for name in SENSORS:
@@ -151,7 +153,9 @@ def test_a_planted_fault_is_seen(column, fault, seen, size):
 
 
 def test_parameters_far_from_the_start_are_told():
-    """With the wrong sign of the elevator its derivative changes sign."""
+    """With the wrong sign of the elevator its derivative changes sign, and the report advises to check
+    units and signs of this parameter.
+    """
     wrong = record(seed=11)
     wrong["elevator"] = 2.0 * wrong["elevator"][0] - wrong["elevator"]
     result = identify(begun(1.2), wrong, FREE)
@@ -201,7 +205,9 @@ def test_right_records_in_turbulence_pass_the_residual_test(lag):
 
 
 def test_undetermined_parameters_are_named():
-    """A parameter that the record does not excite is named."""
+    """A parameter that the record does not excite is named, the result does not pass, and no aircraft
+    are drawn from it.
+    """
     half = {name: column[:100] for name, column in record(model=AIRCRAFT).items()}
     result = identify(AIRCRAFT, half, ("Cm_alpha", "Cm_q", "Cn_r"))
     assert result.undetermined == ("Cn_r",)

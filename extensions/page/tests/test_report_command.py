@@ -64,7 +64,7 @@ def written_report(tmp_path_factory):
 
 
 def test_a_flight_that_is_not_on_the_page_has_a_sentence(monkeypatch):
-    """Without a trim the reason is said, and without the package of flights that it is missing."""
+    """The page has the reason why there is no trim, or that the package of flights is missing."""
     condition = usual_condition(load_model(UAV))
     nowhere = flight_in_turbulence(Position(0.2, condition, reason="no trim at 11 deg"))
     assert "no trim at 11 deg" in nowhere.parts[0]

@@ -317,7 +317,9 @@ def test_policies_that_do_not_fit_are_refused(policy, said):
 
 
 def test_squashed_actions_need_a_box_and_reach_its_ends():
-    """a = low + (tanh + 1) / 2 (high - low); actions that are no numbers are refused at the trim."""
+    """Squashed actions are low + (tanh + 1) / 2 (high - low). Without a box they are refused, and
+    actions that are not numbers at the trim, too.
+    """
     o = ca.SX.sym("o", 4)
     policy = {"file": ca.Function("f", [o], [o[:2]]), "squash": True}
     with pytest.raises(BadInputError, match="squashed actions requires a box for each action"):

@@ -107,7 +107,10 @@ def test_at_a_kink_of_the_aircraft_the_loop_is_that_of_linearize():
 
 
 def test_a_saturated_equilibrium_fails_and_its_actions_are_named():
-    """The elevator moves by at most .25 from .05, within -.2 to .3; the throttle has no box."""
+    """An equilibrium at the end of an action's box or at a limit of an input does not pass.
+
+    The elevator moves by at most .25 from .05, within -.2 to .3; the throttle has no box.
+    """
     action = {"elevator": {"box": [-0.8, 0.8], "map": "trim + 0.3125 * a"}, "throttle": {}}
     both = ("the action of elevator at the end of its box", "elevator at its limit")
     for raw, clips in (([-0.9, 0.49], both), ([0.0, 0.6], ("throttle at its limit",))):

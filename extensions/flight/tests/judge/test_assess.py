@@ -27,8 +27,9 @@ from hfa_flight import Deployed
 
 
 def test_the_cost_ratio_is_that_of_the_closed_form():
-    """The cost of v' = v + f, with f = -8 v held for 20 ms, is a geometric series of samples.
+    """The ratio of costs is that of a policy and of the exact gain in closed form.
 
+    The cost of v' = v + f, with f = -8 v held for 20 ms, is a geometric series of samples.
     The cost of the optimum is (1 + sqrt 2) v(0)^2.
     """
     k, dt = 8.0, 0.02
@@ -109,8 +110,10 @@ def test_the_cost_above_the_optimum_is_that_of_summed_samples():
     ("strong", "slope", "lost", "both"), [(True, 6.0, 0, 2), (False, 2.0, 2, 1)]
 )
 def test_flights_that_do_not_return_are_counted_and_not_compared(strong, slope, lost, both):
-    """v' = v + 4 v^3 + f from .25, .79 and .55: the exact gain 1 + sqrt 2 returns from v < .595.
+    """Flights of the policy and of the exact gain that do not return are lost; costs are compared
+    where both return.
 
+    v' = v + 4 v^3 + f from .25, .79 and .55: the exact gain 1 + sqrt 2 returns from v < .595.
     f = -6 v returns from v < 1.12, and f = -2 v + 4 v^3 from v < .354.
     """
     model = scalar(lambda v, f: v + 4.0 * v**3 + f, 3.0, 10.0)
@@ -223,7 +226,10 @@ def test_unmet_requirements_are_listed():
     ("sign", "where"), [(1.0, "at 1, 4, 5 m/s: "), (-1.0, "from 2 to 3 m/s: ")]
 )
 def test_a_finding_names_its_trims_or_their_range(sign, where):
-    """v' = +-v, unstable outside or inside of 1.5 < s < 3.5, and s' = f - s."""
+    """The finding of unstable loops lists their trims, or gives the range of neighbouring ones.
+
+    v' = ±v is unstable outside or inside of 1.5 < s < 3.5, and s' = f - s.
+    """
     model = hfa.Model(
         "scheduled",
         {"s": hfa.Signal("m/s", 1.0, 0.0, 9.0), "v": hfa.Signal("m/s", 1.0, -1.0, 1.0)},

@@ -64,7 +64,10 @@ def test_a_policy_passes_only_if_flights_return_to_the_trim(offset, passes):
 
 
 def test_a_flight_has_returned_when_its_cost_to_go_is_a_twentieth():
-    """v' = -1.1 v costs (1 + k²) v² a second; the linear cost-to-go is P v² with P² + .2 P = 1."""
+    """A flight has returned if its cost-to-go is less than 5 % of the sum of cost and cost-to-go.
+
+    v' = -1.1 v with f = -v costs 2 v² a second; the linear cost-to-go is P v² with P² + .2 P = 1.
+    """
     P = -0.1 + math.sqrt(1.01)
     spent = (1.0 + 1.0) / (2.0 * 1.1)
     point = hfa.trim(SLOW)
@@ -80,7 +83,9 @@ def test_a_flight_has_returned_when_its_cost_to_go_is_a_twentieth():
 
 @pytest.mark.parametrize(("offset", "passes"), [(0.1, True), (0.46, False)])
 def test_an_equilibrium_beyond_the_limits_fails_without_flights(offset, passes):
-    """v = offset / 0.2 is 0.5 or 2.3, beyond the limit of 2, with a stable loop."""
+    """The equilibrium v = offset / 0.2 passes at 0.5, and fails at 2.3, beyond the limit of 2, although
+    the loop is stable.
+    """
     (point,) = (found := hfa.assess(SLOW, deployment(0.1, offset), samples=0)).points
     assert point.equilibrium.states[0] == pytest.approx(offset / 0.2, rel=1e-6)
     assert point.radius < 1.0
