@@ -30,7 +30,10 @@ def text(*words, code=DONE):
 
 
 def test_the_json_of_trim_has_the_balanced_point():
-    """The point of the paper's level flight with its scaled residuals, and no second angle."""
+    """The point is the paper's level flight, with residuals within the stated limit.
+
+    It states the dihedral angle, and no scheduled variable beside it.
+    """
     data = answer("trim", "--dihedral", "10")
     point = data["operating_point"]
     assert data["dihedral_deg"] == pytest.approx(10.0, rel=1e-15)

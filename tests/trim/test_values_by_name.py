@@ -33,7 +33,10 @@ def test_names_index_matrices():
 
 
 def test_a_sweep_is_a_sequence_of_linear_models():
-    """A point without a trim raises its reason; `at` trims between the points."""
+    """Its items are the linear models of the points, and `at` trims between the points.
+
+    A point without a trim raises its reason.
+    """
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]})
     for each in (swept, pickle.loads(pickle.dumps(swept))):
         assert each.states["alpha"].tolist() == [linear.point["alpha"] for linear in each]

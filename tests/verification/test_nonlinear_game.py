@@ -54,7 +54,7 @@ def compared(critic, linear, game):
     ("order", "basis"), [pytest.param(3, "cubic", marks=pytest.mark.slow), (4, "quartic")]
 )
 def test_the_exact_critic_passes_on_the_nonlinear_game(order, basis):
-    """The exact value passes there, and its linear part on the linear game.
+    """The exact value is exact there: PASS if its flights converge from the whole box, else NEAR.
 
     Without the aircraft or with taylor=False it is judged on the linear game, where it fails, and
     with the aircraft also simulated within the limits of its inputs.

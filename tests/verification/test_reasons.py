@@ -157,7 +157,7 @@ def test_the_game_of_which_a_gain_is_exact_is_named(number):
 
 @pytest.mark.parametrize("number", ["delta", "discount"])
 def test_a_gain_near_that_of_another_game_has_no_such_reason(number):
-    """The entries of the gain of another game are changed by 2 %."""
+    """A gain 2 % from that of another game is not said to be exact for that game."""
     trained, game, _ = OTHER_GAMES[number]
     K = gain(trained) * (1.0 + 0.02 * np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]]))
     assert "exact for" not in verify(game, from_gain(game, K)).reason
@@ -237,14 +237,14 @@ def test_a_value_read_as_a_policy_is_named():
 
 
 def test_a_value_without_curvature_is_named():
-    """V of an odd activation is no reason to ask whether the output is V."""
+    """The reason for V of an odd activation is its missing curvature, not what the output is."""
     V = ca.Function("V", [Z], [ca.sum1(ca.tanh(Z))])
     reason = verify(ONE_INPUT, from_network(ONE_INPUT, V)).reason
     assert reason == "V of the network has no curvature at the trim"
 
 
 def test_a_kink_at_the_trim_is_the_first_finding():
-    """K is the mean of both slopes there, and neither a factor of K nor a stable loop."""
+    """It is named first, and the loop is not called stabilizing, as K is only the mean slope."""
     exact = ca.DM(gain(ONE_INPUT)) @ Z
     for above, below, is_kink in ((2.0, 0.5, True), (1.5, 1.5, False)):
         u = -ca.if_else(exact > 0.0, above * exact, below * exact)

@@ -22,7 +22,7 @@ def linear():
 @pytest.mark.parametrize("dynamics", ["published", "unsteady"])
 @pytest.mark.parametrize("units", ["ft", "si"])
 def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(dynamics, units):
-    """Q, R, delta and E of Section 5.1, in the units of the model; lagged states have none."""
+    """Q, R, delta and E are those of Section 5.1 in the units of the model, 0 for lagged states."""
     model = hfa.aircraft(dynamics=dynamics)
     linear = hfa.linearize(model, hfa.trim(model))
     feet = 1.0

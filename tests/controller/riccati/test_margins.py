@@ -17,6 +17,7 @@ def loop_margins(game, K):
 
 
 def test_margins_of_an_unstable_loop_are_refused(game):
+    """The message names the unstable pole. There is no disk margin."""
     K = solve(game).K
     with pytest.raises(NoSolutionError, match="the loop has a pole at "):
         loop_margins(game, -K)

@@ -88,7 +88,7 @@ MISTAKES_OF_AVL = {
 
 @pytest.mark.parametrize("line", MISTAKES_OF_AVL)
 def test_a_changed_file_of_avl_is_doubted(line, tmp_path):
-    """Reference sizes exchanged, and a neutral point that contradicts the derivatives."""
+    """Exchanged reference sizes, a contradicting neutral point and a wrong sign are doubted."""
     mistake, word = MISTAKES_OF_AVL[line]
     text = (ROOT / "examples/glider.st").read_text("utf-8")
     assert line in text
@@ -100,7 +100,7 @@ def test_a_changed_file_of_avl_is_doubted(line, tmp_path):
 
 
 def test_derivatives_by_speed_are_doubted_far_from_their_condition():
-    """Within 10 % of the speed of the table, there is no doubt."""
+    """Up to about 10 % from the speed of the table, 220.1 ft/s, CT_u is not doubted."""
     plane = hfa.load_model(f"{ROOT}/examples/cessna182.toml")
     for speed, is_far in ((195.0, True), (200.0, False), (240.0, False), (245.0, True)):
         title = hfa.trim(plane, speed=speed).report().title

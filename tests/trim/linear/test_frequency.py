@@ -73,8 +73,9 @@ def test_a_bode_plot_shows_the_response_of_each_channel():
 
 
 def test_responses_at_the_modes_are_those_of_the_matrices(folder):
-    """C (jω - A)⁻¹ B + D at |λ| of the damped modes, of the channels with an effect alone; the
-    command prints them.
+    """They are C (jω - A)⁻¹ B + D at |λ| of the damped modes, of channels with an effect alone.
+
+    The command prints them in decibels and degrees.
     """
     A = np.array(
         [[-1.0, 0.0, 0.0, 0.0], [0.5, -2.0, 0.0, 0.0], [0.0, 0.0, 0.0, 3.0], [0.0, 0.0, -3.0, 0.0]]

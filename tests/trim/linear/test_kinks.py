@@ -89,7 +89,10 @@ def test_kinks_of_a_sweep_in_chunks_are_those_of_its_points(monkeypatch):
 
 
 def test_several_kinks_at_one_point_have_their_own_slopes():
-    """v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u)."""
+    """Each term of v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u) has its mean slope.
+
+    A note names each kink.
+    """
 
     def equations(x, u, p, w):
         lag = x.v - 0.5

@@ -42,7 +42,7 @@ def test_an_oscillator_has_its_textbook_numbers(damping):
 )
 @pytest.mark.parametrize("seed", range(2))
 def test_an_eigenvalue_zero_by_rounding_is_zero(block, seed):
-    """An eigenvalue that is 0 up to rounding is stored and printed as 0, without a time to half."""
+    """An eigenvalue that is 0 up to rounding is 0, without a time to half or to double."""
     basis = np.random.default_rng(seed).normal(size=(3, 3))
     A = basis @ block @ np.linalg.inv(basis)
     modes = modes_of(A, ("a", "b", "c"))
@@ -159,7 +159,10 @@ def test_a_coupled_roll_has_no_time_constant(mode):
 
 @pytest.mark.parametrize(("part", "named"), [("", True), ("body_", True), ("body2", False)])
 def test_states_of_a_part_have_their_roles(part, named):
-    """The modes of body_speed, body_alpha, body_pitch and body_pitch_rate are those of speed, ..."""
+    """The modes of body_speed, body_alpha, ... have the names of those of speed, alpha, ...
+
+    Those of body2speed, whose part is not separated by "_", do not.
+    """
     A = np.array([[-0.03, 6.0, -9.8, 0.0], [-0.005, -1.2, 0, 1], [0, 0, 0, 1], [0.0, -9.0, 0, -2]])
     units = {"speed": "m/s", "alpha": "rad", "pitch": "rad", "pitch_rate": "rad/s"}
     states = {f"{part}{name}": hfa.Signal(unit) for name, unit in units.items()}

@@ -74,7 +74,10 @@ def test_a_faulty_condition_file_is_refused(tmp_path, text, message):
 
 @pytest.mark.parametrize("metric", [False, True])
 def test_values_of_a_condition_file_have_its_units(tmp_path, metric):
-    """Angles with _deg are in degrees, others in rad, and lengths in the units of the aircraft."""
+    """Angles with _deg are in degrees, others in rad; lengths are in ft, also of an aircraft in SI.
+
+    An angle outside the breakpoints of a table is refused.
+    """
     text = """free = ["aileron_outer"]
     [impose]
     speed = 60.0
@@ -122,7 +125,10 @@ def test_a_point_survives_its_file_bit_for_bit(point, tmp_path):
 
 
 def test_points_in_other_units_are_converted(tmp_path):
-    """A point in SI units is read by the aircraft in feet and pounds; other units are refused."""
+    """A point in SI units is read by the aircraft in feet and pounds; other units are refused.
+
+    The report of the point has angles in degrees.
+    """
     path = tmp_path / "point.json"
     trim(in_si(NAVION)).save(path)
     loaded, known = OperatingPoint.load(path, NAVION), trim(NAVION)

@@ -216,7 +216,7 @@ def test_the_stall_is_the_first_maximum_and_beyond_it_is_said(alpha, stalled):
 
 
 def test_lift_above_the_declared_largest_coefficient_is_said():
-    """A trim of a table with CL_max .3, which needs CL = (W - T sin α) / (q S), about .32."""
+    """A trim with CL = (W - T sin α) / (q S), about .32, is called stalled if CL_max is .3."""
     table = tomllib.loads((EXAMPLES / "uav.toml").read_text("utf-8"))
     table["geometry"]["CL_max"] = 0.3
     point = hfa.trim(hfa.from_derivatives(table))
@@ -317,7 +317,10 @@ def test_every_row_is_answered_or_not_in_this_model():
 
 
 def test_beyond_mach_1_the_calibrated_airspeed_has_the_pitot_pressure_of_rayleigh():
-    """At M 1.3 and 80 kPa: the speed at sea level whose pressure behind a normal shock is as large."""
+    """It is the speed at sea level whose pressure behind a normal shock is as large.
+
+    The flight is at M 1.3 and 80 kPa.
+    """
     p, mach = 80e3, 1.3
 
     def impact(m, pressure):
@@ -387,7 +390,7 @@ LIMITS = [
 
 
 def test_levels_change_at_the_limits_of_the_standard():
-    """Values on both sides of each limit have neighboring levels."""
+    """Values just inside and outside of each limit have the levels of the standard."""
     for class_, category, quality, expected in LIMITS:
         for value, level in expected.items():
             found = levels(
@@ -512,9 +515,7 @@ def test_published_and_newton_dynamics_differ_by_mode_in_percent():
 
 @pytest.mark.parametrize("sign", [1.0, 0.0, -1.0])
 def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign, tmp_path):
-    """The sign of Cn_beta, not that of the yaw acceleration, which has the opposite one here by
-    Ixz Cl_beta.
-    """
+    """The sign of Cn_beta decides, not that of the yaw acceleration, which Ixz Cl_beta reverses."""
     text = (EXAMPLES / "uav.toml").read_text("utf-8")
     Ixz = 0.3 * (sign or -1.0)
     for name, value in {"Ixz": Ixz, "Cn_beta": 0.06 * sign, "Cl_beta": -0.4}.items():
@@ -544,7 +545,7 @@ def test_a_sheet_states_what_is_not_as_in_the_file():
 
 
 def test_a_changed_angle_is_in_degrees_wherever_it_is_stated(folder):
-    """In the row, in the provenance and in the head, as it was typed; data are in radians."""
+    """It stands in the row, in the provenance and in the head of the document as it was typed."""
     Path("own.py").write_text(
         """from hfa import Model, Signal
 OWN = Model(

@@ -72,7 +72,7 @@ def test_critics_that_overflow_fail(game):
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, 1e60])
 def test_numbers_that_are_no_critic_are_refused(game, number):
-    """Not finite numbers are bad input, and no fact about the loop."""
+    """Numbers that are not finite, or too large, are bad input, and no fact about the loop."""
     for name, make in {
         "K": lambda: from_gain(game, number * gain(game)),
         "P": lambda: from_value(game, number * value(game)),
@@ -153,7 +153,7 @@ def test_a_file_is_read_for_its_game(game):
 def test_the_box_extends_to_the_nearer_limit(speed, half_width):
     """The box about a trim extends to the nearer limit of each state.
 
-    If a state is at or beyond a limit, no box exists.
+    If a state is at or beyond a limit, the box is the balanced one.
     """
 
     def equations(x, u, p, w):

@@ -137,6 +137,7 @@ def in_each_time(kinds):
 
 @pytest.mark.parametrize(("way", "time"), in_each_time(RIGHT))
 def test_a_right_critic_passes(way, time):
+    """It passes without a reason. Only networks, functions and listed bases are simulated."""
     case = case_of(time)
     verdict = hfa.verify(case.game, RIGHT[way](case), flights=FAST)
     assert verdict.ok, str(verdict)
@@ -146,6 +147,7 @@ def test_a_right_critic_passes(way, time):
 
 @pytest.mark.parametrize(("mistake", "time"), in_each_time(WRONG))
 def test_a_wrong_critic_fails_for_the_right_reason(mistake, time):
+    """It fails, and the reason contains one of the words, or is "" if there are none."""
     case = case_of(time)
     critic, reasons = WRONG[mistake]
     verdict = hfa.verify(case.game, critic(case), flights=FAST)

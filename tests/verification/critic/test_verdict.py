@@ -74,8 +74,10 @@ def test_several_critics_pass_together_only():
     ],
 )
 def test_each_kind_of_check_has_its_grade(kind, off, cost_lost, grade, holds):
-    """Only errors and an equilibrium of at most 1 % of V* may fail in "near"; a limit of the cost is
-    one of V* there too, and requires a stable loop.
+    """The grade is "near" if errors alone fail, or an equilibrium (kind "rest") that is not at 0.
+
+    The lost cost, and V* at the equilibrium, are then at most 1 %. A limit of the cost, here 0.5 %,
+    holds if both are within it and the loop is stable.
     """
     kinds = ("error", "rest", "stability", "stability", "game loop", "gain", "cost", "data")
     checks = [Check(f"{each} {i}", 0.0, 0.0, True, "", kind=each) for i, each in enumerate(kinds)]
@@ -106,7 +108,7 @@ def discrete_game_value(A, E, Q, delta):
 
 
 def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy():
-    """Radii and the cost above the optimum of a gain, with cross weights and a discount."""
+    """Radii of the loops and the lost cost are those of NumPy, of a discounted game with N."""
     rng = np.random.default_rng(6)
     A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
     N = 0.1 * rng.standard_normal((3, 2))

@@ -42,8 +42,10 @@ def cost_of_steps(limit, K):
 @pytest.mark.parametrize("limit", [1.05, 3.0])
 @pytest.mark.parametrize(("game", "cost"), [(FLOW, cost_of_flow), (STEP, cost_of_steps)])
 def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(game, cost, limit):
-    """It converges from the whole box, however slowly at first: far from the trim, its limit leaves
-    a twentieth of the input.
+    """Its cost is that of a simulation from the edge of the box, however slowly it converges there.
+
+    At the edge, the limit 1.05 leaves a twentieth of the input to return. The reason names the
+    input there.
     """
     exact = solve(game)
     K = exact.K.item()

@@ -88,8 +88,9 @@ def biased(game, share):
 
 @pytest.mark.parametrize(("share", "grade"), [(1e-8, "near"), (0.3, "fail")])
 def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
-    """V* at the equilibrium, relative to its mean over the corners of the box, decides beside the
-    cost; the cost of an equilibrium per second is z'Qz + u'Ru.
+    """Beside the lost cost, V* at the equilibrium decides, relative to its mean over the corners.
+
+    The stated cost of an equilibrium per second is z'Qz + u'Ru.
     """
     critic = biased(game, share)
     verdict = verify(game, critic, limit=1e-9, flights=4)
@@ -113,7 +114,10 @@ def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
 
 
 def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box():
-    """V relative to b'|P|b, slopes and inputs to their largest; none below 1e-5 of the largest."""
+    """Errors of V are relative to b'|P|b, those of slopes and inputs to their largest in the box.
+
+    The largest of an input counts as at least 1e-5 of that of all inputs.
+    """
     A = np.array([[-0.5, 1.0], [-1.0, 0.2]])
     B = np.array([[0.0, 1.0], [1.0, 0.0]])
     game = Game(A, B, E=np.eye(2), Q=np.eye(2), R=np.diag([4.0, 1e14]), delta=50.0)

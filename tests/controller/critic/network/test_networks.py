@@ -139,7 +139,7 @@ def test_networks_with_unsuitable_output_numbers_are_refused(game):
     """A network is refused if its number of outputs fits no quantity, or fits several.
 
     The command that the error proposes is accepted. A single output on a plant with one input is
-    read as the policy. --set activation without a network is refused.
+    read as the policy.
     """
     said = hfa(
         "verify", *AT_15, "--weights", torch_file("policy.pt", {"weight": np.zeros((3, 6))})
@@ -184,7 +184,7 @@ def test_a_state_dict_needs_its_activation():
 
 
 def test_one_layer_on_one_state_is_a_policy_unless_v_is_asked_for():
-    """u = -K x of a plant with one state and one input; with V=, the layer is W of x²."""
+    """The layer is that of u = -K x; with V=, it is W of V = W x²."""
     plant = Game([[-1.0]], [[1.0]], Q=[1.0], R=[1.0])
     exact = solve(plant)
     policy, value = (

@@ -134,7 +134,7 @@ def test_unsupported_graphs_are_refused(name):
 
 
 def test_damaged_graphs_and_weights_in_other_files_are_refused():
-    """A graph with weights in another file, a damaged one, and an activation beside a graph."""
+    """So is an activation that is given beside a graph."""
     assert "stored in another file; export the weights in" in refusal(external("a.onnx"))
     content = Path(onnx_file("good.onnx", QUADRATIC, _SINGLES)).read_bytes()
     Path("damaged.onnx").write_bytes(content[:-40])
