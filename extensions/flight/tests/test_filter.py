@@ -488,7 +488,9 @@ def test_a_gain_of_other_sizes_is_refused(known, gain):
 
 @pytest.mark.parametrize("delay", ["0", ".013"])
 def test_a_delay_changes_neither_noise_nor_filter(folder, delay):
-    """With any delay, the noise is that of samples of 10 ms, and the filter has this sample time."""
+    """The scenario has the delay that is typed. With any delay, the noise is that of samples of 10 ms,
+    and the filter has this sample time.
+    """
     words = [
         "fly",
         "--dihedral",

@@ -128,7 +128,7 @@ def spike(values):
 @pytest.mark.parametrize(
     ("column", "fault", "seen", "size"),
     [
-        # Sizes in rad/s and rad: that of the spike is planted, the others are those once found.
+        # Sizes in rad/s and rad: that of the spike is planted, the others were found by this test.
         ("pitch_rate", lambda q: 1.3 * q, "pitch_rate", 0.13),
         ("elevator", late, "alpha", 0.02),
         ("alpha", late, "alpha", 0.03),

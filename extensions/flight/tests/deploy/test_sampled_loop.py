@@ -143,7 +143,7 @@ def nothing(folder):
 
 
 def test_limits_passed_between_two_samples_count(nothing):
-    """An oscillator swings beyond a limit only between the samples, every half period.
+    """A limit that an oscillator passes only between the samples, every half period, is left.
 
     Its amplitudes are up to 1.44 m with speeds of 9 m/s, and .96 m with 6 m/s.
     """
@@ -157,7 +157,9 @@ def test_limits_passed_between_two_samples_count(nothing):
 
 
 def test_the_integration_error_is_that_of_deviations_to_either_side(nothing):
-    """It is the same if x is counted the other way. Both first flights begin with v < 0."""
+    """The error of the largest deviation of x is the same if x is counted the other way. Both flights
+    begin with v < 0.
+    """
     first, other = (
         assess(oscillator(1.0, sign), nothing, samples=1, seed=7, box={"x": 1e-9, "v": 3.0})
         for sign in (1.0, -1.0)

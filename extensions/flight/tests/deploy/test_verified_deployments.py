@@ -46,7 +46,7 @@ def test_a_zip_with_normalizer_and_a_held_input_is_read():
 
 
 def test_a_weight_of_an_option_replaces_that_of_the_deployment(folder):
-    """The other weights are those of the file."""
+    """A typed R replaces that of the deployment file, whose Q remains."""
     np.savez("K.npz", K=[[2.0, 0.6]])
     Path("stated.toml").write_text(
         "[policy]\nfile = 'K.npz'\n[observation]\nangle = {}\nrate = {}\n"

@@ -67,7 +67,7 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(fold
 
 
 def test_a_flight_between_trims_begins_at_the_held_value_and_ends_at_that_of_to(capsys):
-    """From 5 deg to the upright pendulum."""
+    """The best flight of a pendulum begins at the held 5 deg, and its trim is the upright one."""
     words = ["optimize", "--aircraft", PENDULUM, "--hold", "angle=5", "--to", "angle=0"]
     assert main([*words, "--json"]) == 0
     data = json.loads(capsys.readouterr().out)

@@ -62,7 +62,9 @@ class Failing:
 
 
 def test_the_saturated_lqr_is_the_last_resort(monkeypatch):
-    """If IPOPT finds nothing (planted), the converging flight of the saturated LQR is reported."""
+    """If IPOPT finds nothing (planted), the converging flight of the saturated LQR is reported, and
+    the title says that the best flight costs at most as much.
+    """
     monkeypatch.setattr(ca, "nlpsol", Failing)
     best = best_of_cart({"position": 5.0})
     assert best.source == best.found.linear.policy
@@ -72,7 +74,9 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch):
 
 
 def test_initial_conditions_without_a_flight_count_in_the_share(folder, monkeypatch):
-    """IPOPT finds nothing (planted), and the linear optimum of a cart is too fast from some starts."""
+    """IPOPT finds nothing (planted), and the linear optimum of a cart is too fast from some starts. The
+    command passes if the share of the other starts is at least the required one.
+    """
     monkeypatch.setattr(ca, "nlpsol", Failing)
     np.savez("cart.npz", A=[[0.0, 1.0], [0.0, 0.0]], B=[[0.0], [1.0]])
     words = ("optimize", "--aircraft", "cart.npz", "--starts", "5", "--limit", "x2=-0.3:0.3")

@@ -16,7 +16,7 @@ Content = dict[str, Any]
 
 
 def float_equations(x, u, p, w):
-    """Equations of a float: the lift u holds the depth, the heave rate v decays at p and p²."""
+    """Return depth' = heave and heave' = lift - pull depth - drag heave, and the load of a float."""
     return {"depth": x.heave, "heave": u.lift - p.pull * x.depth - p.drag * x.heave}, {
         "load": u.lift - 0.5 * p.pull
     }
