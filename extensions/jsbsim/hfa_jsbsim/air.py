@@ -83,15 +83,15 @@ def motion_of(x: Any, winds: Winds, warmer: Any) -> Motion:
     warmer: deviation of the temperature from that of the standard atmosphere, K
     """
     to_body = rotation(x.roll, x.pitch, x.yaw).T
-    own_wind = wind_axes(x.alpha, x.beta)
-    velocity = x.speed * own_wind[:, 0]
+    wind_axes_of_states = wind_axes(x.alpha, x.beta)
+    velocity = x.speed * wind_axes_of_states[:, 0]
     over_ground = velocity + ca.mtimes(to_body, winds.steady)
     ned = ca.mtimes(to_body.T, over_ground)
     speed = x.speed
     alpha = x.alpha
     beta = x.beta
     air_velocity = velocity
-    wind_to_body = own_wind
+    wind_to_body = wind_axes_of_states
     if winds.gusts is not None:
         air_velocity = velocity - ca.mtimes(to_body, winds.gusts)
         speed = ca.norm_2(air_velocity)
@@ -129,7 +129,7 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
     x: object with the model's states as attributes
     """
     u, v, w = ca.vertsplit(motion.air_velocity)
-    inertial = ca.vertsplit(motion.over_ground)
+    uvw_over_ground = ca.vertsplit(motion.over_ground)
     north, east, down = ca.vertsplit(motion.ned)
     air = motion.air
     total_temperature = air.temperature * (1.0 + 0.2 * motion.mach**2)
@@ -201,9 +201,9 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
     }
     for letter, rate in zip("pqr", (x.roll_rate, x.pitch_rate, x.yaw_rate), strict=True):
         values |= {f"velocities/{letter}{kind}-rad_sec": rate for kind in ("", "-aero")}
-    for letter, speed, own_speed in zip("uvw", (u, v, w), inertial, strict=True):
-        values[f"velocities/{letter}-aero-fps"] = speed
-        values[f"velocities/{letter}-fps"] = own_speed
+    for letter, in_air, over_ground in zip("uvw", (u, v, w), uvw_over_ground, strict=True):
+        values[f"velocities/{letter}-aero-fps"] = in_air
+        values[f"velocities/{letter}-fps"] = over_ground
     angles = {
         "phi": x.roll,
         "theta": x.pitch,

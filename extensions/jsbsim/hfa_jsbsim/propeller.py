@@ -48,6 +48,7 @@ def propeller_effect(file: EngineFile, aircraft: HostAircraft, power: Any) -> Ef
     inertia = max(prop.value_of("ixx", 1e-6, "SLUG*FT2"), 1e-6)
     omega = ca.fmax(2.0 * math.pi * turns, 0.01)
     sense = 1.0 if file.thruster_mount.value_of("sense", 1.0) >= 0.0 else -1.0
+    # As in JSBSim, the sign of the gyroscopic moment depends on the version of the file.
     version = float(prop.attributes.get("version", "0") or "0")
     momentum = inertia * omega * sense * (-1.0 if version > 1.0 else 1.0)
     gyroscopic = ca.cross(aircraft.motion.rates, axes[:, 0] * momentum)
