@@ -72,7 +72,7 @@ def test_a_commanded_pitch_is_a_trim_of_this_pitch():
 
 
 def test_a_ramp_is_judged_at_its_end():
-    """A dihedral that rises by 0.3 deg/s reaches 6 deg after 20 s, and 115 deg after 400 s."""
+    """A dihedral that rises by 0.005 rad/s is within reach after 20 s, and not after 400 s, at 2 rad."""
     linear = hfa.paper.level_model(hfa.aircraft(), math.radians(15.0))
     solution = hfa.solve(hfa.paper.published_game(linear))
     command = {"dihedral": "0.005t"}

@@ -1,4 +1,4 @@
-"""An answer does not depend on units: the same game in units that differ by 2^-27 to 2^27, 1e-8 to 1e8."""
+"""An answer does not depend on units, which differ by factors of 2^-27 to 2^27, 1e-8 to 1e8."""
 
 import math
 import re

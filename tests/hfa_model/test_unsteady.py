@@ -1,4 +1,7 @@
-"""The unsteady dynamics compared with a derivation from energies, with the functions of Theodorsen, Wagner and Küssner, and with the steady limit."""
+"""The unsteady dynamics, compared with a derivation from energies and with the steady limit.
+
+Lags of the lift are compared with the functions of Theodorsen and Sears.
+"""
 
 from functools import cache
 

@@ -34,7 +34,7 @@ EXPORTS = {
 
 @pytest.mark.parametrize("name", EXPORTS)
 def test_a_missing_package_is_named(name, point, monkeypatch):
-    """Without pandas, xarray or reportlab an export is refused in one line with the command that installs it."""
+    """An export without its package is refused in one line with the command that installs it."""
     package = name.split()[-1]
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(BadInputError) as caught:

@@ -1,4 +1,7 @@
-"""A trim does not depend on where its search begins: what no equation determines has its start value."""
+"""A trim does not depend on where its search begins.
+
+What no equation determines has its start value.
+"""
 
 from dataclasses import replace
 

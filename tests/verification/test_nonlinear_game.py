@@ -179,7 +179,10 @@ def test_a_missing_degree_and_a_linear_term_are_found():
 
 
 def test_a_network_is_compared_on_request():
-    """The Taylor terms of a network are compared only if asked."""
+    """The Taylor terms of a network are compared only if asked.
+
+    Without an aircraft, and for a quadratic value, the request is refused.
+    """
     linear, game, expansion = case(4)
     z = ca.SX.sym("z", 2)
     network = hfa.from_network(game, ca.Function("policy", [z], [expansion.policy(z)]))

@@ -119,7 +119,8 @@ def identity_error(expansion):
 def test_identity_holds_by_the_derivatives_of_the_functions(delta, degree):
     """The Hamiltonian is 0 to degree D, and its derivative with respect to u to degree D - 1.
 
-    The plant has products of inputs, and the game cross weights.
+    The plant has products of inputs, and the game cross weights. The expansion states residuals of
+    degree 2 to D, which are rounding, too.
     """
     linear = linear_of(MIXED)
     expansion = expand(linear, hfa.solve(mixed_game(linear, delta)), degree)

@@ -63,6 +63,7 @@ def test_the_matrix_a_is_not_used():
 
 
 def test_equal_seeds_give_identical_bits():
+    """Results of the same seed are equal bit by bit, and those of another seed differ."""
     first, same, other = (learn(PAPER, seed=seed) for seed in (4, 4, 2))
     for name in ("W", "P", "K"):
         assert getattr(first, name).tobytes() == getattr(same, name).tobytes(), name

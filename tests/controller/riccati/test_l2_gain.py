@@ -49,7 +49,7 @@ def test_gain_without_disturbance_or_cost_is_zero():
 
 
 def test_a_gain_at_the_nyquist_frequency_equals_its_closed_form():
-    """The response 1 / (z + 0.9) of a discrete loop is largest at z = -1, where it is 10."""
+    """The response 2 / (z + 0.9) of a discrete loop with Q = 4 is largest at z = -1, where it is 20."""
     game = Game([[-0.9]], [[1.0]], E=[[1.0]], Q=[[4.0]], R=[[1.0]], delta=100.0, dt=0.1)
     low, high = bounds_of(game, np.zeros((1, 1)))
     assert low <= 20.0 <= high <= low * (1.0 + 1e-6)

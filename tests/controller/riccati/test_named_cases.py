@@ -20,7 +20,10 @@ def ac4(delta=math.inf):
 
 @pytest.mark.slow
 def test_the_smallest_delta_of_compleib_ac4():
-    """It is 0.019678875, whose plant has rates of 0.009 to 30 1/s and weights up to rounding."""
+    """It is 0.019678875: the game is solved just above, and refused just below.
+
+    The plant has rates of 0.009 to 30 1/s.
+    """
     smallest = minimum_delta(ac4())
     assert smallest.refused < 0.019678875 < smallest.value
     assert smallest.value <= smallest.refused * 1.000001
@@ -80,7 +83,10 @@ def of_cross_weights(N, R):
 
 
 def test_weights_without_cost_have_zero_value():
-    """If Q = N R⁻¹ N', P is 0 and K is R⁻¹ N'; up to rounding, if Q is rounded."""
+    """If Q = N R⁻¹ N', P is 0 and K is R⁻¹ N'.
+
+    If Q is rounded, P is 0 up to rounding, and is not said to be positive.
+    """
     exact = solve(of_cross_weights([[1.0], [2.0]], 4.0))
     assert not exact.P.any()
     np.testing.assert_array_equal(exact.K, [[0.25, 0.5]])

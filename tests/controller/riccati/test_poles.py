@@ -23,7 +23,10 @@ LOOPS = {
 @pytest.mark.parametrize("name", LOOPS)
 @pytest.mark.parametrize("is_discrete", [False, True])
 def test_poles_are_right_to_the_last_digit(name, is_discrete):
-    """The loops have slow poles beside fast ones, and chains, whose poles doubles move by 1e-5."""
+    """The discs contain the poles, and their radii are a rounding of the fastest pole.
+
+    There are slow poles beside fast ones, and chains, whose poles doubles move by 1e-5.
+    """
     middle = np.array(LOOPS[name])
     exact = np.sort(np.diag(middle))
 
@@ -37,7 +40,10 @@ def test_poles_are_right_to_the_last_digit(name, is_discrete):
 
 
 def test_discs_contain_the_poles_for_any_eigenvectors():
-    """Eigenvectors that are wrong by up to 10 % give wide discs that are right."""
+    """Eigenvectors that are wrong by up to 10 % give wide discs that are right.
+
+    Those that `enclosed_poles` finds have radii below 1e-30.
+    """
     middle = np.diag([-1.0, -2.0, -4.0])
     rng = np.random.default_rng(0)
     with precision(BITS):

@@ -16,7 +16,10 @@ from hfa import Game
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_proof_says_that_a_game_with_a_value_has_none(kind):
-    """The proofs are asked directly: `solve` asks them only after another proof has failed."""
+    """None of the proofs of no value succeeds for games that have one.
+
+    They are asked directly: `solve` asks them only after another proof has failed.
+    """
     values = [each for each in (stored(kind, number) for number in range(12)) if each.exists]
     assert values
     for each in values:

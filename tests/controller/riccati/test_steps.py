@@ -72,7 +72,10 @@ def test_regulators_with_a_closed_form(A, B, Q, R, P):
 
 @pytest.mark.parametrize("share", [0.75, 1.0])  # products without rounding
 def test_two_inputs_that_only_act_together_need_a_weight(share):
-    """With R = 0, many u = -K x are equally good; any R > 0 decides between them."""
+    """With R = 0, many u = -K x are equally good, and the game is refused.
+
+    Any R > 0 divides the cheapest push between the inputs by their shares of it.
+    """
     A, push, both = (
         [[0.9, 0.2], [0.1, 0.7]],
         np.array([[0.125], [0.75]]),

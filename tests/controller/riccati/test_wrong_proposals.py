@@ -127,9 +127,10 @@ def contains(balls, exact):
 @pytest.mark.parametrize("name", GAMES)
 @pytest.mark.parametrize("arithmetics", ARITHMETICS)
 def test_other_invariant_subspaces_are_refused(name, arithmetics):
-    """The other solutions X of the Riccati equation are refused with every Y.
+    """Other solutions X of the Riccati equation are refused, whose loops are unstable.
 
-    An indefinite Y solves the Lyapunov equation of their unstable loop.
+    Neither the Y of that loop, which is indefinite, nor its negative, nor the Y of the stabilizing
+    solution proves anything.
     """
     game, right, wrong = GAMES[name]
     with precision(BITS):

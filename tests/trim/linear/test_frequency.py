@@ -50,8 +50,9 @@ def test_residualized_models_equal_python_controls(model):
 
 
 def test_a_bode_plot_shows_the_response_of_each_channel():
-    """Lines of the panels are magnitude and phase of C (jω - A)⁻¹ B + D, over all modes; an output
-    that no input affects is named.
+    """Lines of the panels are magnitude and phase of C (jω - A)⁻¹ B + D, a decade beyond the modes.
+
+    Phases have no jumps. An output that no input affects is named.
     """
     A = np.array([[0.0, 1.0, 0.0], [-4.0, -4e-3, 0.0], [0.0, 0.0, -1.0]])
     linear = LinearModel.of(A, np.eye(3)[:, :2], states=("q", "v", "alone"), inputs=("f", "g"))

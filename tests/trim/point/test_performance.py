@@ -48,7 +48,10 @@ def test_lift_drag_and_thrust_balance_the_weight(name):
 
 
 def test_the_static_margin_is_that_of_the_table():
-    """It is -Cm_alpha / CL_alpha of the file, also 0 or negative; the neutral point a chord times it."""
+    """It is -Cm_alpha / CL_alpha of the file, also if it is 0 or negative.
+
+    Times the chord, it is the distance of the neutral point from the center of gravity.
+    """
     model = trimmed(UAV)[0].model
     for slope in (-0.38, 0.0, 0.1):
         figures = values(hfa.trim(model.with_parameters(Cm_alpha=slope)).report().data)

@@ -104,7 +104,7 @@ def halved(data):
     ],
 )
 def test_another_box_and_another_squash_are_another_policy(name, change):
-    """`verify` of the game whose optimum is the zip's slope finds a halved box and no squash.
+    """A halved box, and no squash, give other actions and another error over the box of `verify`.
 
     The squash changes the slope at the trim; the box of a clip changes the policy in the box.
     """
