@@ -15,6 +15,7 @@ from controller.riccati.gare import Solution
 from controller.riccati.stability import stabilizes
 from hfa_aircraft.waveform import Waveform, channel, constant, stacked
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
+from hfa_support.matrices import quadratic_forms
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector, storable
 from hfa_support.reporting.text import Table, shown_unit, shown_value
@@ -102,8 +103,7 @@ class Tracking(Result, Reported):
         """Return the mean cost rate over `duration` of z = error and u = inputs - K z."""
         z = error.sampled(self._times)
         u = inputs.sampled(self._times) - z @ self.K.T
-        zu = np.hstack([z, u])
-        rates = np.einsum("ti,ij,tj->t", zu, self.game.weights, zu)
+        rates = quadratic_forms(np.hstack([z, u]), self.game.weights)
         return float(np.trapezoid(rates, self._times) / self.duration)
 
     @cached_property

@@ -62,8 +62,7 @@ def rates_about_trim(linear: LinearModel) -> ca.Function:
     states = [value + deviations.get(name, 0.0) for name, value in point.states._asdict().items()]
     inputs = [value + deviations.get(name, 0.0) for name, value in point.inputs._asdict().items()]
     rates, _ = model.layout.expressions((states, inputs, model.p.tolist()), ())
-    rows = [model.state_names.index(name) for name in linear.states]
-    return ca.Function("plant", [z, u], [rates[rows]])
+    return ca.Function("plant", [z, u], [rates[model.state_places(linear.states)]])
 
 
 def refuse_kinks(linear: LinearModel) -> None:

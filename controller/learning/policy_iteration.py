@@ -169,14 +169,15 @@ def without_discount(recorded: RecordedGame, progress: Progress | None) -> np.nd
     while True:
         problem = Problem(discount, 0.0)
         P_of_discount = recorded.iterated(P, problem, MOST_ITERATIONS)
-        if P_of_discount is None or recorded.margin(P_of_discount, problem) <= 0.0:
+        margin = -np.inf if P_of_discount is None else recorded.margin(P_of_discount, problem)
+        if P_of_discount is None or margin <= 0.0:
             raise _unstable_mode(discount)
         if discount == 0.0:
             return P_of_discount
         if progress is not None:
             progress(0.5 * (1.0 - discount / first), 1.0, f"discount {discount:.3g} 1/s")
         P, last = P_of_discount, discount
-        discount = max(0.0, discount - 0.5 * recorded.margin(P, problem))
+        discount = max(0.0, discount - 0.5 * margin)
         if discount > (1.0 - SMALLEST_STEP) * last:
             raise _unstable_mode(last)
 

@@ -31,6 +31,7 @@ from controller.learning.recording import (
 )
 from controller.learning.ticks import run
 from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import quadratic_forms
 from hfa_support.progress import Progress
 
 #: Settings of Section 5.1: predefined time T_w and integration step, s; η, γ and W(0).
@@ -87,8 +88,7 @@ class PublishedLaw:
     @cached_property
     def costs(self) -> np.ndarray:
         """State cost z_j'Q z_j, (N_h,)."""
-        z = self.stack.states
-        return np.asarray(np.einsum("ji,ik,jk->j", z, self.game.Q, z))
+        return quadratic_forms(self.stack.states, self.game.Q)
 
     @cached_property
     def linear_residuals(self) -> LinearResiduals:

@@ -20,7 +20,7 @@ from controller.game.q_function import q_extremum, q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
 from controller.learning.recording import RelativeResidual, excitation, natural_spread
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.matrices import quadratic_forms
+from hfa_support.matrices import quadratic_forms, spectral_radius
 from hfa_support.progress import Progress
 
 #: Number of pauses, after 1, 2, 4, ... value iterations, at which policy iteration is tried.
@@ -210,7 +210,7 @@ class QLearner:
         if "L" in policies:
             loops.append(loops[0] + E @ policies["L"])
         root = np.sqrt(self.game.discount)
-        return all(root * np.abs(np.linalg.eigvals(loop)).max() < 1.0 for loop in loops)
+        return all(root * spectral_radius(loop) < 1.0 for loop in loops)
 
     def residual(self, H: np.ndarray) -> RelativeResidual:
         """Return the residual of Bellman's equation over all steps."""

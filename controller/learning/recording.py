@@ -10,7 +10,7 @@ import numpy as np
 from controller.critic.training_run import Excitation
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
-from hfa_support.matrices import LARGEST, checked_matrix
+from hfa_support.matrices import LARGEST, checked_matrix, quadratic_forms
 from hfa_support.reporting.report import Reported
 
 #: Singular values of the unit rows below this fraction of the largest count as 0. The weights can
@@ -201,7 +201,7 @@ def residual_of_value(
     """
     with np.errstate(all="ignore"):
         changes = slopes * drifts
-        policies = 0.25 * np.einsum("ji,ik,jk->j", slopes, S, slopes)
+        policies = 0.25 * quadratic_forms(slopes, S)
         errors = changes.sum(axis=1) + costs - policies
         terms = np.abs(changes).sum(axis=1) + costs + np.abs(policies)
         return RelativeResidual.of(errors, costs, terms)

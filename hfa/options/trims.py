@@ -26,11 +26,6 @@ OF_THE_TRIM = ("condition", "conditions", "free", "hold", "isa", "limit", "row",
 SEVERAL = "a number, a list a,b,c or a range start:stop:step"
 
 
-def at_option(about: str, form: str = "VALUE") -> Any:
-    """Return the option --at, the value of the aircraft's scheduling variable."""
-    return option(about, form)
-
-
 def dihedral_option(about: str, form: str = "DEG") -> Any:
     """Return the option --dihedral, which is --at of the paper's aircraft."""
     return option(f"{about}, degrees", form, group=PAPER, first=True)
@@ -40,7 +35,7 @@ def dihedral_option(about: str, form: str = "DEG") -> Any:
 class TrimOptions(AircraftOptions):
     """The condition of a trim."""
 
-    at: str | None = at_option("scheduling variable of the aircraft")
+    at: str | None = option("scheduling variable of the aircraft", "VALUE")
     dihedral: str | None = dihedral_option("dihedral angle, the scheduling variable")
     hold: Mapping[str, str] = option(
         "hold a variable at a value; repeatable", "NAME=VALUE", named=True
@@ -76,7 +71,7 @@ class TrimOptions(AircraftOptions):
 class SeveralTrims(TrimOptions):
     """The condition of trims at one or several values of the scheduling variable."""
 
-    at: str | None = at_option(f"scheduling variable: {SEVERAL}", "RANGE")
+    at: str | None = option(f"scheduling variable: {SEVERAL}", "RANGE")
     dihedral: str | None = dihedral_option(f"dihedral angle: {SEVERAL}", "RANGE")
 
 

@@ -24,11 +24,8 @@ def assert_no_feet(*words, folder):
     assert not [text for text in texts if re.search(r"\b(ft|slug|lbf)\b", text)]
 
 
-def assert_store_in_metres(*words, name, folder):
-    """Assert that a store in SI units is converted and cannot be resumed in English units.
-
-    name: array whose first three columns are a speed, an angle and a length
-    """
+def assert_store_in_metres(*words, folder):
+    """Assert that states in SI units are converted, and that the store is not resumed in others."""
     import zarr
 
     stores = {}
@@ -38,7 +35,7 @@ def assert_store_in_metres(*words, name, folder):
         assert result.code == 0, result.err
         stores[system] = zarr.open_group(str(path), mode="r")
     assert stores["si"].attrs["state_units"][:3] == ["m/s", "rad", "m"]
-    feet, metres = (np.asarray(store[name])[:, :3] for store in stores.values())
+    feet, metres = (np.asarray(store["states"])[:, :3] for store in stores.values())
     np.testing.assert_allclose(metres, feet * np.array([FOOT, 1.0, FOOT]), rtol=1e-9)
     continued = hfa(*words, "--resume", "-o", str(folder / "si.zarr"))
     assert_refused(continued, BAD_INPUT, "is the store of another")

@@ -122,12 +122,11 @@ def report(request: ReportRequest) -> Outcome:
         asked=np.unique(angles).tolist(),
         swept=np.unique(swept),
         outputs=request.outputs,
-        claims=request.claims,
         flight=condition,
         start=asked.start,
         progress=ProgressLine("report"),
     )
-    job = replace(job, flights=request.flights, beside=beside)
+    job = replace(job, claims=request.claims, flights=request.flights, beside=beside)
     source = asked.source(condition, asked.parameters_among(hold))
     sections = sections_of(job)
     whole = with_provenance(request, main_report(job, sections), source)

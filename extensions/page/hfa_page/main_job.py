@@ -233,12 +233,11 @@ def main_job(
     asked: Sequence[float],
     swept: np.ndarray,
     outputs: tuple[str, ...] | None,
-    claims: Claims | None,
     flight: TrimCondition,
     start: OperatingPoint | None,
     progress: Progress,
 ) -> MainJob:
-    """Return the results of `hfa report`.
+    """Return the results of `hfa report`, without stored ones and other aircraft.
 
     Both printed pairs (A, B) are regenerated at the paper's condition, and the dihedral angle is
     swept. At each requested angle, the game is solved, and a critic is learned and compared with
@@ -249,7 +248,6 @@ def main_job(
     asked: requested angles, rad, which are added to the sweep
     swept: angles of the sweep, rad
     outputs: names of the outputs of the linear models, or None for all
-    claims: stored claims that the page shows, or None
     flight: condition of the trims of the sweep
     start: initial point of the search for these trims, or None
     """
@@ -264,4 +262,4 @@ def main_job(
         progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle.label}")
         in_full.append(with_game(angle))
     progress(1.0, 1.0)
-    return MainJob(parameters, regeneration, slider, tuple(in_full), claims)
+    return MainJob(parameters, regeneration, slider, tuple(in_full))

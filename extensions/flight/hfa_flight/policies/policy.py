@@ -19,6 +19,7 @@ from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
+from hfa_support.matrices import shape_text
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import storable
 from trim.point.operating_point import OperatingPoint
@@ -63,11 +64,10 @@ class Policy(Reported):
     def refuse_other_sizes(self, point: OperatingPoint) -> None:
         """Raise BadInputError if the policy is for other numbers of inputs or states."""
         m, k = len(point.model.inputs), len(point.model.linear)
-        if self.sizes not in (None, (m, k)):
-            own = " x ".join(map(str, self.sizes or ()))
+        if self.sizes is not None and self.sizes != (m, k):
             raise BadInputError(
-                f"the policy {self.name} has the size {own}; give {m} x {k}, inputs x states of "
-                "the linear model"
+                f"the policy {self.name} has the size {shape_text(self.sizes)}; give {m} x {k}, "
+                "inputs x states of the linear model"
             )
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:

@@ -9,7 +9,7 @@ from hfa.options.argument_types import input_file
 from hfa.options.command import Request
 from hfa.options.games import WeightOptions
 from hfa.options.option import option
-from hfa.options.trims import TrimOptions, at_option, dihedral_option
+from hfa.options.trims import TrimOptions, dihedral_option
 from hfa_support.files import MATRIX_FILES
 
 
@@ -21,7 +21,7 @@ class CheckRequest(Request, TrimOptions, WeightOptions):
     start: None = None
     conditions: None = None
     row: None = None
-    at: str | None = at_option("value or interval that the certificate must contain", "LOW:HIGH")
+    at: str | None = option("value or interval that the certificate must contain", "LOW:HIGH")
     dihedral: str | None = dihedral_option(
         "value or interval of the dihedral angle that the certificate must contain", "DEG|LOW:HIGH"
     )

@@ -17,7 +17,6 @@ from hfa.options.trims import (
     TrimInput,
     TrimOptions,
     at_name,
-    at_option,
     dihedral_option,
     trim_input,
 )
@@ -41,7 +40,7 @@ class ScheduleRequest(Request, TrimOptions, WeightOptions):
     output: Path | None = option(
         "write the certificate: .json", "FILE", output_file(".json"), names="-o --output"
     )
-    at: str | None = at_option("interval that the proof covers", "LOW:HIGH")
+    at: str | None = option("interval that the proof covers", "LOW:HIGH")
     dihedral: str | None = dihedral_option("interval of the dihedral angle", "LOW:HIGH")
     weights: Path | None = option(
         "file with a constant gain K, or gains K at values of the scheduling variable; default: "
