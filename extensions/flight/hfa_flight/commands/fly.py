@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from hfa_flight.simulate.flight import Flight
 
 _MOST_MEMBERS = 10_000_000
-_MOST_STEPS = 1_000_000
 #: Form of --command in the help.
 _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
 
