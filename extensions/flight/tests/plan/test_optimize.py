@@ -54,6 +54,7 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(fold
     X = solve_continuous_lyapunov((A - B @ K).T, -(np.eye(2) + 0.5 * K.T @ K))
     z = np.array([0.5, 0.2])
     assert data["cost"] == pytest.approx(z @ P @ z, rel=2e-3)
+    assert data["proposed_cost"] == pytest.approx(z @ P @ z, rel=1e-5)
     linear, other = data["policies"]
     assert linear["cost"] == pytest.approx(z @ P @ z, rel=1e-6)
     assert other["cost"] == pytest.approx(z @ X @ z, rel=1e-4)
