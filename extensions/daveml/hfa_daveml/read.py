@@ -294,13 +294,16 @@ class _Files:
         return rates, outputs | forces
 
     def _configuration(self, x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
-        """Return mass, center of gravity, inertias and sizes, name -> (value, unit)."""
+        """Return mass, center of gravity, inertias and sizes, name -> (value, unit).
+
+        x, u, p: values of the states, of the inputs, and of the parameters followed by `ISA`
+        """
         state, inputs, parameters = (
             SimpleNamespace(**dict(zip(known, vector, strict=True)))
             for known, vector in ((STATES, x), (self.inputs, u), ((*self.parameters, ISA), p))
         )
         motion = Motion(state, _GRAVITY, "english", parameters.isa)
-        value = self._values(_motion_values(state, motion), inputs, parameters)
+        value_of = self._values(_motion_values(state, motion), inputs, parameters)
         outputs = {
             "mass": names.MASS,
             **dict(zip(("Ixx", "Iyy", "Izz"), names.INERTIA, strict=True)),
@@ -314,7 +317,7 @@ class _Files:
             },
         }
         return {
-            name: (_number(self._vector(value, (output,))), names.UNIT_OF[output])
+            name: (_number(self._vector(value_of, (output,))), names.UNIT_OF[output])
             for name, output in outputs.items()
         }
 

@@ -51,7 +51,10 @@ def lost_band(lost: int, members: int) -> tuple[float, float]:
 
 
 def band_text(lost: int, members: int) -> str:
-    """Return `lost_band` as text, such as "27.2 to 72.9 %, 95 %"; the end is rounded up."""
+    """Return `lost_band` with its confidence of 95 % as text, such as "27.2 to 72.9 %, 95 %".
+
+    The upper end is rounded up. Without lost flights, the text is "fewer than" this end.
+    """
     low, high = (100.0 * end for end in lost_band(lost, members))
     if not lost:
         return f"fewer than {percent(high, up=True)} lost (95 %)"

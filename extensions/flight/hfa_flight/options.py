@@ -171,7 +171,9 @@ class PolicyOptions(TrimOptions, WeightOptions, ReadingOptions):
 
     @property
     def flown(self) -> str | Path:
-        """The policy of --policy, or the default."""
+        """The policy of --policy; by default the exact one for the HFA, and none for another
+        aircraft.
+        """
         return self.policy or (EXACT if self.aircraft is None else NONE)
 
     @cached_property

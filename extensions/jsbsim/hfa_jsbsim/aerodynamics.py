@@ -188,7 +188,8 @@ def _frames(element: Element | None) -> tuple[str, str]:
 def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
     """Return index of a component (forces 0 to 2, moments 3 to 5) -> its functions.
 
-    Of several axes with the same component, only the last is used.
+    JSBSim ignores all but the last axis of a component, and moments with apply_at_cg. Both are
+    marked here as not read.
     """
     functions: dict[int, list[Element]] = {}
     if element is None:
@@ -202,8 +203,7 @@ def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
             )
         component = _COMPONENTS[name]
         functions[component] = list(axis.all("function"))
-        # What JSBSim ignores counts as not read.
-        if component > 2:  # moments at the center of gravity
+        if component > 2:  # moments
             for function in filter(_acts_at_center, functions[component]):
                 function.taken = False
         if component in axes:

@@ -259,6 +259,7 @@ def mass_properties(mass: Mass) -> dict[str, Any]:
         "inertia/ixx-slugs_ft2": mass.inertia[0, 0],
         "inertia/iyy-slugs_ft2": mass.inertia[1, 1],
         "inertia/izz-slugs_ft2": mass.inertia[2, 2],
+        # JSBSim's ixy and iyz are minus the elements of the inertia matrix, its ixz is the element.
         "inertia/ixy-slugs_ft2": -mass.inertia[0, 1],
         "inertia/ixz-slugs_ft2": mass.inertia[0, 2],
         "inertia/iyz-slugs_ft2": -mass.inertia[1, 2],

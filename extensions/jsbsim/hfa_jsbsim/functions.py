@@ -220,6 +220,7 @@ class Table:
     def ends(self, axis: int) -> tuple[float, float]:
         """Return the first and the last breakpoint of an axis, of all parts of the table."""
         if not self.parts or axis == self.dimensions - 1:
+            # With parts, the last axis is the only one in `breakpoints`.
             points = self.breakpoints[-1 if self.parts else axis]
             return float(points[0]), float(points[-1])
         ends = [table.ends(axis) for table in self.parts]

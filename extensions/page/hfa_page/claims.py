@@ -14,7 +14,7 @@ from verification.regeneration import Regeneration
 SCHEMA = "hfa.claims/1"
 _STORED = "studies/section5/results"
 #: The law that most claims concern, and the laws whose numbers are shown for comparison.
-_SUBJECT = "published, modified"
+_MAIN_LAW = "published, modified"
 _OTHER_LAWS = ("certified", "certified + feed-forward", "exact + feed-forward")
 _TITLE = "Claims of Section 5 of the paper"
 
@@ -89,9 +89,9 @@ def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
     rows = []
     for claim in claims:
         findings = claim["findings"]
-        subject = claim["subject"]
-        number = _cell(findings[subject], "" if subject == _SUBJECT else f"{subject}: ")
-        others = [_cell(findings[name]) if name in findings else "" for name in _OTHER_LAWS]
+        law = claim["subject"]
+        of_law = _cell(findings[law], "" if law == _MAIN_LAW else f"{law}: ")
+        of_others = [_cell(findings[name]) if name in findings else "" for name in _OTHER_LAWS]
         rows.append(
             (
                 claim["number"],
@@ -99,12 +99,12 @@ def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
                 claim["says"],
                 claim["measured"],
                 f"{claim['relation']} {claim['limit']:.3g}",
-                number,
-                *others,
+                of_law,
+                *of_others,
             )
         )
     return Table(
-        ("claim", "verdict", "the paper says", "measured", "required", _SUBJECT, *_OTHER_LAWS),
+        ("claim", "verdict", "the paper says", "measured", "required", _MAIN_LAW, *_OTHER_LAWS),
         rows,
     )
 

@@ -231,7 +231,7 @@ class Scenario(Reported):
     @property
     def driven_until(self) -> float:
         """Time at which the last signal, gust or noise ends, s, or inf if one never ends."""
-        if self.samples is not None:
+        if self.samples is not None:  # sensor noise lasts to the end of the flight
             return math.inf
         sources = (self.reference, self.disturbance, self.gust, *self.air.values())
         ends = [getattr(source, "until", math.inf) for source in sources if source is not None]

@@ -46,7 +46,7 @@ def cost_above_optimum(deployed: Deployed, at: Equilibrium, loop: Chain) -> Cost
     """
     game = lqr_at(deployed, at)
     try:
-        _, optimum = hold_of(game.A, game.B, game.Q, game.R, loop.dt).forever()
+        _, optimum = hold_of(game.A, game.B, game.Q, game.R, loop.dt).infinite_horizon()
     except NoSolutionError as error:
         return f"the cost has no optimum here: {error}"
     return _above(game, optimum, loop)

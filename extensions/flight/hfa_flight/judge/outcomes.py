@@ -193,7 +193,8 @@ class CaseFlights:
 
     def fly(self, progress: Progress | None) -> None:
         """Simulate all flights, each until it ends or its duration has elapsed."""
-        samples = self.flight.compiled(len(self.owners), self.seconds)
+        count, state_size = self.first.shape
+        samples = self.flight.compiled(count, self.seconds)
         window = self.flight.samples_in_window
         windows = self.flight.windows(self.seconds)
 
@@ -202,6 +203,7 @@ class CaseFlights:
             shown = progress if progress is not None and 0 in numbers else None
 
             def over(flown: History) -> np.ndarray:
+                """Return the mask of `Endings.over`, and show the progress."""
                 if shown is not None:
                     shown(flown.first // window + 1, windows)
                 return self.endings.over(replace(flown, flights=numbers[flown.flights]))
@@ -216,7 +218,7 @@ class CaseFlights:
                 keep=False,
             )
 
-        in_threads(fly_some, len(self.owners), (window + 1) * self.first.shape[1])
+        in_threads(fly_some, count, stored=(window + 1) * state_size)
         if progress is not None:
             progress(windows, windows)
         self.endings.close()

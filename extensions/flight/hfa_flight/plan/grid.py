@@ -223,7 +223,7 @@ def _rule_of_samples(scaled: ScaledProblem) -> float:
         if dt * scaled.fastest > _FASTEST:
             continue
         try:
-            _, P = hold_of(*scaled.linear_states, dt).forever()
+            _, P = hold_of(*scaled.linear_states, dt).infinite_horizon()
         except NoSolutionError:
             continue
         if scaled.excess_weight(P) <= _HOLD_PRICE:

@@ -41,8 +41,10 @@ class Hold(NamedTuple):
         before = self.W[:n, :n] + self.A.T @ P @ self.A - K.T @ price @ K
         return K, 0.5 * (before + before.T)
 
-    def forever(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gain K and the matrix P of the optimum with equal holds for ever.
+    def infinite_horizon(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the gain K and the matrix P of the optimum over infinitely many equal holds.
+
+        P is the solution of the discrete Riccati equation, which a hold does not change.
 
         Raises NoSolutionError if the held model cannot be stabilized.
         """

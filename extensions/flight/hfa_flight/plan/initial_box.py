@@ -56,9 +56,9 @@ def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
 def drawn_starts(
     problem: FlightProblem, count: int, seed: int, box: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return random initial deviations in a box, (count, k).
+    """Return random initial conditions in a box, as deviations from trim, (count, k).
 
-    With the same seed, a larger count returns the same deviations first.
+    With the same seed, a larger count returns the same initial conditions first.
 
     box: half-widths, (k,), reduced to fit in the limits. The default is `usual_box`.
     """

@@ -321,13 +321,14 @@ class Planner:
         return program.step(cost, AlongHolds(slopes.ends, of_fast), room)
 
     def _program_for(self, plan: Plan) -> tuple[np.ndarray, PlanProgram]:
-        """Return the smallest program that knows the states near their limits, and their places in
-        `soft`.
+        """Return the smallest program with the limits of all states that are near them, and the
+        places of its limited states in `soft`.
         """
         lows, highs = plan.room
         states = plan.z[1:, self.soft]
         near = (states > _NEAR * highs) | (states < _NEAR * lows)
         needed = set(np.flatnonzero(near.any(axis=0)).tolist())
+        # The programs are sorted, and the last one has the limits of all states.
         smallest = next(known for known in self._programs if needed <= known.places)
         return np.array(sorted(smallest.places), dtype=int), smallest.program
 

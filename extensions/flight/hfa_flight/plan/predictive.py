@@ -1,4 +1,4 @@
-"""Predictive policy: plans a flight of the nonlinear model at each sample, and flies its begin."""
+"""Predictive policy: plans a nonlinear flight at each sample and applies its first inputs."""
 
 from __future__ import annotations
 
@@ -114,7 +114,11 @@ class Predictive(SampledPolicy):
         return np.log(values[values != 0.0].astype(complex)) / self.dt
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return the JSON data on the policy, with counts and times of its samples."""
+        """Return the JSON data on the policy.
+
+        They contain the counts of `Samples`, quantiles of the computing times in s, and the cost
+        `first_plan`.
+        """
         done = self.samples
         counts: dict[str, Any] = {
             "planned": done.planned,
@@ -266,7 +270,7 @@ def _end_of(scaled: ScaledProblem, dt: float, end_game: Game) -> tuple[np.ndarra
     """Return P (n, n) of a game and the gain K (m, k) of the game held dt for ever."""
     k, n, _ = scaled.sizes
     if math.isinf(end_game.delta):
-        K, _ = hold_of(*scaled.linear_states, dt).forever()
+        K, _ = hold_of(*scaled.linear_states, dt).infinite_horizon()
         return scaled.P, K
     of_states, of_inputs = scaled.problem.sizes
     P = np.pad(np.array(solve(end_game).P), [(0, n - k)] * 2) * np.outer(of_states, of_states)

@@ -116,12 +116,16 @@ def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
 
 
 def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
-    """Return A, (N, k, k), and B, (N, k, m), at the middle of each interval."""
-    of_states, of_inputs = problem.sizes
+    """Return A, (N, k, k), and B, (N, k, m), at the middle of each interval.
+
+    They relate deviations of the k linear states and the inputs. The followed states after the
+    linear ones are left out.
+    """
+    nominal_states, nominal_inputs = problem.sizes
     z, v = proposal.at(proposal.ends[:-1] + 0.5 * proposal.lengths)
-    middles = np.hstack([z / of_states, v / of_inputs])
+    middles = np.hstack([z / nominal_states, v / nominal_inputs])
     side_by_side = np.array(smooth_slopes(problem).map(len(middles))(middles.T))
-    k, followed = len(problem.states), len(of_states)
-    nominal = side_by_side.reshape(followed, len(middles), -1).transpose(1, 0, 2)
-    slopes = nominal * of_states[:, None] / np.concatenate([of_states, of_inputs])
+    k, followed = len(problem.states), len(nominal_states)
+    scaled = side_by_side.reshape(followed, len(middles), -1).transpose(1, 0, 2)
+    slopes = scaled * nominal_states[:, None] / np.concatenate([nominal_states, nominal_inputs])
     return slopes[:, :k, :k], slopes[:, :k, followed:]

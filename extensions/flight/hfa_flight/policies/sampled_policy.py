@@ -109,14 +109,14 @@ class SampledPolicy(Policy):
         self, computed: Callable[[float, np.ndarray], np.ndarray]
     ) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return (tick, measured) -> the result of `computed(t, measured)` at the last sample."""
-        seconds = self.tick or self.dt
-        ticks_per_sample = round(self.dt / seconds)
+        seconds_per_tick = self.tick or self.dt
+        ticks_per_sample = round(self.dt / seconds_per_tick)
         held = np.zeros(len(self.point.u))
 
         def sample(tick: int, measured: np.ndarray) -> np.ndarray:
             nonlocal held
             if tick % ticks_per_sample == 0:
-                held = computed(tick * seconds, measured)
+                held = computed(tick * seconds_per_tick, measured)
             return held
 
         return sample

@@ -132,7 +132,7 @@ class NonlinearPlant(Plant):
         p = components(parameters) if self.uncertain else self.model.p.tolist()
         vectors = self._absolute(x), components(ca.DM(self.point.u) + u), p
         model = self._model_with(winds)
-        rates, _ = model.layout.expressions(vectors, (), _disturbances(winds, model))
+        rates, _ = model.layout.expressions(vectors, outputs=(), w=_disturbances(winds, model))
         return rates
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:

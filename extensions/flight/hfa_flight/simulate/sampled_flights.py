@@ -181,9 +181,9 @@ class SampledFlight:
         state = ca.MX.sym("state", sum(self.sizes))
         trim = ca.MX.sym("trim", self.held_sizes.trim)
         X, memory, _ = _parts(state, self.sizes)
-        observed = self.deployed.observe(X, memory[-len(self.deployed.model.inputs) :], trim)
-        seen = self.deployed.normalized(observed)[1]
-        return ca.Function("entering", [state, trim], [ca.densify(seen)])
+        acting = memory[-len(self.deployed.model.inputs) :]  # the oldest command acts now
+        _, network_inputs = self.deployed.normalized(self.deployed.observe(X, acting, trim))
+        return ca.Function("entering", [state, trim], [ca.densify(network_inputs)])
 
     def start(self, states: np.ndarray, trims: np.ndarray) -> np.ndarray:
         """Return the initial states [X; memory; extremes] of flights.

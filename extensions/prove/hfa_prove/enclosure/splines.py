@@ -301,6 +301,7 @@ def _filled(piece: Coefficients) -> Coefficients:
 
 def _derivative(spline: Spline) -> Spline:
     """Return the derivative of a spline between its knots."""
+    # Filled, so that the derivative of a constant keeps the coefficient 0.
     pieces = [tuple(k * c for k, c in enumerate(_filled(piece)))[1:] for piece in spline.pieces]
     return Spline(spline.knots, tuple(pieces))
 

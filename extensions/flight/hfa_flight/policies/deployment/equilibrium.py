@@ -161,7 +161,10 @@ class EquilibriumSearch:
         return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
 
     def _residual_at(self, z: np.ndarray) -> _Residual:
-        """Return the scaled residual of the equilibrium conditions at a point z = (X; U)."""
+        """Return the scaled residual of the equilibrium conditions at a point z = (X; U).
+
+        Its Jacobian is that by the scaled linear states and commanded inputs, `moving`.
+        """
         X, U = self._states_and_inputs(z)
         count = len(self.moving)
         try:
