@@ -9,6 +9,8 @@ by the first of these rules that applies:
   model.
 - Any other input is a parameter of the model.
 
+An input that several variables declare has one initial value, and the narrowest of their limits.
+
   F = q̄ S (C_X, C_Y, C_Z),  M = q̄ S (b C_l, c C_m, b C_n) - r x F
 
 q̄ is the dynamic pressure. S, b and c are the reference area, span and chord. r is the position
@@ -62,6 +64,7 @@ def read_model(text: str) -> Model:
     - a file cannot be read or is not a valid DAVE-ML file,
     - an output of a check case differs from the tables and formulas,
     - a required output is missing, defined twice, in a wrong unit or not positive,
+    - an input has another initial value, or another quantity as its unit, in another file,
     - the aerodynamic force at alpha = 5 deg is not upward.
     """
     paths = text.split("+")
@@ -132,14 +135,14 @@ class _FileVariable(NamedTuple):
 class _Files:
     """The files of an aircraft, connected by the standard names of their variables.
 
-    inputs, parameters: standard name -> variable, of those that no file and no motion defines
+    inputs, parameters: standard name -> signal, of those that no file and no motion defines
     """
 
     def __init__(self, documents: Sequence[Document]) -> None:
         self._documents = documents
         self._outputs: dict[str, _FileVariable] = {}
-        self.inputs: dict[str, _FileVariable] = {}
-        self.parameters: dict[str, _FileVariable] = {}
+        self.inputs: dict[str, Signal] = {}
+        self.parameters: dict[str, Signal] = {}
         variables = [
             _FileVariable(document, variable)
             for document in documents
@@ -149,11 +152,15 @@ class _Files:
             if each.variable.is_output:
                 self._add_output(each)
         self._refuse_missing_outputs()
+        # After all outputs: an input with the name of an output is no input of the model.
+        declarations: dict[str, list[_FileVariable]] = {}
         for each in variables:
             name = each.variable.name
             if each.variable.is_input and name not in (*names.MOTION, *self._outputs):
-                group = self.inputs if _is_command(each.variable) else self.parameters
-                group[name] = each
+                declarations.setdefault(name, []).append(each)
+        for name, declared in declarations.items():
+            group = self.inputs if _is_command(declared[0].variable) else self.parameters
+            group[name] = _common_signal(declared)
 
     def _add_output(self, output: _FileVariable) -> None:
         """Store an output by its name. Raises BadInputError if it is that of another file, too."""
@@ -181,7 +188,7 @@ class _Files:
     def model(self, source: Source) -> Model:
         """Return the aircraft as a `Model`, from paths joined by + and the hash of the files."""
         inputs = SimpleNamespace(**dict.fromkeys(self.inputs, 0.0))
-        parameters = {name: each.start for name, each in self.parameters.items()}
+        parameters = {name: signal.start for name, signal in self.parameters.items()}
         nominal_value = self._values(_nominal_motion(), inputs, SimpleNamespace(**parameters))
         self._refuse_not_positive(nominal_value)
         low, high = self._range("angleOfAttack", _WIDEST_ALPHA)
@@ -196,8 +203,8 @@ class _Files:
             altitude=0.0,
             alpha=alpha,
             beta=beta,
-            inputs={name: each.signal() for name, each in self.inputs.items()},
-            parameters={name: each.signal() for name, each in self.parameters.items()},
+            inputs=self.inputs,
+            parameters=self.parameters,
             outputs={},
             holds_beta=True,
             source=source,
@@ -373,6 +380,27 @@ class _Files:
             return getattr(u if name in self.inputs else p, name)
 
         return value
+
+
+def _common_signal(declarations: Sequence[_FileVariable]) -> Signal:
+    """Return the signal of an input that one or several variables declare, with the narrowest
+    limits.
+
+    Raises BadInputError if their units are of different quantities, or their initial values differ.
+    """
+    first, *others = declarations
+    signals = [each.signal() for each in declarations]
+    for other, signal in zip(others, signals[1:], strict=True):
+        same_unit = signal.unit == signals[0].unit
+        same_default = (first.variable.initial is None) == (other.variable.initial is None)
+        if not (same_unit and same_default and signal.start == signals[0].start):
+            raise other.error(
+                f"this input has another unit or initial value in {first.document.path}; give "
+                "both the same unit and the same initial value, or none"
+            )
+    return signals[0]._replace(
+        min=max(signal.min for signal in signals), max=min(signal.max for signal in signals)
+    )
 
 
 def _is_command(variable: Variable) -> bool:

@@ -214,6 +214,37 @@ def test_an_output_of_one_file_is_an_input_of_another(tmp_path):
     np.testing.assert_allclose(points[0].states, points[1].states, rtol=1e-8)
 
 
+def test_two_files_declare_one_input(tmp_path):
+    """An input of two files has the narrowest limits of both, in any order and units.
+
+    Two initial values, an initial value in one file only, and units of two quantities are refused.
+    """
+
+    def both_orders(own, other):
+        """Return the paths, in both orders, of the example and a file that both declare a load."""
+        declared = '<variableDef name="load" varID="load" {}><isInput/></variableDef>'
+        first = changed(tmp_path, "<variableDef", f"{declared.format(own)}<variableDef")
+        second = tmp_path / "second.dml"
+        second.write_text(f"<DAVEfunc>{declared.format(other)}</DAVEfunc>", encoding="utf-8")
+        return f"{first}+{second}", f"{second}+{first}"
+
+    with_limits = 'units="ft" initialValue="2" minValue="-3" maxValue="7"'
+    for paths in both_orders(with_limits, 'units="ft" initialValue="2" maxValue="5"'):
+        load = hfa.load_model(paths).parameters["load"]
+        assert (load.min, load.start, load.max) == (-3.0, 2.0, 5.0)
+    for paths in both_orders('units="ft" maxValue="7"', 'units="m" maxValue="1.524"'):
+        assert hfa.load_model(paths).inputs["load"].max == pytest.approx(5.0)
+    for other in (
+        'units="ft" initialValue="3"',
+        'units="ft"',
+        'units="m" initialValue="2"',
+        'units="lbf" initialValue="2"',
+    ):
+        for paths in both_orders(with_limits, other):
+            with pytest.raises(BadInputError, match=r"variable load.* another unit or initial"):
+                hfa.load_model(paths)
+
+
 def test_a_missing_and_a_repeated_definition_are_refused(tmp_path):
     """A file without the mass, a mass in two files, and a file that is missing are refused."""
     mass = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
