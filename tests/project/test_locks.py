@@ -67,19 +67,18 @@ def test_locked_packages_support_every_supported_python(lock):
     assert excluded == {}
 
 
-def test_each_lock_extends_the_smaller_ones():
-    """Each lock file contains the packages of its extra and the pins of the report, and the last
-    one all pins.
+def test_each_lock_has_its_extra_and_the_pins_of_the_report():
+    """Each lock file contains the dependencies and the packages of its extra, in versions that they
+    allow, and the pins of the report. The last one has all pins.
     """
     extras = PROJECT["optional-dependencies"]
-    names = ("page", "docs", "test", "dev")
-    needed = dict(zip(LOCKS, (extras[name] for name in names), strict=True))
+    extra_of_lock = dict(zip(LOCKS, ("page", "docs", "test", "dev"), strict=True))
     of_report, whole = ({str(pin) for pin in pins(lock)} for lock in (LOCKS[0], LOCKS[-1]))
     for lock in LOCKS:
         pinned = {str(pin) for pin in pins(lock)}
         assert of_report <= pinned <= whole, lock
         versions = {canonicalize_name(pin.name): pin for pin in pins(lock)}
-        for line in (*PROJECT["dependencies"], *needed[lock]):
+        for line in (*PROJECT["dependencies"], *extras[extra_of_lock[lock]]):
             wanted = Requirement(line)
             (exact,) = versions[canonicalize_name(wanted.name)].specifier
             assert wanted.specifier.contains(exact.version), (lock, line)

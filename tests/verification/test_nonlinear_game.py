@@ -213,19 +213,19 @@ def test_a_function_is_expanded(of):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("folder")
-def test_the_policy_in_the_file_is_judged_and_flies():
-    """`hfa verify` and a flight read the policy of `hfa solve --order`, which is not linear."""
+def test_verify_and_fly_read_the_policy_in_the_file():
+    """`hfa verify` and `hfa.fly` read the policy of `hfa solve --order`, which is not linear.
+
+    `verify` has the result FAIL and the grade near, because the policy converges only from a
+    quarter of the box. A tolerated cost does not excuse the flights that leave.
+    """
     pytest.importorskip("hfa_flight")
     words = ("--aircraft", PENDULUM, "--Q", "1,0.1", "--R", "1", "--delta", "inf")
     answer("solve", *words, "--order", "4", "-o", "value.npz")
-    # The exact policy of the pendulum converges from a quarter of the box alone.
-    for limit in ((), ("--limit-cost", "1")):
+    for limit in ((), ("--limit-cost", "1")):  # 1 %
         data = answer("verify", *words, "--weights", "value.npz", *limit, code=1)
-        assert (data["ok"], data["grade"], data["nonlinear"]["flown"]["part"]) == (
-            False,
-            "near",
-            0.25,
-        )
+        assert (data["ok"], data["grade"]) == (False, "near")
+        assert data["nonlinear"]["flown"]["part"] == 0.25
     model = hfa.load_model(PENDULUM)
     point = hfa.trim(model)
     game = hfa.game(hfa.linearize(model, point), Q=[1.0, 0.1], R=[1.0])

@@ -273,11 +273,15 @@ def test_a_value_per_second_of_a_step_is_named():
         ("WPK", {}, ""),
         ("PK", {"K": -1.0}, "the gain has the wrong sign"),
         ("WK", {"K": 2.0}, "the gain is twice the exact one"),
+        ("WK", {"W": 10.0}, "every entry of P is 10 times the exact one"),
         ("PK", {"P": 10.0}, "every entry of P is 10 times the exact one"),
     ],
 )
 def test_each_part_of_a_file_is_checked(held, factors, said):
-    """Each of W, P and K in a file is checked, and a wrong one is named."""
+    """Each of W, P and K in a file is checked, and a wrong one is named.
+
+    The errors of P, which is computed from W where the file has no P, and of K are printed.
+    """
     plant = small("plant.json")
     game = load_game(plant)
     parts = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}
@@ -285,7 +289,6 @@ def test_each_part_of_a_file_is_checked(held, factors, said):
     data = answer("verify", "--model", plant, "--weights", file, code=FAILED if said else DONE)
     assert data["diagnosis"].startswith(said)
     assert bool(data["diagnosis"]) == bool(said)
-    for name in "PK":
-        assert data[f"{name}_rel_error"] == pytest.approx(
-            abs(factors.get(name, 1.0) - 1.0), rel=1e-6, abs=1e-12
-        )
+    for name, key in (("P", "P" if "P" in held else "W"), ("K", "K")):
+        error = abs(factors.get(key, 1.0) - 1.0)
+        assert data[f"{name}_rel_error"] == pytest.approx(error, rel=1e-6, abs=1e-12)

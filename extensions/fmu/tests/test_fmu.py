@@ -352,14 +352,14 @@ def test_the_equations_after_an_event_are_linearized(version):
         point.linearize()
 
 
-def test_both_sides_of_a_kink_are_said():
-    """rate' contains -.5 rate - |rate|: the report has the slopes .5 and -1.5, and the error of the
-    linear model relative to its largest entry.
+def test_both_sides_of_a_kink_are_reported():
+    """rate' has the terms -.5 rate - |rate|: the report has the slopes .5 and -1.5, and the error of
+    the linear model relative to its largest entry.
     """
     linear = hfa.trim(hfa.load_model(fmu("kinked"))).linearize()
     said = " ".join(linear.report().text().split())
     assert "A(rate, rate) is 0.5 below and -1.5 above" in said
-    assert "error about 0.2 at the start values" in said  # 1 of the largest entry, 4.9
+    assert "error about 0.2 at the start values" in said  # half the jump of 2, by g / l = 4.9
 
 
 def test_differences_replace_derivatives_that_fail():

@@ -49,10 +49,12 @@ def test_unusual_constructs_agree_are_noted_or_are_refused(tmp_path):
 @needs_jsbsim
 @pytest.mark.slow
 def test_no_difference_remains_unreported(tmp_path):
-    """None of the constructs differs from JSBSim without a note or a refusal, and most agree."""
+    """None of the constructs differs from JSBSim without a note or a refusal, and at least
+    70 % agree.
+    """
     verdicts = [each.verdict for each in compare_constructs(list(ALL), tmp_path)]
     assert not {"silent", "traceback"} & {*verdicts}
-    assert verdicts.count("agrees") >= 370
+    assert verdicts.count("agrees") >= 0.7 * len(ALL)
 
 
 @needs_jsbsim

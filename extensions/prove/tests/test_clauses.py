@@ -199,12 +199,14 @@ def folded(rate, least):
     )  # fmt: skip
 
 
+#: x' = u² - p - x u, with the branch of trims u = √p alone.
 FOLD = folded(lambda x, u: x * u, 0.0)
+#: x' = u² - p - x, with both branches of trims u = ±√p.
 BOTH = folded(lambda x, u: x, -9.0)
 
 
 def fold(low, high, model=FOLD):
-    """Return the proof for x' = u² - p - x u, with the trims u = √p and C = -√p of x."""
+    """Return the proof of the decay rate 0.5 of a folded model for p from low to high, without gain."""
     flight = Family(model).flight(low, high)
     statement = ScheduleStatement(flight, Gains(np.array([1.0]), np.zeros((1, 2, 2))), 0.5)
     return ScheduleProof(statement, ScheduleWitness(10**4, np.zeros(0), np.zeros((0, 2, 2))))
@@ -226,7 +228,9 @@ def test_a_trim_is_claimed_only_where_krawczyks_test_holds():
 
 
 def test_trims_and_loop_of_two_unknowns_are_enclosed():
-    """For u² + v / 2 = p and v = 0.3 u p, the trims and the loop contain those of the closed form."""
+    """For u² + v / 2 = p and v = 0.3 u p, the balls of u, v and of the loop's matrix C, x' = C x, have
+    radii below 2e-3 and overlap their closed forms.
+    """
     inputs = {name: Signal("1", 1.0, -9.0, 9.0) for name in "uv"}
 
     def equations(x, u, p, w):
@@ -237,32 +241,34 @@ def test_trims_and_loop_of_two_unknowns_are_enclosed():
         "two", {"a": Signal(), "b": Signal()}, inputs, equations,
         parameters={"p": Signal(start=1.0)}, schedule="p", trim={"a": 0.0, "b": 0.0},
     )  # fmt: skip
-    gains = Gains(np.array([1.0]), np.zeros((1, 2, 2)))
-    statement = ScheduleStatement(Family(model).flight(1.0, 1.1), gains, 0.1)
+    no_gain = Gains(np.array([1.0]), np.zeros((1, 2, 2)))
+    statement = ScheduleStatement(Family(model).flight(1.0, 1.1), no_gain, decay_rate=0.1)
     proof = ScheduleProof(statement, ScheduleWitness(10**4, np.zeros(0), np.zeros((0, 2, 2))))
-    trims = proof.flight.trims(1.0, 1.1, np.array([0.93, 0.29]))
+    trims = proof.flight.trims(1.0, 1.1, np.array([0.93, 0.29]))  # a guess of u and v
     loop = proof.loop(trims)
     for s in (1.0, 1.02, 1.05, 1.1):
         p = arb(s)
         u = (-arb("0.15") * p + (arb("0.0225") * p * p + 4 * p).sqrt()) / 2
         v = arb("0.3") * u * p
-        found = loop.at(p - trims.middle).entries()
-        exact = (-u, v * v, -u * v, -v)
-        for ball, value in zip((*trims.at(s, trims.offset), *found), (u, v, *exact), strict=True):
+        C = loop.at(p - trims.middle).entries()  # of the position in the piece, p - middle
+        exact_C = (-u, v * v, -u * v, -v)  # the derivatives of a' and of b' by a and b at the trim
+        balls = (*trims.at(s, trims.offset), *C)
+        for ball, value in zip(balls, (u, v, *exact_C), strict=True):
             assert ball.overlaps(value)
             assert float(ball.rad()) < 2e-3
 
 
 def test_a_jump_to_another_branch_is_refused(monkeypatch):
-    """A search that continues on the branch u = -√p above p = 0.75 is refused."""
+    """Trims on the branch u = -√p are proved; a search that jumps to u = √p above p = 0.75 is
+    refused.
+    """
     proof = fold(0.5, 1.0, BOTH)
-    first = proof.statement.flight.first["u"]
+    assert proof.statement.flight.first["u"] < 0.0
     estimate = SteadyFlight.estimate
 
     def jumping(flight, guess, s):
         u, v = guess
-        sign = u if s < 0.75 else -first
-        return estimate(flight, np.array([np.copysign(u, sign), v]), s)
+        return estimate(flight, np.array([u if s < 0.75 else abs(u), v]), s)
 
     assert check_schedule(proof.statement, proof.witness) > 0
     monkeypatch.setattr(SteadyFlight, "estimate", jumping)

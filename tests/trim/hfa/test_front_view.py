@@ -11,22 +11,23 @@ from trim import trim_figure
 
 @pytest.mark.parametrize("degrees", [-20.0, 0.0])
 def test_lift_is_normal_to_panels_and_balances_weight(published_aircraft, degrees):
-    """Each lift is normal to its panel, the lifts balance the weight, and arrows are to scale.
+    """Each lift is normal to its panel, the lifts balance the weights, and the arrows have the scale
+    of the title.
 
-    The hinge moments are printed.
+    Both hinges have the hinge moment as a label.
     """
     point = model_at(degrees).point
     loads = hfa_model.loads(published_aircraft, point.states, point.inputs)
     p = hfa_model.parameters_of(published_aircraft)
     axes = trim_figure(point).axes[0]
-    ends = [line.get_xydata() for line in axes.lines if line.get_linewidth() == 4.0]
-    drawn = np.array(
+    panels = [line.get_xydata() for line in axes.lines if line.get_linewidth() == 4.0]
+    arrows = np.array(
         [np.subtract(text.xy, text.xyann) for text in axes.texts if text.arrow_patch is not None]
     )
-    lifts, weights = drawn[::2], drawn[1::2]
+    lifts, weights = arrows[::2], arrows[1::2]  # drawn panel by panel: its lift, then its weight
     scale = np.linalg.norm(lifts[0]) / loads.outer.lift
     for (left, right), lift, weight, size in zip(
-        ends,
+        panels,
         lifts,
         weights,
         (loads.outer.lift, loads.center.lift, loads.outer.lift),

@@ -50,7 +50,8 @@ def test_the_papers_trims_are_found(published_aircraft, degrees, climb):
     assert np.degrees(point.states.dihedral) == pytest.approx(degrees, rel=1e-15)
     rates = published_aircraft.at(point.states, point.inputs).f
     assert rates[2] == pytest.approx(68.0 * np.sin(np.radians(climb)), rel=1e-12, abs=1e-12)
-    warm = trim(published_aircraft, condition, trim(published_aircraft, level_flight(0.25)))
+    neighbor = trim(published_aircraft, level_flight(0.25))
+    warm = trim(published_aircraft, condition, start=neighbor)
     np.testing.assert_allclose(warm.states, point.states, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(warm.inputs, point.inputs, rtol=1e-10, atol=1e-12)
 
@@ -142,7 +143,7 @@ def test_the_cheaper_of_two_minima_is_found(published_aircraft, point):
         for angle in np.radians([-20.0, -10.0, -5.0, 0.0, 10.0, 30.0, 50.0, 58.0])
     ]
     for start in (None, point):
-        cheaper = trim(published_aircraft, condition, start)
+        cheaper = trim(published_aircraft, condition, start=start)
         assert effort(cheaper) < min(others)
         assert np.degrees(cheaper.states.dihedral) == pytest.approx(60.0, abs=0.01)
 
@@ -191,17 +192,17 @@ def strong_aircraft(published_aircraft):
 
 def test_the_pitch_limit_is_checked_with_free_angles(strong_aircraft):
     """If alpha and gamma are free and within their limits, the limit of pitch, alpha + gamma, is
-    checked.
+    checked: a search that begins at a trim beyond it names the pitch there.
     """
     steep = level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
-    lifted = trim(strong_aircraft, steep)
-    held = {name: getattr(lifted.inputs, name) for name in ("throttle", "aileron_outer")}
+    beyond = trim(strong_aircraft, steep)
+    held = {name: getattr(beyond.inputs, name) for name in ("throttle", "aileron_outer")}
     both = release(level_flight(0.0), free=("alpha", "gamma"), hold=held)
     with pytest.raises(
         TrimError,
         match=r"pitch would have to be 64\.8 deg, but must lie between -60 deg and 60 deg",
     ):
-        trim(strong_aircraft, both, lifted)
+        trim(strong_aircraft, both, start=beyond)
 
 
 def test_an_equilibrium_with_nothing_free_is_its_own_trim():

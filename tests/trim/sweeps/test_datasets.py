@@ -11,7 +11,7 @@ pytest.importorskip("xarray")
 def test_a_sweep_is_an_xarray_dataset():
     """A sweep becomes a dataset over the axes of its grid, or over the points of a list.
 
-    A and B are selected by names of states and inputs.
+    An entry of A is selected by the values of the axes and the names of states. Axes have units.
     """
     axes = {"speed": [500.0, 400.0], "xcg": [0.3, 0.32, 0.35]}
     grid = hfa.sweep(F16, axes)
@@ -20,7 +20,9 @@ def test_a_sweep_is_an_xarray_dataset():
     assert (dataset.speed.values.tolist(), dataset.speed.attrs["units"]) == (axes["speed"], "ft/s")
     assert dataset.mode.values.tolist() == list(grid.mode_names)
     single = dataset.sel(speed=400.0, xcg=0.32, rate="alpha", linear_state="pitch_rate")
-    assert float(single.A) == grid.A[4, 1, grid.model.linear.index("pitch_rate")]
+    names = grid.model.linear
+    A = grid.A[1 * 3 + 1]  # of the second of 2 speeds and the second of 3 xcg
+    assert float(single.A) == A[names.index("alpha"), names.index("pitch_rate")]
     listed = hfa.sweep(F16, {"speed": [400.0, 500.0], "xcg": [0.3, 0.35]}, listed=True).to_xarray()
     assert listed.B.dims == ("point", "rate", "input")
     assert listed.xcg.values.tolist() == [0.3, 0.35]

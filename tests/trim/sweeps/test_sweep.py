@@ -314,17 +314,18 @@ def test_a_store_is_resumed_with_its_own_sweep_only(more, store):
 
 
 def test_a_long_sweep_prints_its_ends(published_aircraft):
-    """Both tables have the first and last 20 rows, and 20 of 23 points without a trim a reason.
-
-    The records have each point.
+    """Both tables have the first and last 20 rows, and 20 of the 23 points without a trim have a
+    reason. The records have each point.
     """
     speeds = np.linspace(68.0, 75.0, 401)
     speeds[[100, *range(200, 222)]] = 30.0
     result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
     text = result.report().text(width=None)
     assert "(361 more)" in text
-    rows = re.findall(r"^ *5\.7\d* {2,}", text, re.MULTILINE)
-    assert len(rows) == 2 * 40  # of the eigenvalues, and of the trims
+    shown = re.findall(r"^ *5\.7\d* {2,}(\S+)", text, re.MULTILINE)
+    ends = [f"{speed:g}" for speed in (*speeds[:20], *speeds[-20:])]
+    assert shown == 2 * ends  # of the eigenvalues, and of the trims
+    assert text.count("no trim: ") == 20
     assert "3 more points have no trim" in text
     records = result.records()
     kept, failed = (dict(zip(records.header, records.rows[i], strict=True)) for i in (7, 100))

@@ -24,7 +24,9 @@ AT_REST = hfa.trim(DUFFING)
 
 
 def test_the_command_solves_the_riccati_equation_of_the_state():
-    """u = -R⁻¹B'P(z) z with A(z) by hand and P by SciPy, where the filter does not act."""
+    """u = -R⁻¹B'P(z) z without the filter (limit_weight 0), with P by SciPy and A(z) by hand:
+    A(z) z is that of x'' = -x - x³ + u.
+    """
     policy = hfa.state_dependent(DUFFING, AT_REST, np.eye(2), np.eye(1), limit_weight=0.0)
     state = [-1.0, 0.3]
     x = state[0]
@@ -56,7 +58,7 @@ def test_the_command_does_not_depend_on_the_unit_of_the_cost():
 
 
 def pushed(policy, start):
-    """Return a flight of the Duffing oscillator."""
+    """Return a flight of 8 s of the Duffing oscillator, not compared with its linear model."""
     return hfa.fly(DUFFING, AT_REST, policy, 8.0, initial=start, predict=False)
 
 
@@ -87,8 +89,9 @@ def test_a_policy_that_needs_no_filter_is_unchanged():
 
 
 def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state():
-    """A network whose commands act a sample late flies as it does without delay from the state that
-    the drift of that sample reaches.
+    """`keep_inside` predicts the state over the delay: a network whose commands act a sample late
+    flies as without delay from the state that this sample reaches, also where the limit of the
+    rate changes commands.
     """
     o = ca.SX.sym("o", 2)
 
@@ -100,12 +103,13 @@ def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state():
             timing={"dt": 0.1, "delay": delay},
         )
         kept = hfa.keep_inside(network, DUFFING, AT_REST)
+        # predict=False: no comparison with the linear model.
         return hfa.fly(DUFFING, AT_REST, kept, seconds, initial=start, predict=False)
 
-    late = flown(2.1, 0.1, {"position": 1.0})
-    begin = int(np.searchsorted(late.time, 0.1 - 1e-9))
-    start = dict(zip(DUFFING.states, late.states[begin].tolist(), strict=True))
-    prompt = flown(2.0, 0.0, start)
+    late = flown(2.1, delay=0.1, start={"position": 1.0})
+    after_delay = int(np.searchsorted(late.time, 0.1 - 1e-9))
+    start = dict(zip(DUFFING.states, late.states[after_delay].tolist(), strict=True))
+    prompt = flown(2.0, delay=0.0, start=start)
     np.testing.assert_allclose(late.states[-1], prompt.states[-1], atol=1e-5)
     assert late.policy["changed_samples"] > 0
 
