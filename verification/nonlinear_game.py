@@ -46,7 +46,8 @@ class DegreeError(Result):
 
     of: "V", or "u" of a policy
     degree: degree of the terms
-    error: largest |w - w*| / |w*| of a coefficient
+    error: largest |w - w*| / |w*| of a coefficient, or with a small w* divided by `_SMALL` times
+        the largest one
     worst: the monomial of this coefficient, for a policy with the input
     learned: the coefficient w of the critic
     exact: the coefficient w* of the game
@@ -264,8 +265,8 @@ def _degree_error(
 ) -> DegreeError:
     """Return the largest relative error of the weights (k, M) of one degree.
 
-    A weight far below the largest, both at typical deviations, is compared with the fraction
-    `_SMALL` of the largest.
+    A weight far below the largest of all rows, both at typical deviations, is compared with the
+    fraction `_SMALL` of the largest. Inputs u_i are compared as √R_ii u_i, without units.
 
     of: "V" or "u"
     learned: the critic's weights, (k, M)
@@ -275,7 +276,9 @@ def _degree_error(
     exact = _exact_terms(expansion, of).get(degree, np.zeros_like(learned))
     exponents = homogeneous(expansion.states, degree).exponents
     monomials = np.prod(widths**exponents, axis=1)  # at typical deviations
-    least = _SMALL * float(np.max(np.abs(exact) * monomials)) / monomials
+    input_weights = np.sqrt(np.diag(expansion.game.R))
+    terms = monomials if of == "V" else np.outer(input_weights, monomials)  # of weights of 1
+    least = _SMALL * float(np.max(np.abs(exact) * terms)) / terms
     scale = np.maximum(np.abs(exact), least)
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.abs(learned - exact) / scale

@@ -35,11 +35,13 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """
     _, scaling = balanced(hamiltonian(A, S, Q))
     of_states, of_costates = np.split(np.log2(scaling), 2)
+    # The nearest symplectic scaling: that of the costates is the inverse of that of the states.
     units = np.exp2(np.round(0.5 * (of_states - of_costates)))
     if not Q.any() and S.any() and A.any():
         S_in_units = S / np.outer(units, units)
+        A_in_units = A * units / units[:, None]
         with np.errstate(all="ignore"):
-            logarithm = np.log2(largest(S_in_units)) - np.log2(largest(A))
+            logarithm = np.log2(largest(S_in_units)) - np.log2(largest(A_in_units))
             units = units * np.exp2(np.round(0.5 * logarithm))
     return units
 

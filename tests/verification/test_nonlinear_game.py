@@ -211,6 +211,27 @@ def test_a_function_is_expanded(of):
         assert is_right or worst.startswith("v: ") == (of == "policy")
 
 
+def test_the_error_of_a_policy_does_not_depend_on_the_units_of_an_input():
+    """A small wrong coefficient of one input is found beside large ones of another unit."""
+    errors = []
+    for unit in (1.0, 1e7):
+
+        def in_unit(x, u, p, w, unit=unit):
+            return mixed(x, u._replace(v=unit * u.v), p, w)
+
+        model = Model("mixed", MIXED.states, MIXED.inputs, in_unit, trim={"a": 0.0, "b": 0.0})
+        linear = hfa.linearize(model, hfa.trim(model))
+        game = hfa.game(linear, Q=[1.0, 2e-4], R=[0.5, 0.8 * unit**2])
+        z = ca.SX.sym("z", 2)
+        exact = hfa.expand(linear, hfa.solve(game), 4).policy(z)
+        wrong = ca.vertcat(exact[0], exact[1] + 1e-2 / unit * z[0] ** 2)
+        policy = hfa.from_network(game, ca.Function("policy", [z], [wrong]), network="policy")
+        found = compared(policy, linear, game)
+        errors.append(max(found.errors, key=lambda each: each.error))
+    assert errors[0].worst == errors[1].worst
+    assert errors[1].error == pytest.approx(errors[0].error, rel=1e-5)
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("folder")
 def test_verify_and_fly_read_the_policy_in_the_file():

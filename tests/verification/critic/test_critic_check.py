@@ -173,6 +173,19 @@ def test_the_box_extends_to_the_nearer_limit(speed, half_width):
         assert box.half_widths == pytest.approx([half_width, 1.0])
 
 
+def test_the_balanced_box_without_a_cost_of_states_does_not_depend_on_their_units():
+    """With Q = 0, it is the same box in all units, except for the rounding to powers of two."""
+    A, B = np.array([[1.0, 2.0], [3.0, -4.0]]), np.array([[1.0], [0.5]])
+    boxes = []
+    for units in np.array([[1.0, 1.0], [2.0**20, 1.0], [1.0, 2.0**-12]]):
+        in_units = A / units * units[:, None]
+        game = Game(A=in_units, B=B * units[:, None], Q=np.zeros((2, 2)), R=[[1.0]], delta=math.inf)
+        box = verify(game, solved(game)).box
+        assert box.name == "balanced box"
+        boxes.append(box.half_widths / units)
+    assert np.all(np.abs(np.log2(np.array(boxes) / boxes[0])) <= 2.0)
+
+
 # The verdict does not depend on the units of the states and inputs.
 
 
