@@ -21,10 +21,12 @@ ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 
 
 def ordinary_deviations(names: PlantNames) -> np.ndarray | None:
-    """Return the typical deviations of the paper's aircraft, (6,), or None for another plant.
+    """Return the typical deviations of the paper's aircraft, (6,), in the units of its states.
 
-    names: names of the plant, some or all of whose inputs move. Its units are English, SI, or
-        unknown
+    None for another plant, and for units that are neither English nor SI. Units that are not given
+    are taken as English.
+
+    names: names of the plant, some or all of whose inputs move
     """
     if names.states != LINEAR_STATES or not set(names.inputs) <= set(INPUTS):
         return None

@@ -58,12 +58,12 @@ class Tracking(Result, Reported):
 
     @property
     def cost_per_second(self) -> float:
-        """Cost of u = -K z + u_d(t), per second, the mean over `duration`."""
+        """Cost of u = -K z + u_d(t) per second after the transients, the mean over `duration`."""
         return self._cost(self.late_error(self.inputs), self.inputs)
 
     @property
     def cost_per_second_without_feedforward(self) -> float:
-        """Cost of u = -K z, per second, the mean over `duration`."""
+        """Cost of u = -K z per second after the transients, the mean over `duration`."""
         nothing = constant(np.zeros(len(self.K)))
         return self._cost(self.late_error(nothing), nothing)
 

@@ -207,7 +207,7 @@ class Linearization(NamedTuple):
 def linearized(
     layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
 ) -> ca.Function:
-    """Return the CasADi function (x, u, p) -> fields of a `Linearization`, at w = 0.
+    """Return the CasADi function (x, u, p) -> fields of a `Linearization` in their order, at w = 0.
 
     outputs: names of outputs or states
     disturbances: names of the disturbances in w
@@ -234,12 +234,8 @@ def linearized(
             parts.append(ca.substitute(ca.jacobian(expression, w), w, 0))
     else:
         parts += [ca.SX(f.numel(), 0), ca.SX(y.numel(), 0)]
-    names = (
-        *("ode", "ydef", "jac_ode_x", "jac_ode_u"),
-        *("jac_ydef_x", "jac_ydef_u", "jac_ode_w", "jac_ydef_w"),
-    )
     dense = [ca.densify(part) for part in parts]
-    return ca.Function("linearized", [x, u, p], dense, ["x", "u", "p"], names)
+    return ca.Function("linearized", [x, u, p], dense, ["x", "u", "p"], Linearization._fields)
 
 
 @lru_cache(maxsize=16)

@@ -20,7 +20,8 @@ def signals_report(
     """Return a report with a table for each kind of signal: names, units, limits and values.
 
     The value of a parameter is its `start`. The value of another signal is the one that a trim
-    imposes by default, if any. Angles are in degrees.
+    imposes by default, if any. Angles are in degrees in the text, and in the signals' units in the
+    data.
 
     title: title of the report
     signals: kind, such as "states" -> name -> signal

@@ -420,8 +420,11 @@ def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
 
 
 def _normal_acceleration(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _NormalAcceleration:
-    """Return the rate w' of the normal velocity of a plate's mid-chord, in a constant headwind."""
-    # With the descent w_h of the hinge (`hinge_descent`) and the arm r of the hinge,
+    """Return the rate w' of the normal velocity w of a plate's mid-chord, as an affine function of
+    w_b', q' and η'', in a constant headwind h.
+    """
+    # With the descent w_h of the hinge (`hinge_descent`), its arm r, the panel span s, and the
+    # distance `aft` of the mid-chord behind the wing's quarter chord,
     # w = (w_h + aft q) cos(panel) - r η', and w_h' = w_b' + (s/3) (cos η η')' + h cos θ q.
     cos_eta = ca.cos(x.dihedral)
     third = p.panel_span / 3

@@ -293,7 +293,12 @@ def _is_unexplained(verdict: Verdict) -> bool:
 def _farthest_entries(
     verdict: Verdict, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
 ) -> Part:
-    """Return a table of the entries of P and K with the largest relative errors."""
+    """Return a table of the entries of P and K with the largest errors, relative to the largest
+    entry of the matrix.
+
+    entries: (matrix, row, column, learned, exact, unit) of each entry of P and K
+    states: names of the states
+    """
     largest = {
         "P": float(np.abs(verdict.exact.P).max()) or 1.0,
         "K": float(np.abs(verdict.exact.K).max()) or 1.0,

@@ -69,15 +69,16 @@ def radii_of(expansion: Expansion) -> tuple[Radius, ...]:
 def largest_errors(expansion: Expansion, sizes: np.ndarray) -> np.ndarray:
     """Return the largest difference from the cost of flights at each size, relative to the cost.
 
-    The result has a row for each of V2, V2 + V3, ... up to the whole value, (D - 1, N), with inf
-    where a flight does not converge. The flights are those of the search for the radius.
+    The result has a row for each of V2, V2 + V3, ... up to the whole value, (D - 1, N) for
+    the degree D, with inf where a flight does not converge. The flights are those of the search for
+    the radius.
 
     expansion: value and policies of both players
     sizes: square roots of z'Pz, (N,)
     """
     search = _Search(expansion)
     y = (sizes[:, None, None] * search.directions).reshape(-1, expansion.states)
-    z = np.linalg.solve(expansion.root.T, y.T).T
+    z = np.linalg.solve(expansion.root.T, y.T).T  # z'Pz = |y|², P = root root'
     costs = search.flights.costs(z)
     rows = []
     for degree in range(_QUADRATIC, expansion.order + 1):

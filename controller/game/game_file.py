@@ -132,7 +132,7 @@ def _time(stored: Mapping[str, Any]) -> dict[str, Any]:
 def _unused(stored: Mapping[str, Any]) -> list[str]:
     """Return a list with one note that names the unused entries of a plant file."""
     schema = words(stored, "schema")
-    if schema and schema[0].startswith("hfa."):
+    if schema and schema[0].startswith("hfa."):  # written by hfa: no entry is misspelled
         return []
     used = {*MODEL_KEYS, *NAME_KEYS}
     if is_discrete(stored):

@@ -38,10 +38,12 @@ def default_weight(
         declared = [stored.get(name, 0.0) for name in rows]
         units = [model.native_factor(name) for name in rows]
         return np.diag(declared / np.square(units))
+    # A plant file has the weights of states and inputs divided by their nominal values.
     weight = _matrix_of_file(matrix, model)
     places = {name: place for place, name in enumerate(model.linear)}
     places |= {name: place for place, name in enumerate(model.inputs)}
-    row_places, column_places = ([places[name] for name in names] for names in (rows, columns))
+    row_places = [places[name] for name in rows]
+    column_places = [places[name] for name in columns]
     weight_of_names = weight[np.ix_(row_places, column_places)]
     return np.asarray(weight_of_names / np.outer(model.nominal(rows), model.nominal(columns)))
 

@@ -249,7 +249,7 @@ class Game(ByValue, Reported):
 
     @cached_property
     def R_inverse_B_transposed(self) -> np.ndarray:
-        """R⁻¹ B', (m, n). The policy of the value V is u = -½ R⁻¹ B' ∂V/∂z - F z."""
+        """R⁻¹ B', (m, n). The policy of the value V is u = -½ R⁻¹ B' ∂V/∂z - F z, F = R⁻¹ N'."""
         return self._over_R(self.B.T)
 
     @cached_property

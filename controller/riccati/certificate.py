@@ -167,20 +167,20 @@ def _gain_change(enclosure: Enclosure) -> float:
     found = enclosure.proved
     equation = found.bounds
     of_bounds = equation.arithmetic.of
-    plain = _plain(equation)
-    X, gains = plain(found.X), plain(found.gains.mid())
-    F = plain(equation.loop(of_bounds(found.X), of_bounds(found.gains)))
+    convert = _to_arithmetic(equation)
+    X, gains = convert(found.X), convert(found.gains.mid())
+    F = convert(equation.loop(of_bounds(found.X), of_bounds(found.gains)))
     G, _, W = _players(equation)
-    G, W = plain(G), plain(W)
+    G, W = convert(G), convert(W)
     change = _changes(equation)
     df = change.A - change.G @ gains
     if equation.is_disturbed and not equation.is_discrete:
         L = (equation.E.T @ of_bounds(found.X)).times(equation.w)
-        df = df + change.E @ plain(L)
+        df = df + change.E @ convert(L)
     crossed = change.C @ gains
     dc = change.Q - crossed - crossed.T + gains.T @ (change.W @ gains)
     X_df = F.T @ (X @ df) if equation.is_discrete else X @ df
-    Z = plain(
+    Z = convert(
         _moved_value(F, dc + X_df + X_df.T, enclosure.lyapunov, is_discrete=equation.is_discrete)
     )
     # The price times the change of the gains, to the first order.
@@ -191,16 +191,17 @@ def _gain_change(enclosure: Enclosure) -> float:
         price = W + G.T @ (X @ G)
     else:
         right = right + G.T @ Z + change.G.T @ X
-    B, of_input = plain(equation.B), slice(equation.R.rows)
-    dK = _rows(plain(_linear_solution(price, right)), of_input)
+    B, of_input = convert(equation.B), slice(equation.R.rows)
+    dK = _rows(convert(_linear_solution(price, right)), of_input)
     K = _rows(gains, of_input)
     return relative_change(_doubles(B @ dK), _doubles(B @ K), _doubles(equation.A))
 
 
-def _plain(equation: Equation[Any]) -> Callable[[Any], Any]:
-    """Return the function that makes a matrix one of the arithmetic in which changes are computed.
+def _to_arithmetic(equation: Equation[Any]) -> Callable[[Any], Any]:
+    """Return the function that converts a matrix for the computation of the changes.
 
-    Bounds are not needed: it gives doubles for `DoubleBalls`, and balls for their bits alone.
+    It returns doubles if the equation is in `DoubleBalls`, else `Balls`, of which only the longer
+    midpoints are used.
     """
     return _doubles if equation.arithmetic is DoubleBalls else Balls.of
 
@@ -218,7 +219,7 @@ def _changes(equation: Equation[Any]) -> _Changes:
     Each entry of A, B and E has a factor f = ± eps of its own, and the entries ij of Q, N and R
     have f_i + f_j, with which the weights remain semidefinite. δ is not changed.
     """
-    plain = _plain(equation)
+    convert = _to_arithmetic(equation)
     n, m, k = equation.n, equation.R.rows, equation.game.E.shape[1]
     factors = np.finfo(float).eps * _signs(n * (n + m + k))
     of_A, of_B, of_E = np.split(factors, [n * n, n * (n + m)])
@@ -233,7 +234,7 @@ def _changes(equation: Equation[Any]) -> _Changes:
 
     def changed(matrix: Any, factors: np.ndarray) -> Any:
         middle = _doubles(matrix)
-        return plain(middle * factors.reshape(middle.shape))
+        return convert(middle * factors.reshape(middle.shape))
 
     return _Changes(
         A=changed(equation.A, of_A),

@@ -133,7 +133,8 @@ def _stable_subspace(loop: arb_mat, game: Game) -> arb_mat | None:
     middle = np.array([[complex(entry) for entry in row] for row in complex_basis.tolist()])
     rows = _far_from_dependent(middle)
     inverse = acb_mat([complex_basis.tolist()[row] for row in rows]).inv()
-    real = complex_basis * inverse  # the basis is closed under conjugation
+    # The basis is closed under conjugation; the one with the identity in `rows` is unique: real.
+    real = complex_basis * inverse
     return ball_matrix([[entry.real for entry in row] for row in real.tolist()])
 
 

@@ -70,10 +70,14 @@ class Level:
         with precision(self.enclosure.bits):
             return midpoints(self._in_new_states(loop_with(self.enclosure.game, K)))
 
+    @property
+    def _powers(self) -> np.ndarray:
+        """Exact units of the states as exponents of two, (n,) integers: z_i = 2^powers_i y_i."""
+        return self.enclosure.proved.bounds.units.states
+
     def _in_new_states(self, loop: arb_mat) -> arb_mat:
         """Return a loop of the user's states, (n, n), in the new states."""
-        states = self.enclosure.proved.bounds.units.states
-        return self.to_level * scaled_balls(loop, -states, states) * self.from_level
+        return self.to_level * scaled_balls(loop, -self._powers, self._powers) * self.from_level
 
     @cached_property
     def inputs(self) -> np.ndarray:
@@ -86,18 +90,18 @@ class Level:
         return self.columns(self.enclosure.game.E)
 
     def columns(self, matrix: np.ndarray) -> np.ndarray:
-        """Return columns in the user's states, such as B, in the new states."""
-        states = self.enclosure.proved.bounds.units.states
-        unscaled = np.zeros(matrix.shape[1], dtype=int)
+        """Return T M, (n, k): a matrix M of columns in the user's states, such as B."""
+        no_powers = np.zeros(matrix.shape[1], dtype=int)
         with precision(self.enclosure.bits):
-            return midpoints(self.to_level * scaled_balls(ball_matrix(matrix), -states, unscaled))
+            in_units = scaled_balls(ball_matrix(matrix), -self._powers, no_powers)
+            return midpoints(self.to_level * in_units)
 
     def rows(self, matrix: arb_mat) -> np.ndarray:
-        """Return rows of the user's states, such as K, in the new states."""
-        states = self.enclosure.proved.bounds.units.states
-        unscaled = np.zeros(matrix.nrows(), dtype=int)
+        """Return M T⁻¹, (k, n): a matrix M of rows that multiply the user's states, such as K."""
+        no_powers = np.zeros(matrix.nrows(), dtype=int)
         with precision(self.enclosure.bits):
-            return midpoints(scaled_balls(matrix, unscaled, states) * self.from_level)
+            in_units = scaled_balls(matrix, no_powers, self._powers)
+            return midpoints(in_units * self.from_level)
 
     def poles(self, K: np.ndarray | None = None) -> Poles:
         """Return the enclosed eigenvalues of A - B K, by default of the optimal gain.
@@ -159,15 +163,15 @@ class Level:
         """
         from flint import arb
 
-        game, states = self.enclosure.game, self.enclosure.proved.bounds.units.states
+        game, powers = self.enclosure.game, self._powers
         from_level, root = self.to_level.inv(), arb(game.discount).sqrt()
-        unscaled = np.zeros(game.E.shape[1], dtype=int)
-        E = self.to_level * scaled_balls(ball_matrix(game.E), -states, unscaled)
+        no_powers = np.zeros(game.E.shape[1], dtype=int)
+        E = self.to_level * scaled_balls(ball_matrix(game.E), -powers, no_powers)
         Q, N, R = map(ball_matrix, (game.Q, game.N, game.R))
         crossed = N * K
         cost = Q + K.transpose() * R * K - crossed - crossed.transpose()
-        C = from_level.transpose() * scaled_balls(cost, states, states) * from_level
-        F = self.to_level * scaled_balls(loop_with(game, K), -states, states) * from_level
+        C = from_level.transpose() * scaled_balls(cost, powers, powers) * from_level
+        F = self.to_level * scaled_balls(loop_with(game, K), -powers, powers) * from_level
         return DisturbedLoop(F * root, E * root, symmetric_part(C), game.is_discrete)
 
     def distance(self, K: np.ndarray) -> float:

@@ -60,7 +60,7 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
         return advice_on_inputs
     model, condition = given.model, given.condition
     usual = usual_condition(model).imposed
-    weak = _too_weak(given, failure)
+    weak = _weak_input(given, failure)
     options: list[str] = []
     for name in _releasable(given):
         is_rate = name not in condition.imposed
@@ -126,14 +126,19 @@ def _free_inputs(given: GivenTrim) -> str:
     return ""
 
 
-def _too_weak(given: GivenTrim, failure: TrimError) -> dict[str, float]:
+def _weak_input(given: GivenTrim, failure: TrimError) -> dict[str, float]:
     """Return the only free input at a limit beyond which the equations balance, name -> limit.
 
     The result is {} if none or several are at a limit.
     """
     margins = failure.attempt.margins.values()
     at_limits = [each for each in margins if each.at_limit and each.role == "free"]
-    if not failure.required or len(at_limits) != 1 or at_limits[0].name not in given.model.inputs:
+    is_balanced_beyond_limits = bool(failure.required)
+    if (
+        not is_balanced_beyond_limits
+        or len(at_limits) != 1
+        or at_limits[0].name not in given.model.inputs
+    ):
         return {}
     return {at_limits[0].name: at_limits[0].nearer_limit}
 

@@ -86,7 +86,7 @@ def number_and_factor(model: Model, name: str, text: str) -> tuple[float, float 
     typed_number, typed_unit = split_unit(text)
     if not typed_unit:
         return number(text), None
-    if name not in model.signals:
+    if name not in model.signals:  # the rate of a state passes
         model.refuse_unheld("is the unknown variable", name)
     return number(typed_number), model.factor_of(name, text, typed_unit)
 

@@ -200,11 +200,15 @@ def _imposable(model: Model) -> set[str]:
 
 
 def _name_of(model: Model, typed: str) -> str:
-    """Return the name of a variable or column typed in capitals, with points or blanks: "c.g."."""
+    """Return the name of a variable or column typed in capitals, with points or blanks: "c.g.".
+
+    Any other word is returned unchanged.
+    """
     name = model.about.name_of(typed)
-    plain = model.about.name_of(re.sub(r"\W+", "_", name.replace(".", "")).lower())
-    is_plain = name not in _imposable(model) and plain in {*_imposable(model), NAME, FREE, LIMIT}
-    return plain if is_plain else name
+    respelled = model.about.name_of(re.sub(r"\W+", "_", name.replace(".", "")).lower())
+    if name in _imposable(model):
+        return name
+    return respelled if respelled in {*_imposable(model), NAME, FREE, LIMIT} else name
 
 
 def _condition(

@@ -44,7 +44,7 @@ class Parser(argparse.ArgumentParser):
         for name, option in options.items():
             names = option.names
             kind = option.kind
-            keywords: dict[str, Any] = {"help": ""}  # of argparse
+            keywords: dict[str, Any] = {"help": ""}  # `format_help` sets it
             if names[0].startswith("-"):
                 required = option.required
                 keywords |= {"dest": name, "default": argparse.SUPPRESS, "required": required}
@@ -60,7 +60,7 @@ class Parser(argparse.ArgumentParser):
                     keywords |= {"nargs": "?", "const": option.alone}
             else:
                 keywords["action"] = "store_true"
-            heading = option.group or RARE * option.rare
+            heading = option.group or (RARE if option.rare else "")
             if heading not in groups:
                 groups[heading] = self.add_argument_group(heading)
             groups[heading].add_argument(*names, **keywords)

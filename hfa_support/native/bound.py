@@ -77,7 +77,7 @@ class RowFunction(threading.local):
 
     def __init__(self, function: ca.Function) -> None:
         self.function = function
-        self._rows = 0
+        self._rows_so_far = 0
         self._blocks: dict[int, _Block] = {}
 
     def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
@@ -115,16 +115,17 @@ class RowFunction(threading.local):
         """Count the rows of a call, and return the number of rows that are evaluated together."""
         # When `_MANY` rows have been evaluated in all calls, the stored blocks are discarded. New
         # blocks are made more slowly and evaluated faster.
-        before = self._rows
-        self._rows += count
-        if before < _MANY <= self._rows:
+        before = self._rows_so_far
+        self._rows_so_far += count
+        if before < _MANY <= self._rows_so_far:
             self._blocks.clear()
         return next((size for size in _BLOCK_SIZES if size <= 2 * count), 1)
 
     def _bind(self, rows: int) -> _Block:
         """Return a block of rows, which is stored for later calls."""
         with MAKING:
-            function, order = of_rows(self.function, rows, self._rows >= _MANY)
+            is_frequent = self._rows_so_far >= _MANY
+            function, order = of_rows(self.function, rows, is_frequent)
             bound = BoundFunction(function)
             inputs, results = (
                 [memory.reshape(rows, -1, order=order) for memory in part]

@@ -107,7 +107,7 @@ class _Processes(ProcessPoolExecutor):
 
     def submit(self, *call: Any, **named: Any) -> Future[Any]:
         """Submit a call, which may start a child process."""
-        with _signals_blocked():
+        with _signals_blocked():  # which a child inherits
             try:
                 return super().submit(*call, **named)
             except OSError as error:  # too many files are open, or too many processes run

@@ -179,7 +179,9 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def dynamics(self) -> str:
-        """Name of the model. That of the flexible aircraft names its equations: "published"."""
+        """Name of the model; that of the flexible aircraft is the name of its equations, such as
+        "published".
+        """
         return self.point.dynamics
 
     @property

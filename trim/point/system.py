@@ -557,7 +557,7 @@ class TrimSystem:
         value = imposed.get(name, 0.0)
         if not isinstance(value, LinearTable):
             return value
-        by = self.model.schedule
+        by = self.model.schedule  # which may itself have a column
         return self.condition.values_at(name, columns.get(by, imposed.get(by, 0.0)))
 
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:

@@ -203,7 +203,7 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     pairs: (M, 2), indices of the points in `modes`
     """
     first, second = pairs.T
-    gain = _gain(modes.at(first), modes.at(second))
+    gain = _gain_of_pairing(modes.at(first), modes.at(second))
     best = gain.argmax(axis=2)
     # If the best column of each row is a different one, these columns are the best permutation,
     # unless a pair becomes real: its members have equal gains with a real eigenvalue.
@@ -215,10 +215,11 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return best, np.take_along_axis(gain, best[:, :, None], axis=2)[:, :, 0].sum(axis=1)
 
 
-def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
+def _gain_of_pairing(modes: _Modes, others: _Modes) -> np.ndarray:
     """Return the gain of pairing eigenvalue λ_i of a point with μ_j of another, (.., n, n):
-    min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), with the projectors P_i and Q_j.
+    min(|tr P_i Q_j|, 1) - _DISTANCE |λ_i - μ_j| / (|λ_i| + |μ_j|), with the projectors P_i and Q_j.
     """
+    # P_i = r_i l_i' and Q_j = s_j m_j' of right and left eigenvectors: tr P_i Q_j = l_i's_j m_j'r_i
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
     distance = np.abs(modes.values[..., None] - others.values[..., None, :])
     speed, other_speed = np.abs(modes.values), np.abs(others.values)

@@ -55,7 +55,7 @@ class SweepAttributes(StatesAndInputs, Result):
         return tuple(map(str, STATUS))
 
     def _entries(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
+        """Return the attributes of the store, name -> value."""
         return {
             **self.plan.entries(),
             "warnings": self.plan.warnings,

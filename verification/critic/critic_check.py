@@ -278,14 +278,15 @@ def _reason_of_network(exact: Solution, critic: Critic, box: np.ndarray, limit: 
     finding = finding_of_policy(critic, exact, box, limit)
     if finding is None and critic.has_kink:
         return "the policy has a kink at the trim, and K has the mean slopes of both sides"
-    if finding is not None and finding.rest <= limit:
+    if finding is not None and finding.other_error <= limit:
         return finding.says
     of_slopes = ""
     if relative_error(critic.K, exact.K) > limit:
         of_slopes = reason_for(exact, critic, limit)
     if finding is None:
         return of_slopes
-    return f"{finding.says}; {of_slopes or f'otherwise the policy is off by {finding.rest:.2g}'}"
+    others = of_slopes or f"otherwise the policy is off by {finding.other_error:.2g}"
+    return f"{finding.says}; {others}"
 
 
 def _polynomial_section(critic: Critic) -> Section:

@@ -22,48 +22,50 @@ class Finding(NamedTuple):
     """What a policy that is not linear does in the box.
 
     says: sentence
-    rest: largest error of u without the finding, relative to the largest exact input in the box
+    other_error: largest error of u without the finding, relative to the largest exact input in the
+        box
     """
 
     says: str
-    rest: float = 0.0
+    other_error: float = 0.0
 
 
 def finding_of_policy(
     critic: Critic, exact: Solution, box: np.ndarray, limit: float
 ) -> Finding | None:
-    """Return that a policy has a constant, clipped actions, or inputs that never move; or that it
-    is squashed. None if nothing is found.
+    """Return what is found of a policy: a constant, clipped actions, or inputs that never move; or
+    that it is squashed. None if nothing is found.
 
     box: half-widths of the box of states, (n,)
     limit: largest error that passes
     """
     count = STATES_OF_WIDE if critic.is_wide else STATES
     states = np.random.default_rng(2).uniform(-1.0, 1.0, (count, len(box)))
-    states[1::2] = np.sign(states[1::2])  # corners
+    corners, not_corners = slice(1, None, 2), slice(0, None, 2)
+    states[corners] = np.sign(states[corners])
     states *= box
     u = critic.u(states)
     bias = critic.u(np.zeros(len(box)))
     sizes = np.maximum(np.abs(exact.K) @ box, np.finfo(float).tiny)
-    errors = np.abs(u - bias + states @ exact.K.T) / sizes
+    errors = np.abs(u - bias + states @ exact.K.T) / sizes  # the exact u is -K z
     if np.all(u == u[0]):
         return Finding("the policy never moves an input: u is the same in the whole box")
-    rest = 0.0
+    other_error = 0.0
     clips, unmoved = [], []
     for name, unit, values, error in zip(
         exact.names.inputs, exact.names.input_units, u.T, errors.T, strict=True
     ):
-        inside = values[::2]  # at states that are no corners
+        inside = values[not_corners]
         extremes = (inside.min() + 0.0, inside.max() + 0.0)  # no -0
         if extremes[0] == extremes[1]:
             unmoved.append(name)
             continue
         levels = [level for level in extremes if np.sum(inside == level) >= CLIPPED]
         is_clipped = np.isin(values, levels)
-        rest = max(rest, float(error[~is_clipped].max(initial=0.0)))
+        other_error = max(other_error, float(error[~is_clipped].max(initial=0.0)))
         if levels:
             at = " and ".join(f"{level:.4g}" for level in levels) + _unit_text(unit)
-            share = percent(100.0 * float(is_clipped[::2].mean()))
+            share = percent(100.0 * float(is_clipped[not_corners].mean()))
             clips.append(f"{name} is clipped at {at} in {share}")
     facts = [bias_text(critic, exact)] if np.any(np.abs(bias) > limit * sizes) else []
     if unmoved:
@@ -73,7 +75,9 @@ def finding_of_policy(
     if not facts:
         return _squashed(critic, exact, box, limit)
     says = "; ".join(facts)
-    return Finding(f"{says}; otherwise the policy is exact" if rest <= limit else says, rest)
+    return Finding(
+        f"{says}; otherwise the policy is exact" if other_error <= limit else says, other_error
+    )
 
 
 def _squashed(critic: Critic, exact: Solution, box: np.ndarray, limit: float) -> Finding | None:

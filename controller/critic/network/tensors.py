@@ -36,10 +36,10 @@ def stored_in(content: bytes, suffix: str) -> Any:
     """Return what a file of tensors contains: nested mappings and lists of arrays and other values.
 
     content: bytes of the file
-    suffix: suffix of the file, such as ".npz"
+    suffix: ".npz", ".safetensors" or ".json"; a file of any other is read as one of torch
 
-    Raises BadInputError for a damaged file, for a type of numbers that is not supported, for a
-    TorchScript program, and for an archive that unpacks to more than `LARGEST` bytes.
+    Raises BadInputError for a type of numbers that is not supported, for a TorchScript program, and
+    for an archive that unpacks to more than `LARGEST` bytes; any exception for a damaged file.
     """
     if suffix == ".npz":
         with zipfile.ZipFile(io.BytesIO(content)) as archive:

@@ -192,8 +192,8 @@ def _controls(
     count = sum(name.startswith("CLd") for name in values)
     if len(deflections) < count:
         raise BadInputError(
-            f"{path}: {count} controls have derivatives, but {len(deflections)} a deflection; "
-            f"{_AGAIN}"
+            f"{path}: {count} controls have derivatives, but only {len(deflections)} have a "
+            f"deflection; {_AGAIN}"
         )
     identifier = identifiers(deflections)
     before_design_variables = list(deflections.items())[:count]

@@ -173,7 +173,7 @@ FILES = [
     ("Clp =  -0.650798", "Clp =   0.000000", "Clp is 0"),
     ("   aileron  ", "   mass     ", "the control 'mass' cannot be"),
     ("CLa =   5.911822", "", "CLa is missing"),
-    ("   rudder          =   0.00000\n", "", "3 controls have derivatives, but 2 a deflection"),
+    ("   rudder          =   0.00000\n", "", "3 controls have derivatives, but only 2 have a deflection"),
     ("Xref = 0.30000", "Xref = 0.35000", "moments about [0.35, 0, 0]"),
     (" Stability-axis derivatives...", " Body-axis derivatives...", "no stability derivatives"),
     (PRINTED, PRINTED + PRINTED, "given twice; write each run case to a file of its own"),
