@@ -64,7 +64,9 @@ def results():
 
 @pytest.mark.slow
 def test_results_display_reports_and_can_be_pickled():
-    """A result displays its report, also as HTML, and is unchanged by pickling."""
+    """A result displays a text of 20 to 12,000 characters without arrays, and HTML without scripts; its
+    text, and what is compared by values, are unchanged by pickling.
+    """
     for name, result in results().items():
         shown = repr(result)
         assert "array(" not in shown, name

@@ -1,4 +1,4 @@
-"""Limits that no data of an aircraft state are marked and ranked after declared ones."""
+"""Limits that no data of an aircraft state are marked as assumed."""
 
 from dataclasses import replace
 
@@ -9,7 +9,9 @@ from trim import usual_condition
 
 
 def test_a_limit_of_the_user_or_of_the_model_is_not_assumed():
-    """Limits of the flexible aircraft and of a table are assumed, but for the user's."""
+    """The limits of alpha of the flexible aircraft and of a table are assumed, unless the user gives
+    them. Those that the GTM declares are not.
+    """
     for model in (hfa.aircraft(), hfa.load_model(f"{ROOT}/examples/uav.toml")):
         margins = hfa.trim(model).margins
         assert margins["alpha"].assumed

@@ -107,7 +107,9 @@ def test_a_report_in_latex_has_the_cells_of_its_tables(point, tmp_path):
 
 
 def test_a_sweep_in_netcdf_is_read_back(point, tmp_path):
-    """A .nc file contains each array of the sweep, and the parts of its complex eigenvalues."""
+    """A .nc file contains each array of numbers of the sweep, complex ones as two parts, with the
+    attributes of A and the names of the states.
+    """
     xarray = pytest.importorskip("xarray")
     swept = hfa.sweep(point.model, dihedral=[0.1, 0.2])
     swept.save(tmp_path / "sweep.nc")

@@ -64,7 +64,10 @@ def test_modes_of_the_f16_equal_the_books():
 
 
 def test_the_gtm_has_the_published_trim():
-    """The trim of the GTM agrees with the published values within 1 %. The load factor is 1."""
+    """The trim of the GTM agrees with the published values within 1 %. The load factor is 1.
+
+    Its modes are the short period and the phugoid.
+    """
     point = trimmed(GTM)
     computed = [point.values[name] for name in ("alpha", "elevator", "throttle")]
     np.testing.assert_allclose(computed, [0.04924, 0.04892, 14.33], rtol=0.01)
@@ -96,7 +99,8 @@ def test_rates_of_the_f16_agree_with_the_book():
 def test_further_initial_guesses_cross_a_flat_region():
     """Further initial guesses find a trim beyond a region in which the throttle has no effect.
 
-    The throttle has no effect below one half.
+    The throttle has no effect below one half. The report says that the default guess failed; the
+    error on a speed without a trim counts the other guesses.
     """
 
     def engine(x, u, p, w):
@@ -133,7 +137,8 @@ def test_further_initial_guesses_cross_a_flat_region():
 def test_a_wrong_nominal_gives_no_false_result(kind, names):
     """A nominal value that is wrong by a factor of 1,000 changes neither the trim nor the kinks.
 
-    A sweep with another one, wrong by 100, converges without searches for single trims.
+    A sweep with another one, wrong by 100, converges, and without searches for single trims if it
+    is not that of an input.
     """
     reference = trimmed(F16)
     kinks = linearize(F16, reference).kinks

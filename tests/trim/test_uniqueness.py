@@ -120,7 +120,9 @@ def test_an_altitude_that_the_equations_determine_is_not_kept():
     ("free", "kept"), [(("T", "stick", "V"), "a"), (("T", "stick", "V", "a", "nose"), "")]
 )
 def test_a_state_that_was_set_free_is_not_kept(free, kept):
-    """A trim that remains one of many says what to hold, and that makes it unique."""
+    """With V free, a alone keeps its start value. With a free, too, the trim is one of many, and a trim
+    that holds what its report says is unique.
+    """
     released = hfa.trim(PLANE, hold={"h": 500.0}, free=free)
     first = str(released.report()).partition("\n\n")[0]
     assert (f"does not determine it: {kept}" in first) == bool(kept)

@@ -24,18 +24,21 @@ def _linear():
 def test_names_index_matrices():
     """Rows and columns of A and B can be indexed by name, also in copies."""
     linear = _linear()
-    assert linear.A["pitch_rate", "alpha"] == linear.A[3, 1]
-    assert np.array_equal(linear.B["pitch_rate", :], linear.B[3])
+    row, column = linear.states.index("pitch_rate"), linear.states.index("alpha")
+    entry = np.array(linear.A)[row, column]
+    assert linear.A["pitch_rate", "alpha"] == entry
+    assert np.array_equal(linear.B["pitch_rate", :], linear.B[row])
     assert np.array_equal(linear.B["throttle"], linear.B[:, 0])
     assert json.loads(json.dumps(linear.A.sum())) == float(np.sum(np.array(linear.A)))
     for again in (pickle.loads(pickle.dumps(linear.A)), copy.deepcopy(linear).A):
-        assert again["pitch_rate", "alpha"] == linear.A[3, 1]
+        assert again["pitch_rate", "alpha"] == entry
 
 
 def test_a_sweep_is_a_sequence_of_linear_models():
     """Its items are the linear models of the points, and `at` trims between the points.
 
-    A point without a trim raises its reason.
+    A point without a trim raises its reason. An index beyond the points, and `at` without a value
+    of each variable, are refused.
     """
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]})
     for each in (swept, pickle.loads(pickle.dumps(swept))):
@@ -60,7 +63,9 @@ def test_results_become_tables_of_pandas():
     """Trims, solutions and verdicts are converted to pandas tables. A verdict can be plotted."""
     linear = _linear()
     frame = linear.point.to_pandas()
-    assert frame.loc[0, "alpha [deg]"] == pytest.approx(np.degrees(linear.point.x[1]), rel=1e-12)
+    assert frame.loc[0, "alpha [deg]"] == pytest.approx(
+        np.degrees(linear.point["alpha"]), rel=1e-12
+    )
     game = hfa.paper.published_game(linear)
     solution = hfa.solve(game)
     verdict = hfa.verify(game, hfa.from_value(game, solution.P))

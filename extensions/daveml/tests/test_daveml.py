@@ -88,7 +88,9 @@ def test_the_dml_aircraft_equals_the_toml_aircraft():
 
 
 def with_definitions(folder, name, renamed, text):
-    """Return the path of a copy of the example in which variables are renamed and others added."""
+    """Return the path of a copy of the example with renamed variables, and with the definitions in
+    `text` in place of its check cases.
+    """
     content = TEXT
     for old, new in renamed.items():
         assert f'"{old}"' in content

@@ -95,5 +95,6 @@ def test_a_fast_fan_is_trimmed(tmp_path):
     turns = point.states.rpm0 / 60.0
     speed = point.states.speed * math.cos(point.states.alpha)
     power = np.interp(speed / (0.9 * turns), *np.array(tables.split(), float).reshape(-1, 2).T)
+    # Density at 5000 ft in slug/ft^3, diameter in ft, and ft lbf/s of a horsepower.
     power *= 0.0020482 * turns**3 * 0.9**5 / 550.0
     assert model.outputs_at(point.states, point.inputs)["power0"] == pytest.approx(power, rel=1e-3)

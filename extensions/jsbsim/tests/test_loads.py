@@ -142,11 +142,12 @@ def test_downward_wind_changes_climb_rate_not_pitch_acceleration(tmp_path):
     sinking = model.with_parameters(wind_down=5.0).rates_at(x, u)
     assert sinking["altitude"] == pytest.approx(still["altitude"] - 5.0)
     assert sinking["pitch_rate"] == pytest.approx(still["pitch_rate"], rel=1e-12)
-    by_gust = model.at(x, u, disturbances=("updraft", "gust_east")).E
+    by_updraft, by_gust_east = model.at(x, u, disturbances=("updraft", "gust_east")).E.T
     A = model.at(x, u).A
-    pitch, yaw = (list(model.states).index(name) for name in ("pitch_rate", "yaw_rate"))
-    assert by_gust[pitch, 0] == pytest.approx(A[pitch, 1] * np.cos(0.1) / 120.0, rel=0.05)
-    assert by_gust[yaw, 1] == pytest.approx(-A[yaw, 2] / 120.0, rel=0.05)
+    names = ("pitch_rate", "yaw_rate", "alpha", "beta")
+    pitch, yaw, alpha, beta = (list(model.states).index(name) for name in names)
+    assert by_updraft[pitch] == pytest.approx(A[pitch, alpha] * np.cos(0.1) / 120.0, rel=0.05)
+    assert by_gust_east[yaw] == pytest.approx(-A[yaw, beta] / 120.0, rel=0.05)
 
 
 WASHOUT = (

@@ -45,7 +45,7 @@ def numbers_of(cells):
 
 def test_each_row_balances_in_jsbsim(rows):
     """JSBSim's accelerations are 0 within 1e-5 g, also in a turn and a pull-up with steady rates,
-    and its calibrated airspeed, weight and load factor are those of the row.
+    and its calibrated airspeed, weight and thrust are those of the row. The stall is called stalled.
     """
     model = load_model("jsbsim:737")
     flown = {name: cells for name, cells in rows.items() if cells["results"] != "no trim"}

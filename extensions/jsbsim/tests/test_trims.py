@@ -49,7 +49,8 @@ def test_a_calibrated_airspeed_has_its_impact_pressure():
         at |= {"altitude": 20000.0, "speed": mach * 1036.93}
         found = model.outputs_at(list(at.values()), inputs)
         assert found["mach"] == pytest.approx(mach, rel=1e-4)
-        # pressures of the standard atmosphere at sea level and at 20,000 ft, lb/ft^2
+        # Pressures of the standard atmosphere at sea level and at 20,000 ft, lb/ft^2, and speeds of
+        # sound, 1116.45 and 1036.93 ft/s.
         impact = 2116.22 * ratio(found["kcas"] * 1.6878099 / 1116.45)
         assert impact == pytest.approx(973.27 * ratio(mach), rel=2e-4)
 

@@ -111,6 +111,7 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters):
     )
 
 
+# Every eighth entry, to save time.
 @pytest.mark.parametrize("matrix_row_column", ENTRIES[1::8], ids="-".join)
 def test_one_changed_entry_prevents_a_fit(parameters, matrix_row_column):
     """If one printed entry at 5 deg is changed by 0.01, no parameters fit all entries."""

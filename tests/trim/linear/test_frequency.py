@@ -92,4 +92,5 @@ def test_responses_at_the_modes_are_those_of_the_matrices(folder):
     np.savez(folder / "plant.npz", A=linear.A, B=linear.B)
     lines = hfa("linearize", "--aircraft", "plant.npz", "--bode").out.splitlines()
     (coupled,) = (line for line in lines if line.startswith("x2 / u1"))
+    # 0.5 / ((jω + 1) (jω + 2)) at 1 and 2 rad/s
     assert coupled.split()[3:] == ["-16.0", "dB,", "-72", "deg", "-22.0", "dB,", "-108", "deg"]

@@ -105,8 +105,8 @@ def test_several_kinks_at_one_point_have_their_own_slopes():
     condition = TrimCondition(model, {"x": 0.0, "v": 0.5}, rates)
     (point,) = sweep(model, {"x": [0.0]}, condition=condition)
     assert [list(point.A[1]), list(point.B[1])] == [
-        pytest.approx([1.0, 3.0], abs=1e-9),
-        pytest.approx([1.5], abs=1e-9),
+        pytest.approx([1.0, 3.0], abs=1e-9),  # means of -1 and 3, and of 1 and 5
+        pytest.approx([1.5], abs=1e-9),  # of 1 and 2
     ]
     assert [note.split()[1] for note in point.kinks] == ["A(v,", "A(v,", "B(v,"]
 

@@ -64,6 +64,7 @@ def test_two_masses_and_a_spring_never_decay(seed, damping):
     modes = modes_of(basis @ A @ np.linalg.inv(basis), ("a", "b", "c", "d"))
     assert modes[0].frequency == pytest.approx(21.0**0.5)
     assert [mode.stable for mode in modes] == [damping > 0.0, False, False]
+    # The relative motion is x'' = -21 x - 21 damping x'.
     expected = math.log(2) / (10.5 * damping) if damping else math.inf
     assert modes[0].time_to_half == pytest.approx(expected, rel=1e-3)
 

@@ -8,8 +8,8 @@ import hfa
 from hfa import Signal
 
 
-def margins_of(value, lowest, highest):
-    """Return the trim of x' = u - value, in which u has the value and the limits."""
+def trim_at(value, lowest, highest):
+    """Return the trim of x' = u - value at u = value, with these limits of u."""
     return hfa.trim(
         hfa.Model(
             "box",
@@ -35,8 +35,10 @@ def margins_of(value, lowest, highest):
     ],
 )
 def test_margins_follow_from_the_limits(value, lowest, highest):
-    """The nearer limit is `distance` away, and `used` is the share of the travel from rest."""
-    margin = margins_of(value, lowest, highest).margins["u"]
+    """The nearer limit is `distance` away, `share` is this distance over the range, and `used` the
+    share of the travel from rest.
+    """
+    margin = trim_at(value, lowest, highest).margins["u"]
     distances = {"lowest": value - lowest, "highest": highest - value}
     assert margin.distance == pytest.approx(min(distances.values()))
     if math.isinf(margin.distance):
@@ -60,7 +62,7 @@ def test_a_variable_is_at_its_limit_within_a_tolerance(side):
     """The tolerance is 1e-6 of nominal size plus limit."""
     slack = 1e-6 * (2.0 + 40.0)
     for inward, expected in ((0.99 * slack, True), (1.01 * slack, False)):
-        margin = margins_of(side * (40.0 - inward), -40.0, 40.0).margins["u"]
+        margin = trim_at(side * (40.0 - inward), -40.0, 40.0).margins["u"]
         assert margin.at_limit == expected
         assert margin.nearer == ("highest" if side > 0.0 else "lowest")
 
@@ -69,9 +71,9 @@ def test_a_variable_is_at_its_limit_within_a_tolerance(side):
 def test_a_limit_is_exceeded_by_rounding_only(side):
     """A value beyond its limit by 1e-9 of nominal size plus limit is a trim, and no farther."""
     slack = 1e-9 * (2.0 + 40.0)
-    assert margins_of(side * (40.0 + 0.9 * slack), -40.0, 40.0).ok
+    assert trim_at(side * (40.0 + 0.9 * slack), -40.0, 40.0).ok
     with pytest.raises(hfa.NoSolutionError, match="u at m"):
-        margins_of(side * (40.0 + 1.1 * slack), -40.0, 40.0)
+        trim_at(side * (40.0 + 1.1 * slack), -40.0, 40.0)
 
 
 def test_an_output_is_limited_by_itself_and_by_the_state_it_replaces():

@@ -30,7 +30,10 @@ def trimmed(name):
 
 @pytest.mark.parametrize("name", [UAV, f"{ROOT}/examples/uav.dml", "hfa", BOEING])
 def test_lift_drag_and_thrust_balance_the_weight(name):
-    """In level flight L + T sin α = W and D = T cos α; the thrust of the 737 also pitches."""
+    """In level flight L + T sin α = W and D = T cos α, within the moments of the 737's thrust.
+
+    L/D, the lift coefficient L / (q S) and the power required T V cos α follow.
+    """
     pytest.importorskip("hfa_jsbsim")
     point, data = trimmed(name)
     figures = values(data)
@@ -198,10 +201,11 @@ def test_aircraft_of_users_have_figures_by_names_of_outputs():
 def test_a_figure_that_does_not_exist_is_not_invented(changes, figure, reason):
     """Without chord, elevator, maximum of the lift or limit of the thrust a figure is missing."""
     model = glider(**changes)
-    held = {"speed": 30.0, "elevator": 0.0, "thrust": 0.0}
-    held = held if "elevator" in changes else {"speed": 30.0, "thrust": 0.0}
-    rates = {"alpha": 0.0, "pitch": 0.0, "speed": 0.0} | (
-        {} if len(held) == 3 else {"pitch_rate": 0.0}
-    )
+    held = {"speed": 30.0, "thrust": 0.0}
+    rates = {"alpha": 0.0, "pitch": 0.0, "speed": 0.0}
+    if "elevator" in changes:  # without its effect, the elevator is held and the moment is not 0
+        held["elevator"] = 0.0
+    else:
+        rates["pitch_rate"] = 0.0
     data = hfa.trim(model, hfa.TrimCondition(model, held, rates)).report().data
     assert reason in data["not_in_model"][figure]

@@ -49,7 +49,8 @@ def test_the_papers_trims_are_found(published_aircraft, degrees, climb):
     assert np.degrees(point.states.alpha) == pytest.approx(2.8, rel=1e-15)
     assert np.degrees(point.states.dihedral) == pytest.approx(degrees, rel=1e-15)
     rates = published_aircraft.at(point.states, point.inputs).f
-    assert rates[2] == pytest.approx(68.0 * np.sin(np.radians(climb)), rel=1e-12, abs=1e-12)
+    climbing = rates[STATES.index("altitude")]
+    assert climbing == pytest.approx(68.0 * np.sin(np.radians(climb)), rel=1e-12, abs=1e-12)
     neighbor = trim(published_aircraft, level_flight(0.25))
     warm = trim(published_aircraft, condition, start=neighbor)
     np.testing.assert_allclose(warm.states, point.states, rtol=1e-10, atol=1e-12)
@@ -112,9 +113,9 @@ def test_a_binding_limit_is_named(published_aircraft, extra):
     assert message.startswith("no trim: these rates do not balance: speed by -0.3")
     assert attempt.status == "failed"
     assert attempt.inputs.throttle == pytest.approx(30.0, rel=1e-15)
-    assert published_aircraft.at(attempt.states, attempt.inputs).f[0] == pytest.approx(
-        attempt.residuals["speed"], rel=1e-12
-    )
+    rates = published_aircraft.at(attempt.states, attempt.inputs).f
+    accelerating = rates[STATES.index("speed")]
+    assert accelerating == pytest.approx(attempt.residuals["speed"], rel=1e-12)
 
 
 def test_too_few_unknowns_name_the_equations(published_aircraft):
@@ -134,8 +135,8 @@ def test_too_few_unknowns_name_the_equations(published_aircraft):
 def test_the_cheaper_of_two_minima_is_found(published_aircraft, point):
     """From two initial points, the trim with the smaller of two local minima of effort is found.
 
-    At this minimum the dihedral is at its upper limit: at each other angle, the least effort is
-    larger. At the other minimum the wings are slightly down.
+    At this minimum the dihedral is at its upper limit. At eight angles below it, which span the
+    other minimum, the least effort is larger.
     """
     condition = release(level_flight(float(np.radians(10.0))), free=("speed", "dihedral", "gamma"))
     others = [
@@ -165,7 +166,8 @@ def test_a_control_without_effect_is_named(published_aircraft):
 def test_controls_with_proportional_effects_are_named(published_aircraft):
     """The message on a failed trim names two elevators with proportional effects.
 
-    Very small and distant outer tails only pitch the aircraft, as the center tail does.
+    Very small and distant outer tails only pitch the aircraft, as the center tail does. With one of
+    them held, a trim exists.
     """
     p = hfa_model.parameters_of(published_aircraft)
     far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)

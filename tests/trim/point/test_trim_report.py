@@ -86,7 +86,10 @@ def test_a_later_limit_replaces_an_earlier_one():
 
 
 def test_imposed_rates_are_balanced_and_freed(published_aircraft):
-    """With V' = 0.5 ft/s² the thrust exceeds that of level flight by m V' / cos α."""
+    """With V' = 0.5 ft/s² the thrust exceeds that of level flight by m V' / cos α.
+
+    Report and condition have the imposed rate, which can be set free again.
+    """
     level = trim(published_aircraft, BASE)
     point, report = reported(published_aircraft, release(BASE, hold={"speed_dot": 0.5}))
     rates = published_aircraft.rates_at(point.states, point.inputs)

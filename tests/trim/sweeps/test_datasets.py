@@ -34,7 +34,7 @@ def test_points_and_linear_models_are_datasets():
     point = hfa.trim(model)
     linear = point.linearize()
     dataset = linear.to_xarray()
-    assert float(dataset.A.sel(rate="speed", state="pitch")) == linear.A[0, 2]
+    assert float(dataset.A.sel(rate="speed", state="pitch")) == linear.A["speed", "pitch"]
     assert float(dataset.U0.sel(input="throttle")) == point["throttle"]
     assert dataset.state.attrs["units"][:2] == ["ft/s", "rad"]
     trimmed = point.to_xarray()

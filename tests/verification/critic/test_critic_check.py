@@ -288,6 +288,10 @@ def test_errors_are_those_of_their_definitions():
     assert found["value_rel_error"] == pytest.approx(
         1e-2 * 3.0 / (box @ np.abs(exact.P) @ box), rel=1e-9
     )
+
+
+def test_the_relative_error_to_zeros_or_of_nan_is_infinite():
+    """That of zeros to zeros is 0. Arrays of two shapes are refused."""
     assert relative_error(np.zeros(2), np.zeros(2)) == 0.0
     assert relative_error(np.ones(2), np.zeros(2)) == math.inf
     assert relative_error(np.array([1.0, np.nan]), np.ones(2)) == math.inf
