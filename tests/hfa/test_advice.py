@@ -64,7 +64,8 @@ def test_a_held_rate_of_climb_frees_the_path_and_stays_held():
 @pytest.mark.parametrize("case", ["bank", "heavy", "climb"])
 def test_no_advice_leads_to_a_falling_aircraft(case, tmp_path):
     """No rate of an attitude is freed by advice without a load factor. Freed by the user, the first
-    line says "accelerated" and the load factor, where a trim exists.
+    line says "accelerated" and the load factor, where a trim exists. Only the refusal of the heavy
+    aircraft says to check the unit of its mass.
     """
     words = {
         "heavy": ["--aircraft", heavy(tmp_path)],
@@ -76,14 +77,17 @@ def test_no_advice_leads_to_a_falling_aircraft(case, tmp_path):
     assert ("check the unit of the mass" in refused.err) == (case == "heavy")
     freed = hfa("trim", *words, "--free", "pitch_dot")
     if freed.code == 0:
-        first = freed.out.partition("unstable")[0]
+        first = freed.out.partition("unstable")[0]  # the second line begins with "unstable"
         assert "accelerated" in first
         assert "load_factor" in first
 
 
 @pytest.mark.slow
 def test_a_pull_up_is_advised_and_its_first_line_says_so():
-    """With a load factor held, the rate of pitch is freed by advice, and the trim is accelerated."""
+    """With a load factor held, the rate of pitch is freed by advice, and the trim is accelerated.
+
+    A level flight and a steady climb are not said to be accelerated.
+    """
     words = ("trim", "--aircraft", UAV, "--hold", "load_factor=2")
     assert "--free pitch_dot" in hfa(*words).err
     first = hfa(*words, "--free", "pitch_dot").out.partition("unstable")[0]

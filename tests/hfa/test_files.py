@@ -85,13 +85,13 @@ def test_npz_files_contain_every_number_and_name(tmp_path, name):
     with np.load(path, allow_pickle=False) as archive:
         arrays = {key: archive[key] for key in archive}
     assert str(arrays["schema"]) == data["schema"]
-    names = [
+    values = [
         value
         for array in arrays.values()
-        if array.dtype.kind in "fib"
+        if array.dtype.kind in "fib"  # float, integer and boolean
         for value in array.ravel().tolist()
     ]
-    np.testing.assert_array_equal(without_inf(names), numbers(data))
+    np.testing.assert_array_equal(without_inf(values), numbers(data))
     words = [
         value
         for array in arrays.values()

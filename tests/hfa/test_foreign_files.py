@@ -41,6 +41,7 @@ def test_csv_tables_are_read_by_pandas_and_polars(command, tmp_path, monkeypatch
     """pandas and polars read every number of a .csv table of `hfa` within 1e-15.
 
     Each column states its unit in its name or in the column "unit", except for the listed names.
+    The first cell of the column "about" has the schema and the command.
     """
     if "learn.npz" in command:
         assert hfa("learn", "--dihedral", "10", "-o", "learn.npz").code == 0
@@ -72,6 +73,7 @@ def is_number(cell):
 
 
 def has_unit(name, header):
+    """Return whether a column states its unit in its name or in the column "unit" beside it."""
     beside = (
         name in ("value", "band", "learned", "exact", "printed", "computed") and "unit" in header
     )
@@ -81,7 +83,7 @@ def has_unit(name, header):
 @pytest.mark.parametrize("dt", [np.ones((2, 4)), [], -0.1, np.nan, np.inf, "fast"], ids=str)
 @pytest.mark.usefixtures("folder")
 def test_an_entry_dt_that_is_no_sample_time_is_refused(dt):
-    """Files of plants and of gains are refused in one line, by every command that reads them."""
+    """`solve`, `linearize`, `verify` and `assess` refuse such a plant or gain in one line."""
     plant = {"A": [[0.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": np.eye(2), "R": [[1.0]]}
     np.savez("right.npz", **plant)
     np.savez("plant.npz", **plant, dt=dt)
@@ -111,6 +113,7 @@ def test_an_entry_dt_that_is_no_sample_time_is_refused(dt):
 )
 @pytest.mark.usefixtures("folder")
 def test_converted_units_of_a_critic_are_noted(entries, said):
+    """`hfa verify` names the signals that it converts, and notes nothing if units are the same."""
     names = {"states": ["speed", "alpha"], "inputs": ["push"]}
     units = {"state_units": ["ft/s", "rad"], "input_units": ["lbf"]}
     small("plant.json", **names, **units)

@@ -45,7 +45,10 @@ THREE_STATES = {
     ids=["delta inf", "two free states"],
 )
 def test_commands_accept_plants_with_missing_entries(changes):
-    """`hfa solve`, `learn` and `verify` accept plants without E, delta or cost of some states."""
+    """`hfa solve`, `learn` and `verify` accept plants without E, delta or cost of some states.
+
+    The learned value is the exact one within 1e-12.
+    """
     plant = small("plant.json", **changes)
     assert answer("solve", "--model", plant)["certificate"]["ok"] is True
     assert answer("learn", "--model", plant, "-o", "learned.json")["converged"] is True
@@ -80,14 +83,14 @@ def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case):
     assert judged.code == run.code
     checks = {check["name"]: check for check in json.loads(judged.out)["checks"]}
     for check in learned["certificates"]:
-        if check["name"] != "data_rank":
+        if check["name"] != "data_rank":  # `verify` has no data
             judged_too = checks[check["name"]]
             assert judged_too["ok"] == check["ok"]
             assert judged_too["value"] == pytest.approx(check["value"], rel=1e-6, abs=1e-12)
 
 
 def test_a_wrong_gain_that_is_learned_has_exit_code_1(monkeypatch):
-    """A law that learns for twice the weight of the input is told by the first word."""
+    """If a law learns for twice R, `hfa learn` prints FAIL and the error of K first."""
     learn = laws.learn
 
     def for_twice_R(game, *args, **options):

@@ -21,7 +21,7 @@ QUICK = [name for name in ("trim", "linearize", "sweep", "solve") if name in NAM
 def test_help_is_short_and_ends_with_an_example(name):
     """The help of a command has at most 60 lines and ends with the example of the command.
 
-    No line of the long help exceeds 80 columns.
+    The long help ends with the same line, and no line of it exceeds 80 columns.
     """
     pytest.importorskip("hfa_flight")
     text = hfa(*name.split(), "--help").out
@@ -36,7 +36,7 @@ def test_help_is_short_and_ends_with_an_example(name):
 
 @pytest.mark.parametrize("name", QUICK)
 def test_help_loads_no_aircraft(name):
-    """The help of a command is the same with an aircraft, also one that does not exist."""
+    """The help of a command is the same with an aircraft file that does not exist."""
     assert hfa(name, "--aircraft", "nowhere.py:X", "--help").out == hfa(name, "--help").out
 
 
@@ -58,8 +58,8 @@ def test_the_quick_examples_run(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_every_example_runs_and_prints_json(tmp_path, monkeypatch):
-    """The example of each command returns exit code 0 with --json."""
+def test_every_example_runs_with_json(tmp_path, monkeypatch):
+    """The example of each command returns exit code 0 with --json. No two are the same."""
     codes = ran(tmp_path, monkeypatch, EXAMPLES, "--json")
     assert {name: code for name, code in codes.items() if code} == {}
     assert len(codes) == len(NAMES)

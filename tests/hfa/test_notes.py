@@ -50,7 +50,7 @@ def test_a_run_of_a_minute_is_announced_once(monkeypatch, capsys):
     long = ProgressLine("fly")
     short = ProgressLine("fly")
     for done in range(1, 10):
-        long(done, 183)
+        long(done, 183)  # 183 parts of 2 s
     announced = capsys.readouterr().err
     assert announced.startswith("hfa: note: fly: about 6 minutes")
     assert announced.count("\n") == 1

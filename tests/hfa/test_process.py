@@ -72,7 +72,10 @@ def test_a_full_standard_output_is_refused():
     ],
 )
 def test_a_signal_ends_the_run_in_one_line(tmp_path, name, code, said):
-    """A run that is ended while it executes an aircraft's file prints one line."""
+    """A run that a signal ends in an aircraft's file prints one line, with the exit code of shells.
+
+    A hangup is handled as a termination.
+    """
     (tmp_path / "own.py").write_text(f"import os, signal\nos.kill(os.getpid(), signal.{name})\n")
     ended = hfa_process("trim", "--aircraft", "own.py:X", folder=tmp_path)
     assert ended == (code, "", f"hfa: {said}\n")
@@ -80,7 +83,10 @@ def test_a_signal_ends_the_run_in_one_line(tmp_path, name, code, said):
 
 @pytest.mark.slow
 def test_progress_is_erased_at_the_end(tmp_path):
-    """On a pseudo-terminal, the progress line is erased at the end."""
+    """On a pseudo-terminal, progress is one line, which is erased at the end.
+
+    Standard output has no escape sequences.
+    """
     controller, terminal = pty.openpty()
     with os.fdopen(terminal, "wb") as stream:
         done = subprocess.run(
@@ -136,7 +142,7 @@ for commands in {lists}:
 @pytest.mark.parametrize("count", [1, pytest.param(len(LIGHT), marks=pytest.mark.slow)])
 @pytest.mark.usefixtures("folder")
 def test_commands_import_no_packages_that_they_do_not_need(count):
-    """No command imports a heavy package or an extension without need, no trim a game.
+    """The commands of LIGHT import no package that is listed as unwanted for them.
 
     count: number of the lists that are run, of which the first is fast
     """

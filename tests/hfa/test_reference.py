@@ -5,15 +5,21 @@ import pytest
 from cli import answer
 from game_files import AT_15
 
-COMMAND = ("--reference", "speed=7+0.01t+2sin(0.5t),alpha=5.73,dihedral=28.65")
-
 
 def test_a_command_is_typed_in_degrees():
-    """The commanded angles reach the tracking in rad, and in SI units nothing but units changes."""
-    data = answer("solve", *AT_15, *COMMAND)["tracking"]
+    """A commanded alpha is in rad in the tracking.
+
+    The command of speed, alpha and dihedral together cannot be reached.
+    """
+    command = "speed=7+0.01t+2sin(0.5t),alpha=5.73,dihedral=28.65"
+    data = answer("solve", *AT_15, "--reference", command)["tracking"]
     assert data["reachable"] is False
     alone = next(each for each in data["trims"] if list(each["command"]) == ["alpha"])
     assert alone["command"]["alpha"] == pytest.approx(np.radians(5.73))
+
+
+def test_a_command_needs_the_same_elevator_in_si():
+    """The center elevator that a commanded dihedral needs does not depend on the units."""
     si = answer("solve", *AT_15, "--units", "si", "--reference", "dihedral=28.65")["tracking"]
     english = answer("solve", *AT_15, "--reference", "dihedral=28.65")["tracking"]
     assert si["trims"][0]["needed"]["elevator_center"] == pytest.approx(

@@ -169,8 +169,8 @@ def test_bad_requests_are_refused_in_one_line(command, words, named):
         *((f"{command} --frobnicate", f"hfa {command} --help") for command in commands()),
     ],
 )
-def test_unknown_commands_and_options_are_refused(words, named):
-    """An unknown command or option is refused, and the message suggests the nearest name."""
+def test_unknown_misplaced_and_repeated_words_are_refused(words, named):
+    """An unknown, misplaced or repeated word is refused, and the message says what to type."""
     pytest.importorskip("hfa_flight")
     assert_refused(hfa(*shlex.split(words)), BAD_INPUT, named)
 

@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
 
 
 def written(folder, *options):
-    """Return what `hfa trim` prints for the conditions."""
+    """Return what `hfa trim` prints for the conditions, one of which has no trim (exit code 1)."""
     files = ("--aircraft", f"{folder}/uav.toml", "--conditions", f"{folder}/book.csv")
     run = command("trim", *files, "-q", *options)
     assert run.code == 1, run.err
@@ -80,7 +80,10 @@ def lost(sheet, text):
 
 
 def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, folder):
-    """Each page has the rows of the sheet of its trim. A page without its mass is seen."""
+    """Each page has the rows of the sheet of its trim. A page without its mass is seen.
+
+    Only the page of the stall says STALLED, and only that of the planted inertia has a doubt.
+    """
     assert len(pages) == 2 + len(NAMES)
     for number, text in enumerate(pages, start=1):
         assert f"{number}of{len(pages)}" in text
@@ -98,7 +101,10 @@ def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, folder):
 
 
 def test_a_page_in_html_says_the_same(folder):
-    """The HTML has document, stall, doubt and advice, and its matrix links to each sheet."""
+    """The HTML has document, stall, doubt and advice, and its matrix links to each sheet.
+
+    Each sheet marks what is assumed.
+    """
     written(folder, "--document", "TR-12, revision B", "-o", str(folder / "book.html"))
     html = (folder / "book.html").read_text("utf-8")
     for said in ("TR-12, revision B", "STALLED: CL", "principal moment", "a value between"):
@@ -121,7 +127,7 @@ def test_the_figure_has_the_values_of_the_sheets():
     alpha, used, margin = (
         {line.get_label(): line.get_ydata() for line in axes.lines} for axes in figure.axes
     )
-    for index, point in enumerate(points):
+    for index, point in enumerate(points):  # limits of uav.toml: thrust 60 N, elevator 25 deg
         assert alpha["alpha"][index] == pytest.approx(math.degrees(point["alpha"]))
         assert used["thrust"][index] == pytest.approx(100.0 * point["thrust"] / 60.0)
         assert used["elevator"][index] == pytest.approx(

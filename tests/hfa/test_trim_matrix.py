@@ -57,15 +57,17 @@ def rows_of(path):
 
 
 def test_each_row_balances_in_an_independent_simulation(book):
-    """Rates of the rigid body are 0 within 1e-5 of 1.5 g, but for the pitch rate of the pull-up.
+    """Rates of the rigid body are 0 within 1e-5 of 1.5 g, but for the pitch angle of the pull-up.
 
-    Knots, calibrated airspeed and Mach number are those of the standard atmosphere.
+    The calibrated airspeed is that of the standard atmosphere. Rows without a trim, and the doubted
+    one, are not simulated.
     """
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
     for name, cells in rows_of(book / "matrix.csv").items():
         assert cells["results"] == RESULTS.get(name, "trimmed")
         if cells["results"] in ("no trim", "doubted"):
             continue
+        is_heavy = name == "heavy"  # 40 lbm
         figures = {
             heading.replace(" (trim)", ""): float(cell)
             for heading, cell in cells.items()
@@ -76,7 +78,7 @@ def test_each_row_balances_in_an_independent_simulation(book):
             for heading, value in figures.items()
             if "[deg" in heading
         }
-        body = {**table["mass"], **({"mass": 40.0 * 0.45359237} if name == "heavy" else {})}
+        body = {**table["mass"], **({"mass": 40.0 * 0.45359237} if is_heavy else {})}
         plane = SixDof({**table, "mass": body})
         alpha, beta = radians["alpha"], radians["beta"]
         speed, altitude = figures["speed [m/s]"], figures["altitude [m]"]
@@ -87,11 +89,15 @@ def test_each_row_balances_in_an_independent_simulation(book):
         u = np.array([figures["thrust [N]"], *surfaces])
         rates = plane.rates(x, u, altitude)
         if name == "pull-up":
-            rates[7] = 0.0
+            rates[3 + of_motion.index("pitch")] = 0.0  # after the three accelerations
             assert float(cells["load_factor"]) == 1.5
         np.testing.assert_allclose(rates, 0.0, atol=1e-5 * 9.81 * 1.5, err_msg=name)
         knots = calibrated(speed, air(altitude))
         assert figures["calibrated airspeed [kt]"] == pytest.approx(knots, rel=1e-5)
+
+
+def test_a_mach_number_and_knots_become_the_speed(book):
+    """Mach 0.1 is 10 % of the speed of sound at the altitude, and 70 kt are in m/s."""
     by_mach = rows_of(book / "matrix.csv")["by Mach"]
     assert float(by_mach["speed (trim) [m/s]"]) == pytest.approx(
         0.1 * air(float(by_mach["altitude [m]"])).sound, rel=1e-5
@@ -151,7 +157,10 @@ def test_the_terminal_shows_a_short_sheet(book):
 
 
 def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book):
-    """The sentences are cells of the matrix, entries of JSON, and rows in Python."""
+    """The sentences are cells of the matrix. Stall and doubt are entries of JSON, the stall in Python.
+
+    The matrix has the limits reached, a level, and the L/D of Python, too.
+    """
     cells = rows_of(book / "matrix.csv")
     assert "CL_max" in cells["stall"]["stalled"]
     assert "principal moment" in cells["planted"]["doubts"]
@@ -191,22 +200,26 @@ def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
     """
     path = tmp_path / "climb.csv"
     path.write_text("Name,Speed [KCAS],MACH,Free\na,60,0.1,Altitude\nb,60 KCAS,0.2,altitude\n")
-    words = ("--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
+    aircraft = ("--aircraft", f"{ROOT}/examples/uav.toml")
+    crossovers = []
     for name, mach in (("a", 0.1), ("b", 0.2)):
-        states = answer("trim", *words, "--row", name)["operating_point"]["states"]
+        run = answer("trim", *aircraft, "--conditions", str(path), "--row", name)
+        states = run["operating_point"]["states"]
         around = air(states["altitude"])
         assert states["speed"] == pytest.approx(mach * around.sound, rel=1e-5)
         assert calibrated(states["speed"], around) == pytest.approx(60.0, rel=1e-5)
-    words = ("sweep", *words[:2], "--hold", "kcas=60", "--hold", "mach=0.1,0.2", "--free")
-    altitudes = [row[-1] for row in answer(*words, "altitude")["operating_states"]]
-    assert altitudes[1] == pytest.approx(states["altitude"], rel=1e-9)
-    held = ("--hold", "kcas=60", "--hold", "mach=0.02", "--free", "altitude")
-    refused = command("trim", *words[1:3], *held)
-    assert_refused(refused, 2, "no altitude between")
+        crossovers.append(states["altitude"])
+    at_60_kcas = (*aircraft, "--hold", "kcas=60", "--free", "altitude", "--hold")
+    swept = answer("sweep", *at_60_kcas, "mach=0.1,0.2")["operating_states"]
+    assert [row[-1] for row in swept] == pytest.approx(crossovers, rel=1e-9)  # the last is altitude
+    assert_refused(command("trim", *at_60_kcas, "mach=0.02"), 2, "no altitude between")
 
 
 def test_a_sweep_of_named_conditions_counts_stalls_as_their_trims_do(book, tmp_path):
-    """Its CSV file has names, degrees and results, and runs again as conditions of `hfa trim`."""
+    """Its CSV file has names, degrees and results, and runs again as conditions of `hfa trim`.
+
+    So does the file of a sweep of options, whose rows have no names.
+    """
     (tmp_path / "slow.csv").write_text("name,KCAS [kt],altitude\na,35,100\nb,36,100\nc,60,100\n")
     words = ("--aircraft", str(book / "uav.toml"), "--conditions")
     swept = command("sweep", *words, str(tmp_path / "slow.csv"), "-o", str(tmp_path / "swept.csv"))
@@ -235,8 +248,8 @@ def test_a_sweep_of_named_conditions_counts_stalls_as_their_trims_do(book, tmp_p
     again = command("trim", *words, str(tmp_path / "glides.csv"), "--json")
     swept_again = list(csv.DictReader((tmp_path / "glides.csv").read_text("utf-8").splitlines()))
     for cells, sheet in zip(swept_again, json.loads(again.out)["sheets"], strict=True):
-        gamma = sheet["operating_point"]["states"]["pitch"]
-        assert math.degrees(gamma) == pytest.approx(float(cells["state pitch [deg]"]), rel=1e-9)
+        pitch = sheet["operating_point"]["states"]["pitch"]
+        assert math.degrees(pitch) == pytest.approx(float(cells["state pitch [deg]"]), rel=1e-9)
 
 
 def test_the_file_of_one_sheet_is_its_condition(book, tmp_path):
@@ -288,7 +301,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("verb", "option", "text", "said"), REFUSED)
 def test_a_wrong_file_is_refused(verb, option, text, said, tmp_path):
-    """The line names the file, the row, the column and the condition."""
+    """The one line says what is wrong, and in which row, condition or column it is."""
     path = tmp_path / "conditions.csv"
     path.write_text(text, "utf-8")
     words = (verb, "--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
@@ -330,6 +343,7 @@ def test_other_commands_take_a_row(verb, book):
         "gamma",
     )
     of_row, of_options = (command(*words, *each).out for each in (listed, typed))
+    # The line that begins with the version contains the command.
     assert of_row.partition("\nhfa 0")[0] == of_options.partition("\nhfa 0")[0] != ""
 
 
@@ -362,4 +376,4 @@ def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):
     (row,) = hfa.conditions(path, model)
     assert row.parameters == pytest.approx({"cg": 0.28})
     assert row.hold["speed"] == pytest.approx(70.0 * KNOT)
-    assert row.hold["altitude"] == pytest.approx(914.4, rel=1e-3)
+    assert row.hold["altitude"] == pytest.approx(914.4, rel=1e-3)  # 3000 ft

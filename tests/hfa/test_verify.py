@@ -35,7 +35,10 @@ def test_the_cost_limit_decides_the_exit_code():
 
 
 def test_the_cost_and_the_margins_of_a_critic_are_reported(game):
-    """1.004 P has less than 0.01 % of excess cost, and nearly the exact gain and margin."""
+    """1.004 P has less than 0.01 % of excess cost and fails.
+
+    Its L2 gain is the exact one within 1 %, its distance to instability within 2 %.
+    """
     file = stored("P.json", P=1.004 * solve(game).P)
     graded = answer("verify", *AT_15, "--weights", file, code=FAILED)["graded"]
     assert 0.0 < graded["cost_lost_mean_percent"] < graded["cost_lost_worst_percent"] < 0.01

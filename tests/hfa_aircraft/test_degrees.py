@@ -39,7 +39,7 @@ def pendulum(torque):
 def test_a_sine_of_degrees_causes_a_warning(torque, function):
     """A trigonometric function of an angle in degrees causes a warning that names the function.
 
-    The trim has the same warning.
+    The trim of the model in SI units has the same warning.
     """
     model = pendulum(torque)
     (note,) = hfa.trim(model, free="angle_dot").warnings

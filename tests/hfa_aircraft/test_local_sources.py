@@ -49,14 +49,14 @@ def test_a_changed_module_of_the_enclosing_package_changes_the_hash(tmp_path, mo
 
 
 def test_a_file_imports_the_modules_beside_it(tmp_path, monkeypatch):
-    """A file imports modules and packages in its folder, of which each folder has its own.
+    """A file imports modules and packages of its folder, also if another folder has such names.
 
-    The folder is not the working folder. A changed module is imported again. Neither the search
-    path of Python nor the folder is changed.
+    The folder is not the working folder. A changed module is imported again, and a pickled copy
+    has the same equations. The search path is unchanged, and no compiled files are written.
     """
     monkeypatch.chdir(tmp_path)
     before = list(sys.path)
-    for name, gain in (("one", 2.0), ("two", 3.0), ("one", 4.0)):
+    for name, gain in (("one", 2.0), ("two", 3.0), ("one", 4.0)):  # the last is a changed module
         folder = tmp_path / name
         (folder / "tables_of_plant").mkdir(parents=True, exist_ok=True)
         (folder / "tables_of_plant" / "inner.py").write_text(f"value = {gain}\n")

@@ -15,7 +15,10 @@ B = np.array([[0.0], [1.0]])
 
 
 def test_lqr_of_matrices_equals_python_control():
-    """lqr, and the game of a linear model, give the gain that python-control returns."""
+    """lqr, also with N, and the game of a linear model give the gain that python-control returns.
+
+    A missing weight is refused.
+    """
     expected, _, _ = control.lqr(A, B, np.eye(2), np.eye(1))
     for found in (
         hfa.lqr(A, B, np.eye(2), np.eye(1)),
@@ -43,8 +46,8 @@ def test_a_linear_model_is_read_from_its_file(tmp_path):
     linear = hfa.linearize(model, hfa.trim(model))
     linear.save(tmp_path / "linear.json")
     again = hfa.LinearModel.load(tmp_path / "linear.json")
-    assert np.array_equal(again.A, linear.A)
-    assert np.array_equal(again.D, linear.D)
+    for name in "ABCD":
+        assert np.array_equal(getattr(again, name), getattr(linear, name))
     assert (again.states, again.inputs, again.outputs) == (
         linear.states,
         linear.inputs,
@@ -90,7 +93,7 @@ def test_modes_of_given_matrices_are_printed(folder):
 
 @pytest.mark.parametrize("command", ["linearize", "assess K.npz"])
 def test_a_plant_is_an_aircraft_of_these_commands(command, folder):
-    """The word --model of before is refused with the one that took its place."""
+    """The former option --model is refused with the one that took its place."""
     result = cli.hfa(*command.split(), "--model", "plant.json")
     cli.assert_refused(result, 2, "; type --aircraft")
 
@@ -132,7 +135,7 @@ def test_a_vector_is_the_gain_of_a_single_input():
         ([0.0] * 7, [0.0] * 5, ("lif",), "unknown output 'lif'"),
     ],
 )
-def test_a_point_of_another_length_is_refused(x, u, outputs, said):
-    """`Model.at` names the vector and the number of its entries."""
+def test_wrong_vectors_and_unknown_outputs_are_refused(x, u, outputs, said):
+    """`Model.at` names the vector, or the output, that is wrong."""
     with pytest.raises(BadInputError, match=said):
         hfa.aircraft().at(x, u, outputs)

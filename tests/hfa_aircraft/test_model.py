@@ -101,7 +101,7 @@ def test_wrong_equations_are_refused(message):
 
 
 def test_division_by_zero_returns_infinity():
-    """Equations evaluated with numbers return inf for 1 / 0, as compiled equations do."""
+    """Equations evaluated with numbers return inf for 1 / 0 and -inf for -1 / 0."""
     model = cart(
         equations=lambda x, u, p, w: ({"x": x.v, "v": u.force / x.x}, {"position": x.v / x.x})
     )

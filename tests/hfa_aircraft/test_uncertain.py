@@ -39,7 +39,10 @@ def test_another_covariance_is_refused(names, rows, said):
 
 @pytest.mark.usefixtures("folder")
 def test_drawn_aircraft_do_not_depend_on_units():
-    """Mass and lift slope are drawn together: the drawn aircraft fly the same in SI."""
+    """Mass and lift slope are drawn together: the drawn aircraft fly the same in SI.
+
+    They fly differently from each other.
+    """
     path = found("cessna182", '["mass", "CL_alpha"]', "[[16.0, 0.4], [0.4, 0.04]]")
     words = ("fly", "--aircraft", path, "--policy", "exact", "--draws", "3", "--duration", "0.1")
     flown = [

@@ -95,7 +95,10 @@ READERS = {
     ],
 )
 def test_an_aircraft_of_each_reader_is_the_same_in_si(reader):
-    """Trim, limits, A and B in SI are those in English units times the factor of each."""
+    """Trim, limits, A and B in SI are those in English units times the factor of each.
+
+    Calibrated and equivalent airspeeds are in knots in both.
+    """
     model = hfa.load_model(READERS[reader]) if READERS[reader] else hfa.aircraft()
     metric = in_si(model)
     for name, signal in model.signals.items():

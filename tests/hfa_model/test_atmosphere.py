@@ -27,7 +27,8 @@ KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # kg/m^3 per slug/ft^3
 def test_the_air_of_aircraft_agrees_with_ambiance(lowest, highest, tolerance):
     """Dynamic pressure and Mach number of the flexible aircraft and of a table agree with it.
 
-    The constants of tables are JSBSim's, which differ by 2e-5.
+    So does the density that tests compute. The constants of tables are JSBSim's, which differ by
+    2e-5.
     """
     altitudes = np.linspace(lowest, highest, 40)
     expected = Atmosphere(altitudes * METRE_PER_FOOT)
@@ -52,7 +53,7 @@ def test_the_air_of_aircraft_agrees_with_ambiance(lowest, highest, tolerance):
 
 @pytest.mark.parametrize("altitude", [65_001.0, -1.0, float("nan")])
 def test_altitudes_outside_the_layers_are_refused(altitude):
-    """An altitude outside 0 to 65,000 ft raises BadInputError."""
+    """An altitude outside 0 to 65,000 ft, or nan, raises BadInputError."""
     model = hfa.aircraft()
     point = hfa.trim(model)
     x = point.states._replace(altitude=altitude)

@@ -50,7 +50,7 @@ def test_an_unreadable_file_is_refused(fault, words):
 def test_a_full_disk_is_told_with_the_file(monkeypatch, is_named):
     """An output that the disk cannot hold is refused by its name, and nothing remains.
 
-    As that of the system, the error of the replacement names the temporary file.
+    The system's error may name the temporary file (`is_named`); the message names the output.
     """
 
     def full(temporary, _):
@@ -111,6 +111,12 @@ def test_an_interrupted_write_keeps_the_old_file(monkeypatch):
             hfa.solve(game).save("kept.npz")
     assert Path("kept.npz").read_bytes() == before
     assert [entry.name for entry in Path().iterdir()] == ["kept.npz"]
+
+
+def test_a_replaced_file_keeps_its_permissions():
+    """A file in a folder that does not exist is refused."""
+    game = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
+    Path("kept.npz").touch(mode=0o600)
     Path("kept.npz").chmod(0o640)
     hfa.solve(game).save("kept.npz")
     assert Path("kept.npz").stat().st_mode & 0o777 == 0o640

@@ -59,7 +59,7 @@ def test_modes_agree_with_those_of_avl():
 def coefficients(model, angles, over_speed):
     """Return Cl, Cm, Cn about body axes, computed from angular accelerations, and CL and CD."""
     alpha, beta, aileron, elevator, rudder = (math.radians(each) for each in angles)
-    speed = 35.28865
+    speed = 35.28865  # m/s, of the file
     rates = speed * np.array(over_speed)
     state = {"speed": speed, "alpha": alpha, "beta": beta, "roll": 0.0, "pitch": alpha, "yaw": 0.0}
     state |= dict(zip(("roll_rate", "pitch_rate", "yaw_rate"), rates, strict=True))
@@ -69,6 +69,7 @@ def coefficients(model, angles, over_speed):
     vectors = (SimpleNamespace(**each) for each in (state, inputs, parameters))
     changes, outputs = model.equations(*vectors, None)
     turning = [float(changes[name]) for name in ("roll_rate", "pitch_rate", "yaw_rate")]
+    # Inertias, density, wing area and lengths of glider.toml and glider.st.
     inertia = np.array([[700.0, 0.0, 60.0], [0.0, 650.0, 0.0], [60.0, 0.0, 1250.0]])
     moment = inertia @ turning + np.cross(rates, inertia @ rates)
     force = 0.5 * 1.225 * speed**2 * 9.0
@@ -122,7 +123,10 @@ def of_older_version():
 
 @pytest.mark.parametrize("form", ["printed", "machine_readable", "older"])
 def test_forces_agree_with_those_of_avl(form, glider):
-    """Moments about body axes and CL at other states are those of AVL, in each form of the file."""
+    """Moments about body axes and CL at other states are those of AVL, in each form of the file.
+
+    At the state of the file, CL and CD are the printed ones.
+    """
     text = {"printed": PRINTED, "machine_readable": machine_readable(), "older": of_older_version()}
     Path("glider.st").write_text(text[form])
     if form == "older":
@@ -146,11 +150,15 @@ def test_a_fixed_control_keeps_its_deflection(glider):
     model = tool.load_model("glider.toml")
     assert "elevator" not in model.inputs
     moment = model.parameters["Cm_0"].start
+    # Cmd02, per degree, from the deflection of the file, -0.44993 deg, to 1 deg.
     assert moment == pytest.approx(-0.040525 * (1.0 + 0.44993), rel=1e-6)
 
 
 def test_both_ways_name_the_same_aircraft(glider):
-    """`--aircraft glider.st --mass glider.toml` is the aircraft of glider.toml."""
+    """`--aircraft glider.st --mass glider.toml` is the aircraft of glider.toml, also pickled.
+
+    A file that the table does not name is refused, and each option without the other.
+    """
     named = tool.load_model("glider.toml")
     given = tool.load_model("glider.st", mass="glider.toml")
     assert given.parameters == named.parameters
@@ -213,7 +221,10 @@ def test_faulty_files_are_refused(file, old, new, message, glider):
 
 
 def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider):
-    """With CD_CL2 or CD_alpha in the table, CD_0 is the total without the induced drag."""
+    """With CD_CL2 in the table, CD_0 is the total drag less CD_CL2 CL²; with CD_alpha, the total.
+
+    The entry of the table is kept, and the controls have no drag.
+    """
     Path("glider.st").write_text(of_older_version())
     for line, induced in (("CD_CL2 = 0.02", 0.02 * 0.6**2), ("CD_alpha = 0.3", 0.0)):
         Path("glider.toml").write_text(f"{line}\n{TABLE}")
@@ -224,7 +235,10 @@ def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider):
 
 
 def test_inviscid_drag_and_another_mach_number_are_noted(glider):
-    """Drag without profile drag, and a file for another Mach number, are noted in reports."""
+    """Drag without profile drag, and a file for another Mach number, are noted in reports.
+
+    CD_0 in the table removes the note of the drag.
+    """
     assert tool.load_model("glider.toml").about.notes == ()
     changed = PRINTED.replace("CDvis =   0.02000", "CDvis =   0.00000")
     Path("glider.st").write_text(changed.replace("Mach  =     0.000", "Mach  =     0.700"))

@@ -88,7 +88,10 @@ def test_a_tail_arm_scales_the_damping():
 
 @pytest.mark.slow
 def test_avl_at_two_centers_is_one_aircraft(folder):
-    """A file about 0.3 moved by 0.1 chord has the matrices and the sheet of a file about 0.375."""
+    """A file about 0.3 m moved by 0.1 chord has A, margins and c.g. of a file about 0.375 m.
+
+    A of the file that is not moved differs.
+    """
     models = []
     for place, x in (("300", 0.3), ("375", 0.375)):
         text = (ROOT / "examples/glider.toml").read_text()
@@ -112,7 +115,7 @@ def test_avl_at_two_centers_is_one_aircraft(folder):
 
 
 def test_the_center_does_not_depend_on_units():
-    """A table in ft, slug and lbf has the same flights at the same cg."""
+    """A table in ft, slug and lbf has the same eigenvalues at the same cg."""
     metric = from_derivatives(TABLE | {"tail_arm": 0.9})
     in_feet = {
         "units": "english",
@@ -132,7 +135,7 @@ def test_the_center_does_not_depend_on_units():
 
 
 def test_the_sheet_repeats_configuration_words(folder):
-    """--hold cg=0.28, and the words of flap and gear, are on the sheet and in its data."""
+    """--hold cg=0.28, and the words of flap and gear, are in the data of the sheet."""
     text = (ROOT / "examples/uav.toml").read_text()
     Path("uav.toml").write_text('cg = 0.25\nflap = "20 deg, slotted"\ngear = "down"\n' + text)
     run = hfa("trim", "--aircraft", "uav.toml", "--hold", "cg=0.28", "--json")

@@ -38,8 +38,8 @@ def folders(tmp_path, monkeypatch):
     for folder in (here, other):
         folder.mkdir()
     shutil.copy(EXAMPLES / "uav.toml", here / "uav.toml")
-    heavy = (EXAMPLES / "uav.toml").read_text().replace("CL_0 = 0.28", "CL_0 = 0.10")
-    (other / "uav.toml").write_text(heavy)
+    less_lift = (EXAMPLES / "uav.toml").read_text().replace("CL_0 = 0.28", "CL_0 = 0.10")
+    (other / "uav.toml").write_text(less_lift)
     monkeypatch.chdir(other)
     return here
 

@@ -62,7 +62,10 @@ HELD = ("Cm_alpha", "Cm_q", "Cl_p", "Cn_r", "CY_beta", "Ixx", "Iyy", "Izz", "Ixz
 
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_planted_mistake_is_doubted(mistake):
-    """A line names the entry, and the aircraft is still read. A held value has the same line."""
+    """A line names the entry, and the aircraft is still read.
+
+    A held value has the same line; the right value, held again, has none.
+    """
     values, word = MISTAKES[mistake]
     doubts = hfa.from_derivatives(changed(**values)).doubts
     assert any(word in doubt for doubt in doubts)
@@ -74,7 +77,7 @@ def test_a_planted_mistake_is_doubted(mistake):
 
 @pytest.mark.parametrize("name", ["uav.toml", "cessna182.toml", "glider.toml"])
 def test_right_tables_are_not_doubted(name):
-    """No table of the examples is doubted."""
+    """Neither own tables of the examples nor one with a file of AVL are doubted."""
     assert hfa.load_model(f"{ROOT}/examples/{name}").doubts == ()
 
 
@@ -100,7 +103,7 @@ def test_a_changed_file_of_avl_is_doubted(line, tmp_path):
 
 
 def test_derivatives_by_speed_are_doubted_far_from_their_condition():
-    """Up to about 10 % from the speed of the table, 220.1 ft/s, CT_u is not doubted."""
+    """CT_u is doubted where the speed is more than about 10 % from that of the table, 220.1 ft/s."""
     plane = hfa.load_model(f"{ROOT}/examples/cessna182.toml")
     for speed, is_far in ((195.0, True), (200.0, False), (240.0, False), (245.0, True)):
         title = hfa.trim(plane, speed=speed).report().title

@@ -1,6 +1,7 @@
 """Airspeeds imposed in place of the speed, and air that is warmer than the standard atmosphere."""
 
 import json
+import math
 import tomllib
 from itertools import product
 from pathlib import Path
@@ -30,7 +31,10 @@ def uav():
 @pytest.mark.parametrize("name", OWN)
 @pytest.mark.parametrize(("altitude", "warmer"), [(3000.0, 15.0)])
 def test_an_imposed_airspeed_is_that_of_the_flight(name, altitude, warmer, uav):
-    """The true airspeed of a trim has the imposed airspeed, by formulas of the tests."""
+    """The speed, dynamic pressure and Mach number of a trim belong to the imposed airspeed.
+
+    The formulas are those of the tests.
+    """
     there = air(altitude, warmer)
     value = OWN[name](33.0, there)
     point = trim(uav.with_parameters(isa=warmer), hold={name: value, "altitude": altitude})
@@ -41,7 +45,7 @@ def test_an_imposed_airspeed_is_that_of_the_flight(name, altitude, warmer, uav):
 
 
 def test_a_sweep_imposes_airspeeds_at_each_altitude(uav):
-    """Each point of a sweep over kcas, altitude and isa is the trim of its values."""
+    """Each point of a sweep over kcas, altitude and isa has the speed of the trim at its values."""
     axes = {"kcas": [55.0, 62.0], "altitude": [3000.0], "isa": [0.0, 20.0]}
     for row, (kcas, altitude, isa) in zip(
         tool.sweep(uav, **axes), product(*axes.values()), strict=True
@@ -52,7 +56,10 @@ def test_a_sweep_imposes_airspeeds_at_each_altitude(uav):
 
 @pytest.mark.parametrize("source", ["HFA", "f16.py:F16"])
 def test_other_aircraft_with_altitude_and_speed_have_airspeeds(source):
-    """The paper's aircraft and one of Python's have the airspeed of their own outputs."""
+    """An imposed equivalent airspeed gives the paper's aircraft, and one in Python, its speed.
+
+    So does the calibrated airspeed of the sheet, where the aircraft has a dynamic pressure.
+    """
     model = tool.aircraft() if source == "HFA" else tool.load_model(f"{ROOT}/examples/{source}")
     usual = trim(model)
     speed = next(name for name in ("speed", "vt") if name in model.states)
@@ -67,17 +74,22 @@ def test_other_aircraft_with_altitude_and_speed_have_airspeeds(source):
         assert again[speed] == pytest.approx(point[speed], rel=1e-9)
 
 
-def test_units_are_read_alike_by_both_ways_in(uav):
-    """Texts with units are the same values in Python, on the command line and in a table."""
+def test_texts_with_units_are_read_alike_everywhere(uav):
+    """Texts with units are the same values in Python, on the command line and in a table.
+
+    Python takes them in trims, conditions, parameters and sweeps. A flight level is a pressure
+    altitude.
+    """
     typed = {"kcas": "70 mph", "altitude": "FL030", "gamma": "2 deg"}
     point = trim(uav, hold=typed)
     words = [f"--hold {name}={value.replace(' ', '')}" for name, value in typed.items()]
     run = hfa("trim", "--aircraft", UAV, "--json", *" ".join(words).split())
     found = json.loads(run.out)["operating_point"]["states"]
     assert found == pytest.approx(point.states._asdict(), rel=1e-12, abs=1e-15)
+    # 3000 ft of geopotential altitude, with the radius of the standard atmosphere, m.
     at_fl030 = 6356766.0 * 914.4 / (6356766.0 - 914.4)
     kcas = 70.0 * 1609.344 / 1852.0
-    in_numbers = trim(uav, kcas=kcas, altitude=at_fl030, gamma=0.03490658503988659)
+    in_numbers = trim(uav, kcas=kcas, altitude=at_fl030, gamma=math.radians(2.0))
     assert point["speed"] == pytest.approx(in_numbers["speed"], rel=1e-12)
     table = tomllib.loads(Path(UAV).read_text("utf-8"))
     table["condition"]["altitude"] = "FL030"

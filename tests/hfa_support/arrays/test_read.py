@@ -45,7 +45,7 @@ def test_a_damaged_mat_file_is_refused_in_one_line(compressed, damaged):
 
 
 def test_a_damaged_npz_file_is_refused_in_one_line():
-    """A file that lacks its last bytes is refused; the whole one gives its matrix."""
+    """A file that ends after 100 bytes is refused; the whole one gives its matrix."""
     np.savez("K.npz", K=np.eye(2))
     assert np.array_equal(hfa.read_critic("K.npz", GAME).K, np.eye(2))
     Path("K.npz").write_bytes(Path("K.npz").read_bytes()[:100])
@@ -81,10 +81,11 @@ def game_of_csv(**texts):
         ({"A": NAMED[0], "B": NAMED[1]}, {**NAMES, "state_units": ["ft/s", "rad"]}),
         ({"A": HEADED[0], "B": HEADED[1]}, NAMES),
     ],
+    ids=["bare", "with byte order mark", "names of rows and columns", "names of columns"],
 )
 @pytest.mark.filterwarnings("ignore:.*not given")
 def test_csv_matrices_are_read_with_optional_names(texts, names):
-    """A and B are read from .csv files with or without names of rows and columns."""
+    """A and B are read from .csv files with or without names, and states get their units."""
     game = game_of_csv(**texts)
     np.testing.assert_array_equal(game.A, A)
     np.testing.assert_array_equal(game.B, B)

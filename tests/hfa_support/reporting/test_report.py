@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.io import loadmat
 
 from hfa.extend import Report, Table
 from hfa_support.reporting.rows import Group, Row
@@ -77,6 +78,8 @@ def test_json_and_files_contain_the_data(tmp_path):
         ("row 1", 2 / 3),
     ]
     assert [row["about"] for row in rows] == ['{"schema": "hfa.test/1"}', ""]
+    for arrays in (np.load(tmp_path / "a.npz"), loadmat(tmp_path / "a.mat")):
+        assert arrays["values"].ravel().tolist() == [0.1, np.inf]
     with pytest.raises(ValueError, match="the suffix"):
         made.save(tmp_path / "a.txt")
 
@@ -103,6 +106,7 @@ def test_names_become_no_formulas_links_or_columns(tmp_path):
         row["name"]
         for row in csv.DictReader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines())
     ]
+    # A number, markup and a link are no formulas, and stay as they are.
     assert cells == [f"'{name}" for name in names[:4]] + list(names[4:])
     markdown = Report("", (table,)).markdown()
     assert "&lt;script>" in markdown

@@ -220,7 +220,7 @@ def _flip(file):
     ids=["flip", "cut", "gone"],
 )
 def test_a_damaged_chunk_is_computed_again(finished_store, path, file, damage, noticed):
-    """A damaged or deleted chunk is computed again."""
+    """A damaged or deleted chunk is computed again. A damaged one is not read, and is noted."""
     damage(path / file)
     if noticed:
         with pytest.raises(ValueError, match="computed checksum do not match"):
