@@ -27,7 +27,10 @@ def crossed(seed, n=4, m=2, delta=np.inf):
 
 
 def test_a_game_with_cross_weights_agrees_with_scipy():
-    """P, K, L and the L2 gain belong to the Riccati equation of both players."""
+    """P, K, L and the worst-case loop are those of SciPy's solution for both players.
+
+    The L2 gain of 0.9 K is python-control's.
+    """
     game = crossed(0)
     game = game.with_delta(1.5 * minimum_delta(game).value)
     solution = solve(game)
@@ -65,7 +68,7 @@ def test_margins_open_the_loop_at_the_input_of_the_plant():
 
 
 def test_the_joint_weight_decides():
-    """The boundary is Q - N R^-1 N' = 0: on it the game is solved, beyond it is refused.
+    """The boundary is Q - N R^-1 N' = 0: on it and within, a game is solved; beyond, refused.
 
     N of another shape is refused.
     """
@@ -85,6 +88,7 @@ def test_the_joint_weight_decides():
 
 
 def test_the_command_line_gives_cross_weights(tmp_path):
+    """The K of --N is that of python-control; N of another shape is refused."""
     A, B, N = [[0.0, 1.0], [2.0, -0.3]], [[0.0], [1.0]], np.array([[-0.2], [0.1]])
     np.savez(tmp_path / "plant.npz", A=A, B=B, Q=np.eye(2), R=np.eye(1))
     K = control.lqr(A, B, np.eye(2), np.eye(1), N)[0]

@@ -85,6 +85,8 @@ def test_solutions_scale_with_the_units(kind, seed):
     assert agree(found.P * np.outer(z, z) / cost, right.P, np.outer(of_P, of_P))
     large = max(1.0, float(np.abs(right.K * of_u[:, None] / of_P).max()))
     assert agree(found.K / u[:, None] * z, right.K, large * of_P / of_u[:, None])
+    of_L = np.abs(right.disturbance_gain / of_P).max(initial=0.0) or 1.0
+    assert agree(found.disturbance_gain / d * z, right.disturbance_gain, of_L * of_P)
     size = math.sqrt(cost / t) / d
     assert found.delta_min / size == pytest.approx(right.delta_min, rel=3e-6, abs=1e-12)
     assert found.l2_gain / size == pytest.approx(right.l2_gain, rel=1e-6, abs=1e-9)

@@ -169,7 +169,10 @@ def in_units_of_file(game):
 
 @pytest.mark.parametrize("kind", CRITICS)
 def test_a_critic_means_the_same_in_all_units(kind):
-    """A file in other units than the plant contains the policy and the value of the same motion."""
+    """A file in other units than the plant contains the policy and the value of the same motion.
+
+    L and H, where a critic has them, are converted, too.
+    """
     game = STEPS if "H" in CRITICS[kind] else GAME
     game = replace(game, names=game.names._replace(**OF_PLANT))
     path = stored("critic.npz", **CRITICS[kind], **OF_FILE)
@@ -212,6 +215,7 @@ def test_other_units_and_another_order_than_the_plants_are_refused(entries, says
 
 
 def test_the_names_of_a_csv_file_are_in_the_order_of_the_plant():
+    """A gain with the names in another order is refused."""
     Path("K.csv").write_text(",alpha,speed\nelevator,1,2\naileron,3,4\n", "utf-8")
     with pytest.raises(BadInputError, match="the states are alpha, speed in the file"):
         critic_in("K.csv", NAMED)
@@ -303,7 +307,10 @@ def test_the_table_of_hfa_solve_is_read_back(tmp_path):
 
 
 def test_other_names_in_a_file_are_noted():
-    """Names that the plant does not have are taken in its order, and told."""
+    """Names that the plant does not have are taken in its order, and told.
+
+    A name that differs in capitals alone is not told.
+    """
     plant = LinearModel.of(GAME.A, GAME.B, states=("angle", "rate"), inputs=("roll", "pitch"))
     named = hfa.game(plant, Q=GAME.Q, R=GAME.R, E=GAME.E, delta=GAME.delta)
     for given, said in ((("Angle", "rate"), ""), (("angel", "rate"), "angel, rate of the file")):

@@ -148,6 +148,7 @@ def test_a_wrong_coefficient_is_seen(kind):
 
 @pytest.mark.parametrize("degree", [3, *(pytest.param(d, marks=pytest.mark.slow) for d in (4, 5))])
 def test_flexible_aircraft_satisfies_the_identity(degree):
+    """The stated residual is rounding, at 5 and 15 deg."""
     for degrees in (5.0, 15.0):
         solution = hfa.solve(game_at(degrees))
         expansion = expand(model_at(degrees), solution, degree)

@@ -22,7 +22,10 @@ def linear():
 @pytest.mark.parametrize("dynamics", ["published", "unsteady"])
 @pytest.mark.parametrize("units", ["ft", "si"])
 def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(dynamics, units):
-    """Q, R, delta and E are those of Section 5.1 in the units of the model, 0 for lagged states."""
+    """Q, R, delta and E are those of Section 5.1 in the units of the model, 0 for lagged states.
+
+    Another delta can be given.
+    """
     model = hfa.aircraft(dynamics=dynamics)
     linear = hfa.linearize(model, hfa.trim(model))
     feet = 1.0
@@ -62,7 +65,7 @@ def test_a_solution_passes_in_other_units_of_its_aircraft(is_stored_in_si, tmp_p
 
 
 def test_the_disturbance_of_a_game_is_named_in_its_reports():
-    """E is the identity unless another is given. Each report of a game says which, by name."""
+    """E is the identity unless another is given. The reports of solution and verdict name it."""
     model = hfa.aircraft()
     linear = hfa.linearize(model, hfa.trim(model), outputs=("speed",))
     winds = ", ".join(linear.disturbances)
@@ -127,4 +130,4 @@ def test_the_box_of_states_is_within_their_limits():
         trim={"thrust": 0.1},
     )
     game = hfa.game(hfa.trim(model).linearize(), Q=np.ones(2), R=np.ones(1))
-    assert game.half_widths == pytest.approx([0.1, 0.3])
+    assert game.half_widths == pytest.approx([0.1, 0.3])  # from the trim, where both are 0.1

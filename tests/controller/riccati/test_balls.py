@@ -127,7 +127,7 @@ def test_balls_that_are_not_finite_can_be_pickled():
 @pytest.mark.parametrize("terms", [1, 5, 40])
 @pytest.mark.parametrize("seed", range(3))
 def test_pairs_contain_the_exact_result_in_twice_the_digits(terms, seed):
-    """Results of pairs contain the exact ones, and their radii are about 1e-25 of the terms.
+    """Results of pairs contain the exact ones; radii of sums and products are 1e-25 of the terms.
 
     The entries have wide ranges, and their sums cancel to the last digits. Products of wider pairs
     contain those of their corners.

@@ -13,7 +13,10 @@ EPS = np.finfo(float).eps
 
 
 def test_a_hamiltonian_on_the_axis_is_detected():
-    """A double eigenvalue 0 of the Hamiltonian is detected, although rounding moves it by 1e-8."""
+    """A double eigenvalue 0 of the Hamiltonian is detected, although rounding moves it by 1e-8.
+
+    Both games are solved at a delta that is 1 % larger.
+    """
     critical = Game([[-1.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=1.0)
     rotation = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
     A = rotation @ np.diag([-1.0, -2.0, -3.0]) @ rotation.T

@@ -33,7 +33,11 @@ def test_P_and_K_of_the_paper_are_exact_to_1e12(name):
 
 
 def test_policies_eigenvalues_and_json_follow_from_P(game):
-    """K, L, the closed-loop poles and the cost follow from P. JSON stores every digit of P."""
+    """K, L, the poles of the loops with and without disturbance, and the cost follow from P.
+
+    A state of another length has no cost, and a P that is not symmetric has the K of its symmetric
+    part. JSON stores every digit of P, and null for an infinite delta.
+    """
     solution = solve(game)
     P = solution.P
     np.testing.assert_allclose(solution.K, np.linalg.inv(game.R) @ game.B.T @ P, rtol=SAME_FORMULA)
@@ -132,7 +136,7 @@ def test_extreme_numbers_have_their_exact_solution(name, factor):
 def test_the_bracket_of_minimum_delta_is_narrow(game):
     """The bounds of the smallest delta differ by 1e-6, and just below them the game is refused.
 
-    test_stored_games.py has the exact values.
+    The margin of a delta is its ratio to the smallest. test_stored_games.py has the exact values.
     """
     smallest = minimum_delta(game)
     assert smallest.value / smallest.refused <= 1.000001  # as docs/games.md states

@@ -68,7 +68,7 @@ def known_solutions():
 @pytest.mark.parametrize(
     ("game", "X"), [pytest.param(game, X, id=name) for name, game, X in known_solutions()]
 )
-def test_known_carex_solutions_are_certified(game, X):
+def test_known_carex_solutions_are_found(game, X):
     """P agrees with the closed form."""
     assert np.abs(solve(game).P - X).max() <= EXACT * np.abs(X).max()
 

@@ -27,8 +27,11 @@ def test_margins_of_an_unstable_loop_are_refused(game):
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", sorted(game_models()))
 def test_gain_and_phase_margins_equal_python_control(name, factor):
-    """Gain and phase margins of each named loop, with the other loops closed, agree with
-    python-control."""
+    """Gain, phase and delay margins and crossovers of each named loop, with the other loops closed,
+    agree with python-control, and disk margins with its sensitivity on a grid.
+
+    The gain in dB is the smaller of both gain margins.
+    """
     game = game_models()[name]
     K = factor * solve(game).K
     if np.linalg.eigvals(game.A - game.B @ K).real.max() >= 0.0:

@@ -49,7 +49,10 @@ def test_the_residual_of_a_step_contains_the_exact_one(arithmetic, bits, seed):
 
 
 def test_an_indefinite_Y_proves_no_stability():
-    """The Y of an unstable loop solves its Lyapunov equation exactly, but is not positive."""
+    """The Y of an unstable loop solves its Lyapunov equation exactly, but is not positive.
+
+    A positive Y proves no stability of it either, but that of the stable loop -|F|.
+    """
     F, Y = np.diag([-1.0, 2.0]), np.diag([0.5, -0.25])
     for balls in (Balls, DoubleBalls):
         assert not proves_stable(balls.of(F), balls.of(Y), is_discrete=False)

@@ -26,7 +26,10 @@ def game_of(seed, **changes):
 
 @pytest.mark.parametrize("changes", [{}, {"discount": 1.0, "dt": 0.1}, {"delta": math.inf}])
 def test_the_value_is_that_of_a_saddle_point(changes):
-    """P is the cost of a step and of P after it, of which K and L are a saddle point."""
+    """P is the cost of a step and of P after it, of which K and L are a saddle point.
+
+    The worst-case loop is A - B K + E L.
+    """
     game = game_of(0, **changes)
     solution = hfa.solve(game)
     units = np.sqrt(np.diag(game.Q))
@@ -92,14 +95,17 @@ def test_two_inputs_that_only_act_together_need_a_weight(share):
 
 
 def test_gain_and_margins_of_a_scalar_loop():
-    """x+ = .8 x + u + w with u = -.3 x: gain of (x, u), and gain margins, in closed form."""
+    """x+ = .8 x + u + w with u = -.3 x: L2 gain and disk margin in closed form.
+
+    For another Q, the upper gain margin of the optimal gain is in closed form, too.
+    """
     game = Game([[0.8]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[4.0]], dt=0.2)
     K = np.array([[0.3]])
     output = math.sqrt(1.0 + 4.0 * 0.3**2)
     level = hfa.solve(game).level
     assert level.l2_gain(K).low <= output / 0.5 * (1.0 + 1e-15)
     assert level.l2_gain(K).high == pytest.approx(output / 0.5, rel=1e-6)
-    # A gain f u: stable for |.8 - .3 f| < 1, thus f up to 6.
+    # f times the optimal gain k: stable for |.8 - f k| < 1, thus f up to 1.8 / k.
     loop = hfa.solve(replace(game, Q=[[0.2]])).loops[0]
     gain = hfa.solve(replace(game, Q=[[0.2]])).K[0, 0]
     assert loop.gain_high == pytest.approx(1.8 / gain, rel=1e-6)
@@ -110,7 +116,10 @@ def test_gain_and_margins_of_a_scalar_loop():
 
 
 def test_short_samples_approach_the_game_in_continuous_time():
-    """K of sampled games approaches K with the order 1; samples that lose the rates are refused."""
+    """K of sampled games approaches K with the order 1, and disk margins approach its disk margin.
+
+    A dt so short that rounding A of a step to 1 loses the rates is refused.
+    """
     A, B = [[0.0, 1.0], [2.0, -0.1]], [[0.0], [1.0]]
     game = Game(A, B, Q=[1.0, 0.1], R=[0.5], delta=20.0)
     exact = hfa.solve(game)

@@ -120,6 +120,7 @@ def around(found):
 
 
 def contains(balls, exact):
+    """Return whether all balls overlap the exact entries, which are balls of 256 bits themselves."""
     pairs = zip(balls.entries(), exact.entries(), strict=True)
     return all(ball.overlaps(entry) for ball, entry in pairs)
 

@@ -56,7 +56,10 @@ def npz_file(path, layers):
      ("a.json", json_file)],
 )  # fmt: skip
 def test_layers_are_evaluated_in_the_order_of_their_numbers(game, path, write):
-    """V is that of NumPy, although all files but torch's contain 10 and 12 before 2."""
+    """V is that of NumPy, although all files but torch's contain 10 and 12 before 2.
+
+    A network that the file does not name is refused.
+    """
     layers = square_layers("0", "2", "10", "12")
     names = list(layers) if write is torch_file else sorted(layers)
     write(path, {name: layers[name] for name in names})

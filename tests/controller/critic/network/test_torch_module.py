@@ -61,6 +61,7 @@ def _network(activation):
 def test_another_module_is_read_through_its_state_dict():
     """A module of the user's class is the network of its state dict, with the given activation.
 
+    So is the state dict itself.
     Without an activation, and with a tensor that is no linear layer, it is refused.
     """
     arrays = dict(zip(("body.0.weight", "head.weight"), WEIGHTS, strict=True))
