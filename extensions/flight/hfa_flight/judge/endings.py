@@ -86,7 +86,8 @@ class Endings:
     def _mark_departures(self, flown: History) -> np.ndarray:
         """Return a mask of the flights that left their limits, and store when and with what.
 
-        A flight leaves with the first step whose extremes are not all within its limits.
+        A flight leaves with the first step whose extremes are not all within its limits, or whose
+        last states are not all finite. Extremes ignore values that are not numbers.
         """
         flights = flown.flights
         states = flown.states[:, :, : self._least.shape[1]]  # the first ones have limits
@@ -96,12 +97,14 @@ class Endings:
         left |= ~np.isfinite(states[:, -1]).all(axis=1)
         for row in np.flatnonzero(left):
             low, high = lowest_each_step[row], highest_each_step[row]
-            inside = is_within(low, least[row], most[row]) & is_within(high, least[row], most[row])
-            step = int(inside.argmin())
+            within = is_within(low, least[row], most[row]) & is_within(high, least[row], most[row])
+            step = int((within & np.isfinite(states[row]).all(axis=1)).argmin())
             flight = flights[row]
             self.left_at[flight] = flown.first + step
             # Of each state, the extreme that is beyond its limit, or the highest value.
-            self.left_with[flight] = np.where(low[step] < least[row], low[step], high[step])
+            is_low = (low[step] < least[row]) | np.isneginf(low[step])
+            extreme = np.where(is_low, low[step], high[step])
+            self.left_with[flight] = states[row, step] if within[step] else extreme
         return np.asarray(left)
 
 

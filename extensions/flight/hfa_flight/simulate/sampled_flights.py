@@ -200,9 +200,13 @@ class SampledFlight:
         return np.hstack([states, memory, states, states])
 
     def stays(self, states: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
-        """Return whether the extremes of samples are within limits (..., n), (...)."""
+        """Return whether the extremes of samples are within limits (..., n), (...).
+
+        A sample whose last states are not all finite is not within limits.
+        """
         lowest, highest = self.extremes(states)
-        return is_within(lowest, least, most) & is_within(highest, least, most)
+        is_finite = np.isfinite(states[..., self.slices.X]).all(axis=-1)
+        return is_within(lowest, least, most) & is_within(highest, least, most) & is_finite
 
     def extremes(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and the highest X of a sample from states of flights, (..., n) each."""

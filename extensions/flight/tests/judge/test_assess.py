@@ -215,6 +215,40 @@ def test_the_first_departure_is_reported():
     assert sides == {-2.0, 2.0}
 
 
+@pytest.mark.parametrize("dt", [0.1, 0.5, 1.0])
+def test_a_flight_whose_rate_is_not_a_number_leaves_then(dt):
+    """v' = 2 v - v sqrt(1 - v^2) is not a number beyond 1, which is within the limits of v.
+
+    The departure is in the sample in which |v| reaches 1, also if v is a number at earlier
+    integration steps of this sample.
+    """
+    model = scalar(lambda v, f: 2.0 * v - v * ca.sqrt(1.0 - v**2) + f, 3.0)
+    deployment = deployed(lambda v: 0.0 * v, dt)
+    for seed in range(4):
+        (point,) = assess(model, deployment, samples=5, seed=seed, box={"v": 0.5}).points
+        left, start = point.flights.departure, abs(point.flights.worst_initial["v"])
+        assert point.flights.left_envelope == 5
+        assert left.state == "v"
+        assert not math.isfinite(left.value)
+        expected = quad(lambda v: 1.0 / (2.0 * v - v * math.sqrt(1.0 - v**2)), start, 1.0)[0]
+        assert dt * math.floor(expected / dt) <= left.time - 1e-9 <= dt * math.ceil(expected / dt)
+
+
+def test_a_flight_without_limits_leaves_where_it_overflows():
+    """v' = v + v^3 is infinite after ln(1 + 1 / v^2) / 2 s, on the side of its start."""
+    model = scalar(lambda v, f: v + v**3 + f)
+    sides = set()
+    for seed in (0, 2):
+        (point,) = assess(
+            model, deployed(lambda v: 0.0 * v, 0.1), samples=20, seed=seed, box={"v": 1.0}
+        ).points
+        left, start = point.flights.departure, point.flights.worst_initial["v"]
+        assert left.value == math.copysign(math.inf, start)
+        assert left.time == pytest.approx(0.5 * math.log(1.0 + start**-2), abs=0.1)
+        sides.add(left.value)
+    assert sides == {-math.inf, math.inf}
+
+
 def test_unmet_requirements_are_listed():
     told = assess(aircraft("ppo_gtm"), FOLDER / "ppo_gtm.toml", [45.0, 60.0], samples=0)
     assert replace(told, needs={"delay": 0.01, "margin": 0.1, "cost": 1000.0}).unmet == []
