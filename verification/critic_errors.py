@@ -139,6 +139,11 @@ def matrix_errors(name: str, matrix: np.ndarray, solution: Solution, limit: floa
     ]
 
 
+def is_gain_right(K: np.ndarray, exact: Solution, limit: float) -> bool:
+    """Return whether K passes the checks of `matrix_errors`, which no unit of an input decides."""
+    return all(check.ok for check in matrix_errors("K", K, exact, limit))
+
+
 class _Scales(NamedTuple):
     """Factors of a matrix M: root M * scales in balanced units, and M * entry_scales by entry."""
 

@@ -27,7 +27,7 @@ from hfa_support.reporting.checks import Check, at_least
 from hfa_support.reporting.parts import Part
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
-from verification.critic_errors import LIMIT, critic_errors, relative_error
+from verification.critic_errors import LIMIT, critic_errors, is_gain_right
 from verification.linear_checks import linear_loop, value_check
 from verification.plant import nonlinear_plant
 from verification.verdict import Section, Verdict, explained
@@ -281,7 +281,7 @@ def _reason_of_network(exact: Solution, critic: Critic, box: np.ndarray, limit: 
     if finding is not None and finding.other_error <= limit:
         return finding.says
     of_slopes = ""
-    if relative_error(critic.K, exact.K) > limit:
+    if not is_gain_right(critic.K, exact, limit):
         of_slopes = reason_for(exact, critic, limit)
     if finding is None:
         return of_slopes

@@ -9,7 +9,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.riccati.gare import Solution
 from hfa_support.reporting.text import percent
-from verification.critic_errors import relative_error
+from verification.critic_errors import is_gain_right
 
 #: Number of random states in the box, half of them corners, and the same for a wide network.
 STATES = 8000
@@ -85,7 +85,7 @@ def _squashed(critic: Critic, exact: Solution, box: np.ndarray, limit: float) ->
 
     Each input is compared at the corner of the box where the exact one is largest.
     """
-    if relative_error(critic.K, exact.K) > limit:
+    if not is_gain_right(critic.K, exact, limit):
         return None
     corners = -box * np.where(exact.K < 0.0, -1.0, 1.0)
     texts = [

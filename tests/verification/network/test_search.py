@@ -29,6 +29,23 @@ def test_a_network_right_only_at_the_origin_fails(game):
     assert not check.holds(1e-6)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e9])
+def test_the_reason_of_a_squashed_network_does_not_depend_on_the_unit_of_an_input(unit):
+    """A wrong row of K is told, though the entries of another row are large in their unit."""
+    A, B = np.array([[0.0, 1.0], [0.5, -1.0]]), np.array([[0.0, unit], [1.0, 0.0]])
+    game = Game(A=A, B=B, Q=np.eye(2), R=np.diag([1.0, unit**2]), delta=math.inf)
+    z = ca.SX.sym("z", 2)
+    exact = -ca.DM(solve(game).K) @ z
+    squashed = 0.2 * ca.tanh(exact[0] / 0.2)
+    reasons = []
+    for factor in (1.0, 2.0):
+        policy = ca.Function("policy", [z], [ca.vertcat(squashed, factor * exact[1])])
+        critic = from_network(game, policy, network="policy")
+        reasons.append(verify(game, critic, flights=1, box=[1.0, 1.0]).reason)
+    assert reasons[0].startswith("K is right, but u1 is 0.2")
+    assert "(u1 1, u2 2)" in reasons[1]
+
+
 def test_a_value_with_nan_in_the_box_fails(game):
     """The error of a value that is nan in part of the box is infinite."""
     z = ca.SX.sym("z", 6)
