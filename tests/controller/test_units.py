@@ -32,7 +32,7 @@ def far_above(game):
 
 def in_other_units(game, seed):
     """Return the game in random units, powers of two, which change no digit."""
-    return in_units(game, np.random.default_rng(seed), 2.0, 27)
+    return in_units(game, np.random.default_rng(seed), base=2.0, most=27)
 
 
 def words(text):
@@ -115,7 +115,7 @@ def test_sampled_games_scale_with_the_units(seed):
     """
     game = drawn("continuous", seed)
     other, (z, u, d, t, cost) = in_other_units(game, seed)
-    found, right = other.sampled(0.1 * t, 0.9), game.sampled(0.1, 0.9)
+    found, right = other.sampled(0.1 * t, discount=0.9), game.sampled(0.1, discount=0.9)
     sizes = np.abs(right.A).max()
     assert agree(found.A / z[:, None] * z, right.A, sizes)
     assert agree(found.B / z[:, None] * u, right.B, np.abs(right.B).max() or 1.0)

@@ -101,7 +101,7 @@ def test_npz_files_contain_every_number_and_name(tmp_path, name):
     assert words == texts(data)
 
 
-@pytest.mark.parametrize("name", ["full", "trim"])  # test_conditions.py tests stacked matrices
+@pytest.mark.parametrize("name", ["full", "trim"])
 def test_mat_files_contain_every_number_and_name(tmp_path, name):
     """A .mat file contains all keys, numbers and nonempty texts of the JSON data."""
     path, data = written(tmp_path, name, "mat")
@@ -109,6 +109,12 @@ def test_mat_files_contain_every_number_and_name(tmp_path, name):
     assert list(loaded) == list(data)
     np.testing.assert_array_equal(without_inf(numbers(loaded)), numbers(data))
     assert [word for word in texts(loaded) if word] == [word for word in texts(data) if word]
+
+
+def test_the_point_is_the_last_index_of_matrices_in_a_mat_file(tmp_path):
+    """A(:, :, k) in MATLAB is A of point k of a sweep."""
+    path, data = written(tmp_path, "plane", "mat")
+    np.testing.assert_array_equal(np.moveaxis(loadmat(path)["A"], -1, 0), data["A"])
 
 
 @pytest.mark.parametrize(

@@ -84,7 +84,7 @@ def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, folder):
 
     Only the page of the stall says STALLED, and only that of the planted inertia has a doubt.
     """
-    assert len(pages) == 2 + len(NAMES)
+    assert len(pages) == 2 + len(NAMES)  # cover and matrix
     for number, text in enumerate(pages, start=1):
         assert f"{number}of{len(pages)}" in text
     model = hfa.load_model(str(folder / "uav.toml"))

@@ -15,7 +15,7 @@ def test_matrices_in_si_are_similar():
     after = answer(*words, "--units", "si")
     T = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["state_units"]])
     Y = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["output_units"]])
-    inverse = np.linalg.inv(T)
+    inverse = np.linalg.inv(T)  # B and D have 5 inputs, E and F 7 disturbances
     for name, scaling, right in (
         ("A", T, inverse),
         ("A_band", T, inverse),

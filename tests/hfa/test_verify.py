@@ -64,4 +64,4 @@ def test_several_critics_give_a_table_and_a_curve(game):
     assert data[names[0]]["K_rel_error"] > data[names[1]]["K_rel_error"]
     assert result.out.startswith("FAIL: 1 of 4 critics pass, on the aircraft at dihedral 15 deg")
     assert "\nP.npz: the value is twice the exact one" in result.out
-    assert Path("curve.png").stat().st_size > 10_000
+    assert Path("curve.png").stat().st_size > 10_000  # bytes; an empty picture has fewer

@@ -84,5 +84,5 @@ def test_newton_equals_the_rigid_bodies_of_mujoco(parameters):
     for case in stored["cases"]:
         found = np.array(newton(case["x"], case["u"], p)).ravel()
         np.testing.assert_allclose(
-            found / RATE_SCALES, case["rates"] / np.array(RATE_SCALES), 1e-8, 1e-8
+            found / RATE_SCALES, case["rates"] / np.array(RATE_SCALES), rtol=1e-8, atol=1e-8
         )

@@ -21,7 +21,7 @@ STUBS = [
 def test_the_core_stubs_name_no_extension():
     """The stubs of core packages, except `hfa`, import no name of an extension."""
     core = [stub for stub in STUBS if "extensions" not in stub.parts and stub.parent.name != "hfa"]
-    assert len(core) >= 6
+    assert len(core) >= 6  # the stubs are found
     for stub in core:
         known = re.findall(r"^from (hfa_\w+)", stub.read_text("utf-8"), re.M)
         assert set(known) <= {"hfa_aircraft", "hfa_model", "hfa_support"}
@@ -62,7 +62,7 @@ def test_a_matrix_k_is_a_critic_and_a_policy():
     pytest.importorskip("hfa_flight")
     solution, point = plant()["solution"], plant()["point"]
     assert hfa.verify(plant()["game"], solution.K).ok
-    flight = hfa.fly(plant()["model"], point, solution.K, 0.1, initial={"alpha": 0.01})
+    flight = hfa.fly(plant()["model"], point, solution.K, duration=0.1, initial={"alpha": 0.01})
     alpha = plant()["game"].names.states.index("alpha")
     change = flight.inputs[0] - np.array(point.inputs)
     np.testing.assert_allclose(change, -0.01 * solution.K[:, alpha], rtol=1e-9, atol=1e-12)

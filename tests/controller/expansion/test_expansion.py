@@ -72,7 +72,7 @@ def value_of_scalar(game, degree):
 def test_scalar_value_is_the_closed_form(delta):
     linear = linear_of(SCALAR)
     game = hfa.game(linear, Q=[3.0], R=[4.0], delta=delta, E=[[1.0]])
-    expansion = expand(linear, hfa.solve(game), 5)
+    expansion = expand(linear, hfa.solve(game), order=5)
     assert expansion.weights == pytest.approx(value_of_scalar(game, 5), rel=1e-10)
 
 
@@ -136,7 +136,7 @@ def test_a_wrong_coefficient_is_seen(kind):
     The residual shows a wrong coefficient of the value, too.
     """
     linear = linear_of(MIXED)
-    exact = expand(linear, hfa.solve(mixed_game(linear, 3.0)), 4)
+    exact = expand(linear, hfa.solve(mixed_game(linear, delta=3.0)), order=4)
     for degree, term in enumerate(getattr(exact, kind)):
         wrong = [part.copy() for part in getattr(exact, kind)]
         wrong[degree][..., -1] *= 1.01
@@ -171,12 +171,12 @@ def accelerated():
     """Expand about a flight of which the speed grows, where the deviations have no equilibrium."""
     usual = usual_condition(GTM)
     linear = hfa.linearize(GTM, hfa.trim(GTM, replace(usual, rates={**usual.rates, "speed": 0.5})))
-    return expand(linear, hfa.solve(nominal_game(linear)), 3)
+    return expand(linear, hfa.solve(nominal_game(linear)), order=3)
 
 
 def without_cost():
     linear = hfa.LinearModel.of([[1.0, 0.0], [0.0, -1.0]], [[1.0], [0.0]])
-    return expand(linear, hfa.solve(hfa.game(linear, Q=[1.0, 0.0], R=[1.0])), 3)
+    return expand(linear, hfa.solve(hfa.game(linear, Q=[1.0, 0.0], R=[1.0])), order=3)
 
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.5, 1.0]], [-1.0, 0.5, 2.0])
@@ -184,9 +184,9 @@ REFUSED = {
     "table": (lambda: scalar_expansion(TABLE), "table"),
     "kink": (lambda: scalar_expansion(lambda x: ca.fabs(x) * x), "x switches"),
     "root": (lambda: scalar_expansion(lambda x: x + x**1.5), "finite"),
-    "degree 1": (lambda: scalar_expansion(lambda x: x, 1), "2 to 5"),
-    "degree 6": (lambda: scalar_expansion(lambda x: x, 6), "2 to 5"),
-    "game": (lambda: expand(model_at(15.0), hfa.solve(game_at(10.0)), 3), "A of the game"),
+    "degree 1": (lambda: scalar_expansion(lambda x: x, degree=1), "2 to 5"),
+    "degree 6": (lambda: scalar_expansion(lambda x: x, degree=6), "2 to 5"),
+    "game": (lambda: expand(model_at(15.0), hfa.solve(game_at(10.0)), order=3), "A of the game"),
     "rates": (accelerated, "rate of speed"),
     "no cost": (without_cost, "P is singular"),
 }

@@ -25,7 +25,7 @@ def written(tmp_path_factory):
 def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(written):
     """The file states the radii of both degrees; its weights give V and the policy."""
     game = game_at(15.0)
-    expansion = expand(model_at(15.0), solve(game), 3)
+    expansion = expand(model_at(15.0), solve(game), order=3)
     data = json.loads(written.read_text())
     assert (data["order"], data["basis"]) == (3, "cubic")
     assert data["residual"] <= 1e-12

@@ -69,8 +69,8 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not():
     expansion = expanded(4)
     for radius in expansion.radii:
         random = np.random.default_rng(99).uniform(size=200) ** 0.5
-        inside = random * states_at(expansion, math.sqrt(radius.c), 200, 99)
-        outside = states_at(expansion, 1.3 * math.sqrt(radius.c), 200, 99)
+        inside = random * states_at(expansion, math.sqrt(radius.c), count=200, seed=99)
+        outside = states_at(expansion, 1.3 * math.sqrt(radius.c), count=200, seed=99)
         errors = []
         for z0 in (inside, outside):
             value = np.array(expansion.value_to(radius.degree)(z0))[0]
@@ -94,4 +94,4 @@ def test_linear_plant_agrees_everywhere():
     """V2 and V3 of a linear plant agree with flights in sets z'Pz <= c of every size c."""
     linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
     solution = hfa.solve(hfa.game(linear, Q=[1.0, 1.0], R=[2.0], delta=5.0))
-    assert [radius.c for radius in expand(linear, solution, 3).radii] == [math.inf, math.inf]
+    assert [radius.c for radius in expand(linear, solution, order=3).radii] == [math.inf, math.inf]

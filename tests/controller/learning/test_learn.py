@@ -53,7 +53,7 @@ def test_the_refusal_names_the_smallest_delta():
 
 def test_the_matrix_a_is_not_used():
     """From given samples, the result does not depend on A of the game; noise is reported."""
-    pool = random_pool(STABLE, 20, 0)
+    pool = random_pool(STABLE, count=20, seed=0)
     run = learn(STABLE, pool=pool)
     assert run.K.tobytes() == learn(replace(STABLE, A=-5.0 * np.eye(2)), pool=pool).K.tobytes()
     noise = 1e-3 * np.random.default_rng(1).standard_normal(pool.drifts.shape)
@@ -77,7 +77,10 @@ endless.append(endless)
 REFUSED = {
     "law": (lambda: learn(PAPER, "sarsa"), "choose from policy-iteration"),
     "no cost": (lambda: learn(replace(STABLE, Q=np.zeros((2, 2)))), "Q is zero"),
-    "few samples": (lambda: learn(STABLE, pool=random_pool(STABLE, 2, 0)), "rank .* is 2 of 3"),
+    "few samples": (
+        lambda: learn(STABLE, pool=random_pool(STABLE, count=2, seed=0)),
+        "rank .* is 2 of 3",
+    ),
     "still state": (
         lambda: learn(STABLE, pool=record(STABLE, np.array([[1.0, 0.0]]))),
         "state 2 is 0 in every",
@@ -85,9 +88,9 @@ REFUSED = {
     "shapes": (lambda: Stack(np.zeros((4, 2)), np.zeros((4, 3))), r"give \(N_h, n\)"),
     "nan": (lambda: Stack(np.zeros((1, 2)), [[np.nan, 0.0]]), r"drifts\[0\]\[0\] is nan"),
     "columns": (lambda: record(STABLE, np.zeros((4, 3))), r"give \(N, 2\)"),
-    "box": (lambda: random_pool(STABLE, 9, 0, np.array([1.0, 0.0])), "give 2 positive"),
-    "endless box": (lambda: random_pool(STABLE, 9, 0, endless), "rows of real numbers"),
-    "count": (lambda: random_pool(STABLE, endless, 0), "give a whole"),
+    "box": (lambda: random_pool(STABLE, 9, 0, half_widths=np.array([1.0, 0.0])), "give 2 positive"),
+    "endless box": (lambda: random_pool(STABLE, 9, 0, half_widths=endless), "rows of real numbers"),
+    "count": (lambda: random_pool(STABLE, count=endless, seed=0), "give a whole"),
 }
 
 

@@ -26,7 +26,7 @@ EXACT = solve(GAME)
 
 
 def judged(game, K):
-    return excess_of(game, np.asarray(K, dtype=float), np.ones(len(game.A)))
+    return excess_of(game, np.asarray(K, dtype=float), box=np.ones(len(game.A)))
 
 
 def graded(game, K):
@@ -207,10 +207,10 @@ def test_a_gain_beyond_delta_has_infinite_cost():
 @pytest.mark.parametrize(("kind", "number"), [("weak", 12), ("discrete", 5), ("aircraft", 4)])
 def test_an_excess_does_not_depend_on_units(kind, number):
     game = stored(kind, number).game.with_delta(math.inf)
-    other, units = in_units(game, np.random.default_rng(number), 10.0, 3)
+    other, units = in_units(game, np.random.default_rng(number), base=10.0, most=3)
     K = 1.01 * solve(game).K
-    first = excess_of(game, K, np.ones(len(game.A)))
-    second = excess_of(other, K * units.u[:, None] / units.z, units.z)
+    first = excess_of(game, K, box=np.ones(len(game.A)))
+    second = excess_of(other, K * units.u[:, None] / units.z, box=units.z)
     assert second.high == pytest.approx(first.high, rel=1e-6)
     if math.isfinite(first.mean):
         assert second.mean == pytest.approx(first.mean, rel=1e-6)

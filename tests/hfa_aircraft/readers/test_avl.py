@@ -138,7 +138,8 @@ def test_forces_agree_with_those_of_avl(form, glider):
         allowed = 0.01 * np.abs(moments) + [2e-5, 5e-4, 2e-5]
         assert (np.abs(found - moments) < allowed).all()
         assert found_lift == pytest.approx(lift, abs=1e-3)
-    _, found_lift, drag = coefficients(model, (2.42020, 0.0, 0.0, -0.44993, 0.0), (0.0, 0.0, 0.0))
+    at_file = (2.42020, 0.0, 0.0, -0.44993, 0.0)
+    _, found_lift, drag = coefficients(model, at_file, over_speed=(0.0, 0.0, 0.0))
     assert (found_lift, drag) == pytest.approx((0.6, 0.02725), abs=1e-6)
 
 

@@ -94,7 +94,7 @@ def test_v_and_a_policy_are_checked_together(game):
         ("Concat", "V u", "y", {"axis": 1}),
     ]
     constants = {"P": value(game), "axes": np.array([1]), "K": gain(game).T}
-    path = onnx_file("both.onnx", nodes, constants, 6)
+    path = onnx_file("both.onnx", nodes, constants, outputs=6)  # V and five inputs
     check = verify(game, from_network(game, path, network="V+policy="), flights=1)
     assert not check.ok
     assert check.P_rel_error < 1e-6

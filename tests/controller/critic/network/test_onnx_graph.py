@@ -51,7 +51,7 @@ def test_old_and_new_operator_sets_equal_onnxruntime(opset):
     constants |= {"low": np.array(-0.5, "float32"), "high": np.array(0.5, "float32")}
     used = {word for _, inputs, *_ in nodes for word in inputs.split()}
     constants = {name: each for name, each in constants.items() if name in used}
-    assert_as_onnx_runtime(onnx_file("a.onnx", nodes, constants, 2, opset=opset), abs=1e-6)
+    assert_as_onnx_runtime(onnx_file("a.onnx", nodes, constants, outputs=2, opset=opset), abs=1e-6)
 
 
 @pytest.mark.parametrize("seven", [7, -7])
@@ -316,7 +316,7 @@ def test_outputs_are_told_by_their_names_or_named_in_the_refusal():
 def test_a_graph_in_half_precision_is_evaluated_in_double():
     weights = RNG.normal(size=(6, 5)).astype("float16")
     nodes = [("MatMul", "x W", "m"), ("Cast", "m", "y", {"to": 10})]
-    critic = read(onnx_file("half.onnx", nodes, {"W": weights}, 5), network="policy=")
+    critic = read(onnx_file("half.onnx", nodes, {"W": weights}, outputs=5), network="policy=")
     x = np.linspace(-1.0, 1.0, 6)
     assert critic.u(x) == pytest.approx(x @ weights.astype(float), rel=1e-12)
     assert critic.precision == "float16"
