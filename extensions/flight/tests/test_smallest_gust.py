@@ -24,7 +24,7 @@ KITE = hfa.Model(
 
 
 def largest_response(length, rate):
-    """Return the largest v in a gust with a peak of 1 ft/s, by quadrature."""
+    """Return the largest v of v' = 3 w - rate v in a gust with a peak of 1 ft/s, by quadrature."""
     end = length / 10.0
 
     def response(t):
@@ -40,7 +40,7 @@ def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
     """
     found = smallest_gusts(KITE, hfa.trim(KITE), [[2.0]], [5.0, 0.2])
     up, down, *none = found.thresholds
-    response = largest_response(5.0, 5.0)
+    response = largest_response(length=5.0, rate=3.0 + 2.0)
     assert up.peak == pytest.approx(2.0 / response, rel=0.006)
     assert down.peak == pytest.approx(-1.0 / response, rel=0.006)
     for each in (up, down):
@@ -50,8 +50,10 @@ def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
     assert [each.peak for each in none] == [None, None]
 
 
-def test_the_command_prints_and_stores_the_thresholds():
-    """The flexible aircraft without a policy leaves its limit of the pitch rate at 2.52 ft/s."""
+def test_the_command_finds_the_thresholds():
+    """The flexible aircraft without a policy leaves its limit of the pitch rate in an updraft of 2.52
+    ft/s, its smallest gust. A downdraft has a threshold, too.
+    """
     words = ("fly", "--dihedral", "5", "--policy", "none", "--gust", "smallest:25", "--json")
     flown = run(*words)
     data = json.loads(flown.out)

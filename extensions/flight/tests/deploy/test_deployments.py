@@ -129,8 +129,8 @@ def test_formulas_are_evaluated():
         action={"elevator": {"map": "trim + 0.1 * sin(a) - 2 ** 2 * pitch_rate"}},
     )
     deployed = Deployed(deployment, model_of(GTM))
-    X = np.array([45.0, 0.05, 0.1, 0.07])
-    trim = np.array([45.0, 0.05, 0.0, 0.05, 0.02, 15.0])
+    X = np.array([45.0, 0.05, 0.1, 0.07])  # speed, alpha, pitch rate and pitch
+    trim = np.array([45.0, 0.05, 0.0, 0.05, 0.02, 15.0])  # these, elevator and throttle
     observed = np.array(deployed.observe(X, trim[4:], trim)).ravel()
     np.testing.assert_allclose(observed, [0.02, 0.02], atol=1e-15)
     inputs = np.array(deployed.command(X, trim[4:], trim)).ravel()

@@ -250,6 +250,7 @@ def test_a_flight_without_limits_leaves_where_it_overflows():
 
 
 def test_unmet_requirements_are_listed():
+    """A required delay, margin or cost that one of the trims does not have is unmet."""
     told = assess(aircraft("ppo_gtm"), FOLDER / "ppo_gtm.toml", [45.0, 60.0], samples=0)
     assert replace(told, needs={"delay": 0.01, "margin": 0.1, "cost": 1000.0}).unmet == []
     for needs in ({"delay": 0.02}, {"margin": 0.5}, {"cost": 50.0}):
