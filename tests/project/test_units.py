@@ -548,6 +548,7 @@ class Floored:
 
 @pytest.mark.parametrize("name", ["solve", "sweep", "filter"])
 def test_a_floor_in_units_is_found(name, monkeypatch):
+    """A result whose small numbers are 0 in its own units differs between twins (planted error)."""
     right = getattr(hfa, name)
     monkeypatch.setattr(hfa, name, lambda *given, **options: Floored(right(*given, **options)))
     answers = ANSWERS[f"hfa.{name}"]

@@ -140,7 +140,7 @@ def test_one_wrong_coefficient_is_found(factor):
     exponents = expansion.basis.exponents
     reach = np.prod(np.sqrt(np.diag(np.linalg.inv(expansion.solution.P))) ** exponents, axis=1)
     parts = np.abs(expansion.weights) * reach  # of V, at most, where V2 <= 1
-    for index in (0, 4, 8):
+    for index in (0, 4, 8):  # of degree 2, 3 and 4
         degree = exponents[index].sum()
         least = 1e-5 * parts[exponents.sum(axis=1) == degree].max()
         error = abs(factor - 1.0) * parts[index] / max(parts[index], least)

@@ -131,6 +131,7 @@ def test_a_planted_mistake_fails_and_is_named(make, exact, plant, words):
     ],
 )
 def test_another_mistake_fails_without_a_reason(critic):
+    """Another root, the value of another plant, and zeros fail, and no reason is given."""
     verdict = verify(TWO_INPUTS, critic(TWO_INPUTS))
     assert (verdict.ok, verdict.reason) == (False, "")
 
@@ -198,9 +199,10 @@ def test_a_network_that_moves_nothing_is_named():
 
 @pytest.mark.parametrize("delta", [6.0, np.inf])
 def test_the_order_of_an_action_value_is_named(delta):
+    """An H in another order and half of H fail with this reason; the exact H passes."""
     game = SAMPLED.with_delta(delta)
     H = solve(game).H
-    first = [*range(3, 5), *range(3), *range(5, len(H))]
+    first = [*range(3, 5), *range(3), *range(5, len(H))]  # the two inputs before the three states
     order = "(u, x, w)" if delta == 6.0 else "(u, x)"
     for matrix, says in (
         (H[np.ix_(first, first)], f"H is in the order {order}; it must be in the order"),

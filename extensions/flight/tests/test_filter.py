@@ -636,4 +636,5 @@ def test_a_pass_says_which_rms_is_far_above_its_prediction(point, linear, gain):
     ],
 )
 def test_what_a_filter_cannot_be_is_refused(folder, words, said):
+    """A filter without noise or policy, with a command of a state, and noise alone are refused."""
     assert_refused(run(*words.split(), "--dihedral", "10"), 2, said)

@@ -75,4 +75,5 @@ def test_the_command_finds_the_thresholds():
     ],
 )
 def test_what_the_smallest_gust_cannot_have_is_refused(words, said):
+    """Wrong lengths and words, draws, and noise without a filter are refused."""
     assert_refused(run("fly", "--dihedral", "5", *words.split()), 2, said)

@@ -164,14 +164,26 @@ def test_a_point_without_a_trim_has_no_numbers_in_a_file(tmp_path):
 
 
 def test_a_sweep_in_chunks_is_that_of_all_points(published_aircraft, monkeypatch):
-    """Reasons and finished points are counted from the first point of the sweep."""
+    """A sweep in chunks of 2 points has the results and the reasons of one in a single chunk."""
     grid = {"speed": [10.0, 11.0, 68.0, 60.0, 12.0]}
-    finished = []
     whole = sweep(published_aircraft, grid)
     monkeypatch.setattr("trim.sweeps.sweep.CHUNK", 2)
-    assert sweep(published_aircraft, grid, progress=lambda *at: finished.append(at)) == whole
+    assert sweep(published_aircraft, grid) == whole
     assert [len(reason) > 0 for reason in whole.reasons] == [True, True, False, False, True]
-    assert {all_points for _, all_points, *_ in finished} <= {5}
+
+
+def test_finished_points_are_counted_from_the_first_of_the_sweep(published_aircraft, monkeypatch):
+    """Of 4 points in chunks of 2, solved one by one, the progress is 1 to 4 of 4."""
+    grid, one_by_one = CASES["least effort"]
+    finished = []
+
+    def progress(done, count, what):
+        finished.append((done, count))
+
+    monkeypatch.setattr("trim.sweeps.sweep.CHUNK", 2)
+    grid = grid | {"dihedral": [0.1, 0.2]}
+    sweep(published_aircraft, grid, condition=one_by_one, progress=progress)
+    assert finished == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
 # Many points together, compared with single trims.

@@ -50,6 +50,7 @@ def test_the_entries_of_a_report_are_the_farthest(game):
 
 
 def test_several_critics_pass_together_only():
+    """`hfa verify` of a right and a wrong critic fails, though the right one alone passes."""
     plant = stored("plant.json", A=[[1.0]], B=[[1.0]], Q=[[2.0]], R=[[1.0]])
     K = 1.0 + np.sqrt(3.0)
     files = [stored(f"{factor}.npz", K=np.array([[factor * K]])) for factor in (1.0, -1.0)]
@@ -154,4 +155,5 @@ def test_a_critic_has_the_inputs_of_one_state_or_of_rows_of_states():
     ],
 )
 def test_percentages_and_upper_bounds(value, up, text):
+    """A percentage has at least two digits, of which an upper bound is rounded up."""
     assert percent(value, up=up) == text

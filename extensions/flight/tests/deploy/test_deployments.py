@@ -308,6 +308,7 @@ NORMALIZED = {"mean": [0.0] * 4, "variance": [1.0] * 4}
     ],
 )
 def test_policies_that_do_not_fit_are_refused(policy, said):
+    """A policy of other sizes, or a wrong normalizer, is refused in one line."""
     o = ca.SX.sym("o", 4)
     usual = {"file": ca.Function("f", [o], [o[:2]])}
     with pytest.raises(BadInputError) as caught:

@@ -265,6 +265,7 @@ def test_wrong_actions_and_steps_out_of_turn_are_refused():
     ],
 )
 def test_what_no_environment_can_be_is_refused(given, said):
+    """Wrong points, weights, actions, times and drawn parameters are refused."""
     model = model_of(f"{ROOT}/examples/gtm.py:UNCERTAIN_GTM")
     with pytest.raises(BadInputError, match=said):
         environment(model, **{"deployment": stored_deployment("ppo_gtm"), **given})

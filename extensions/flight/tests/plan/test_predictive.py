@@ -349,6 +349,7 @@ def test_a_long_horizon_is_cut():
     ],
 )
 def test_what_is_refused(says, refused):
+    """Wrong settings of a law, and states of another shape, are refused in one line."""
     with pytest.raises((hfa.BadInputError, hfa.NoSolutionError)) as caught:
         refused()
     assert says in str(caught.value)
@@ -473,6 +474,7 @@ def test_laws_fly_and_are_compared_on_the_command_line(law, capsys):
     ],
 )
 def test_what_the_command_refuses(words, named):
+    """Options that do not apply to the policy, or to the pendulum, are refused."""
     assert_refused(hfa_command("fly", "--aircraft", PENDULUM_FILE, *words.split()), 2, named)
 
 
