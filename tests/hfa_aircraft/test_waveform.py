@@ -42,7 +42,7 @@ def test_sums_and_matrices_act_on_the_values():
     a = commanded(x1="1+2t+sin(t)", x2="cos(4t)")
     b = commanded(x1="3-t+2sin(t)+cos(4t)", x2="sin(t)+cos(t)")
     both = a + b
-    assert len(both.harmonics) == 2
+    assert len(both.harmonics) == 2  # of 1 and 4 rad/s
     np.testing.assert_allclose(both.sampled(TIMES), a.sampled(TIMES) + b.sampled(TIMES))
     M = np.array([[1.0, 2.0], [0.5, 0.0], [-3.0, 4.0]])
     np.testing.assert_allclose(both.through(M).sampled(TIMES), both.sampled(TIMES) @ M.T)

@@ -24,13 +24,13 @@ STABLE = Game(
 PAPER = game_models()["published-5"]
 
 
-def cheap(game):
+def with_cross_weights(game):
     """Return the game with cross weights N."""
     return replace(game, N=0.1 * np.ones(game.B.shape))
 
 
 @pytest.mark.parametrize(
-    "game", [*game_models().values(), STABLE, cheap(STABLE), STABLE.with_delta(np.inf)]
+    "game", [*game_models().values(), STABLE, with_cross_weights(STABLE), STABLE.with_delta(np.inf)]
 )
 def test_the_learned_solution_is_the_exact_one(game):
     """P and K agree with the exact ones within 1e-9, and the judge accepts the run."""

@@ -11,6 +11,7 @@ from tests.support.steps_of import in_steps
 
 
 def _problem(seed, delta=np.inf, discount=0.97):
+    """Return a random game in steps, with 2 to 5 states, two inputs and cross weights."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 6))
     A, B, E = (rng.standard_normal((n, size)) for size in (n, 2, 1))
@@ -27,7 +28,7 @@ def _problem(seed, delta=np.inf, discount=0.97):
 def test_q_learning_finds_the_exact_q_function(seed, margin):
     """Q-learning finds the exact P and H of random plants within 1e-9 of their largest entries.
 
-    No initial policy is given.
+    No initial policy is given. The delta is infinite, or 1.1 times the smallest one.
     """
     problem = _problem(seed)
     if np.isfinite(margin):

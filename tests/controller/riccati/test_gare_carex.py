@@ -20,6 +20,7 @@ EXACT = 1e-14
 
 
 def equation(A, B, Q, R):
+    """Return the game with the Riccati equation of these matrices, whose delta is infinite."""
     A = np.array(A, float)
     return Game(
         A=A,
@@ -87,6 +88,7 @@ def remainder(game, P):
 
 
 def filed(number):
+    """Return the game of an example that SciPy's tests have as a file."""
     file = Path(scipy.linalg.__file__).parent / f"tests/data/carex_{number}_data.npz"
     if not file.exists():
         pytest.skip("this SciPy comes without its tests")

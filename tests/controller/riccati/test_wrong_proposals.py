@@ -44,6 +44,7 @@ class Roots(NamedTuple):
 
 
 def in_other_states(a, b, e, q, **others):
+    """Return the game of two scalar games with these a, b, e and q, in the states z = T y."""
     A, B, E = T @ np.diag(a) @ T_INVERSE, T @ np.diag(b), T @ np.diag(e)
     Q = T_INVERSE.T @ np.diag(q) @ T_INVERSE
     return Game(A, B, E=E, Q=Q, R=np.eye(2), **others)
@@ -116,6 +117,7 @@ def proposed(equation, X, Y, arithmetics):
 
 
 def around(found):
+    """Return the balls about P that a proof has found."""
     return found.P_in_balls.matrix
 
 
