@@ -53,8 +53,8 @@ def refuse_edges(points: Sequence[OperatingPoint]) -> None:
 
 #: Duration of the disturbance pulse, s, and the distance by which it alone would move a state, in
 #: half-widths of the box.
-PUSHED = 1.0
-PUSH = 0.5
+_PULSE_DURATION = 1.0
+_PULSE_SIZE = 0.5
 #: Least and largest duration of a flight, s.
 _SHORTEST = 60.0
 _LONGEST = 300.0
@@ -135,7 +135,7 @@ def seeded_starts(case: TrimCase, count: int, seed: int, with_pulse: bool) -> tu
     starts[:, rows] += in_half_widths * case.box
     pulses = np.zeros_like(directions)
     if with_pulse:
-        pulses = directions * case.box * PUSH / PUSHED
+        pulses = directions * case.box * _PULSE_SIZE / _PULSE_DURATION
     return starts, pulses
 
 
@@ -148,7 +148,7 @@ class CaseFlights:
     cases: the trims with their boxes and equilibria.
     owners: index of each flight's case, (N,).
     trims: (X0; U0; p) of each flight's trim, (N, t).
-    pushes: disturbance pulses, (N, k).
+    pulses: disturbance pulses, (N, k).
     first: initial states of the flights, (N, s).
     seconds: duration of a flight, s.
     endings: how each flight ended.
@@ -160,11 +160,11 @@ class CaseFlights:
         cases: list[TrimCase],
         owners: np.ndarray,
         starts: np.ndarray,
-        pushes: np.ndarray,
+        pulses: np.ndarray,
     ) -> None:
         """Prepare flights from initial states X, (N, n).
 
-        pushes: disturbance pulses, (N, k)
+        pulses: disturbance pulses, (N, k)
         """
         model = flight.deployed.model
         self.flight = flight
@@ -175,7 +175,7 @@ class CaseFlights:
         self.trims = np.array(trims)[owners]
         self.first = flight.start(starts, self.trims)
         self.seconds = max(case.seconds for case in cases)
-        self.pushes = pushes
+        self.pulses = pulses
         nowhere = np.full(len(model.states), np.nan)
         equilibria = [case.equilibrium.states if case.equilibrium else nowhere for case in cases]
         self._centres = np.array(equilibria)[owners][:, self.linear]
@@ -212,8 +212,8 @@ class CaseFlights:
                 self.first[numbers],
                 self.trims[numbers],
                 windows * window,
-                pushes=self.pushes[numbers],
-                pulse=PUSHED,
+                pushes=self.pulses[numbers],
+                pulse=_PULSE_DURATION,
                 over=over,
                 keep=False,
             )
