@@ -88,9 +88,9 @@ def test_a_tail_arm_scales_the_damping():
 
 @pytest.mark.slow
 def test_avl_at_two_centers_is_one_aircraft(folder):
-    """A file about 0.3 m moved by 0.1 chord has A, margins and c.g. of a file about 0.375 m.
+    """A file about 0.3 m moved by 0.1 chord has the A of a file about 0.375 m.
 
-    A of the file that is not moved differs.
+    Static margin, elevator per g and c.g. are the same, too. A of the file that is not moved differs.
     """
     models = []
     for place, x in (("300", 0.3), ("375", 0.375)):
