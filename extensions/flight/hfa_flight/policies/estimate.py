@@ -14,7 +14,6 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.air.held_step import held_step, parts_of_a_sample
-from hfa_flight.policies.crossing_air import added_speed
 from hfa_flight.policies.kalman import KalmanFilter
 
 #: A value is impossible if its innovation is beyond this number of its standard deviations.
@@ -218,7 +217,7 @@ def _added_speed(known: KalmanFilter, y: ca.SX, winds: ca.SX, is_used: list[ca.S
     """Return what winds across the path add to the measured values, of the speed alone, (p,), or
     zero if a value on which it depends is not used.
     """
-    added, of_sensors = added_speed(known), ca.SX(y.numel(), 1)
+    added, of_sensors = known.added_speed(), ca.SX(y.numel(), 1)
     if added is None:
         return of_sensors
     z, is_complete = ca.SX(len(known.states), 1), ca.SX(1)

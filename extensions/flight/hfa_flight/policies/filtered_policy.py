@@ -113,7 +113,7 @@ def _functions_of(known: KalmanFilter, is_extended: bool) -> _Functions:
     before = unpacked(known, memory)
     now = updated(known, before, y, is_extended=is_extended)
     later = propagated(known, before, x, Phi)
-    seen = seen_from_air(known, x[:k], winds_in(known, x))
+    seen = seen_from_air(known.point, known.states, known.winds, x[:k], winds_in(known, x))
     return _Functions(
         _bound("updated", [memory, y], [now.estimate.packed(), now.is_left_out]),
         _bound("propagated", [memory, x, Phi], [later.packed()]),

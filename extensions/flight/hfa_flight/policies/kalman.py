@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.turbulence import AirFilter, Turbulence, held_noise, turbulence_of
-from hfa_flight.policies.crossing_air import added_speed
+from hfa_flight.policies.crossing_air import AddedSpeed, added_speed
 from hfa_flight.policies.deployment.sampled_loop import held
 from hfa_support.errors import (
     BadInputError,
@@ -232,12 +232,16 @@ class KalmanFilter(Result):
         feed = gain @ L @ self.R @ L.T @ gain.T
         return _Loop(F, N, outputs, feed, *self._second_order())
 
+    def added_speed(self) -> AddedSpeed | None:
+        """Return the part of the speed that is quadratic in the winds, as `crossing_air` does."""
+        return added_speed(self.point, self.states, self.winds, self.sensors)
+
     def _second_order(self) -> tuple[int, np.ndarray]:
         """Return the row of the speed, and the second derivatives by x of what winds across the
         path add to it, (n, n).
         """
         n, k = len(self.Phi), len(self.states)
-        added = added_speed(self)
+        added = self.added_speed()
         if added is None:
             return 0, np.zeros((n, n))
         x = ca.SX.sym("x", n)
