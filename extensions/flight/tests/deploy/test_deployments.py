@@ -423,16 +423,16 @@ def test_a_normalizer_that_saw_more_than_the_training_is_noted(folder):
 
 def test_an_assessment_finds_another_normalizer_and_a_missing_one():
     """Each is one finding. Only the right normalizer gives the loop of the stored deployment."""
+    stored = stored_deployment("ppo_gtm")
+    radius = assess(model_of(GTM), stored, [45.0], samples=0).points[0].radius
     for policy, said in (
         ({}, "trained behind a VecNormalize"),
-        ({"normalizer": FOLDER / "ppo_squash.pkl"}, "saw 516 observations"),
+        ({"normalizer": FOLDER / "ppo_squash.pkl"}, "saw 516 observations"),  # of another training
         ({"normalizer": FOLDER / "ppo_gtm.pkl"}, ""),
     ):
-        stored = stored_deployment("ppo_gtm")
         files = {"file": FOLDER / "ppo_gtm.zip", **policy}
         found = assess(model_of(GTM), stored.changed(policy=files), [45.0], samples=0)
         warned = [each.text for each in found.findings if "normali" in each.text.lower()]
         assert len(warned) == bool(said)
         assert all(said in text for text in warned)
-        radius = assess(model_of(GTM), stored, [45.0], samples=0).points[0].radius
         assert (found.points[0].radius == radius) == (said == "")

@@ -11,7 +11,7 @@ import hfa
 A = np.array([[-2.0, 0.1], [-10.0, -0.5]])
 B = np.array([[3.0, 0.0], [0.0, 20.0]])
 K = np.array([[0.4, 0.01], [-0.2, 0.05]])
-#: Nominal values of the states and of the inputs, and the gain in them.
+#: Nominal values of the states and of the inputs, and the gain between deviations divided by them.
 X, U = np.array([0.2, 100.0]), np.array([0.1, 0.5])
 NOMINAL_K = K * X / U[:, None]
 OFFSET = np.array([0.01, -0.03])
@@ -94,6 +94,10 @@ def test_inputs_that_follow_themselves_have_a_larger_gain():
 
 
 def test_at_a_kink_of_the_aircraft_the_loop_is_that_of_linearize():
+    """With a kink at the trim, alpha = .1, the nominal loop is the linear model in the nominal values
+    X and U.
+    """
+
     def kinked(x, u, p, w):
         rates, outputs = glide(x, u, p, w)
         return {**rates, "speed": rates["speed"] - 5.0 * ca.fabs(x.alpha - 0.1)}, outputs

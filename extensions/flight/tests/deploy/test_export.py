@@ -84,11 +84,11 @@ def test_exported_c_equals_the_deployment_file(name, tmp_path, capsys):
 
 @needs_compiler
 def test_exported_c_has_the_gain_and_the_delay(tmp_path):
-    """The C code computes u = U0 + K o within the limits of the inputs, and its header has the sample
-    time and the delay.
+    """The C code computes u = U0 - K o, saturated at either limit of the inputs, and its header has
+    the sample time and the delay.
     """
-    gain = np.arange(8.0).reshape(2, 4) / 10.0
-    np.savez(tmp_path / "gain.npz", K=-gain)
+    K = -np.arange(8.0).reshape(2, 4) / 10.0
+    np.savez(tmp_path / "gain.npz", K=K)
     (tmp_path / "gain.toml").write_text(
         "[policy]\nfile = 'gain.npz'\n"
         "[observation]\nspeed = {}\nalpha = {}\npitch_rate = {}\npitch = {}\n"
@@ -100,10 +100,12 @@ def test_exported_c_has_the_gain_and_the_delay(tmp_path):
     header = (tmp_path / "c" / "deployed_policy.h").read_text()
     assert "POLICY_DT 0.02\n#define POLICY_DELAY 0.03\n" in header
     inputs = np.array(point.inputs)
-    u = compiled(tmp_path / "c")(np.array(point.states) + 0.001, inputs)
+    command = compiled(tmp_path / "c")
     lowest, highest = np.transpose([(s.min, s.max) for s in point.model.inputs.values()])
-    expected = np.clip(inputs + gain @ np.full(4, 0.001), lowest, highest)
-    np.testing.assert_allclose(u, expected, rtol=1e-9)
+    within = inputs - K @ np.full(4, 0.001)
+    for deviation, expected in ((0.001, within), (100.0, highest), (-100.0, lowest)):
+        u = command(np.array(point.states) + deviation, inputs)
+        np.testing.assert_allclose(u, expected, rtol=1e-9)
 
 
 @needs_compiler

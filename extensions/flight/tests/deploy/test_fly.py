@@ -15,8 +15,8 @@ from hfa_flight import ActuatorBank, Scenario
     [(0.02, 0.03, 2), (1.0 / 60.0, 0.02, 5)],
 )
 def test_commands_change_at_whole_samples_after_the_delay(dt, delay, parts):
-    """Commands change at whole samples after the delay, and the flight is a whole number of ticks.
-    With actuators, the integration has steps of at most 1 ms.
+    """Commands change at whole samples after the delay, the first one at the delay, and the flight is
+    a whole number of ticks. With actuators, the integration has steps of at most 1 ms.
 
     parts: sample time / greatest common divisor of sample time and delay
     """
@@ -26,9 +26,10 @@ def test_commands_change_at_whole_samples_after_the_delay(dt, delay, parts):
         assert tick == pytest.approx(dt / parts, rel=1e-12)
         assert flight.time[-1] == pytest.approx(round(0.3 / tick) * tick)
     changes = np.flatnonzero(np.abs(np.diff(flown[0].inputs[:, 0])) > 1e-12)
-    after = flown[0].time[changes] - delay
+    after = flown[0].time[changes + 1] - delay  # np.diff has the row before each change
     assert len(changes) > 3
-    np.testing.assert_allclose(after, dt * np.round(after / dt), atol=1e-9 + flown[0].step)
+    assert after[0] == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(after, dt * np.round(after / dt), atol=1e-9)
     assert flown[1].step <= 0.001 < flown[0].step
 
 
