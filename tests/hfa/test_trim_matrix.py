@@ -107,7 +107,7 @@ def test_a_mach_number_and_knots_become_the_speed(book):
 
 
 def test_the_file_that_comes_out_runs_again(book):
-    """Its columns before `results` state the conditions; all figures are the same.
+    """The columns before `results` of a written file state the conditions; all figures are the same.
 
     The condition whose thrust is too low is left out: to find that takes longest.
     """
@@ -185,7 +185,7 @@ def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book):
 
 
 def test_a_stall_is_said_by_linearize_too(book):
-    """Its first lines have the stall, and the load factor of a turn."""
+    """The first lines of `hfa linearize` have the stall, and the load factor of a turn."""
     words = ("linearize", "--aircraft", str(book / "uav.toml"), "--conditions")
     run = command(*words, str(book / "conditions.csv"), "--row", "stall", "-q")
     assert "STALLED: CL" in run.out.partition("\n\n")[0]

@@ -133,7 +133,7 @@ def test_repeated_zero_eigenvalues_have_no_mode_of_the_aircraft():
 
 
 def test_a_steep_turn_has_a_spiral():
-    """Speed participates most in the slow real mode of a turn with 61 deg of bank, which is its
+    """Speed participates most in the slow real mode of a turn with 60 deg of bank, which is its
     spiral: the other mode of speed and pitch oscillates.
     """
     point = trim(hfa.load_model(f"{ROOT}/examples/uav.toml"), speed=50.0, turn_rate=0.35)

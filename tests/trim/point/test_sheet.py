@@ -229,7 +229,7 @@ def test_lift_above_the_declared_largest_coefficient_is_said():
 
 
 def test_the_nearest_limit_is_named_also_if_it_is_assumed():
-    """Alpha .4 % of its range from an assumed limit is named after a declared limit at 14 %."""
+    """Alpha .2 % of its range from an assumed limit is named after a declared limit at 14 %."""
 
     def equations(x, u, p, w):
         return {"speed": u.thrust - 0.1 * x.speed, "alpha": x.alpha - 0.996}, {}
