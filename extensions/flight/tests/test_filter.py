@@ -308,8 +308,8 @@ def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
 
 @pytest.mark.parametrize(("delay", "samples"), [(0.03, 4), (0.025, 3)])
 def test_a_delay_is_known_to_the_filter(point, linear, gain, delay, samples):
-    """The first command is that of the state predicted over the delay. The estimate then moves with
-    this command from its delay on, and until then with none.
+    """The first command is that of the state predicted over the delay. The estimate follows the
+    linear model, in which this command acts after the delay.
     """
     known = hfa.filter(linear, NOISE)
     late, _ = known.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=delay))
@@ -317,8 +317,9 @@ def test_a_delay_is_known_to_the_filter(point, linear, gain, delay, samples):
     y = np.array([point[name] for name in known.sensors])
     U = late(0.0, y + innovations_of(known))
     for sample in range(1, samples):
-        late(0.01 * sample, np.full(6, np.nan))
+        late(0.01 * sample, np.full(6, np.nan))  # nan: no measurement
     A, B = np.array(linear.A), np.array(linear.B)
+    # The estimate is that at the next sample, 0.01 s * samples.
     moved = expm(np.block([[A, B], [np.zeros((5, 11))]]) * (0.01 * samples - delay))
     x = expm(A * delay) @ known.L @ innovations_of(known)
     x = moved[:6, :6] @ x + moved[:6, 6:] @ (U - point.u)

@@ -302,16 +302,17 @@ def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
 
 
 def test_lift_by_rate_of_alpha_gives_analytical_rate(tmp_path):
-    """A lift that depends on the rate of alpha gives the analytical rate."""
+    """With the lift 0.02 q S alpha', alpha' (1 + 0.02 q S / (m V)) is alpha' without this term."""
     term = slope(0.02, "aero/alphadot-rad_sec")
     model = model_of(tmp_path, glider(force("LIFT", slope(5.0, "aero/alpha-rad"), term) + REST))
     plain = model_of(tmp_path, glider())
-    x = [120.0, 0.1, *[0.0] * 7, 1000.0]
+    x = [120.0, 0.1, *[0.0] * 7, 1000.0]  # 120 ft/s, alpha = 0.1 rad, 1000 ft
     rate = model.rates_at(x, [0.0] * 3)["alpha"]
     without = plain.rates_at(x, [0.0] * 3)["alpha"]
     outputs = plain.outputs_at(x, [0.0] * 3)
-    per_unit = outputs["lift_to_weight"] / (5.0 * 0.1) * 32.174049 / 120.0
-    assert rate == pytest.approx(without / (1.0 + 0.02 * per_unit), rel=1e-9)
+    # L / W = 5 alpha q S / (m g), with g in ft/s²
+    pressure_per_momentum = outputs["lift_to_weight"] / (5.0 * 0.1) * 32.174049 / 120.0
+    assert rate == pytest.approx(without / (1.0 + 0.02 * pressure_per_momentum), rel=1e-9)
 
 
 def test_the_sign_of_the_inertia_product_is_read(tmp_path):

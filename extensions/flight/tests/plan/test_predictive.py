@@ -100,7 +100,7 @@ def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds():
     np.testing.assert_allclose(policy.K, forever, rtol=1e-9)
 
 
-def test_one_program_makes_the_last_plan_the_optimum_of_another_state():
+def test_one_quadratic_program_makes_the_last_plan_the_optimum_of_another_state():
     """At a second sample whose state is not the predicted one, the input of a linear model is that
     of the exact gain of the holds, and not that of the old plan.
     """
@@ -113,6 +113,7 @@ def test_one_program_makes_the_last_plan_the_optimum_of_another_state():
     linear = hfa.linearize(CART, AT_REST)
     K = gain_of_holds(np.array(linear.A), np.array(linear.B), policy.holds)
     policy(0.0, [0.97, -0.1])
+    # The input of the second sample in the first plan, N: v is in units of sizes[1].
     planned = float(policy.samples.first.v[1, 0]) * policy.problem.sizes[1][0]
     elsewhere = np.array([0.95, -0.3])
     assert abs(planned + (K @ elsewhere).item()) > 0.05
@@ -403,7 +404,7 @@ def test_a_copy_in_flight_flies_on_as_the_policy_does(law):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_moved_aircraft_is_believed_at_the_second_sample(law):
-    """A jump that stays is no wrong sample: the policy returns from there."""
+    """A jump of the position by 2 m is ignored for one sample. If it stays, the policy acts on it."""
     policy = made(law, dt=0.1)
     policy(0.0, [0.0, 0.0])
     x = np.array([2.0, 0.0])

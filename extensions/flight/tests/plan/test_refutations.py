@@ -43,6 +43,7 @@ def test_the_simulation_confirms_or_refutes_a_proposal(best):
     wrong = proposal._replace(v=proposal.v + 0.2)
     assert refutation(flights.follow(wrong, 1.25 * best.seconds), wrong)
     assert search._unfinished(proposal) == ""
+    # The plan ends 0.2 m before the limit of the position, at 6 m/s; 1e9 makes its cost no reason.
     z = proposal.z.copy()
     z[-1, -1] = [19.8, 6.0]
     assert "leaves the limits" in search._unfinished(proposal._replace(z=z, cost=1e9))
