@@ -327,7 +327,7 @@ def test_squashed_actions_need_a_box_and_reach_its_ends():
         _ = gtm_deployment(policy, action={"elevator": {"box": [-1, 3]}, "throttle": {}}).box
     action = {"elevator": {"box": [-1, 3]}, "throttle": {"box": [0, 5]}}
     act = Deployed(gtm_deployment(policy, action=action), model_of(GTM)).act
-    for raw in (-0.3, 0.0, 2.0):
+    for raw in (-40.0, -0.3, 0.0, 2.0, 40.0):  # tanh of ±40 is ±1
         share = 0.5 * (np.tanh(raw) + 1.0)
         found = np.array(act([raw, raw, 0.0, 0.0])).ravel()
         np.testing.assert_allclose(found, [-1.0 + 4.0 * share, 5.0 * share], atol=1e-12)

@@ -165,8 +165,11 @@ def test_faulty_plants_are_refused(files, words, said):
 
 
 def test_weights_of_the_plant_file_are_those_of_the_cost(assessed):
-    """A policy that is the exact gain of Q and R in the plant file costs 1.00 times the exact cost."""
-    plant = {"A": [[0.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": [[1.0, 0.1], [0.1, 0.1]]}
+    """A policy that is the exact gain of Q and R in the plant file costs 1.00 times the exact cost.
+
+    Without the off-diagonal weights, or with twice the R, it would cost at least 1.3 times.
+    """
+    plant = {"A": [[-1.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": [[1.0, -0.9], [-0.9, 1.0]]}
     P = solve_continuous_are(plant["A"], plant["B"], plant["Q"], [[0.05]])
     K = 20.0 * np.transpose(plant["B"]) @ P
     code, output, _ = assessed(K, "--json", **plant, R=[[0.05]])

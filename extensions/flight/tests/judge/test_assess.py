@@ -109,12 +109,12 @@ def test_the_cost_above_the_optimum_is_that_of_summed_samples():
 @pytest.mark.parametrize(
     ("strong", "slope", "lost", "both"), [(True, 6.0, 0, 2), (False, 2.0, 2, 1)]
 )
-def test_flights_that_do_not_return_are_counted_and_not_compared(strong, slope, lost, both):
-    """Flights of the policy and of the exact gain that do not return are lost; costs are compared
-    where both return.
+def test_costs_are_compared_only_where_both_flights_converge(strong, slope, lost, both):
+    """Flights of the policy and of the exact gain that do not converge are counted as lost; costs
+    are compared where both converge.
 
-    v' = v + 4 v^3 + f from .25, .79 and .55: the exact gain 1 + sqrt 2 returns from v < .595.
-    f = -6 v returns from v < 1.12, and f = -2 v + 4 v^3 from v < .354.
+    v' = v + 4 v^3 + f from .25, .79 and .55: the exact gain 1 + sqrt 2 converges from v < .595.
+    f = -6 v converges from v < 1.12, and f = -2 v + 4 v^3 from v < .354.
     """
     model = scalar(lambda v, f: v + 4.0 * v**3 + f, 3.0, 10.0)
     deployment = deployed(lambda v: -slope * v + (not strong) * 4.0 * v**3, 0.02, [-10.0, 10.0])

@@ -26,9 +26,9 @@ def assert_same(one, other):
 
 
 def test_flights_in_python_are_those_of_the_command(capsys):
-    """Two flights of the exact gain in noise, of which one is lost, have the same report by the
-    command and in Python, with other lift and another seed than the default. The share of --need
-    decides the exit code.
+    """Two flights of the exact gain in noise, of which one leaves the envelope, have the same report
+    by the command and in Python, with other lift and another seed than the default. The share of
+    --need decides the exit code.
     """
     words = ["fly", "--policy", "exact", "--dihedral", "10", "--noise=speed=.05"]
     words += ["--error", "lift_slope=0.3", "--duration", "0.5", "--samples", "2", "--seed", "1"]

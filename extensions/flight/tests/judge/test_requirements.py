@@ -50,7 +50,7 @@ def test_wrong_requirements_are_refused_before_any_flight():
 
 
 @pytest.mark.parametrize(("offset", "passes"), [(0.01, True), (0.2, False), (-0.2, False)])
-def test_a_policy_passes_only_if_flights_return_to_the_trim(offset, passes):
+def test_a_policy_passes_only_if_every_flight_returns_to_the_trim(offset, passes):
     """Every flight converges to the equilibrium. With a large steady-state error, not every flight
     returns to the trim, and the error has the sign of the offset.
     """
@@ -76,6 +76,7 @@ def test_a_flight_has_returned_when_its_cost_to_go_is_a_twentieth():
     spent = (1.0 + 1.0) / (2.0 * 1.1)
     point = hfa.trim(SLOW)
     for share in (0.049, 0.051):
+        # P end^2 is this share of P end^2 + spent (1 - end^2), with end = v / v(0).
         end = math.sqrt(share * spent / (P * (1.0 - share) + share * spent))
         seconds = round(-math.log(end) / 1.1, 2)
         weights = (np.eye(1), np.eye(1))
@@ -97,8 +98,8 @@ def test_an_equilibrium_beyond_the_limits_fails_without_flights(offset, passes):
 
 
 def test_a_flight_that_departs_again_has_not_converged():
-    """v' = .005 v grows by 5 % in the last ten seconds: no flight has converged, also from starts
-    near 0. With a gain of .2 each of the same starts converges.
+    """v' = .005 v grows by 5 % in the last ten seconds: no flight has converged, also from initial
+    conditions near 0. With a gain of .2, each flight converges.
     """
     model = scalar(lambda v, f: 0.005 * v + f, 50.0)
     for gain, converged in ((0.0, 0), (0.2, 100)):
