@@ -95,20 +95,18 @@ def test_two_inputs_that_only_act_together_need_a_weight(share):
 
 
 def test_gain_and_margins_of_a_scalar_loop():
-    """x+ = .8 x + u + w with u = -.3 x: L2 gain and disk margin in closed form.
-
-    For another Q, the upper gain margin of the optimal gain is in closed form, too.
+    """x+ = .8 x + u + w with u = -.3 x: L2 gain and disk margin in closed form, and the upper gain
+    margin of the optimal gain.
     """
     game = Game([[0.8]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[4.0]], dt=0.2)
     K = np.array([[0.3]])
     output = math.sqrt(1.0 + 4.0 * 0.3**2)
-    level = hfa.solve(game).level
+    solution = hfa.solve(game)
+    level = solution.level  # loops of any gain in states with value y'y
     assert level.l2_gain(K).low <= output / 0.5 * (1.0 + 1e-15)
     assert level.l2_gain(K).high == pytest.approx(output / 0.5, rel=1e-6)
     # f times the optimal gain k: stable for |.8 - f k| < 1, thus f up to 1.8 / k.
-    loop = hfa.solve(replace(game, Q=[[0.2]])).loops[0]
-    gain = hfa.solve(replace(game, Q=[[0.2]])).K[0, 0]
-    assert loop.gain_high == pytest.approx(1.8 / gain, rel=1e-6)
+    assert solution.loops[0].gain_high == pytest.approx(1.8 / solution.K[0, 0], rel=1e-6)
     # S - 1/2 at z = -1 is the largest: |1 / (1 + l) - 1/2|, l = -.3 / 1.8.
     sensitivity = [abs(1.0 / (1.0 + 0.3 / (z - 0.8)) - 0.5) for z in (1.0, -1.0)]
     assert level.disk_margin(K).disk == pytest.approx(1.0 / max(sensitivity), rel=1e-6)

@@ -96,6 +96,7 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters):
     for _ in range(20):
         truth = made_up(parameters, rng)
         found = fit(printed(truth), VARIANTS["published"])
+        # Rounding is at most 1 half unit of the last printed digit, and the fit takes part of it.
         assert found.largest < 2.0
         rows.append(errors_in_standard_errors(found, truth))
         # The test can fail: 1 % of any constant is many standard errors.

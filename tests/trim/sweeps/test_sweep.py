@@ -352,8 +352,10 @@ def test_a_long_sweep_prints_its_ends(published_aircraft):
 
 
 def test_the_root_locus_has_paths_and_ends(published_aircraft):
-    """Paths over the trimmed points begin at o and end at s."""
-    speeds = [30.0, *np.linspace(56.0, 100.0, 9)]
+    """The root locus draws the path of each eigenvalue over the trimmed points, with o at the first
+    and s at the last trimmed speed. The second panel draws only the slow ones.
+    """
+    speeds = [30.0, *np.linspace(56.0, 100.0, 9)]  # no trim at 30 ft/s
     swept = sweep(published_aircraft, {"speed": speeds})
     roots = swept.eigenvalues
     assert not swept.trimmed[0]
@@ -363,7 +365,7 @@ def test_the_root_locus_has_paths_and_ends(published_aircraft):
         for line in panel.lines:
             path = np.array(line.get_xdata()) + 1j * np.array(line.get_ydata())
             drawn.setdefault(line.get_marker(), []).append((line.get_label(), path))
-        paths = [path for _, path in drawn["None"] if len(path) == 10]
+        paths = [path for _, path in drawn["None"] if len(path) == 10]  # lines without markers
         np.testing.assert_array_equal(paths, roots.T[shown])
         for marker, row, label in (("o", 1, "speed 56 ft/s"), ("s", 9, "speed 100 ft/s")):
             ((said, marked),) = drawn[marker]

@@ -105,7 +105,8 @@ def biased(game, share):
 
 @pytest.mark.parametrize(("share", "grade"), [(1e-8, "near"), (0.3, "fail")])
 def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
-    """Beside the lost cost, V* at the equilibrium decides, relative to its mean over the corners.
+    """The verdict holds if the limit exceeds both the lost cost and V* at the equilibrium, in percent
+    of the mean of V* over the corners of the box.
 
     The stated cost of an equilibrium per second is z'Qz + u'Ru.
     """
@@ -124,9 +125,9 @@ def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
     P = value(game)
     corners = BOX * np.array(np.meshgrid(*6 * [[-1.0, 1.0]])).reshape(6, -1).T
     mean = np.mean(np.einsum("ki,ij,kj->k", corners, P, corners))
-    part = 100.0 * z @ P @ z / mean
-    assert verdict.value_of("rest_point") == pytest.approx(part, rel=1e-6)
-    least = max(part, verdict.cost_lost)
+    percent = 100.0 * z @ P @ z / mean
+    assert verdict.value_of("rest_point") == pytest.approx(percent, rel=1e-6)
+    least = max(percent, verdict.cost_lost)
     assert (verdict.holds(0.99 * least), verdict.holds(1.01 * least)) == (False, True)
 
 
