@@ -559,7 +559,8 @@ def test_margins_of_a_filters_loop_are_where_it_is_unstable(angle):
 
 @pytest.mark.parametrize("lost", [0, 3, 5])
 def test_the_band_of_lost_flights_is_that_of_the_binomial(lost):
-    """The tails beyond both ends have 2.5 %; if no or every flight is lost, one has 5 %.
+    """Of 5 flights, `lost` leave the envelope: the tails beyond both ends of the band have 2.5 %, and
+    the one tail if none or all leave has 5 %.
 
     The printed upper end is rounded up.
     """

@@ -46,14 +46,15 @@ def deployment_of(gain, folder):
 
 
 def in_environment(model, deployment, point, start, gain, seconds):
-    """Return the sum of the rewards, the last states, and when the episode was lost, or None."""
+    """Return the sum of the rewards, the last states, and when the flight left its limits, or None."""
     env = hfa.environment(model, hfa.Deployment.load(deployment), [point], seconds=seconds)
     _, info = env.reset(options={"state": point.x + start})
-    total, over, lost = 0.0, False, False
-    while not (over or lost):
-        _, reward, lost, over, info = env.step(-gain @ (info["X"] - point.x))
+    total, over, has_left = 0.0, False, False
+    while not (over or has_left):
+        _, reward, has_left, over, info = env.step(-gain @ (info["X"] - point.x))
         total += reward
-    return total, info["X"], float(re.search("at ([0-9.]+) s", info["left"])[1]) if lost else None
+    left_at = float(re.search("at ([0-9.]+) s", info["left"])[1]) if has_left else None
+    return total, info["X"], left_at
 
 
 def cost_of_rewards(total, start, end):
@@ -95,16 +96,16 @@ def test_four_commands_fly_the_same_flight(model, gain, tmp_path, capsys, sign, 
         model, point, policy, seconds, initial=row["start"], weights=WEIGHTS, predict=False
     )
     start = np.array(list(row["start"].values()))
-    total, end, lost = in_environment(model, policy, point, start, sign * gain, seconds)
+    total, end, left_at = in_environment(model, policy, point, start, sign * gain, seconds)
 
     assert optimized["converges"] == is_back
     assert assessed["costs"]["lost"] == (not is_back)
     assert flown.returned == is_back
     if not is_back:
         assert flown.departure.time == pytest.approx(optimized["departure"]["time"], abs=DT)
-        assert flown.departure.time == pytest.approx(lost, abs=DT)
+        assert flown.departure.time == pytest.approx(left_at, abs=DT)
         return
-    assert (lost, flown.departure, optimized["departure"]) == (None, None, None)
+    assert (left_at, flown.departure, optimized["departure"]) == (None, None, None)
     np.testing.assert_allclose(end, flown.states[-1], rtol=1e-6, atol=1e-7)
     cost = cost_of_rewards(total, start, end - point.x)
     assert cost == pytest.approx(flown.cost, rel=2e-3)

@@ -197,6 +197,7 @@ def test_a_washout_becomes_a_state_with_filters_option(tmp_path):
     assert linear.A[state, rate] == pytest.approx(0.5)
     assert linear.A[state, state] == pytest.approx(-0.5)
     assert linear.A[rate, state] > 0.0
+    # The output is the yaw rate minus the state of the filter; without this state it is 0.
     point = trim(steady, hold={"speed": 120.0})
     at_once = linearize(steady, point).A[rate, rate] - linear.A[rate, state]
     assert linear.A[rate, rate] == pytest.approx(at_once)

@@ -80,7 +80,8 @@ def test_each_row_is_the_flight_that_its_name_says(rows):
     assert math.cos(rows["turn 1.3 g"]["roll"]) == pytest.approx(1.0 / 1.3, rel=0.02)
     assert rows["pull-up"]["load_factor"] == 1.5
     assert rows["pull-up"]["pitch_rate"] > 0.0
-    assert rows["sideslip"]["roll"] * rows["sideslip"]["rudder"] != 0.0
+    assert rows["sideslip"]["beta"] == pytest.approx(math.radians(3.0))
+    assert min(abs(rows["sideslip"][name]) for name in ("roll", "rudder")) > 0.01
     assert rows["engine out"]["engine1"] == 0.0
     assert abs(rows["engine out"]["rudder"]) > 0.1
     assert rows["landing"]["flap"] == rows["landing"]["gear"] == 1.0

@@ -63,8 +63,8 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(fold
     weighted = ["--Q", "1,1", "--R", "0.5", "-o", "flight.json"]
     assert main([*words, "--policy", "K.npz", *weighted]) == 1
     assert " inf " not in capsys.readouterr().out
-    _, lost = json.loads(Path("flight.json").read_text())["policies"]
-    assert (lost["converges"], lost["cost"], lost["over_best"]) == (False, None, None)
+    _, unstable = json.loads(Path("flight.json").read_text())["policies"]
+    assert (unstable["converges"], unstable["cost"], unstable["over_best"]) == (False, None, None)
 
 
 def test_a_flight_between_trims_begins_at_the_held_value_and_ends_at_that_of_to(capsys):
@@ -107,7 +107,7 @@ def test_a_deployment_and_a_critic_are_compared(folder, capsys):
 
 
 def test_optimize_counts_and_summarizes_initial_conditions(folder, capsys):
-    """Starts are drawn within 0.9 of the nearer limit, and the median and the worst cost ratio of a
+    """Initial conditions are within 0.9 of the nearer limit, 0.3, and the median and the worst cost ratio of a
     policy are those of its listed flights.
 
     No flight of the linear optimum is cheaper than the best flight.

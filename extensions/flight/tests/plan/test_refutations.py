@@ -75,8 +75,8 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch):
 
 
 def test_initial_conditions_without_a_flight_count_in_the_share(folder, monkeypatch):
-    """IPOPT finds nothing (planted), and the linear optimum of a cart is too fast from some starts. The
-    command passes if the share of the other starts is at least the required one.
+    """IPOPT finds nothing (planted), and the linear optimum of a cart is too fast from some initial
+    conditions. The command passes if the share of the others is at least the required one.
     """
     monkeypatch.setattr(ca, "nlpsol", Failing)
     np.savez("cart.npz", A=[[0.0, 1.0], [0.0, 0.0]], B=[[0.0], [1.0]])

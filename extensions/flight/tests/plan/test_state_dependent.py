@@ -57,7 +57,7 @@ def test_the_command_does_not_depend_on_the_unit_of_the_cost():
     np.testing.assert_allclose(commands[0], commands[1], rtol=1e-9)
 
 
-def pushed(policy, start):
+def duffing_flight(policy, start):
     """Return a flight of 8 s of the Duffing oscillator, not compared with its linear model."""
     return hfa.fly(DUFFING, AT_REST, policy, 8.0, initial=start, predict=False)
 
@@ -69,9 +69,9 @@ def test_the_filter_keeps_a_rate_inside_its_limit():
     gain = hfa.lqr([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], [100.0, 1.0], [0.1])
     policy = GainPolicy("gain", np.array(gain.K))
     start = {"position": 2.0}
-    assert pushed(policy, start).departure.state == "rate"
+    assert duffing_flight(policy, start).departure.state == "rate"
     kept = hfa.keep_inside(policy, DUFFING, AT_REST)
-    flight = pushed(kept, start)
+    flight = duffing_flight(kept, start)
     assert flight.departure is None
     assert 0.9 * 1.5 < np.abs(flight["rate"]).max() < 1.5
     assert np.abs(flight.states[-1]).max() < 1e-2
@@ -82,7 +82,7 @@ def test_a_policy_that_needs_no_filter_is_unchanged():
     """Inside all limits, the filtered policy flies the same states and inputs."""
     policy = GainPolicy("gain", np.array([[1.0, 1.0]]))
     kept = hfa.keep_inside(policy, DUFFING, AT_REST)
-    flights = [pushed(each, {"position": 0.5}) for each in (policy, kept)]
+    flights = [duffing_flight(each, {"position": 0.5}) for each in (policy, kept)]
     np.testing.assert_allclose(flights[0].states, flights[1].states, atol=1e-6)
     np.testing.assert_allclose(flights[0].inputs, flights[1].inputs, atol=1e-6)
     assert flights[1].policy["changed_samples"] == 0
