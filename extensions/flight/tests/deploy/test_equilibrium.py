@@ -60,6 +60,7 @@ def assessed(act, observed=("alpha", "speed"), model=GLIDER, **settings):
 
 
 def equilibrium(*act, **settings):
+    """Return the equilibrium that the assessment of a policy finds; arguments as of `assessed`."""
     (point,) = assessed(*act, **settings).points
     return point.equilibrium
 

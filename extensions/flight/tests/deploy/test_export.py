@@ -55,9 +55,9 @@ def compiled(folder):
     call = ctypes.CDLL(str(library)).deployed_policy
     pointer = ctypes.POINTER(ctypes.c_double)
 
-    def command(X, U, *past_and_observed):
+    def command(X, U):
         out = np.zeros(len(U))
-        call(*(array.ctypes.data_as(pointer) for array in (X, U, out, *past_and_observed)))
+        call(*(array.ctypes.data_as(pointer) for array in (X, U, out)))
         return out
 
     return command
@@ -76,8 +76,8 @@ def test_exported_c_equals_the_deployment_file(name, tmp_path, capsys):
     assert differences(deployed, point, command) < 1e-12
     measured = np.array(point.states)
     measured[list(point.model.states).index("pitch")] = np.nan
-    moved = [list(point.model.inputs).index(each) for each in deployed.commanded]
-    assert np.isnan(command(measured, np.array(point.inputs))[moved]).all()
+    commanded = [list(point.model.inputs).index(each) for each in deployed.commanded]
+    assert np.isnan(command(measured, np.array(point.inputs))[commanded]).all()
     header = (tmp_path / "c" / "deployed_policy.h").read_text()
     assert f"#define POLICY_DT {deployed.deployment.dt!r}" in header
 

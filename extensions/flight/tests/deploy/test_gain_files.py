@@ -36,9 +36,10 @@ def test_a_gain_is_of_its_states_inputs_units_and_sample_time(tmp_path, entries,
 
 
 def test_effects_are_those_of_the_exact_gain_and_reversed_with_an_action():
-    """The exact gain of 1/nominal² has its own effects, whose sum is that of the shifted poles.
+    """The actions of the exact gain of the weights 1/nominal² have the exact effects, whose sum is the
+    shift of the sum of the poles.
 
-    A reversed elevator has the opposite effect; the throttle keeps its own.
+    A reversed elevator has the opposite effect, and the throttle keeps its effect.
     """
     model = model_of(GTM)
     point = hfa.trim(model, at=45.0)
@@ -52,8 +53,8 @@ def test_effects_are_those_of_the_exact_gain_and_reversed_with_an_action():
         told = assess(model, policy, [point], samples=0)
         effects = {each.action: each for each in told.points[0].actions}
         exact = {name: each.exact_effect for name, each in effects.items()}
-        moved = np.linalg.eigvals(linear.A).sum() - np.linalg.eigvals(linear.A - linear.B @ K).sum()
-        assert sum(exact.values()) == pytest.approx(moved.real, rel=1e-9)
+        shift = np.linalg.eigvals(linear.A).sum() - np.linalg.eigvals(linear.A - linear.B @ K).sum()
+        assert sum(exact.values()) == pytest.approx(shift.real, rel=1e-9)
         assert min(exact.values()) > 0.0
         assert effects["elevator"].effect == pytest.approx(sign * exact["elevator"], rel=1e-6)
         assert effects["throttle"].effect == pytest.approx(exact["throttle"], rel=1e-6)

@@ -93,8 +93,8 @@ def test_a_gain_alone_is_assessed(folder):
     np.savez("plant.npz", A=[[0.0, 1.0], [2.0, -0.3]], B=[[0.0], [1.0]], **units)
     np.savez("K.npz", K=[[4.24, 2.8]])
     units = {"state_units": ["deg", "rad/s"], "input_units": ["lbf ft"]}
-    turning = 4.4482216152605 * 0.3048
-    np.savez("units.npz", K=[[np.radians(4.24) / turning, 2.8 / turning]], **units)
+    lbf_ft = 4.4482216152605 * 0.3048  # in N m
+    np.savez("units.npz", K=[[np.radians(4.24) / lbf_ft, 2.8 / lbf_ft]], **units)
     Path("deployment.toml").write_text(DEPLOYMENT)
     words = ("--aircraft", "plant.npz", "--samples", "0", "--json")
     radii = []

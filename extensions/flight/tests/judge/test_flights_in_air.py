@@ -58,6 +58,7 @@ def test_rms_of_many_flights_equals_that_of_each():
         hfa.fly(model, point, policy, scenario=ticks.drawn(3, member, point)) for member in range(2)
     ]
     for name, of in (("alpha", "rms_error"), ("elevator", "effort")):
+        # Deviations at each sample of 0.02 s but the end.
         off = [(flight[name] - point[name])[: -1 : round(0.02 / flight.step)] for flight in flights]
         largest = np.sqrt(np.mean(np.square(off), axis=1)).max()
         assert found[of][name][-1] == pytest.approx(largest, rel=1e-5)

@@ -112,14 +112,14 @@ def test_the_reward_is_the_negative_cost():
     cost = {"Q": {"speed": 0.5, "alpha": 8.0}, "R": {"elevator": 2.0}}
     env = environment(model, gtm_deployment({}, action=ACTION, cost=cost), [point], seconds=1.0)
     env.reset(options={"state": np.array(point.states) + START})
-    _, reward, lost, over, _ = env.step(np.array([0.5]))
+    _, reward, terminated, truncated, _ = env.step(np.array([0.5]))
     # Of START, and of an elevator moved by 0.3 * 0.5 rad.
     paid = 0.02 * (0.5 * 2.0**2 + 8.0 * 0.03**2 + 2.0 * 0.15**2)
-    assert (reward, lost, over) == (pytest.approx(-paid, rel=SAME_FORMULA), False, False)
+    assert (reward, terminated, truncated) == (pytest.approx(-paid, rel=SAME_FORMULA), False, False)
     edge = model.states["alpha"].max - 1e-3
     env.reset(options={"state": {"alpha": edge, "pitch_rate": 3.0}})
-    _, reward, lost, _, _ = env.step(np.array([0.0]))
-    assert lost
+    _, reward, terminated, _, _ = env.step(np.array([0.0]))
+    assert terminated
     # An episode of 1 s has 50 samples of 0.02 s.
     assert reward == pytest.approx(-50 * 0.02 * 8.0 * (edge - point["alpha"]) ** 2, rel=1e-9)
 
@@ -141,8 +141,8 @@ def test_an_episode_ends_if_the_action_is_nan():
         )
         env.reset(seed=1)
         before, *_ = env.step(np.array([1.0]))
-        after, reward, lost, over, info = env.step(np.array([-0.8]))
-        assert (lost, over) == (True, False)
+        after, reward, terminated, truncated, info = env.step(np.array([-0.8]))
+        assert (terminated, truncated) == (True, False)
         assert said in info["left"]
         assert reward < -1e6
         np.testing.assert_array_equal(after, before)
@@ -185,8 +185,8 @@ def test_the_limit_that_is_left_is_named(side):
     limits = model.states["alpha"]
     edge, rate = (limits.max - 1e-3, 3.0) if side == "above" else (limits.min + 1e-3, -3.0)
     env.reset(options={"state": {"alpha": edge, "pitch_rate": rate}})
-    *_, lost, _, info = env.step(np.array([0.0]))
-    assert lost
+    *_, terminated, _, info = env.step(np.array([0.0]))
+    assert terminated
     assert info["left"].startswith(f"alpha {side} ")
 
 
@@ -194,8 +194,8 @@ def test_a_limit_passed_between_two_samples_is_named():
     """An oscillator of 1 Hz is below -1 m only in the middle of a sample of half a second."""
     env = environment(oscillator(), dt=0.5)
     env.reset(options={"state": {"x": 0.0, "v": -9.0}})
-    *_, lost, _, info = env.step(np.array([0.0]))
-    assert lost
+    *_, terminated, _, info = env.step(np.array([0.0]))
+    assert terminated
     assert info["left"].startswith("x below -1 m")
 
 

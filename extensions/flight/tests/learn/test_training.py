@@ -29,16 +29,16 @@ def test_ppo_holds_the_flexible_aircraft():
     policy.learn(100_000)
     returns = {}
     for name in ("trained", "none"):
-        totals, lost = np.zeros(100), np.zeros(100, dtype=bool)
+        totals, terminated = np.zeros(100), np.zeros(100, dtype=bool)
         for number in range(100):
             observed, _ = env.reset(seed=number)
-            over = False
-            while not (over or lost[number]):
+            truncated = False
+            while not (truncated or terminated[number]):
                 action, _ = policy.predict(flights.normalize_obs(observed), deterministic=True)
                 action = action if name == "trained" else 0.0 * action
-                observed, reward, lost[number], over, _ = env.step(action)
+                observed, reward, terminated[number], truncated, _ = env.step(action)
                 totals[number] += reward
         returns[name] = totals.mean()
         if name == "trained":
-            assert lost.sum() <= 5
+            assert terminated.sum() <= 5
     assert returns["trained"] > 0.5 * returns["none"]
