@@ -290,7 +290,7 @@ def test_the_band_of_a_dynamic_parameter_is_that_of_its_closed_form():
 
 
 def test_noise_slower_than_the_maneuver_fails():
-    """Noise with a time constant of a second is beyond the correction of the bands."""
+    """Noise with a time constant of 3 s is beyond the correction of the bands."""
     model, columns = lag(lambda u, k, x: u - k * x, 1.2)
     slow = lfilter([1.0], [1.0, -0.985], np.random.default_rng(0).standard_normal(2000))
     columns["x"] = columns["x"] + 0.02 * slow[-len(columns["x"]) :]

@@ -454,16 +454,19 @@ def test_a_flight_of_the_command_does_not_depend_on_the_machine(capsys, monkeypa
 
 @pytest.mark.parametrize("law", LAWS)
 def test_laws_fly_and_are_compared_on_the_command_line(law, capsys):
-    """`fly --policy` and `optimize --policy` fly the same flight, near the best."""
+    """A flight costs the same by `fly --policy` and `optimize --policy`, near the best flight. The
+    saturated linear optimum costs 2e-4 more.
+    """
     words = ["--aircraft", PENDULUM_FILE, "--policy", law, "--json"]
-    assert main(["fly", *words, "--initial", "angle=40", "--duration", "5"]) == 0
+    assert main(["fly", *words, "--initial", "angle=70", "--duration", "5"]) == 0
     flown = json.loads(capsys.readouterr().out)
-    assert main(["optimize", *words, "--initial", "angle=40"]) == 0
+    assert main(["optimize", *words, "--initial", "angle=70"]) == 0
     compared = json.loads(capsys.readouterr().out)["policies"]
-    (ratio,) = [each["over_best"] for each in compared if each["policy"] == law]
-    assert 0.999 < ratio < 1.02
+    (of_law,) = [each for each in compared if each["policy"] == law]
+    assert 0.999 < of_law["over_best"] < 1.02
+    assert of_law["cost"] == pytest.approx(flown["cost"] + flown["cost_to_go"], rel=5e-5)
     assert flown["policy"]["law"] == law
-    assert abs(flown["final"]["angle"]) < 5e-3
+    assert abs(flown["final"]["angle"]) < 0.02  # rad, of 1.2 rad at first
     if law == "predictive":
         counts = flown["policy"]["samples"]
         assert counts["planned"] + counts["linear"] == round(5.0 / flown["policy"]["dt"])

@@ -25,7 +25,7 @@ def _smooth():
 
 def test_balls_enclose_every_operation():
     """Balls of every operation on a box are finite, and contain the values at its corners and at
-    random points.
+    random points. At an exact point they are CasADi's values.
     """
     function = _smooth()
     centre, half = np.array([0.3, -0.4]), 0.5
@@ -36,6 +36,9 @@ def test_balls_enclose_every_operation():
     for place in centre + half * points:
         for ball, value in zip(found, np.array(function(place)).ravel().tolist(), strict=True):
             assert ball.overlaps(arb(value, 1e-14))
+    (at_centre,) = BallFunction(function)([exact(value) for value in centre.tolist()])
+    expected = np.array(function(centre)).ravel().tolist()
+    assert [float(ball) for ball in at_centre] == pytest.approx(expected, rel=1e-12)
 
 
 def test_functions_that_are_not_inlined_are_read():
