@@ -264,8 +264,8 @@ def test_a_filter_uses_the_values_that_a_sample_has(point, known, gain):
 
 
 def test_an_estimate_returns_after_minutes_without_a_sample():
-    """The prediction of an unstable pendulum stands still before it overflows; then the values are
-    believed.
+    """After 300 s without a measurement, the estimate of an unstable pendulum is finite. With
+    measurements of the trim, it converges to the trim.
     """
     model = hfa.load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     linear = hfa.trim(model).linearize()

@@ -339,7 +339,7 @@ def test_a_loop_that_switches_on_a_piece_is_refused(growth, is_proved):
 )
 def test_v_decreases_between_the_ends_and_breakpoints(ends, weights, is_proved):
     """V = a² + p b², p linear between `weights`, under x' = -x + 4 s J x, J a quarter turn,
-    decreases at rest where p > 4 s² (p - 1)².
+    decreases for a constant s where p > 4 s² (p - 1)².
 
     From 9 to 1 it fails at s = 1 (p = 5), from 10.2 to 1 between 0.28 and 0.33 alone, and from 1 to
     2.7 at the end alone.

@@ -194,8 +194,8 @@ def unstable(square, cube):
     )
 
 
-def test_a_plan_that_is_lost_begins_anew():
-    """After a kick, from which the inputs of the last plan lead to infinity, the flight returns."""
+def test_a_plan_that_diverges_begins_anew():
+    """After a jump of x, from which x diverges with the inputs of the last plan, the flight converges."""
     model = unstable(0.0, 1.0)
     policy = predictive(model, hfa.trim(model), [[1.0]], [[1.0]])
     x = np.array([1.0])
