@@ -49,6 +49,7 @@ def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder):
     assert (turn.code, "_dot" in turn.err) == (1, False)
 
 
+@pytest.mark.slow
 def test_a_held_rate_of_climb_frees_the_path_and_stays_held():
     """The advice for --hold altitude_dot=2 can be added to the command, which then climbs by 2."""
     words = ("trim", "--aircraft", UAV, "--hold", "altitude_dot=2")

@@ -145,7 +145,7 @@ def test_two_runs_write_the_same_bytes(tmp_path, monkeypatch, name, suffix):
     ("suffix", "opening"),
     [
         ("html", b"<!doctype html>"),
-        ("pdf", b"%PDF"),
+        pytest.param("pdf", b"%PDF", marks=pytest.mark.slow),
         ("md", b"# HFA"),
     ],
 )

@@ -123,6 +123,7 @@ def test_converted_units_of_a_critic_are_noted(entries, said):
     assert said in notes
 
 
+@pytest.mark.slow
 def test_a_solution_of_another_trim_is_named(tmp_path):
     """`hfa verify` says of which trim, and of which delta, a file of `hfa solve` is, if the game is
     of another.

@@ -38,7 +38,13 @@ RESULTS = {
 }
 
 
-@pytest.mark.parametrize("words", RESULTS)
+@pytest.mark.parametrize(
+    "words",
+    [
+        pytest.param(words, marks=[pytest.mark.slow] * words.startswith("solve --dihedral 15"))
+        for words in RESULTS
+    ],
+)
 def test_command_file_and_python_have_the_same_numbers(words):
     """Every entry of the result in Python is that of the command, bit by bit."""
     if "K.npz" in words:

@@ -141,6 +141,7 @@ def test_the_figure_has_the_values_of_the_sheets():
         matrix_figure([Condition("", points[0].report(), None)])
 
 
+@pytest.mark.slow
 def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder):
     """Each has its reason in the matrix, and no figure is drawn."""
     (folder / "weak.csv").write_text("speed,limit\n45,throttle=0:5\n200,\n", "utf-8")
@@ -153,6 +154,7 @@ def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder):
     assert "<figure>" not in text
 
 
+@pytest.mark.slow
 def test_a_model_without_a_speed_has_a_book(folder):
     """The matrix of a pendulum has a column of its input, the torque."""
     words = ("trim", "--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM", "--hold", "angle=0,2")

@@ -215,6 +215,7 @@ def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
     assert_refused(command("trim", *at_60_kcas, "mach=0.02"), 2, "no altitude between")
 
 
+@pytest.mark.slow
 def test_a_sweep_of_named_conditions_counts_stalls_as_their_trims_do(book, tmp_path):
     """Its CSV file has names, degrees and results, and runs again as conditions of `hfa trim`.
 

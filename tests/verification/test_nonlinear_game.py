@@ -196,7 +196,7 @@ def test_a_network_is_compared_on_request():
             hfa.verify(game, critic, linear=model, taylor=True)
 
 
-@pytest.mark.parametrize("of", ["V", "policy"])
+@pytest.mark.parametrize("of", [pytest.param("V", marks=pytest.mark.slow), "policy"])
 def test_a_function_is_expanded(of):
     """A value or a policy given as a function is compared by its Taylor coefficients."""
     linear, game, expansion = case(4)

@@ -150,7 +150,13 @@ OTHER_GAMES = {
 }
 
 
-@pytest.mark.parametrize("number", OTHER_GAMES)
+@pytest.mark.parametrize(
+    "number",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name in ("dt", "no discount")))
+        for name in OTHER_GAMES
+    ],
+)
 def test_the_game_of_which_a_gain_is_exact_is_named(number):
     trained, game, says = OTHER_GAMES[number]
     assert says in verify(game, from_gain(game, gain(trained))).reason

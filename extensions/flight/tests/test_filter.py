@@ -405,7 +405,7 @@ def test_a_law_that_plans_sees_the_air_that_it_flies_in(point, linear):
     V, updraft = point["speed"], 5.0
     ground = {"speed": np.hypot(V, updraft), "alpha": point["pitch"] - np.arctan2(updraft, V)}
     y = [ground.get(name, point[name]) for name in known.sensors]
-    for _ in range(300):
+    for _ in range(100):
         policy(0.0, y)
     speed, alpha, *_ = law.seen[-1] - point.x
     assert abs(speed) < 0.02
@@ -413,7 +413,7 @@ def test_a_law_that_plans_sees_the_air_that_it_flies_in(point, linear):
     assert policy.estimate["speed"] - V == pytest.approx(ground["speed"] - V, abs=0.02)
 
 
-@pytest.mark.parametrize("headwind", [-3.0, 3.0])
+@pytest.mark.parametrize("headwind", [pytest.param(-3.0, marks=pytest.mark.slow), 3.0])
 def test_a_law_that_plans_knows_what_the_air_along_the_path_adds_in_a_sample(
     point, known, headwind
 ):
@@ -608,6 +608,7 @@ def test_the_command_reports_flights_in_air():
     assert alone["final"]["speed"] == pytest.approx(many["final"]["speed"][0], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_pass_says_which_rms_is_far_above_its_prediction(point, linear, gain):
     """Behind a filter of still air, flights in light turbulence pass, and the title names the pitch
     rate with more than 3 times its predicted rms. The filter of this turbulence names none.

@@ -50,6 +50,7 @@ def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
     assert [each.peak for each in none] == [None, None]
 
 
+@pytest.mark.slow
 def test_the_command_finds_the_thresholds():
     """The flexible aircraft without a policy leaves its limit of the pitch rate in an updraft of 2.52
     ft/s, its smallest gust. A downdraft has a threshold, too.

@@ -251,7 +251,9 @@ def test_a_gain_of_one_input_may_be_a_vector():
         critic_in("k.npz", GAME)
 
 
-@pytest.mark.parametrize("library", ["pandas", "polars", "xarray"])
+@pytest.mark.parametrize(
+    "library", ["pandas", pytest.param("polars", marks=pytest.mark.slow), "xarray"]
+)
 def test_labels_of_frames_are_matched_by_name(library):
     """Columns in another order are the same gain; other names are refused, numbers are an order."""
     package = pytest.importorskip(library)

@@ -24,7 +24,7 @@ def test_margins_of_an_unstable_loop_are_refused(game):
     assert solve(game).level.disk_margin(-K) is None
 
 
-@pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize("factor", [pytest.param(0.3, marks=pytest.mark.slow), 1.0, 3.0])
 @pytest.mark.parametrize("name", sorted(game_models()))
 def test_gain_and_phase_margins_equal_python_control(name, factor):
     """Gain, phase and delay margins and crossovers of each named loop, with the other loops closed,

@@ -26,12 +26,13 @@ def with_wrong_type(content):
     return content[:176] + b"\x0e" + content[177:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("compressed", "damaged"),
     [
         (False, with_wrong_type),
-        pytest.param(False, half_of, marks=pytest.mark.slow),
-        pytest.param(True, half_of, marks=pytest.mark.slow),
+        (False, half_of),
+        (True, half_of),
     ],
 )
 def test_a_damaged_mat_file_is_refused_in_one_line(compressed, damaged):

@@ -109,6 +109,7 @@ def test_a_table_wider_than_the_page_continues_in_blocks(tmp_path):
     assert text.count("column0") > 1
 
 
+@pytest.mark.slow
 def test_a_picture_has_a_page_where_it_does_not_fit(tmp_path):
     """A sheet in a book leaves its picture out there, and nothing else."""
     picture = Picture("a.png", "a figure", lambda: new_figure(7.0, 9.0))

@@ -293,6 +293,7 @@ def store(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(published_aircraft, store):
     """A Zarr store has A and the limits reached of the sweep in memory, with names, units and axes by
     which xarray selects them.

@@ -98,7 +98,9 @@ def test_the_implied_policy_is_a_saddle_point():
     assert abs(best + (critic.K @ x).item()) > 0.05  # far from the linearized policy
 
 
-@pytest.mark.parametrize(("factor", "delta"), [(1.2, 40.0), (0.7, np.inf)])
+@pytest.mark.parametrize(
+    ("factor", "delta"), [(1.2, 40.0), pytest.param(0.7, np.inf, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("is_discrete", [False, True])
 def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(is_discrete, factor, delta):
     """The largest simulated cost of u = -K z is that of the linear loop, also if it is slow."""

@@ -104,6 +104,7 @@ def test_a_gain_alone_is_assessed(folder):
     assert radii[0] == radii[1] == pytest.approx(radii[2], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_network_of_the_states_is_assessed_alone(folder):
     """A network with a sample time is assessed as by a deployment file. One that was trained behind a
     normalizer is refused.

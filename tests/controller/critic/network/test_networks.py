@@ -31,6 +31,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 # Right networks.
 
 
+@pytest.mark.slow
 def test_published_weights_of_gops_are_checked():
     """The published weights of GOPS, V = W'psi plus a constant, are checked.
 
