@@ -145,7 +145,7 @@ def test_a_planted_fault_is_seen(column, fault, seen, size):
     result = identify(begun(1.2), wrong, FREE)
     assert not result.ok
     (clearest,) = [each for each in result.misfits[:2] if each.quantity == seen]
-    assert abs(clearest.difference) == pytest.approx(size, rel=0.5)
+    assert abs(clearest.difference) == pytest.approx(size, rel=0.1)
     if fault is spike:
         assert (clearest.time, clearest.samples) == (pytest.approx(99 * STEP), 1)
     else:
