@@ -189,7 +189,7 @@ def test_an_empty_tank_is_noted():
 @pytest.mark.parametrize(
     ("speed", "reason"),
     [
-        (15.0, r"the greatest lift is \d+ % of the weight"),
+        pytest.param(15.0, r"the greatest lift is \d+ % of the weight", marks=pytest.mark.slow),
         (60.0, r"the elevator balances .* only up to a lift of 5\d % of the weight"),
     ],
 )

@@ -147,7 +147,11 @@ def test_an_option_that_changes_the_subject_is_noticed(
 
 @pytest.mark.parametrize(
     ("entry", "path"),
-    [("flight.limits", "limit"), ("flight.limits", "condition"), ("gains.K", "R")],
+    [
+        ("flight.limits", "limit"),
+        pytest.param("flight.limits", "condition", marks=pytest.mark.slow),
+        pytest.param("gains.K", "R", marks=pytest.mark.slow),
+    ],
 )
 def test_an_option_that_is_not_compared_is_found(entry, path, usual, files, monkeypatch):
     """The test above fails if the comparison leaves out an entry."""

@@ -68,8 +68,8 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not():
     """
     expansion = expanded(4)
     for radius in expansion.radii:
-        random = np.random.default_rng(99).uniform(size=200) ** 0.5
-        inside = random * states_at(expansion, math.sqrt(radius.c), count=200, seed=99)
+        random = np.random.default_rng(99).uniform(size=50) ** 0.5
+        inside = random * states_at(expansion, math.sqrt(radius.c), count=50, seed=99)
         outside = states_at(expansion, 1.3 * math.sqrt(radius.c), count=200, seed=99)
         errors = []
         for z0 in (inside, outside):

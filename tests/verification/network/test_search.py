@@ -20,7 +20,7 @@ def test_a_network_right_only_at_the_origin_fails(game):
     z = ca.SX.sym("z", 6)
     u = -ca.DM(gain(game)) @ z + 5.0 * (z[0] / 7.0) ** 3 * ca.DM(np.eye(5)[0])
     critic = from_network(game, ca.Function("policy", [z], [u]), network="policy")
-    check = verify(game, critic, flights=20)
+    check = verify(game, critic, flights=4)
     assert check.K_rel_error < 1e-12
     assert failed_names(check.checks) == {"searched_policy_error"}
     largest = np.sqrt(game.R.diagonal()) * (np.abs(solve(game).K) @ BOX)
@@ -62,7 +62,7 @@ def test_a_biased_exact_gain_is_stable_about_another_equilibrium(game):
     """
     offset = 0.3 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
-    verdict = verify(game, critic, flights=10)
+    verdict = verify(game, critic, flights=4)
     assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
     data = verdict.to_dict()["network"]
     equilibrium = np.linalg.solve(game.B @ gain(game) - game.A, game.B @ offset)

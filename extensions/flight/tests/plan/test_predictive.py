@@ -452,7 +452,9 @@ def test_a_flight_of_the_command_does_not_depend_on_the_machine(capsys, monkeypa
     assert finals[0] == finals[1]
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    "law", ["predictive", pytest.param("state-dependent", marks=pytest.mark.slow)]
+)
 def test_laws_fly_and_are_compared_on_the_command_line(law, capsys):
     """A flight costs the same by `fly --policy` and `optimize --policy`, near the best flight. The
     saturated linear optimum costs 2e-4 more.
