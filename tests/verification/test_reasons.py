@@ -162,7 +162,7 @@ def test_the_game_of_which_a_gain_is_exact_is_named(number):
     assert says in verify(game, from_gain(game, gain(trained))).reason
 
 
-@pytest.mark.parametrize("number", ["delta", "discount"])
+@pytest.mark.parametrize("number", ["delta", pytest.param("discount", marks=pytest.mark.slow)])
 def test_a_gain_near_that_of_another_game_has_no_such_reason(number):
     """A gain 2 % from that of another game is not said to be exact for that game."""
     trained, game, _ = OTHER_GAMES[number]

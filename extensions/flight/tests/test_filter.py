@@ -608,7 +608,6 @@ def test_the_command_reports_flights_in_air():
     assert alone["final"]["speed"] == pytest.approx(many["final"]["speed"][0], rel=1e-9)
 
 
-@pytest.mark.slow
 def test_a_pass_says_which_rms_is_far_above_its_prediction(point, linear, gain):
     """Behind a filter of still air, flights in light turbulence pass, and the title names the pitch
     rate with more than 3 times its predicted rms. The filter of this turbulence names none.

@@ -45,7 +45,9 @@ def lost(report, text):
     return [each for each in expected if "".join(each.split()) not in text]
 
 
-@pytest.mark.parametrize(("count", "expected"), [(3, 1), (16, 1), (24, 2)])
+@pytest.mark.parametrize(
+    ("count", "expected"), [(3, 1), pytest.param(16, 1, marks=pytest.mark.slow), (24, 2)]
+)
 def test_a_sheet_has_all_rows_and_as_few_pages_as_they_need(count, expected, tmp_path):
     """All rows are on the expected pages, which are numbered "1 of 2" and not almost empty."""
     report = sheet(count)
@@ -81,7 +83,7 @@ def book(count):
     return Report("60 conditions", [(matrix, f"3: {WORDS}"), *sheets], head={"document": "12, B"})
 
 
-@pytest.mark.parametrize("count", [1, 51, 60])
+@pytest.mark.parametrize("count", [1, 51, pytest.param(60, marks=pytest.mark.slow)])
 def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path):
     """A page of the matrix has one header and at least three rows, each sheet a page of its own.
 
