@@ -26,7 +26,7 @@ class EquationsOfMotion:
         rates: list[str],
         outputs: list[str],
     ) -> None:
-        self._still = still
+        self.still = still
         self._make_gusty = gusty
         self._rates = rates
         self._outputs = outputs
@@ -40,7 +40,7 @@ class EquationsOfMotion:
         is_still = all(is_zero(gust) for gust in w)
         vectors = (x, u, p) if is_still else (x, u, p, w)
         columns = [ca.vertcat(*vector) if len(vector) else ca.DM(0, 1) for vector in vectors]
-        rates, outputs = (self._still if is_still else self._gusty)(*columns)
+        rates, outputs = (self.still if is_still else self._gusty)(*columns)
         if isinstance(rates, ca.DM):
             split = [column.full().ravel().tolist() for column in (rates, outputs)]
         else:

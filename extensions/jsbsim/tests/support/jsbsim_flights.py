@@ -123,7 +123,7 @@ def _second(model):
     u = ca.SX.sym("u", len(model.inputs))
     p = [signal.start for signal in model.parameters.values()]
     equations = model.equations
-    function = equations.function
+    function = equations.still
     h = 1.0 / _OURS
 
     after = rk4(lambda x, _: function(x, u, ca.DM(p))[0], x, h)
