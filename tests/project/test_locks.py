@@ -90,7 +90,9 @@ def test_every_pin_has_hashes_and_names_no_host(lock):
 
     A version has the same hashes in all lock files.
     """
-    whole = {each.partition("==")[0]: each.split("--hash")[1:] for each in entries(LOCKS[-1])}
+    whole = {
+        each.partition("==")[0]: each.split("--hash")[1:] for each in entries("requirements.lock")
+    }
     for entry in entries(lock):
         name, _, rest = entry.partition("==")
         requirement, *hashes = rest.split("--hash")

@@ -223,7 +223,7 @@ def test_two_files_declare_one_input(tmp_path):
     """
 
     def both_orders(own, other):
-        """Return the paths, in both orders, of the example and a file that both declare a load."""
+        """Return the paths, in both orders, of the example and a file, which both declare the input load."""
         declared = '<variableDef name="load" varID="load" {}><isInput/></variableDef>'
         first = changed(tmp_path, "<variableDef", f"{declared.format(own)}<variableDef")
         second = tmp_path / "second.dml"
@@ -232,7 +232,7 @@ def test_two_files_declare_one_input(tmp_path):
 
     with_limits = 'units="ft" initialValue="2" minValue="-3" maxValue="7"'
     for paths in both_orders(with_limits, 'units="ft" initialValue="2" maxValue="5"'):
-        load = hfa.load_model(paths).parameters["load"]
+        load = hfa.load_model(paths).parameters["load"]  # as an input with an initial value
         assert (load.min, load.start, load.max) == (-3.0, 2.0, 5.0)
     for paths in both_orders('units="ft" maxValue="7"', 'units="m" maxValue="1.524"'):
         assert hfa.load_model(paths).inputs["load"].max == pytest.approx(5.0)

@@ -189,9 +189,11 @@ def test_names_that_become_alike_are_told_apart():
 
 
 def test_the_part_of_all_states_is_left_out_of_their_names():
-    """plane[1].body.angle and plane[1].body.rate become angle and rate, unless an output is angle."""
-    text = description().replace('"body.', '"angle.').replace('name="rate"', 'name="angle.rate"')
-    text = text.replace('name="angle.', 'name="plane[1].body.')
+    """plane[1].body.angle and plane[1].body.rate become angle and rate, unless an output is angle:
+    then the full names are used.
+    """
+    text = description().replace('name="body.angle"', 'name="plane[1].body.angle"')
+    text = text.replace('name="rate"', 'name="plane[1].body.rate"')
     model = hfa.load_model(packed(text))
     assert list(model.states) == ["angle", "rate"]
     typed = ("plane[1].body.angle", "plane_1_body_angle", "angle")

@@ -231,12 +231,14 @@ def test_a_damper_with_filter_states_agrees_with_jsbsim(tmp_path, kind):
         "axes": f'<axis name="YAW"> {axis} </axis>',
     }
     plain = jet(slots)
-    # Of two axes with the same name only the second is used.
-    kept = plain.rindex('<axis name="YAW">')
-    path = written(tmp_path, plain[:kept] + plain[plain.index("</axis>", kept) + 7 :], "damped")
+    # JSBSim uses only the last of two YAW axes, the jet's own: it is removed for the damper's.
+    start = plain.rindex('<axis name="YAW">')
+    end = plain.index("</axis>", start) + len("</axis>")
+    path = written(tmp_path, plain[:start] + plain[end:], "damped")
     state = {"altitude": 5000.0, "speed": 350.0, "alpha": 0.03, "beta": 0.05, "pitch": 0.03}
     point = {"state": state, "commands": {"throttle": 0.0}, "flight": 1.0}
     (answer,) = responses([{"aircraft": "damped", "root": str(tmp_path), "point": point}])
+    # Without filter states, each filter is its static gain.
     steady = states_after_a_second(load_model(path), state)
     model = states_after_a_second(load_model(f"{path}?filters=states"), state)
     miss = abs(model["yaw_rate"] - answer["yaw_rate"])  # JSBSim's components lag by one step

@@ -130,8 +130,9 @@ def test_entries_of_the_certificate_are_exactly_the_users(pull, drag, more, is_s
         compare(found().statement, {"flight.parameters": Given(own)})
 
 
-def test_fewer_entries_than_the_users_are_refused():
+def test_more_entries_than_the_users_are_refused():
     """A statement with an entry that the user does not have is about another aircraft."""
+    # The statement has pull and drag.
     with pytest.raises(NoSolutionError, match="drag in the certificate differs"):
         compare(found().statement, {"flight.parameters": Given({"pull": 1.0})})
 

@@ -127,7 +127,7 @@ def test_gains_are_compared_in_any_units(size):
 
 
 def test_every_option_is_changed():
-    """The table has each option of the proof and of --check, and no other."""
+    """CHANGED has each option of the proof and of --check, with at least one change, and no other."""
     assert set(options_of(ScheduleRequest)) | set(options_of(CheckRequest)) == set(CHANGED)
     assert all(CHANGED.values())
 

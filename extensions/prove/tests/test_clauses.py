@@ -139,8 +139,9 @@ def test_a_trim_curved_in_the_scheduling_variable_is_within_its_limits():
     )  # fmt: skip
     gains = Gains(np.array([0.0]), np.zeros((1, 1, 1)))
     flight = Family(model).flight(-0.9, 0.9)
-    witness = ScheduleWitness(10**3, np.zeros(0), np.zeros((0, 1, 1)))
+    witness = ScheduleWitness(pieces=10**3, breakpoints=np.zeros(0), P=np.zeros((0, 1, 1)))
     assert check_schedule(ScheduleStatement(flight, gains, 0.5), witness) > 0
+    # u = p² at the first p
     beyond = replace(flight, range=(-0.94, 1.0), first={"u": 0.94**2})
     with pytest.raises(NoSolutionError, match="u is not proved to be within its limits"):
         check_schedule(ScheduleStatement(beyond, gains, 0.5), witness)
@@ -299,7 +300,9 @@ NO_GAIN = Gains(np.array([0.0]), np.zeros((1, 1, 2)))
 
 @pytest.mark.parametrize(("unit", "is_proved"), [("rad", True), ("deg", False)])
 def test_an_angle_of_the_equations_in_degrees_is_not_converted(unit, is_proved):
-    """x' = (angle - 2) x is stable at 100 deg = 1.75 rad, and not where the equations have 100."""
+    """From 90 to 100 deg, x' = (angle - 2) x is stable if the angle of the equations is in rad, at
+    most 1.75, and not if it is in deg, up to 100.
+    """
     family = planar(lambda angle: ((angle - 2.0, 0.0), (0.0, -1.0)), unit)
     with decided(is_proved, "not below"):
         assert prove_schedule(family, NO_GAIN, 90.0, 100.0, decay_rate=0.2).size > 0

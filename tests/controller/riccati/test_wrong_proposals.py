@@ -214,23 +214,27 @@ def test_nothing_is_accepted_just_below_the_smallest_delta(arithmetics):
 
 @pytest.mark.parametrize("arithmetics", ARITHMETICS)
 @pytest.mark.parametrize(
-    ("game", "roots", "control"),
+    ("game", "roots", "control", "reason"),
     [
-        # The loop without disturbance is 1, the one with it -1/2.
+        # In the first state, the pole without disturbance is 1: unstable.
         (
             in_other_states([1.0, -1.0], [0.0, 1.0], [1.0, 0.0], [0.75, 8.0], delta=1.0),
             [(-3, 2), (2, 1)],
             [1.0, -3.0],
+            "P > 0|the loop without disturbance",
         ),
-        # The disturbance gains 2 - 1 in each step.
+        # In the first state, delta² - E'XE = 1 - 2 < 0: the disturbance pays.
         (
             in_other_states([0.5, 2.0], [0.0, 1.0], [1.0, 0.0], [2.5, 3.5], delta=1.0, dt=True),
             [(2, 1), (7, 1)],
             [0.5, 0.25],
+            "the disturbance pays",
         ),
     ],
 )
-def test_a_stabilizing_solution_of_two_states_may_be_no_value(game, roots, control, arithmetics):
+def test_a_stabilizing_solution_of_two_states_may_be_no_value(
+    game, roots, control, reason, arithmetics
+):
     """X stabilizes the loop of both players, but no Y proves that it is the value.
 
     control: poles of the loop without disturbance
@@ -238,13 +242,13 @@ def test_a_stabilizing_solution_of_two_states_may_be_no_value(game, roots, contr
     with precision(BITS):
         equation = equation_of(game, users_units(game), Balls)
         X = solution(roots)
-        shape = exact_Y(equation, X)
-        found = proposed(equation, X, shape, arithmetics)
+        Y_both = exact_Y(equation, X)  # of the loop of both players
+        found = proposed(equation, X, Y_both, arithmetics)
         loop = ball_matrix(T @ np.diag(control) @ T_INVERSE)
-        own = solved(loop, is_discrete=game.is_discrete)
-        for lie in (None, own, -own, shape):
-            with pytest.raises(NotProvedError):
-                prove_value(found, lie)
+        Y_control = solved(loop, is_discrete=game.is_discrete)
+        for Y in (None, Y_control, -Y_control, Y_both):
+            with pytest.raises(NotProvedError, match=reason):
+                prove_value(found, Y)
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])

@@ -168,10 +168,11 @@ def root_of(printed):
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_modes_agree_with_published_modes(name):
-    """Each mode has the printed eigenvalue; a planted error changes the modes that it affects."""
+    """Each mode has the printed eigenvalue; a planted error changes the modes `of.wrong`, no others."""
     of = PUBLISHED[name]
     table = {key: value for key, value in of.table.items() if key != "longitudinal"}
     table |= of.table.get("longitudinal", {})
+    # Without a mistake no mode is off.
     for given, wrong in ((table, set()), ({**table, **of.mistake}, of.wrong)):
         values = np.linalg.eigvals(linear_model(given, **(of.held or {})).A)
         roots = {mode: root_of(printed) for mode, printed in of.printed.items()}

@@ -108,7 +108,7 @@ def test_a_table_wider_than_the_page_continues_in_blocks(tmp_path):
     table = Table(header, [tuple(f"{row}.{i}25" for i in range(30)) for row in range(3)])
     (text,) = pages(Report("wide", [table]), tmp_path)
     assert not lost(Report("wide", [table]), text)
-    assert text.count("column0") > 1
+    assert text.count("column0") == 3  # blocks
 
 
 @pytest.mark.slow

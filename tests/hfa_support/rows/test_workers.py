@@ -13,7 +13,7 @@ from hfa_support.rows.workers import open_workers
 
 def _square(value):
     if value < 0:
-        raise NoSolutionError(f"no root of {value}")
+        raise NoSolutionError(f"negative: {value}")
     return value * value
 
 
@@ -42,7 +42,7 @@ def test_every_task_has_its_result(count):
 @pytest.mark.slow
 def test_an_error_in_a_task_is_raised():
     """An error in a task is raised, and no worker process is left."""
-    with open_workers(2) as run, pytest.raises(NoSolutionError, match="no root of -3"):
+    with open_workers(2) as run, pytest.raises(NoSolutionError, match="negative: -3"):
         list(run(_square, ((key, (-key,)) for key in (0, 3))))
     assert _gone()
 

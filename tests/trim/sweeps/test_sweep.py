@@ -174,6 +174,7 @@ def test_a_sweep_in_chunks_is_that_of_all_points(published_aircraft, monkeypatch
 
 def test_finished_points_are_counted_from_the_first_of_the_sweep(published_aircraft, monkeypatch):
     """Of 4 points in chunks of 2, solved one by one, the progress is 1 to 4 of 4."""
+    # With a free alpha, each point is a separate optimization of least effort.
     grid, one_by_one = CASES["least effort"]
     finished = []
 
@@ -287,6 +288,7 @@ WORDS_OF_STORE = (
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
+    """Write a store of 4 points, all with the aileron at its limit, and return its path."""
     path = tmp_path_factory.mktemp("store") / "a.zarr"
     done = hfa("sweep", *WORDS_OF_STORE, "-o", str(path))
     assert (done.code, "kink" in done.err) == (0, False)
@@ -311,7 +313,7 @@ def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(published_airc
     expected = sweep(published_aircraft, grid, condition=condition)
     np.testing.assert_array_equal(dataset.at_limit, expected.at_limit)
     reached = abs(dataset.at_limit).sum("point")
-    assert reached.sel(limited="aileron_center") == reached.sum() == 4
+    assert reached.sel(limited="aileron_center") == reached.sum() == 4  # points
     names = list(expected.model.linear)
     np.testing.assert_allclose(dataset.A.sel(rate=names, state=names), expected.A, rtol=1e-12)
     assert dataset.attrs["condition"]["free"] == ["alpha"]

@@ -105,10 +105,11 @@ def biased(game, share):
 
 @pytest.mark.parametrize(("share", "grade"), [(1e-8, "near"), (0.3, "fail")])
 def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
-    """The verdict holds if the limit exceeds both the lost cost and V* at the equilibrium, in percent
-    of the mean of V* over the corners of the box.
+    """verdict.holds(limit) is true if the limit (%) exceeds the cost above the optimum and
+    100 V*(z) / (mean of V* over the corners of the box) at the equilibrium z.
 
     The stated cost of an equilibrium per second is z'Qz + u'Ru.
+    share: constant added to u, relative to the largest inputs in the box
     """
     critic = biased(game, share)
     verdict = verify(game, critic, limit=1e-9, flights=4)
@@ -134,7 +135,8 @@ def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
 def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box():
     """Errors of V are relative to b'|P|b, those of slopes and inputs to their largest in the box.
 
-    The largest of an input counts as at least 1e-5 of that of all inputs.
+    Inputs are compared in units of 1/sqrt(R). The largest of an input counts as at least 1e-5 of
+    that of all inputs.
     """
     A = np.array([[-0.5, 1.0], [-1.0, 0.2]])
     B = np.array([[0.0, 1.0], [1.0, 0.0]])

@@ -89,6 +89,7 @@ def test_exported_c_has_the_gain_and_the_delay(tmp_path):
     """
     K = -np.arange(8.0).reshape(2, 4) / 10.0
     np.savez(tmp_path / "gain.npz", K=K)
+    # The box is wider than the limits of the inputs.
     (tmp_path / "gain.toml").write_text(
         "[policy]\nfile = 'gain.npz'\n"
         "[observation]\nspeed = {}\nalpha = {}\npitch_rate = {}\npitch = {}\n"
@@ -99,12 +100,12 @@ def test_exported_c_has_the_gain_and_the_delay(tmp_path):
     assert exported("ppo_gtm", point, tmp_path / "c", tmp_path / "gain.toml") == 0
     header = (tmp_path / "c" / "deployed_policy.h").read_text()
     assert "POLICY_DT 0.02\n#define POLICY_DELAY 0.03\n" in header
-    inputs = np.array(point.inputs)
+    previous = np.array(point.inputs)  # inputs of the previous sample
     command = compiled(tmp_path / "c")
     lowest, highest = np.transpose([(s.min, s.max) for s in point.model.inputs.values()])
-    within = inputs - K @ np.full(4, 0.001)
+    within = previous - K @ np.full(4, 0.001)
     for deviation, expected in ((0.001, within), (100.0, highest), (-100.0, lowest)):
-        u = command(np.array(point.states) + deviation, inputs)
+        u = command(np.array(point.states) + deviation, previous)
         np.testing.assert_allclose(u, expected, rtol=1e-9)
 
 

@@ -20,8 +20,9 @@ def deployment(gain, offset=0.0):
 
 
 def test_every_flight_must_converge_or_the_required_share():
-    """About half of the flights converge, although the linear loop is stable. They pass if the
-    required share is at most theirs, and not if every flight must converge.
+    """With v' = v + f and |f| <= 0.5 only flights from |v| < 0.5 converge, about half, although the
+    linear loop is stable. They pass if the required share is at most theirs, and not if every flight
+    must converge.
     """
     found = hfa.assess(UNSTABLE, deployment(4.0), samples=12)
     (point,) = found.points

@@ -60,9 +60,10 @@ def test_policies_in_any_form_are_compared_with_the_best_flight():
         "gain": K,
         "critic": hfa.Critic(K),
         "function": lambda t, X: np.clip(-K @ list(X), -1.0, 1.0),
-        "none": None,
+        "none": None,  # no force
     }
     best = best_of_cart({"position": 2.0, "velocity": 0.5}, policies=policies)
+    # `optimize` puts its own saturated linear policy first.
     linear, *others, drifting = best.policies
     assert [each.policy for each in others] == ["gain", "critic", "function"]
     assert [each.cost for each in others] == pytest.approx([linear.cost] * 3, rel=1e-4)

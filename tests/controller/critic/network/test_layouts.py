@@ -191,7 +191,7 @@ def test_normalizers_of_checkpoints_are_refused_or_absent():
 
 @pytest.mark.parametrize("kind", ["float16", "bfloat16"])
 def test_half_precision_is_read(kind):
-    """The policy of weights in float16 or bfloat16 is that of the rounded weights.
+    """The policy of weights in float16 or bfloat16 is that of the stored weights.
 
     A number in bfloat16 is the upper half of one in float32.
     """
@@ -203,12 +203,13 @@ def test_half_precision_is_read(kind):
     else:
         halves = {name: each.view("u4") >> 16 for name, each in singles.items()}
         stored = {name: (each << 16).view("f4") for name, each in halves.items()}
+        # safetensors_file writes unsigned integers of 16 bits as bfloat16.
         path = safetensors_file(
             "half.safetensors", {name: each.astype("u2") for name, each in halves.items()}
         )
     critic = read(path, activation="tanh")
-    rounded = {name: each.astype(float) for name, each in stored.items()}
-    assert critic.u(OBSERVED) == pytest.approx(output_of(rounded, ACTOR, np.tanh), rel=1e-12)
+    weights = {name: each.astype(float) for name, each in stored.items()}
+    assert critic.u(OBSERVED) == pytest.approx(output_of(weights, ACTOR, np.tanh), rel=1e-12)
     assert critic.precision == kind
 
 
