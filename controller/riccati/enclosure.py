@@ -45,7 +45,6 @@ from controller.riccati.proposal import (
     proposal_in_bits,
     proposal_in_doubles,
     proposal_of,
-    proposal_with_residuals_in_balls,
 )
 from controller.riccati.rationals import is_semidefinite
 from controller.riccati.refusal import too_large_at, why_never, why_never_at, why_no_value
@@ -251,7 +250,7 @@ def _outcomes(game: Game, delta: float, *, digits: bool) -> Iterator[Enclosure |
     attempt = partial(_attempt, game, delta, digits=digits)
     yield attempt(BITS, proposal_in_doubles, DoubleBalls)
     if len(game.A) >= MANY_STATES:  # `Pairs` have too few digits for entries of P near 0
-        yield attempt(BITS, proposal_with_residuals_in_balls, DoubleBalls)
+        yield attempt(BITS, partial(proposal_in_doubles, residuals=Balls), DoubleBalls)
     yield attempt(BITS, corrected_in_doubles, Balls)
     yield attempt(2 * BITS, corrected_in_doubles, Balls)
     yield why_never(game)

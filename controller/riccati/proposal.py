@@ -83,23 +83,15 @@ class Proposal(NamedTuple):
     lyapunov: Lyapunov | None = None
 
 
-def proposal_in_doubles(game: Game, delta: float) -> Proposal:
+def proposal_in_doubles(game: Game, delta: float, residuals: type[Any] | None = None) -> Proposal:
     """Return a proposal by LAPACK in units in which P is near 1, corrected by residuals.
 
-    Raises FailedError.
-    """
-    with _failures():
-        solved = _solved_by_lapack(game, delta)
-        return _corrected(*solved, Pairs if len(game.A) >= MANY_STATES else Balls)
-
-
-def proposal_with_residuals_in_balls(game: Game, delta: float) -> Proposal:
-    """Return the same proposal with residuals of more digits for many states.
+    residuals: as for `_corrected`
 
     Raises FailedError.
     """
     with _failures():
-        return _corrected(*_solved_by_lapack(game, delta), Balls)
+        return _corrected(*_solved_by_lapack(game, delta), residuals)
 
 
 def proposal_of(equation: Equation[DoubleBalls]) -> Proposal:
@@ -108,8 +100,7 @@ def proposal_of(equation: Equation[DoubleBalls]) -> Proposal:
     Raises FailedError.
     """
     with _failures():
-        X = stabilizing_in_doubles(equation)
-        return _corrected(equation, X, Pairs if len(X) >= MANY_STATES else Balls)
+        return _corrected(equation, stabilizing_in_doubles(equation))
 
 
 def corrected_in_doubles(game: Game, delta: float) -> Proposal:
@@ -170,13 +161,17 @@ def _solved_by_lapack(game: Game, delta: float) -> _Solved:
     return _Solved(equation, X)
 
 
-def _corrected(in_doubles: Equation[DoubleBalls], X: np.ndarray, arithmetic: type[Any]) -> Proposal:
-    """Return a proposal about X, (n, n), corrected with residuals in `Balls` or `Pairs`.
+def _corrected(
+    in_doubles: Equation[DoubleBalls], X: np.ndarray, residuals: type[Any] | None = None
+) -> Proposal:
+    """Return a proposal about X, (n, n), corrected by residuals of more digits than doubles.
 
     Each correction Z solves F'Z + Z F + residual = 0 in doubles, with the loop F at X.
 
-    arithmetic: of the residuals
+    residuals: `Balls`, or `Pairs`, which are faster for many states and have fewer digits; by
+        default the faster ones
     """
+    arithmetic: type[Any] = residuals or (Pairs if len(X) >= MANY_STATES else Balls)
     equation: Equation[Any] = in_doubles.with_arithmetic(arithmetic)
     lyapunov = lyapunov_of(loop_in_doubles(in_doubles, X), is_discrete=equation.is_discrete)
     corrected, size = arithmetic.of(X).symmetric(), np.abs(X).max()
