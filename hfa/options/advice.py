@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from hfa.options.trims import GivenTrim, at_name
 from hfa_aircraft.model import Model, recognized
-from hfa_support.errors import BadInputError, warn
+from hfa_support.errors import BadInputError, NoSolutionError, warn
 from hfa_support.reporting.text import shown_value
 from hfa_support.units import conversion_factor
 from trim.hfa.trim_report import trim_report
@@ -37,7 +39,10 @@ def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
     """
     error = explained(failure, given.model, given.condition)
     doubts = [f"check: {doubt}" for doubt in given.model.doubts]
-    advice = "" if error is not failure else _advice(given, failure)  # the aircraft explains it
+    advice = ""
+    if error is failure:  # otherwise the aircraft explains it
+        with suppress(BadInputError, NoSolutionError, ArithmeticError):  # the reason stands alone
+            advice = _advice(given, failure)
     said = "; ".join(filter(None, (str(error), *doubts, advice)))
     advised = TrimError(said, error.attempt, error.required)
     advised.found = trim_report(error.attempt).with_data(reason=said)
@@ -77,16 +82,18 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
         except BadInputError:
             continue
         option = f"--free {name}" + " in place of --hold" * (name in given.hold)
+        is_airspeed = name not in point  # kcas, found as the speed
+        found = recognized(model.states)["speed"] if is_airspeed else name
         if is_rate:
             options.append(option)
         elif not (
-            point._large_angles or _is_printed_alike(model, name, usual.get(name), point[name])
+            point._large_angles or _is_printed_alike(model, found, usual.get(name), point[found])
         ):
             held = "".join(
                 f"--hold {each}={shown_value(value, model.unit(each))} "
                 for each, value in weak.items()
             )
-            options.append(f"{held}{option} ({name} {model.describe(name, point[name])})")
+            options.append(f"{held}{option} ({found} {model.describe(found, point[found])})")
         if len(options) == _MOST_ADVICE:
             break
     return f"a trim exists with {' or '.join(options)}" if options else ""

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import answer, hfa as command
 from project import ROOT
+
+import hfa
 
 UAV = str(ROOT / "examples/uav.toml")
 #: A point mass whose thrust is at most 5 and whose lift is at most 10 m/s².
@@ -39,21 +41,36 @@ def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder):
     """With full thrust, sin(pitch) = (5 - 1) / 9.81; too little lift in a turn frees no pitch rate."""
     Path("glider.py").write_text(GLIDER, "utf-8")
     words = ("trim", "--aircraft", "glider.py:GLIDER")
-    climb = hfa(*words, "--hold", "pitch=45").err
+    climb = command(*words, "--hold", "pitch=45").err
     advice = re.search(r"with (.*) in place of --hold \(pitch (.*) deg\)", climb)
     assert advice is not None
     pitch = answer(*words, *advice[1].split())["operating_point"]["states"]["pitch"]
     assert pitch == pytest.approx(np.arcsin(4.0 / 9.81), rel=1e-6)
     assert np.degrees(pitch) == pytest.approx(float(advice[2]), rel=1e-4)
-    turn = hfa(*words, "--hold", "bank=30")
+    turn = command(*words, "--hold", "bank=30")
     assert (turn.code, "_dot" in turn.err) == (1, False)
+
+
+@pytest.mark.parametrize(
+    ("verb", "airspeed"), [("trim", "kcas"), ("linearize", "keas"), ("solve", "ktas")]
+)
+def test_an_airspeed_without_a_trim_has_the_reason_of_the_trim(verb, airspeed):
+    """The refusal begins as that of `hfa.trim`, and its advice leads to a trim at full thrust."""
+    with pytest.raises(hfa.NoSolutionError, match="thrust at maximum 60 N, 24") as failure:
+        hfa.trim(hfa.load_model(UAV), hold={airspeed: 250.0})
+    typed = ("--aircraft", UAV, "--hold", f"{airspeed}=250")
+    refused = command(verb, *typed)
+    assert (refused.code, str(failure.value) in refused.err) == (1, True)
+    advice = re.search(r"with (--hold thrust=60) --free \w+ in place of --hold \(", refused.err)
+    assert advice is not None
+    assert command("trim", *typed[:2], *advice[1].split(), "--free", "speed").code == 0
 
 
 @pytest.mark.slow
 def test_a_held_rate_of_climb_frees_the_path_and_stays_held():
     """The advice for --hold altitude_dot=2 can be added to the command, which then climbs by 2."""
     words = ("trim", "--aircraft", UAV, "--hold", "altitude_dot=2")
-    advice = re.search(r"with (--free \S+) \(", hfa(*words).err)
+    advice = re.search(r"with (--free \S+) \(", command(*words).err)
     assert advice is not None
     states = answer(*words, *advice[1].split())["operating_point"]["states"]
     assert states["speed"] * np.sin(states["pitch"] - states["alpha"]) == pytest.approx(
@@ -74,10 +91,10 @@ def test_no_advice_leads_to_a_falling_aircraft(case, tmp_path):
         "bank": ["--aircraft", UAV, "--hold", "roll=30"],
         "climb": ["--aircraft", UAV, "--hold", "gamma=45"],
     }[case]
-    refused = hfa("trim", *words)
+    refused = command("trim", *words)
     assert (refused.code, "_dot" in refused.err) == (1, False)
     assert ("check the unit of the mass" in refused.err) == (case == "heavy")
-    freed = hfa("trim", *words, "--free", "pitch_dot")
+    freed = command("trim", *words, "--free", "pitch_dot")
     assert freed.code == (case == "climb")
     if case != "climb":
         first = freed.out.partition("unstable")[0]  # the second line begins with "unstable"
@@ -92,11 +109,11 @@ def test_a_pull_up_is_advised_and_its_first_line_says_so():
     A level flight and a steady climb are not said to be accelerated.
     """
     words = ("trim", "--aircraft", UAV, "--hold", "load_factor=2")
-    assert "--free pitch_dot" in hfa(*words).err
-    first = hfa(*words, "--free", "pitch_dot").out.partition("unstable")[0]
+    assert "--free pitch_dot" in command(*words).err
+    first = command(*words, "--free", "pitch_dot").out.partition("unstable")[0]
     assert "accelerated" in first
     for steady in ((), ("--hold", "gamma=5")):
-        first = hfa("trim", "--aircraft", UAV, *steady).out.partition("unstable")[0]
+        first = command("trim", "--aircraft", UAV, *steady).out.partition("unstable")[0]
         assert "accelerated" not in first
         assert "load_factor" not in first
 
@@ -106,7 +123,7 @@ def test_inputs_held_at_their_start_values_are_freed(folder):
     held = 'TRIM = {"thrust": 1.0, "lift": 9.81, "roll_rate": 0.0}'
     Path("glider.py").write_text(re.sub("TRIM = .*", held, GLIDER, count=1), "utf-8")
     words = ("trim", "--aircraft", "glider.py:GLIDER", "--hold", "pitch=5", "--hold", "speed=50")
-    refused = " ".join(hfa(*words).err.split())
+    refused = " ".join(command(*words).err.split())
     advice = re.search(
         r"the trim holds the inputs at their start values; one exists with (.*)", refused
     )
