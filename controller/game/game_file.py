@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from controller.game.weights import weights_of_sizes
 from controller.game.zero_sum import Game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import (
@@ -67,6 +68,7 @@ def stored_game(
     path: str | Path,
     *,
     defaults: Callable[[Mapping[str, Any], PlantNames], Defaults] = no_defaults,
+    sizes: Callable[[PlantNames], Mapping[str, float]] | None = None,
     **changes: Any,
 ) -> StoredGame:
     """Return the game of the plant in a file with A, B, Q, R and optionally E, delta and N.
@@ -80,6 +82,7 @@ def stored_game(
 
     path: the plant file
     defaults: function (entries, names) -> defaults for missing entries
+    sizes: function of the names -> deviations of which Q and R are 1/size² (`weights_of_sizes`)
     changes: Q, R, delta or N in place of the entry of the file; None keeps the entry
 
     Raises BadInputError, which names the file, if the file cannot be read, A or B is missing, Q or
@@ -97,6 +100,9 @@ def stored_game(
         notes += _unused(stored)
         names = plant_names(stored, len(A), B.shape[1], notes)
         names = names._replace(origin=str(path))
+        if sizes is not None:
+            named = names.completed(*B.shape)
+            parts |= weights_of_sizes(sizes(named), named.states, named.inputs)
         if is_discrete(stored):
             defaults = no_defaults
         parts |= _time(stored)

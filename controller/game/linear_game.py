@@ -8,11 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.weights import default_delta, default_disturbance, default_weight
+from controller.game.weights import (
+    default_delta,
+    default_disturbance,
+    default_weight,
+    weights_of_sizes,
+)
 from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import ArrayLike
+from hfa_support.errors import BadInputError
 from hfa_support.labels import in_order, labels_of
 from trim.linear.linear_model import LinearModel, is_state_space
 
@@ -28,6 +34,7 @@ def game(
     E: ArrayLike | None = None,
     N: ArrayLike | None = None,
     delta: float | None = None,
+    sizes: Mapping[str, float] | None = None,
 ) -> Game:
     """Return the game J = ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt on a linear model.
 
@@ -43,6 +50,9 @@ def game(
     E: (n, k), disturbance matrix; by default the identity. E=linear.E is the matrix of the model's
         winds.
     N: (n, m), cross weights; by default 0, without Q or R those in the file of a linear plant
+    sizes: state or input -> deviation, in place of Q and R: deviations that are as bad as one
+        another, with the weights 1/size² (Bryson's rule). A state without a size has no weight;
+        each input has one
 
     Rows and columns of tables of pandas are put into the order of the states and inputs.
 
@@ -57,6 +67,11 @@ def game(
     """
     if is_state_space(linear):
         linear = LinearModel.of(linear)
+    if sizes is not None:
+        if Q is not None or R is not None:
+            raise BadInputError("sizes define Q and R; give sizes, or Q and R")
+        weights = weights_of_sizes(sizes, linear.states, linear.inputs)
+        Q, R = weights["Q"], weights["R"]
     names = names_of_linear(linear)
     if E is not None and linear.disturbances and np.array_equal(E, linear.E):
         names = names._replace(disturbances=linear.disturbances)

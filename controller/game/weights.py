@@ -8,8 +8,15 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, numbers_in, prefix_errors
+from hfa_support.errors import (
+    BadInputError,
+    numbers_in,
+    prefix_errors,
+    refuse_unknown,
+    refuse_unless_positive,
+)
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
+from hfa_support.reporting.text import with_unit
 
 #: Matrices with more entries are summarized.
 _SHOWN = 40
@@ -46,6 +53,37 @@ def default_weight(
     column_places = [places[name] for name in columns]
     weight_of_names = weight[np.ix_(row_places, column_places)]
     return np.asarray(weight_of_names / np.outer(model.nominal(rows), model.nominal(columns)))
+
+
+def weights_of_sizes(
+    sizes: Mapping[str, float], states: Sequence[str], inputs: Sequence[str]
+) -> dict[str, dict[str, float]]:
+    """Return Q and R, name -> 1/size², of deviations that are as bad as one another.
+
+    Source: Bryson and Ho, Applied Optimal Control, 1975, Section 5.2.
+
+    Raises BadInputError for an unknown name, an input without a size, and a size that is not
+    positive.
+    """
+    for name, size in sizes.items():
+        refuse_unknown("sizes has an unknown name", name, (*states, *inputs))
+        refuse_unless_positive(f"the size of {name}", size)
+    if missing := [name for name in inputs if name not in sizes]:
+        raise BadInputError(f"sizes has none of {missing[0]}; give a size of each input")
+    weights = {name: 1.0 / size / size for name, size in sizes.items()}
+    return {
+        "Q": {name: weights[name] for name in states if name in weights},
+        "R": {name: weights[name] for name in inputs},
+    }
+
+
+def sizes_text(game: Game, matrix: str) -> str:
+    """Return the sizes of which Q or R is 1/size² as text: "speed 10 ft/s, alpha 5 deg"."""
+    names, of_states = game.names, matrix == "Q"
+    signals = names.states if of_states else names.inputs
+    units = names.state_units if of_states else names.input_units
+    rows = zip(signals, units, np.diag(getattr(game, matrix)).tolist(), strict=True)
+    return ", ".join(f"{name} {with_unit(w**-0.5, unit, 0.0)}" for name, unit, w in rows if w)
 
 
 def _matrix_of_file(matrix: str, model: Model) -> np.ndarray:
@@ -88,14 +126,18 @@ def weights_line(game: Game, whose: Mapping[str, str] | None = None) -> str:
     The text is, for example, "Q diag(1, 2) (given), R diag(1) (default), delta inf (default), E
     identity".
 
-    whose: "Q", "R", "delta" and "N" -> source of the weight; None if all weights are those of a
-        given game
+    whose: "Q", "R", "delta" and "N" -> source of the weight, "sizes" of 1/size²; None if all
+        weights are those of a given game
     """
     texts = {"Q": matrix_text(game.Q), "R": matrix_text(game.R), "delta": f"{game.delta:g}"}
     if game.N.any():
         texts["N"] = matrix_text(game.N)
     whose = whose or dict.fromkeys(texts, "of the game")
-    weights = [f"{name} {text} ({whose[name]})" for name, text in texts.items()]
+    sources = {
+        name: f"1/size^2: {sizes_text(game, name)}" if whose[name] == "sizes" else whose[name]
+        for name in texts
+    }
+    weights = [f"{name} {text} ({sources[name]})" for name, text in texts.items()]
     return ", ".join([*weights, disturbance_text(game)])
 
 

@@ -82,7 +82,7 @@ def given_games(request: SolveRequest) -> GivenGames:
     breakpoints = np.array([each.at for each in trims])
     if np.any(np.diff(breakpoints) <= 0.0):
         raise BadInputError(f"{name} does not increase; give the values in increasing order")
-    weights = given_weights(request)
+    weights = given_weights(request, trims[0].model)
     trimmed = with_progress(trims, ProgressLine("trim"))
     return GivenGames([game_at(each, weights) for each in trimmed], breakpoints, source)
 
@@ -116,6 +116,7 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
         expanded = expansion.report()
         parts = (*report.parts, expanded.title, *expanded.parts)
         report = replace(report, parts=parts).with_data(expanded.data)
+    report = replace(report, parts=(*named.sizes_line(), *report.parts))
     report = with_tracking(report, reference, named, solution, solution.K)
     return Outcome(
         report=report.with_data(named),

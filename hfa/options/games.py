@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +14,24 @@ import numpy as np
 
 from controller.critic.reading import CriticFile
 from controller.game.linear_game import game as game_of
-from controller.game.weights import weights_line
+from controller.game.weights import sizes_text, weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names
 from controller.riccati.refusal import ModeError
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import input_file, listed_numbers, number
+from hfa.options.argument_types import (
+    among,
+    each_of,
+    input_file,
+    listed_numbers,
+    number,
+    option_errors,
+)
 from hfa.options.option import option, refuse
 from hfa.options.plants import is_own
 from hfa.options.trims import OF_THE_TRIM, GivenTrim, TrimOptions, given_trim
+from hfa_aircraft.model import Model
+from hfa_aircraft.names import PlantNames
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import Result, without_empty
@@ -82,6 +92,13 @@ class WeightOptions:
     )
     Q: np.ndarray | Mapping[str, float] | None = _diagonal_option("Q")
     R: np.ndarray | Mapping[str, float] | None = _diagonal_option("R")
+    sizes: Mapping[str, str] = option(
+        "in place of Q and R: deviations of states and inputs that are as bad as one another, with "
+        "the weights 1/size^2 (Bryson's rule); degrees for angles",
+        "NAME=SIZE,...",
+        named=True,
+        rare=True,
+    )
     N: np.ndarray | None = option(
         "cross weights of the cost 2 z'Nu, one row for each state; default 0",
         "a,b;c,d",
@@ -104,10 +121,44 @@ class GameOptions(WeightOptions, TrimOptions):
     )
 
 
-def given_weights(request: WeightOptions) -> dict[str, Any]:
-    """Return the weights that options set, "Q", "R", "delta" or "N" -> value, in model units."""
+def given_weights(request: WeightOptions, model: Model | None) -> dict[str, Any]:
+    """Return the weights that options set, name in `game` -> value, in model units.
+
+    model: the aircraft, or None for a plant file, whose sizes are a function of its names
+    """
     given = {"Q": request.Q, "R": request.R, "delta": request.delta, "N": request.N}
-    return {name: value for name, value in given.items() if value is not None}
+    given = {name: value for name, value in given.items() if value is not None}
+    if not request.sizes:
+        return given
+    if replaced := [name for name in ("Q", "R") if name in given]:
+        raise BadInputError(f"--sizes and --{replaced[0]} both define weights; remove one of them")
+    if model is None:
+        return given | {"sizes": partial(_sizes_of_file, request.sizes)}
+    return given | {"sizes": each_of("--sizes", model, request.sizes, _size)}
+
+
+def _size(model: Model, name: str, text: str) -> float:
+    """Return the size typed for a state or an input of the linear model, in the model's units."""
+    return _positive(among((*model.linear, *model.inputs), model, name, text), text)
+
+
+def _positive(size: float, text: str) -> float:
+    """Return the size of a text. Raises BadInputError unless it is positive."""
+    if size <= 0.0:
+        raise BadInputError(f"is {text}; give a positive size")
+    return size
+
+
+def _sizes_of_file(texts: Mapping[str, str], names: PlantNames) -> dict[str, float]:
+    """Return the sizes typed for a plant file, in its units."""
+    units = dict(zip(names.states, names.state_units, strict=True))
+    units |= zip(names.inputs, names.input_units, strict=True)
+    sizes = {}
+    for name, text in texts.items():
+        with option_errors(f"--sizes {name}"):
+            size = _positive(number(text), text)
+        sizes[name] = math.radians(size) if units.get(name, "").startswith("rad") else size
+    return sizes
 
 
 def given_game(
@@ -128,7 +179,8 @@ def given_game(
         raise BadInputError(
             "no plant is given; add --dihedral DEG, --aircraft FILE or --model FILE"
         )
-    return game_at(given_trim(request), given_weights(request), inputs, deployment)
+    given = given_trim(request)
+    return game_at(given, given_weights(request, given.model), inputs, deployment)
 
 
 def game_at(
@@ -162,10 +214,12 @@ def weighted_game(
         cost = deployment.cost
     if deployment is not None and set(deployment.inputs) < set(linear.inputs):
         inputs = inputs or deployment.inputs
-    used = {**cost, **weights}
-    if inputs and isinstance(used.get("R"), Mapping):
-        not_moved = [name for name in linear.inputs if name not in inputs]
-        used["R"] = dict.fromkeys(not_moved, 1.0) | used["R"]  # any weight: it is not used
+    used = {} if "sizes" in weights else dict(cost)
+    used |= weights
+    not_moved = [name for name in linear.inputs if inputs and name not in inputs]
+    for name in ("R", "sizes"):
+        if isinstance(used.get(name), Mapping):  # any weight: it is not used
+            used[name] = dict.fromkeys(not_moved, 1.0) | used[name]
     game = replace(game_of(linear, **used), names=plant_names(linear))
     about = linear.model.about
     sources = _sources(weights, cost, about.weights if about.weights_source == "file" else ())
@@ -182,13 +236,16 @@ def weighted_game(
 def _sources(
     given: Iterable[str], deployed: Iterable[str], of_file: Iterable[str]
 ) -> dict[str, str]:
-    """Return the source of each weight, Q, R, delta and, if it is not 0 by default, N.
+    """Return the source of each weight, Q, R, delta and, if it is not 0 by default, N: "default",
+    "file", "deployment", "given", or "sizes" of Q and R.
 
     given, deployed, of_file: names of the weights of options, a deployment, the plant's file
     """
     sources = dict.fromkeys(("Q", "R", "delta"), "default")
     sources |= {name: "file" for name in of_file if name in (*sources, "N")}
-    return sources | dict.fromkeys(deployed, "deployment") | dict.fromkeys(given, "given")
+    sources |= dict.fromkeys(deployed, "deployment")
+    typed = {name: "given" for name in given if name != "sizes"}
+    return sources | typed | dict.fromkeys(("Q", "R") if "sizes" in given else (), "sizes")
 
 
 def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> NamedGame:
@@ -205,7 +262,7 @@ def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> N
         )
     of_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "units", "dynamics")
     refuse(request, of_aircraft, "applies only to the aircraft; remove this option or --model")
-    weights = given_weights(request)
+    weights = given_weights(request, None)
     stored = stored_game(plant, defaults=paper_defaults, **weights)
     return NamedGame(
         stored.game,
@@ -226,7 +283,7 @@ class NamedGame(Result):
     plant_provenance: provenance of a plant read from a file
     linear: linear model of the aircraft, or None for a plant from a file
     has_time: False if the plant file does not state whether time is continuous or discrete
-    weights_from: name -> "given", "deployment", "file" or "default", for Q, R and delta
+    weights_from: name -> source, as of `_sources`
     source: entries of the provenance
     """
 
@@ -248,6 +305,13 @@ class NamedGame(Result):
     def weights_line(self) -> str:
         """Return one line of text with Q, R, delta, N unless it is 0, the source of each, and E."""
         return weights_line(self.game, self.weights_from)
+
+    def sizes_line(self) -> tuple[str, ...]:
+        """Return one line of text with the sizes of --sizes, if they are given."""
+        if self.weights_from.get("Q") != "sizes":
+            return ()
+        sizes = ", ".join(filter(None, (sizes_text(self.game, name) for name in "QR")))
+        return (f"Weights 1/size^2: {sizes}",)
 
     def moved_by(self, inputs: Sequence[str]) -> NamedGame:
         """Return the game in which only these inputs move (`Game.select`), or all of ().

@@ -55,6 +55,36 @@ def test_commands_accept_plants_with_missing_entries(changes):
     assert answer("verify", "--model", plant, "--weights", "learned.json")["P_rel_error"] <= 1e-12
 
 
+@pytest.mark.parametrize(("speed", "options"), [(0.01, ()), (0.01 / 0.3048**2, ("--units", "si"))])
+def test_sizes_are_typed_in_degrees_and_in_the_units_of_the_model(speed, options):
+    """K of --sizes is that of Q and R with 1/size², and the report has the sizes as typed."""
+    angle = math.radians(5.0) ** -2.0
+    surfaces = ("aileron_center", "aileron_outer", "elevator_center", "elevator_outer")
+    sizes = "speed=10ft/s,alpha=5,throttle=40," + ",".join(f"{name}=5" for name in surfaces)
+    Q, R = f"speed={speed},alpha={angle!r}", f"{40.0**-2},{','.join([repr(angle)] * 4)}"
+    weighted = answer("solve", *AT_15, *options, "--Q", Q, "--R", R, "--delta", "inf")
+    sized = ("solve", *AT_15, *options, "--sizes", sizes, "--delta", "inf")
+    assert np.allclose(answer(*sized)["K"], weighted["K"], rtol=1e-9)
+    assert "alpha 5 deg, throttle 40" in " ".join(hfa(*sized).out.split())
+
+
+def test_sizes_on_a_plant_file_are_in_its_units_and_of_angles_in_degrees():
+    """A plant file without Q and R is solved, with sizes by its names."""
+    plant = stored(
+        "plant.json",
+        A=[[0.0, 1.0], [2.0, -0.5]],
+        B=[[0.0], [1.0]],
+        states=["angle", "rate"],
+        inputs=["push"],
+        state_units=["rad", "rad/s"],
+        input_units=["N"],
+    )
+    solved = answer("solve", "--model", plant, "--sizes", "angle=90,push=2")
+    Q, R = f"{(math.pi / 2) ** -2!r},0", "0.25"
+    exact = answer("solve", "--model", plant, "--Q", Q, "--R", R)
+    assert np.allclose(solved["K"], exact["K"], rtol=1e-9)
+
+
 STEPS = {"A": [[1.0, 0.1], [0.0, 0.9]], "B": [[0.0], [0.1]], "Q": np.eye(2), "R": [[1.0]]}
 #: Plants that a law solves, learns wrongly, or learns in discrete time: options, entries of the file.
 LEARNED = {

@@ -112,6 +112,9 @@ REFUSED = {
             "--dihedral 15 --R 100,400,400,400,0",
             "R is not positive definite (smallest eigenvalue 0); give a matrix",
         ),
+        ("--dihedral 15 --sizes alpha=-5", "--sizes alpha is -5; give a positive size"),
+        ("--dihedral 15 --sizes alpha=1 --R 1,1,1,1,1", "--sizes and --R both define weights"),
+        ("--model given.json --sizes x1=0", "--sizes x1 is 0; give a positive size"),
         ("--dihedral 15 --Q 1,two,3,4,5,6", "--Q is 'two'; give a finite number"),
         (
             "--model given.json --hold speed=70",

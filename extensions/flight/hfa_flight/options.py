@@ -59,7 +59,7 @@ _GUST = "LENGTH:PEAK[:BEGIN]"
 #: Value of --gust that searches for the smallest gusts.
 SMALLEST = "smallest"
 _ACTUATORS = "LAG:RATE"
-_OF_THE_GAME = ("delta", "Q", "R")
+_OF_THE_GAME = ("delta", "Q", "R", "sizes")
 _OF_PLANS = ("horizon", "margin")
 _OF_FILES = ("basis", "network", "set")
 #: Kind of policy -> options that it does not use.
@@ -277,7 +277,7 @@ def policy_about(
     """
     from hfa_flight.policies.policy_file import policy_of_file
 
-    path, weights = request.flown, given_weights(request)
+    path, weights = request.flown, given_weights(request, linear.model)
     if not isinstance(path, Path):
         return exact_policy(noted_game(weights, linear))
     game = weighted_game(weights, linear).game if request.kind in (GAIN, NETWORK) else None

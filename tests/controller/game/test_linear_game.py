@@ -103,6 +103,26 @@ def test_default_weights_are_those_of_the_plant_file(folder, capsys):
     assert np.diag(game.Q) == pytest.approx(nominal**-2.0)
 
 
+def test_sizes_are_weights_of_deviations_that_are_as_bad_as_one_another(linear):
+    """Q and R are 1/size², 0 for a state without a size."""
+    sizes = {"speed": 10.0, "alpha": 0.1} | dict.fromkeys(linear.inputs, 0.5)
+    game = hfa.game(linear, sizes=sizes)
+    assert np.diag(game.Q) == pytest.approx([0.01, 100.0, 0.0, 0.0, 0.0, 0.0])
+    assert pytest.approx(4.0 * np.eye(5)) == game.R
+    for wrong, words in (
+        ({"throttle": 0.0}, "the size of throttle is 0"),
+        ({"alpha": -0.1}, "the size of alpha is -0.1"),
+        ({"alpha": "5 deg"}, "the size of alpha is '5 deg'"),
+        ({"alfa": 1.0}, "unknown name 'alfa'; choose from speed, alpha"),
+    ):
+        with pytest.raises(BadInputError, match=words):
+            hfa.game(linear, sizes=sizes | wrong)
+    with pytest.raises(BadInputError, match="none of throttle; give a size of each input"):
+        hfa.game(linear, sizes={"speed": 1.0})
+    with pytest.raises(BadInputError, match="give sizes, or Q and R"):
+        hfa.game(linear, sizes=sizes, R=np.ones(5))
+
+
 @pytest.mark.parametrize(
     ("weights", "words"),
     [

@@ -182,8 +182,8 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
     predict = not isinstance(planned.policy, ScheduledGainPolicy)
     weights = None
     plans = request.kind in LAWS
-    if plans or request.Q is not None or request.R is not None:
-        game = weighted_game(given_weights(request), linearize(model, point)).game
+    if plans or request.Q is not None or request.R is not None or request.sizes:
+        game = weighted_game(given_weights(request, model), linearize(model, point)).game
         weights = (game.Q, game.R)
     flight_of = partial(
         fly,
@@ -243,7 +243,7 @@ def _smallest_gusts(request: FlyRequest, given: GivenTrim, asked: SmallestGust) 
 def _refuse_contradictions(request: FlyRequest) -> None:
     """Raise BadInputError if options contradict each other or have no effect."""
     # Of a single flight, --Q and --R are the weights of its cost.
-    check_policy(request, prices=("Q", "R") if request.members is None else ())
+    check_policy(request, prices=("Q", "R", "sizes") if request.members is None else ())
     beside = "cannot be combined with --{}; remove one of the two"
     if request.reference:
         require_policy(request, "--reference")
@@ -340,7 +340,7 @@ def _steering(
     if request.kind in LAWS:
         planned = policy_of_law(
             request.kind,
-            noted_game(given_weights(request), linear),
+            noted_game(given_weights(request, model), linear),
             point,
             limits,
             horizon=request.horizon,
@@ -354,7 +354,7 @@ def _steering(
     policy = policy_about(request, linear)
     if not signals:
         return _Steering(policy, reference)
-    game = weighted_game(given_weights(request), linear).game
+    game = weighted_game(given_weights(request, model), linear).game
     tracking = tracking_of(linear, game, policy, signals)
     policy = GainPolicy(policy.name, tracking.K, tracking.inputs)
     return _Steering(policy, tracking.exact.reference, tracking)

@@ -178,7 +178,7 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     deviations = each_of("--initial", model, request.deviations, linear_state)
     limits = each_of("--limit", model, request.limits, span)
     point = trimmed(end)
-    game = weighted_game(given_weights(request), linearize(model, point)).game
+    game = weighted_game(given_weights(request, model), linearize(model, point)).game
     game.refuse_cross_weights("the cost of hfa optimize")
     problem = flight_problem(model, point, game.Q, game.R, limits=limits)
     judged = _policies(request, game, point, limits)

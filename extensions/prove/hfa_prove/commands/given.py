@@ -22,7 +22,7 @@ from trim.point.status import BALANCE
 #: Options that name an aircraft or its trim.
 _OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", *OF_THE_TRIM)
 #: Options that define the game of the gains.
-_OF_THE_GAME = ("N", "delta", "Q", "R")
+_OF_THE_GAME = ("N", "delta", "Q", "R", "sizes")
 #: Largest difference of two gains that are called equal, in nominal values, relative to the largest
 #: entry. A gain is proved for its linear model, but not the trim, whose residuals are at most
 #: `BALANCE`: on the flexible aircraft they change the gain by at most 0.6 times as much, at the
@@ -76,7 +76,7 @@ def given_for(
         gains = gains_of_file(request.weights, trim.given.model)
         K = Given(gains.K)
     elif _is_any_given(request, _OF_THE_GAME):
-        weights = given_weights(request)
+        weights = given_weights(request, family.model)
         gains = exact_gains(family, statement.gains.breakpoints, **weights)
         K = Given(gains.K, close_to(SAME_GAIN, sizes_of_gain(trim.given.model)))
     else:

@@ -83,7 +83,8 @@ def schedule(request: ScheduleRequest) -> Outcome:
         refuse_weights(request)
         gains = gains_of_file(request.weights, family.model)
     else:
-        gains = exact_gains(family, breakpoints_of(family, low, high), **given_weights(request))
+        weights = given_weights(request, family.model)
+        gains = exact_gains(family, breakpoints_of(family, low, high), **weights)
     found = prove_schedule(
         family,
         gains,
@@ -115,7 +116,7 @@ def interval_of(_model: Model, _name: str, text: str) -> tuple[float, ...]:
 def refuse_weights(request: Request) -> None:
     """Raise BadInputError for weights of a game, which gains in a file exclude."""
     reason = "cannot be combined with --weights, which gives the gains; remove this option"
-    refuse(request, ("delta", "Q", "R", "N"), reason)
+    refuse(request, ("delta", "Q", "R", "sizes", "N"), reason)
 
 
 def _ends(asked: TrimInput) -> tuple[float, float]:
