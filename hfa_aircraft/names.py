@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -13,12 +14,12 @@ from hfa_support.reporting.text import numbered
 def identifiers(names: Iterable[str]) -> dict[str, str]:
     """Return name in a file -> name in the model, an identifier that no other name has."""
     found: dict[str, str] = {}
+    seen: Counter[str] = Counter()
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "variable"
         plain = f"v_{plain}" if plain[0].isdigit() else plain
-        while plain in found.values():
-            plain += "_"
-        found[name] = plain
+        found[name] = plain + "_" * seen[plain]  # no plain name ends with "_"
+        seen[plain] += 1
     return found
 
 

@@ -1,26 +1,43 @@
 """Reading and writing of files.
 
-A file is written completely or not at all. Input files must be regular files of limited size.
+A file is written completely or not at all. Input files must be regular files of limited size. Zip,
+XML, TOML and JSON each have one reader with bounds, which raises BadInputError for any damage.
 """
 
 from __future__ import annotations
 
 import errno
+import io
 import json
 import os
+import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import IO, Any
+from pathlib import Path, PurePosixPath
+from typing import IO, TYPE_CHECKING, Any
 
 from hfa_support.errors import BadInputError, shortened
+
+if TYPE_CHECKING:
+    from xml.etree import ElementTree
 
 #: Largest size of a file in bytes, also when unpacked. Parsing needs up to ten times this memory.
 LARGEST = 2**28
 #: Suffixes of the files that `hfa_support/arrays/read.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
+#: Largest depth of elements, folders and keys. Readers of elements call themselves for each level.
+_DEEPEST = 150
+#: Largest number of elements and attributes of an XML file. Each needs up to 1 kB.
+_MOST_ELEMENTS = 2**20
+#: Entities in XML files are short names of numbers.
+_LONGEST_ENTITY = 100
+#: A key of TOML with too many parts. The time of `tomllib` is quadratic in their number.
+_DEEP_KEY = re.compile(
+    r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*)"""
+    f"{{{_DEEPEST}}}"
+)
 #: Inside `inputs_kept`: real paths of the files that were read.
 _INPUTS: set[str] | None = None
 
@@ -136,14 +153,137 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     """
     import tomllib
 
-    text = regular_file(path).read_bytes()
+    content = regular_file(path).read_bytes()
     try:
-        return tomllib.loads(text.decode("utf-8-sig"))
+        text = content.decode("utf-8-sig")
+        if _DEEP_KEY.search(text):
+            raise ValueError(f"a key has more than {_DEEPEST} parts")
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise BadInputError(
             f"{path} is not a TOML file ({_reason(error)}); correct the file"
         ) from error
 
 
+def unpacked(content: bytes) -> dict[str, bytes]:
+    """Return name -> content of the members of a zip file, without its folders.
+
+    Raises BadInputError if the file is damaged, encrypted, compressed by another method than
+    deflate, unpacks to more than `LARGEST` bytes, or has a name outside its folders.
+    """
+    import zipfile
+
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+            if sum(entry.file_size for entry in entries) > LARGEST:
+                raise ValueError(f"it unpacks to more than {LARGEST >> 20} MiB")
+            members = {}
+            for entry in entries:
+                _refuse_name(entry.filename)
+                if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                    raise ValueError(f"{shortened(entry.filename)} is not compressed by deflate")
+                with archive.open(entry) as stream:
+                    # A size makes zipfile unpack no more, also of a member that states less.
+                    members[entry.filename] = stream.read(entry.file_size)
+            return members
+    except Exception as error:  # a damaged file makes zipfile raise nearly anything
+        raise BadInputError(
+            f"this is not a readable zip file ({_reason(error)}); save it again, without a password"
+        ) from error
+
+
+def _refuse_name(name: str) -> None:
+    """Raise ValueError for the name of a member outside the folders of a zip file, or too deep."""
+    parts = PurePosixPath(name).parts
+    if name.startswith("/") or ".." in parts or len(parts) > _DEEPEST:
+        raise ValueError(
+            f"the member {shortened(name)} is outside the file, or in more than {_DEEPEST} folders"
+        )
+
+
+def read_xml(
+    content: bytes,
+    file: str,
+    start: Callable[[str, dict[str, str], int], Any],
+    end: Callable[[str], Any],
+    text: Callable[[str, int], Any],
+) -> None:
+    """Call functions for the elements of an XML file, in order. No external entity is fetched.
+
+    file: name of the file in messages
+    start: called with name, attributes and line of an element
+    end: called with the name of an element
+    text: called with a piece of text of one line, and its line
+
+    Raises BadInputError if the content is not XML, declares an entity other than a short text, is
+    nested too deeply, has too many elements, or an unsupported encoding.
+    """
+    from xml.parsers import expat
+
+    parser = expat.ParserCreate()
+    parser.SetParamEntityParsing(expat.XML_PARAM_ENTITY_PARSING_NEVER)
+    depth, count = 0, 0
+
+    def fault(what: str) -> BadInputError:
+        return BadInputError(f"{file}:{parser.CurrentLineNumber}: {what}")
+
+    def opened(name: str, attributes: dict[str, str]) -> None:
+        nonlocal depth, count
+        depth, count = depth + 1, count + 1 + len(attributes)
+        if depth > _DEEPEST:
+            raise fault(f"more than {_DEEPEST} levels of nested elements; nest fewer")
+        if count > _MOST_ELEMENTS:
+            raise fault(f"more than {_MOST_ELEMENTS} elements and attributes; give a smaller file")
+        start(name, attributes, parser.CurrentLineNumber)
+
+    def closed(name: str) -> None:
+        nonlocal depth
+        depth -= 1
+        end(name)
+
+    def entity(name: str, is_parameter: int, value: str | None, *_: object) -> None:
+        if value is None or is_parameter or "&" in value or len(value) > _LONGEST_ENTITY:
+            raise fault(
+                f"the entity {shortened(name)} refers to a file, is too long or contains other "
+                "entities; replace the entity by the text"
+            )
+
+    parser.StartElementHandler, parser.EndElementHandler = opened, closed
+    parser.CharacterDataHandler = lambda piece: text(piece, parser.CurrentLineNumber)
+    parser.EntityDeclHandler = entity
+    try:
+        parser.Parse(content, True)
+    except expat.ExpatError as error:
+        what = expat.errors.messages.get(error.code, "")
+        raise BadInputError(
+            f"{file}:{error.lineno}: the file is not valid XML ({what}); correct the file"
+        ) from error
+    except BadInputError:
+        raise
+    except (LookupError, ValueError) as error:  # an encoding that Python or expat does not support
+        raise BadInputError(
+            f"{file}: the encoding of the file is not supported ({error}); use UTF-8"
+        ) from error
+
+
+def xml_root(content: bytes, file: str) -> ElementTree.Element:
+    """Return the root element of an XML file, whose names keep their prefix: "m:math".
+
+    Raises BadInputError as `read_xml`.
+    """
+    from xml.etree.ElementTree import TreeBuilder
+
+    tree = TreeBuilder()
+    read_xml(
+        content,
+        file,
+        lambda name, attributes, _: tree.start(name, attributes),
+        tree.end,
+        lambda piece, _: tree.data(piece),
+    )
+    return tree.close()
+
+
 def _reason(error: Exception) -> str:
-    return shortened(str(error), _LONGEST_REASON)
+    return shortened(str(error) or type(error).__name__, _LONGEST_REASON)

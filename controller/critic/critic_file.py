@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -36,7 +35,7 @@ from hfa_support.arrays.one_matrix import UNKNOWN
 from hfa_support.arrays.read import read_arrays
 from hfa_support.entry_points import CRITICS, loaded, offered
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shortened
-from hfa_support.files import MATRIX_FILES, regular_file
+from hfa_support.files import MATRIX_FILES, regular_file, unpacked
 from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.text import numbered
 
@@ -298,8 +297,8 @@ def is_network(path: Path) -> bool:
     arrays: list[str] = []
     try:
         if suffix == ".npz":
-            with zipfile.ZipFile(regular_file(path)) as archive:
-                arrays = [name.removesuffix(".npy") for name in archive.namelist()]
+            members = unpacked(regular_file(path).read_bytes())
+            arrays = [name.removesuffix(".npy") for name in members]
         elif suffix == ".json":
             arrays = [str(name) for name in read_arrays(path)]
     except Exception:  # any damage; reading the arrays reports it

@@ -7,43 +7,41 @@ The arguments are the file and the largest permitted size of its content in byte
 
 from __future__ import annotations
 
-import math
 import pickle
 import sys
 import warnings
+import zlib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.io.matlab import loadmat, whosmat
+from scipy.io.matlab import loadmat
 from scipy.sparse import issparse
 
-#: MATLAB's numeric classes -> bytes per number.
-_BYTES = {"double": 8, "single": 4, "int64": 8, "uint64": 8, "int32": 4, "uint32": 4}
+#: Type of a compressed element of a .mat file, and bytes of the header before the first element.
+_COMPRESSED, _HEADER = 15, 128
+#: Byte order in the header -> that of Python.
+_ORDERS = {b"IM": "little", b"MI": "big"}
+_PIECE = 2**20
 
 
-def content(value: Any, largest: int) -> Any:
+def content(value: Any) -> Any:
     """Return what a value of a .mat file contains: an array of numbers or texts, name -> content
     for a structure, or None for other kinds and for a structure without arrays.
 
     A sparse matrix is returned as a full matrix.
 
     value: value as SciPy reads it, or name -> value
-    largest: largest permitted size of a full matrix made from a sparse one, bytes
-
-    Raises ValueError if a sparse matrix exceeds this size.
     """
     if isinstance(value, dict):
-        entries = {name: content(entry, largest) for name, entry in value.items()}
+        entries = {name: content(entry) for name, entry in value.items()}
         return {name: entry for name, entry in entries.items() if entry is not None} or None
     if issparse(value):
-        rows, columns = value.shape
-        if 8 * rows * columns > largest:
-            raise ValueError(f"a sparse {rows} x {columns} matrix exceeds the limit")
         return value.toarray()
     if not isinstance(value, np.ndarray):
         return None
     if value.dtype.names and value.size == 1:  # a structure
-        return content({name: value[name].item() for name in value.dtype.names}, largest)
+        return content({name: value[name].item() for name in value.dtype.names})
     if value.dtype.kind == "O":  # a cell array
         return _texts(value)
     return value if value.dtype.kind in "iufcbU" else None
@@ -59,6 +57,37 @@ def _is_text(cell: Any) -> bool:
     return isinstance(cell, np.ndarray) and (cell.dtype.kind == "U" or cell.size == 0)
 
 
+def _full_size(value: Any) -> int:
+    """Return the bytes of the arrays in a value as SciPy reads it, sparse ones as full ones."""
+    if issparse(value):
+        return int(np.prod(value.shape, dtype=object)) * int(value.dtype.itemsize)
+    if not isinstance(value, np.ndarray):
+        return 0
+    if value.dtype.hasobject:
+        cells = value.ravel().tolist()
+        parts = [part for cell in cells for part in (cell if value.dtype.names else (cell,))]
+        return sum(map(_full_size, parts))
+    return value.nbytes
+
+
+def _unpacked_size(file: bytes, largest: int) -> int:
+    """Return the bytes of all compressed elements of a .mat file, unpacked until they are more than
+    the largest permitted number; 0 for a file of MATLAB 4, which has none.
+    """
+    order = _ORDERS.get(file[_HEADER - 2 : _HEADER])
+    size, place = 0, _HEADER
+    while order and place + 8 <= len(file) and size <= largest:
+        kind, length = (int.from_bytes(file[at : at + 4], order) for at in (place, place + 4))
+        place += 8
+        if kind == _COMPRESSED:
+            unpacker, rest = zlib.decompressobj(), file[place : place + length]
+            while rest and not unpacker.eof and size <= largest:
+                size += len(unpacker.decompress(rest, _PIECE))
+                rest = unpacker.unconsumed_tail
+        place += length
+    return size
+
+
 def _refuse_larger(size: int, largest: int) -> None:
     """Raise ValueError if a size exceeds the largest permitted one, both in bytes."""
     if size > largest:
@@ -71,14 +100,14 @@ def main(path: str, largest: int) -> None:
     Raises ValueError if the content needs more than `largest` bytes.
     """
     warnings.simplefilter("ignore")
-    declared = [_BYTES.get(kind, 0) * math.prod(shape) for _, shape, kind in whosmat(path)]
-    _refuse_larger(sum(declared), largest)  # before any number is read
+    _refuse_larger(_unpacked_size(Path(path).read_bytes(), largest), largest)
     variables = {
         name: value
         for name, value in loadmat(path, appendmat=False).items()
         if not name.startswith("__")
     }
-    pickled = pickle.dumps(content(variables, largest) or {})
+    _refuse_larger(sum(map(_full_size, variables.values())), largest)
+    pickled = pickle.dumps(content(variables) or {})
     _refuse_larger(len(pickled), largest)
     sys.stdout.buffer.write(pickled)
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import warnings
-import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, shortened
-from hfa_support.files import LARGEST, read_json, regular_file
+from hfa_support.errors import BadInputError, prefix_errors, shortened
+from hfa_support.files import read_json, regular_file, unpacked
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
@@ -51,6 +51,22 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
         ) from error
 
 
+def arrays_of_npz(content: bytes) -> dict[str, np.ndarray]:
+    """Return the arrays of a .npz file by name.
+
+    Raises BadInputError for a damaged zip file, and ValueError for a member that is no array of
+    numbers or texts.
+    """
+    entries = {
+        name.removesuffix(".npy"): np.lib.format.read_array(io.BytesIO(member), allow_pickle=False)
+        for name, member in unpacked(content).items()
+    }
+    for array in entries.values():
+        if array.dtype.kind == "U":
+            array.tolist()  # ValueError for characters outside Unicode
+    return entries
+
+
 def _json(path: Path) -> dict[str, Any]:
     """Return the entries of a JSON object."""
     content = read_json(path)
@@ -60,17 +76,8 @@ def _json(path: Path) -> dict[str, Any]:
 
 
 def _npz(path: Path) -> dict[str, Any]:
-    """Return the arrays of a .npz file, whose unpacked size is checked first."""
-    with regular_file(path).open("rb") as file, zipfile.ZipFile(file) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
-            raise ValueError(f"the file unpacks to more than {LARGEST >> 20} MiB")
-        file.seek(0)
-        with np.load(file, allow_pickle=False) as arrays:
-            entries = {key: arrays[key] for key in arrays.files}
-    for array in entries.values():
-        if array.dtype.kind == "U":
-            array.tolist()  # ValueError for characters outside Unicode
-    return entries
+    with prefix_errors(path):
+        return arrays_of_npz(regular_file(path).read_bytes())
 
 
 def _mat(path: Path) -> dict[str, Any]:

@@ -1,8 +1,10 @@
 """Files that are read: regular, of limited size, never overwritten. Files are written whole."""
 
 import errno
+import io
 import os
 import shutil
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +46,63 @@ def test_an_unreadable_file_is_refused(fault, words):
     make, *said = UNREADABLE[fault]
     make(name)
     assert_refused(run(*words.split()), 2, name, said[words.startswith("verify")])
+
+
+def zipped(name="K.npy", content=b"text", method=zipfile.ZIP_DEFLATED):
+    """Return the bytes of a zip file with one member."""
+    with zipfile.ZipFile(stream := io.BytesIO(), "w", method) as archive:
+        archive.writestr(name, content)
+    return bytearray(stream.getvalue())
+
+
+def damaged_zip():
+    """Return a zip file whose compressed data have a wrong bit."""
+    content = zipped(content=bytes(range(256)) * 40)
+    content[40] ^= 0xFF
+    return content
+
+
+def encrypted_zip():
+    """Return a zip file whose member is said to be encrypted."""
+    content = zipped()
+    content[6] |= 1
+    content[content.index(b"PK\x01\x02") + 8] |= 1
+    return content
+
+
+ZIPS = {
+    "damaged": (damaged_zip, "not a readable zip"),
+    "encrypted": (encrypted_zip, "password"),
+    "cut": (lambda: zipped()[:40], "not a readable zip"),
+    "deep": (lambda: zipped("a/" * 2500 + "b"), "folders"),
+    "outside": (lambda: zipped("../b"), "outside"),
+    "other method": (lambda: zipped(method=zipfile.ZIP_BZIP2), "deflate"),
+    "large": (lambda: zipped(content=bytes(2**28 + 1)), "more than 256 MiB"),
+    "a file in a file": (lambda: zipped("a" * 300 + "/b"), ""),
+}
+
+
+@pytest.mark.parametrize(
+    "fault", [*(set(ZIPS) - {"large"}), pytest.param("large", marks=pytest.mark.slow)]
+)
+def test_a_wrong_zip_file_is_refused_in_one_line(fault):
+    """Whatever is wrong with a zip file, an FMU, arrays and networks in it are refused alike."""
+    make, said = ZIPS[fault]
+    for name in ("a.fmu", "a.npz", "a.pt", "a.zip"):
+        Path(name).write_bytes(make())
+        words = (
+            ("trim", "--aircraft") if name == "a.fmu" else ("verify", *AT_15.split(), "--weights")
+        )
+        assert_refused(run(*words, name), 2, name, said)
+
+
+def test_a_key_of_many_parts_is_refused_at_once():
+    """The time of Python's reader is quadratic in the parts of a key; a text has any points."""
+    for key in ("a" + ".a" * 30_000, '"b"' + " . 'c'" * 30_000):
+        Path("a.toml").write_text(f"{key} = 1\n")
+        assert_refused(run("trim", "--parameters", "a.toml"), 2, "a.toml", "parts")
+    Path("a.toml").write_text(f"panel_mass = 0.1 # {'. ' * 1000}\n")
+    assert "parts" not in run("trim", "--parameters", "a.toml").err
 
 
 @pytest.mark.parametrize("is_named", [False, True])

@@ -16,7 +16,6 @@ from __future__ import annotations
 import base64
 import json
 import math
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,9 +29,7 @@ from controller.critic.network.stated import ActionBox, Normalizer, Stated
 from controller.critic.network.tensors import (
     checked_tensors,
     flattened,
-    refuse_large,
     torch_content,
-    unpacked,
 )
 from hfa_support.errors import (
     BadInputError,
@@ -42,7 +39,7 @@ from hfa_support.errors import (
     shortened,
     shown,
 )
-from hfa_support.files import regular_file
+from hfa_support.files import regular_file, unpacked
 from hfa_support.schema import Number
 
 
@@ -92,9 +89,8 @@ _TO_ONNX = "export the policy to ONNX"
 def is_stable_baselines(path: Path) -> bool:
     """Return whether a file is a zip of Stable-Baselines3: with `data` and `policy.pth`."""
     try:
-        with zipfile.ZipFile(regular_file(path)) as archive:
-            return {"data", "policy.pth"} <= set(archive.namelist())
-    except (OSError, zipfile.BadZipFile):
+        return {"data", "policy.pth"} <= unpacked(regular_file(path).read_bytes()).keys()
+    except (OSError, BadInputError):
         return False
 
 
@@ -103,14 +99,13 @@ def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Stated]:
 
     Raises BadInputError for a policy that is no feed-forward network of a vector.
     """
-    with zipfile.ZipFile(regular_file(path)) as archive:
-        refuse_large(archive)
-        data = json.loads(unpacked(archive, "data"))
-        if not isinstance(data, dict):
-            raise BadInputError(
-                'the member "data" of the zip file is not a dictionary; save the model again'
-            )
-        tensors = flattened(torch_content(unpacked(archive, "policy.pth")))
+    members = unpacked(regular_file(path).read_bytes())
+    data = json.loads(members["data"])
+    if not isinstance(data, dict):
+        raise BadInputError(
+            'the member "data" of the zip file is not a dictionary; save the model again'
+        )
+    tensors = flattened(torch_content(members["policy.pth"]))
     doubles, _ = checked_tensors(tensors)
     return tensors, _stated(data, doubles)
 

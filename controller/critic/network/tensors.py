@@ -5,18 +5,17 @@ No code in a file is executed.
 
 from __future__ import annotations
 
-import io
 import json
 import re
-import zipfile
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from controller.critic.network.pickles import BFloat16, torch_stream, unpickled
+from hfa_support.arrays.read import arrays_of_npz
 from hfa_support.errors import BadInputError, numbers_in, shortened
-from hfa_support.files import LARGEST
+from hfa_support.files import unpacked
 
 #: Largest number of entries in a file, about three layers of 1024 x 1024.
 LARGEST_NETWORK = 2**22
@@ -39,13 +38,10 @@ def stored_in(content: bytes, suffix: str) -> Any:
     suffix: ".npz", ".safetensors" or ".json"; a file of any other is read as one of torch
 
     Raises BadInputError for a type of numbers that is not supported, for a TorchScript program, and
-    for an archive that unpacks to more than `LARGEST` bytes; any exception for a damaged file.
+    for a damaged or too large zip file; any exception for another damaged file.
     """
     if suffix == ".npz":
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            refuse_large(archive)
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
+        return arrays_of_npz(content)
     if suffix == ".safetensors":
         return _safetensors(content)
     if suffix == ".json":
@@ -64,15 +60,13 @@ def torch_content(content: bytes) -> Any:
         return unpickled(content)
     if content[:2] != b"PK":
         raise _not_torch()
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        refuse_large(archive)
-        names = archive.namelist()
-        if any(re.search(r"(^|/)(code/|constants\.pkl$)", name) for name in names):
-            raise BadInputError(
-                "the file is a TorchScript program, which is not supported; save state_dict() "
-                "instead, or export the network to ONNX"
-            )
-        members = {name.partition("/")[2]: unpacked(archive, name) for name in names}
+    of_zip = unpacked(content)
+    if any(re.search(r"(^|/)(code/|constants\.pkl$)", name) for name in of_zip):
+        raise BadInputError(
+            "the file is a TorchScript program, which is not supported; save state_dict() "
+            "instead, or export the network to ONNX"
+        )
+    members = {name.partition("/")[2]: member for name, member in of_zip.items()}
     if "data.pkl" not in members:
         raise _not_torch()
     return unpickled(members["data.pkl"], members)
@@ -136,37 +130,6 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
 def lowest(precisions: set[str]) -> str:
     """Return the lowest of several precisions, such as "float32"."""
     return next((each for each in _PRECISIONS if each in precisions), "float64")
-
-
-def refuse_large(archive: zipfile.ZipFile) -> None:
-    """Raise BadInputError if a zip file unpacks to more than `LARGEST` bytes in total."""
-    if sum(member.file_size for member in archive.infolist()) > LARGEST:
-        raise BadInputError(
-            f"the file unpacks to more than {LARGEST >> 20} MiB, the maximum; save a "
-            "smaller network"
-        )
-
-
-def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
-    """Return a member of a zip file as bytes, at most as many as its stated size.
-
-    Raises BadInputError if this size exceeds `LARGEST`, or if the member is encrypted or has a
-    compression that neither torch nor NumPy uses.
-    """
-    entry = archive.getinfo(name)
-    is_encrypted = entry.flag_bits & 1
-    if is_encrypted or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise BadInputError(
-            f"member {shortened(name)} is encrypted or compressed in an unsupported way; save "
-            "the file again with torch.save"
-        )
-    if entry.file_size > LARGEST:
-        raise BadInputError(
-            f"member {shortened(name)} of the file unpacks to more than {LARGEST >> 20} "
-            "MiB, the maximum; save a smaller network"
-        )
-    with archive.open(entry) as stream:
-        return stream.read(entry.file_size)
 
 
 def _not_torch() -> BadInputError:

@@ -6,14 +6,16 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
 from hfa_daveml.tables import GriddedTable
 from hfa_support.errors import BadInputError, shortened
-from hfa_support.files import regular_file
+from hfa_support.files import regular_file, xml_root
+
+if TYPE_CHECKING:
+    from xml.etree import ElementTree
 
 _Definition = TypeVar("_Definition")
 #: Elements that change the meaning of a variable and are not supported.
@@ -152,21 +154,9 @@ def read_document(path: str) -> Document:
     Raises BadInputError if the file is not a valid DAVE-ML file in UTF-8 or uses an unsupported
     feature. Raises OSError if the file cannot be read.
     """
-    content = regular_file(path).read_bytes()
-    if b"<!ENTITY" in content or b"\0" in content:
-        raise BadInputError(
-            f"{path} contains entities or is not UTF-8; save the file as UTF-8 without entities"
-        )
-    try:
-        root = ElementTree.fromstring(content)
-    except (ElementTree.ParseError, RecursionError) as error:
-        raise BadInputError(f"{path} is not XML ({error}); correct the file") from error
-    except (LookupError, ValueError) as error:  # an encoding that Python or expat does not support
-        raise BadInputError(
-            f"{path}: the encoding of the file is not supported ({error}); use UTF-8"
-        ) from error
+    root = xml_root(regular_file(path).read_bytes(), path)
     for element in root.iter():
-        element.tag = str(element.tag).rpartition("}")[2]
+        element.tag = element.tag.rpartition(":")[2]
     if root.tag != "DAVEfunc":
         raise BadInputError(
             f"{path}: the root element is <{shortened(root.tag)}>; give a DAVE-ML file"

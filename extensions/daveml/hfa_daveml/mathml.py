@@ -6,12 +6,14 @@ import math
 import operator
 from collections.abc import Callable, Mapping
 from functools import reduce
-from typing import Any
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
 from hfa_support.errors import BadInputError, shortened
+
+if TYPE_CHECKING:
+    from xml.etree import ElementTree
 
 #: Operators of one argument.
 _OF_ONE: Mapping[str, Callable[[Any], Any]] = {

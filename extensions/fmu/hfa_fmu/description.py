@@ -7,11 +7,14 @@ import platform
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING, NamedTuple
 
 from hfa_aircraft.names import identifiers
 from hfa_support.errors import BadInputError, shortened
+from hfa_support.files import xml_root
+
+if TYPE_CHECKING:
+    from xml.etree import ElementTree
 
 #: Operating system -> its folder in an FMU of FMI 2.0, its name in FMI 3.0, and the suffix.
 _PLATFORMS = {
@@ -28,6 +31,8 @@ _RANGES = {
     **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
     **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
 }
+#: Largest number of states and inputs. A and B are dense, and need a call of the FMU for each.
+_MOST_STATES = 1000
 #: Largest number of names in a sentence.
 _MOST_NAMED = 6
 
@@ -114,12 +119,7 @@ def described(folder: Path) -> Description:
     if not path.is_file():
         raise BadInputError("this is not an FMU (it has no modelDescription.xml)")
     try:
-        root = ElementTree.parse(path).getroot()
-        return _read(root)
-    except ElementTree.ParseError as error:
-        raise BadInputError(
-            f"modelDescription.xml is damaged ({error}); export it again"
-        ) from error
+        return _read(xml_root(path.read_bytes(), path.name))
     except BadInputError:
         raise
     except (KeyError, ValueError, IndexError, StopIteration) as error:
@@ -157,17 +157,21 @@ def _read(root: ElementTree.Element) -> Description:
     states = [state_of[rate] for rate in structure.rates]
     _refuse_states(structure.rates, states, variables)
     inputs = [each for each in variables.values() if each.causality == "input" and each.is_real]
+    if len(states) + len(inputs) > _MOST_STATES:
+        raise BadInputError(
+            f"the FMU has {len(states)} states and {len(inputs)} inputs; export a model with at "
+            f"most {_MOST_STATES} together"
+        )
     constants = [each for each in variables.values() if each.is_constant]
-    outputs = [variables[name] for name in structure.outputs if name not in states]
+    outputs = [variables[name] for name in structure.outputs if name not in {*states}]
     real_outputs = [each for each in outputs if each.is_real]
     in_model = [*(variables[name] for name in states), *inputs, *constants, *real_outputs]
     names = _names_in_model([each.name for each in in_model], states)
     settable = [each for each in variables.values() if each.causality in ("input", "parameter")]
-    left_out = [each for each in (*settable, *outputs) if each not in in_model]
+    left_out = [each for each in (*settable, *outputs) if each.name not in names]
+    listed = {*structure.rates, *states}
     unlisted = [
-        variables[state]
-        for rate, state in state_of.items()
-        if rate not in structure.rates and state not in states
+        variables[state] for rate, state in state_of.items() if listed.isdisjoint((rate, state))
     ]
     return Description(
         version=version,

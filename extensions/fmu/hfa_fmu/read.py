@@ -17,10 +17,9 @@ import json
 import subprocess
 import sys
 import tempfile
-import zipfile
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from multiprocessing.util import get_temp_dir
 from pathlib import Path
@@ -37,7 +36,7 @@ from hfa_fmu.description import Description, Variable, described, library_of
 from hfa_fmu.function import STEP, Evaluator, casadi_function
 from hfa_fmu.library import FmuError, Instance, Interface, Parameter
 from hfa_support.errors import BadInputError, prefix_errors, shortened
-from hfa_support.files import LARGEST, regular_file
+from hfa_support.files import regular_file, unpacked
 
 #: Largest relative difference between the derivatives of an FMU and differences of its rates.
 _DOUBTFUL = 1e-3
@@ -58,14 +57,22 @@ def read_model(text: str) -> Model:
     return, fails, or depends on time.
     """
     content = regular_file(text).read_bytes()
-    return _read(text, hashlib.sha256(content).hexdigest())
+    return _read(text, _Content(hashlib.sha256(content).hexdigest(), content))
+
+
+@dataclass(frozen=True)
+class _Content:
+    """Bytes of a file, compared by their hash."""
+
+    digest: str
+    content: bytes = field(compare=False, repr=False)
 
 
 @cache
-def _read(text: str, digest: str) -> Model:
+def _read(text: str, file: _Content) -> Model:
     """Return the model of a file with this hash. Its library is loaded once in a process."""
     with prefix_errors(text):
-        folder = _unpacked(Path(text))
+        folder = _unpacked(file.content)
         description = described(folder)
         interface = _interface(folder, description)
         start = [
@@ -77,20 +84,22 @@ def _read(text: str, digest: str) -> Model:
             instance = Instance(interface)
         except OSError as error:
             raise BadInputError(f"its library cannot be loaded ({error})") from error
-        return _model(instance, description, start, Source(text, digest))
+        return _model(instance, description, start, Source(text, file.digest))
 
 
-def _unpacked(path: Path) -> Path:
+def _unpacked(content: bytes) -> Path:
     """Return a new folder with the files of an FMU, which remains until the process ends."""
     # It is in the temporary folder of this process and of the workers that it starts.
     folder = Path(tempfile.mkdtemp(prefix="fmu-", dir=get_temp_dir()))
     try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(member.file_size for member in archive.infolist()) > LARGEST:
-                raise BadInputError(f"the FMU unpacks to more than {LARGEST >> 20} MiB")
-            archive.extractall(folder)
-    except (zipfile.BadZipFile, NotImplementedError) as error:
-        raise BadInputError(f"this is not an FMU ({error}); give a zip file of FMI") from error
+        for name, member in unpacked(content).items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(member)
+    except (OSError, ValueError) as error:
+        if isinstance(error, BadInputError):
+            raise
+        raise BadInputError(f"the FMU cannot be unpacked ({error}); export it again") from error
     return folder
 
 

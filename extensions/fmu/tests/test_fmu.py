@@ -265,8 +265,20 @@ SUITABLE = description()
 UNSUITABLE = {
     "co-simulation": (SUITABLE.replace("ModelExchange", "CoSimulation"), "model exchange"),
     "FMI 1": (SUITABLE.replace('"2.0"', '"1.0"'), "FMI 1.0"),
-    "damaged": ("<fmi", "damaged"),
+    "damaged": ("<fmi", "not valid XML"),
     "no number": (SUITABLE.replace('start="0.3"', 'start="often"'), "often"),
+    "too many states": (
+        SUITABLE.replace(
+            "</ModelVariables>",
+            "".join(
+                f'<ScalarVariable name="x{i}" valueReference="{100 + i}" causality="input"><Real '
+                'start="0"/></ScalarVariable>'
+                for i in range(20_000)
+            )
+            + "</ModelVariables>",
+        ),
+        "20001 inputs",
+    ),
     "no states": (SUITABLE.replace("Derivatives>", "Others>"), "no continuous states"),
 }
 
@@ -644,7 +656,7 @@ def test_a_data_file_executes_no_fmu():
     fmu()
     assert_refused(run("trim", "--aircraft", "changed.toml"), 2, "executes none")
     Path("text.fmu").write_text("no archive")
-    assert_refused(run("trim", "--aircraft", "text.fmu"), 2, "not an FMU")
+    assert_refused(run("trim", "--aircraft", "text.fmu"), 2, "not a readable zip file")
 
 
 @pytest.mark.skipif(REFERENCE is None, reason="REFERENCE_FMUS names no folder of reference FMUs")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import xml.parsers.expat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,12 +12,7 @@ from typing import Any
 import numpy as np
 
 from hfa_support.errors import BadInputError, file_faults, shortened
-from hfa_support.files import regular_file, resolved
-
-#: Largest depth of nested elements in an aircraft file.
-_DEEPEST = 100
-#: Entities in JSBSim's files are short names of numbers.
-_LONGEST_ENTITY = 100
+from hfa_support.files import read_xml, regular_file, resolved
 
 
 class Attributes(dict[str, str]):
@@ -218,63 +212,26 @@ def number_of(text: str) -> float | None:
 
 
 def parsed(text: bytes, file: str) -> Element:
-    """Return the root element of an XML text. External entities are not fetched.
+    """Return the root element of an XML text.
 
     file: name of the file in messages
 
-    Raises BadInputError if the text is not XML, declares an entity other than a short text, is
-    nested too deeply, or has an unsupported encoding.
+    Raises BadInputError as `read_xml`.
     """
-    parser = xml.parsers.expat.ParserCreate()
-    parser.SetParamEntityParsing(xml.parsers.expat.XML_PARAM_ENTITY_PARSING_NEVER)
     open_elements: list[Element] = []
     roots: list[Element] = []
 
-    def start(name: str, attributes: dict[str, str]) -> None:
+    def start(name: str, attributes: dict[str, str], line: int) -> None:
         """Open an element within the open one."""
         parent = open_elements[-1] if open_elements else None
-        element = Element(name, Attributes(attributes), file, parser.CurrentLineNumber, parent)
+        element = Element(name, Attributes(attributes), file, line, parent)
         (parent.children if parent else roots).append(element)
         open_elements.append(element)
-        if len(open_elements) > _DEEPEST:
-            raise element.error(
-                f"more than {_DEEPEST} levels of nested elements, the maximum; give an aircraft "
-                "file of JSBSim"
-            )
 
-    def end(_: str) -> None:
-        open_elements.pop()
+    def characters(piece: str, line: int) -> None:
+        open_elements[-1].lines.append((line, piece))
 
-    def characters(text: str) -> None:
-        open_elements[-1].lines.append((parser.CurrentLineNumber, text))
-
-    def check_entity(name: str, is_parameter: int, value: str | None, *_: object) -> None:
-        """Raise BadInputError for an entity that is not a short text."""
-        line = parser.CurrentLineNumber
-        if value is None or is_parameter or "&" in value or len(value) > _LONGEST_ENTITY:
-            fault = (
-                f"the entity {shortened(name)} refers to a file, is too long or contains other "
-                "entities"
-            )
-            raise BadInputError(f"{file}:{line}: {fault}; replace the entity by the text")
-
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.CharacterDataHandler = characters
-    parser.EntityDeclHandler = check_entity
-    try:
-        parser.Parse(text, True)
-    except xml.parsers.expat.ExpatError as error:
-        what = xml.parsers.expat.errors.messages.get(error.code, "")
-        raise BadInputError(
-            f"{file}:{error.lineno}: the file is not valid XML ({what}); correct the file"
-        ) from error
-    except BadInputError:
-        raise
-    except (LookupError, ValueError) as error:  # an encoding that Python or expat does not support
-        raise BadInputError(
-            f"{file}: the encoding of the file is not supported ({error}); use UTF-8"
-        ) from error
+    read_xml(text, file, start, lambda _: open_elements.pop(), characters)
     _strip(roots[0])
     return roots[0]
 

@@ -2,6 +2,8 @@
 line.
 """
 
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -50,8 +52,44 @@ def test_a_damaged_npz_file_is_refused_in_one_line():
     np.savez("K.npz", K=np.eye(2))
     assert np.array_equal(hfa.read_critic("K.npz", GAME).K, np.eye(2))
     Path("K.npz").write_bytes(Path("K.npz").read_bytes()[:100])
-    with pytest.raises(BadInputError, match=r"^K\.npz [^\n]*$"):
+    with pytest.raises(BadInputError, match=r"^K\.npz: [^\n]*$"):
         hfa.read_critic("K.npz", GAME)
+
+
+def element(kind, content):
+    """Return an element of a .mat file of MATLAB 5."""
+    return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
+
+
+def head(kind, size, name):
+    """Return the flags, dimensions and name of a matrix."""
+    return (
+        element(6, struct.pack("<II", kind, 0))
+        + element(5, struct.pack("<ii", 1, size))
+        + element(1, name)
+    )
+
+
+def zeros_of(kind, count):
+    """Return an element with a variable K of zeros: numbers in a structure, or a text."""
+    if kind == "text":
+        return element(14, head(4, count, b"K") + element(4, bytes(2 * count)))
+    numbers = element(14, head(6, count, b"") + element(9, bytes(8 * count)))
+    fields = struct.pack("<HHI", 5, 4, 32) + element(1, b"a".ljust(32, b"\0"))
+    return element(14, head(2, 1, b"K") + fields + numbers)
+
+
+@pytest.mark.parametrize("kind", ["numbers", "text"])
+def test_a_mat_file_that_unpacks_to_more_is_refused_before_it_is_read(kind, monkeypatch):
+    """The numbers in structures and the letters of texts count: a small file has 2 MB or more."""
+    monkeypatch.setattr("hfa_support.arrays.mat_file.LARGEST", 2**20)
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    for count, is_large in ((1000, False), (2**20, True)):
+        packed = zlib.compress(zeros_of(kind, count))
+        Path("K.mat").write_bytes(header + struct.pack("<II", 15, len(packed)) + packed)
+        with pytest.raises(BadInputError) as refusal:
+            hfa.read_critic("K.mat", GAME)
+        assert ("more than 1 MiB" in str(refusal.value)) == is_large
 
 
 # .csv

@@ -166,7 +166,7 @@ def test_layers_of_unknown_order_are_refused():
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("a.pt", b"PK\3\4", "is damaged or is not a network"),
+        ("a.pt", b"PK\3\4", "is not a readable zip file"),
         ("b.pt", b"text", "was not written by torch.save"),
         ("c.safetensors", b"\xff" * 20, "is damaged or is not a network"),
         ("d.pkl", b"", "was not written by torch.save"),
