@@ -23,12 +23,13 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Row, Sheet
 from hfa_support.reporting.text import Table
 from trim.hfa.trim_report import trim_figure, trim_report
+from trim.point.condition import StatedValues, stated_cells
 from trim.point.solve import TrimError
-from trim.point.status import DOUBTED, RESULTS, STALLED, TRIMMED, UNTRIMMED
+from trim.point.status import DOUBTED, NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
 from trim.reports.book import Condition, book_of, matrix_figure
 from trim.reports.brief import brief, brief_list
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
-from trim.reports.matrix import asked_sheet, matrix, result_of
+from trim.reports.matrix import matrix, result_of
 from trim.reports.point_figure import with_range
 from trim.reports.trim_report import revision
 
@@ -154,7 +155,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
     """
     model = points.trims.model
     conditions: list[Condition] = []
-    stated: list[Sheet] = []
+    stated: list[dict[str, Any]] = []
     refused: list[BadInputError] = []
     for row in points.conditions(_MOST_SHEETS):
         stated.append(_stated(points.trims, row))
@@ -176,7 +177,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
     failed = results.count(UNTRIMMED)
     overview = Report(
         title=_counts_in_words(results),
-        parts=[_overview(stated, results, reports), *reports],
+        parts=[_overview(results, conditions), *reports],
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
         records=matrix(stated, sheets),
         failure=f"{failed} of {len(results)} conditions have no trim" if failed else "",
@@ -224,16 +225,16 @@ def _with_name(report: Report, name: str) -> Report:
     return replace(report, title=f"{name}: {report.title}", data=data)
 
 
-def _stated(trims: TrimInput, row: ListedCondition) -> Sheet:
-    """Return the rows that state a condition: name, values, free variables and limits."""
-    model = trims.model
-    if not trims.rows:  # a point of a grid
-        return asked_sheet(model, row.values, trims.free, trims.limits, row.name)
-    given = trims.for_row(row)
-    held = {name: values[0] for name, values in given.hold.items()}
-    if given.at is not None:
-        held = {model.schedule: given.at[0], **held}
-    return asked_sheet(model, held, given.free, given.limits, row.name)
+def _stated(trims: TrimInput, row: ListedCondition) -> dict[str, Any]:
+    """Return the cells that state a condition: name, values, free variables and limits."""
+    model, held, given = trims.model, row.values, trims
+    if trims.rows:  # otherwise a point of a grid
+        given = trims.for_row(row)
+        held = given.held()
+        if given.at is not None:
+            held = {model.schedule: given.at[0], **held}
+    name = {NAME: row.name} if row.name else {}
+    return name | stated_cells(model, StatedValues(held, given.free, given.limits))
 
 
 #: Column of the overview -> name of its figure on a sheet.
@@ -246,15 +247,12 @@ _OVERVIEW = {
 }
 
 
-def _overview(stated: Sequence[Sheet], results: Sequence[str], reports: Sequence[Report]) -> Table:
-    """Return the table of conditions by name or number, with the result and figures of each.
-
-    stated: rows that state each condition
-    """
+def _overview(results: Sequence[str], conditions: Sequence[Condition]) -> Table:
+    """Return the table of conditions by name or number, with the result and figures of each."""
     lines = []
-    for number, (sheet, result, report) in enumerate(zip(stated, results, reports, strict=True), 1):
-        row_of = {row.name: row for row in (*report.sheet, *sheet)}
-        name = str(row_of["name"].value) if "name" in row_of else str(number)
+    for number, (result, condition) in enumerate(zip(results, conditions, strict=True), 1):
+        row_of = {row.name: row for row in condition.report.sheet}
+        name = condition.name or str(number)
         figures = []
         for figure in _OVERVIEW.values():
             _, value, unit, _ = row_of[figure].cells() if figure in row_of else ("",) * 4

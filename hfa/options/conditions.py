@@ -14,7 +14,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, choice_of, shown
 from hfa_support.files import regular_file
 from hfa_support.units import split_unit
-from trim.point.status import FREE, LIMIT, NAME, RESULTS
+from trim.point.status import FREE, HELD, LIMIT, NAME, RESULTS
 
 #: What separates names in a cell.
 _SEPARATORS = re.compile(r"[;\s]+")
@@ -160,6 +160,7 @@ class _Column(NamedTuple):
     def of(cls, title: str, model: Model) -> _Column:
         """Return the column with a heading such as "gamma", "KCAS [kt]" or "c.g. [%]"."""
         typed, _, unit = (part.strip() for part in title.removesuffix("]").partition("["))
+        typed = typed.removeprefix(f"{HELD} ")  # in a file that was written
         if unit.lower() in model.airspeeds:  # "speed [KCAS]"
             return cls(title, unit.lower(), "")
         return cls(title, _name_of(model, typed), unit)

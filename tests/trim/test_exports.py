@@ -63,6 +63,9 @@ def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(file, variable, v
     records = dict(zip(report.records.header, report.records.rows[0], strict=True))
     data = dict(report.data["sheet"])
     assert records.pop("results") == cells.pop("results")
+    imposed = [each for each in cells if each.partition(" [")[0] == f"hold {variable}"]
+    assert [float(cells.pop(each)) for each in imposed] == [value]
+    assert [records.pop(each, value) for each in imposed] == [value]
     del cells["about"]
     for row in point.sheet:
         entry = data.pop(row.name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -14,7 +15,8 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.public_arguments import check_fields
-from hfa_support.reporting.text import shown_values
+from hfa_support.reporting.text import shown_values, with_shown_unit
+from trim.point.status import FREE, HELD, LIMIT
 
 
 @dataclass(frozen=True)
@@ -354,16 +356,37 @@ def stated_values(condition: TrimCondition, varied: Sequence[str] = ()) -> State
     return StatedValues(held, tuple(free), condition.limits)
 
 
-def typed_limits(model: Model, limits: Mapping[str, tuple[float, float]]) -> str:
-    """Return limits as a file of conditions states them: "elevator=-10.0:10.0 thrust=0.0:30.0".
-
-    limits: name -> (lowest, highest)
+def stated_cells(model: Model, stated: StatedValues) -> dict[str, Any]:
+    """Return what a condition states as columns of a file of conditions, heading -> cell, from
+    which the same numbers are read: "hold alpha [deg]" -> 2.8.
     """
-    words = []
-    for name, ends in limits.items():
-        lowest, highest = (repr(float(shown_values(end, model.unit(name)))) for end in ends)
-        words.append(f"{name}={lowest}:{highest}")
-    return " ".join(words)
+    cells = {
+        imposed_heading(model, name): exact_cell(value, model.unit(name))
+        for name, value in stated.held.items()
+    }
+    limits = []
+    for name, ends in stated.limits.items():
+        lowest, highest = (exact_cell(end, model.unit(name)) for end in ends)
+        limits.append(f"{name}={lowest}:{highest}".replace(" ", ""))
+    texts = {FREE: " ".join(stated.free), LIMIT: " ".join(limits)}
+    return cells | {name: text for name, text in texts.items() if text}
+
+
+def imposed_heading(model: Model, name: str) -> str:
+    """Return the heading of the column of an imposed value, in a table of trims."""
+    return f"{HELD} {with_shown_unit(name, model.unit(name))}"
+
+
+def exact_cell(value: float, unit: str) -> float | str:
+    """Return a value as a file states it, in degrees for an angle, from which the same number is
+    read. Where no number in degrees is converted to it, the cell is in the unit: "0.1 rad".
+    """
+    shown = float(shown_values(value, unit)) + 0.0  # 0 in place of -0
+    if not unit.startswith("rad"):
+        return shown
+    beside = (math.nextafter(shown, end) for end in (math.inf, -math.inf))
+    same = [near for near in (shown, *beside) if math.radians(near) == value]
+    return min(same, key=lambda near: len(repr(near)), default=f"{value!r} {unit}")
 
 
 def _values_and_rates(

@@ -25,6 +25,7 @@ from hfa_support.reporting.text import (
     beside_unit,
     eigenvalue_text,
     is_zero,
+    numbered,
     shown_unit,
     shown_value,
     shown_values,
@@ -33,7 +34,12 @@ from hfa_support.reporting.text import (
 from trim.linear.kinks import mean_at_kinks
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_of
-from trim.point.condition import TrimCondition, usual_condition
+from trim.point.condition import (
+    TrimCondition,
+    exact_cell,
+    imposed_heading,
+    usual_condition,
+)
 from trim.point.diagnosis import beyond_limits
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
@@ -519,21 +525,18 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         and B in radians.
         """
         model = self.model
-        units = (*self.plan.units, *model.units((*model.states, *model.inputs)))
-        names = [*self.variables, *(f"state {name}" for name in model.states)]
-        names += [f"input {name}" for name in model.inputs]
-        headings = [with_shown_unit(*each) for each in zip(names, units, strict=True)]
+        names = (*model.states, *model.inputs)
+        units = model.units(names)
         stated = self.plan.stated()
-        count = len(self.variables)
         header = (
             *((NAME,) if self.plan.names else ()),
-            *headings[:count],
+            *(imposed_heading(model, name) for name in self.variables),
             *stated,
             *(RESULTS, "failure", "limits reached"),
-            *headings[count:],
-            *_headings_of_linear_model(model),
+            *map(with_shown_unit, names, units),
+            *self._headings_of_linear_model(),
         )
-        point = np.hstack([self.values, self.states, self.inputs])
+        point = np.hstack([self.states, self.inputs])
         shown = np.transpose(
             [shown_values(column, unit) for column, unit in zip(point.T, units, strict=True)]
         )
@@ -546,15 +549,35 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             matrices = (self.eigenvalues[i].view(float), self.A[i].ravel(), self.B[i].ravel())
             return (
                 *self.plan.names[i : i + 1],
-                *shown[i, :count].tolist(),
+                *map(exact_cell, self.values[i].tolist(), self.plan.units),
                 *stated.values(),
                 str(result),
                 reason,
                 reached,
-                *np.concatenate([shown[i, count:], *matrices]).tolist(),
+                *np.concatenate([shown[i], *matrices]).tolist(),
             )
 
         return Table(header, RowsMade(len(self.reasons), row))
+
+    def _headings_of_linear_model(self) -> list[str]:
+        """Return the headings of the parts of the eigenvalues, and of the entries of A and B.
+
+        A second eigenvalue of a mode has its number: "phugoid 2 eigenvalue real [1/s]".
+        """
+        model = self.model
+        names = self.mode_names or numbered("mode ", len(model.linear))
+        headings = []
+        for place, name in enumerate(names):
+            number = names[: place + 1].count(name)
+            called = name if number == 1 else f"{name} {number}"
+            for part in ("real", "imaginary"):
+                headings.append(f"{called} eigenvalue {part} [1/{model.time_unit}]")
+        for matrix, columns in (("A", model.linear), ("B", tuple(model.inputs))):
+            for row in model.linear:
+                for column in columns:
+                    unit = model.entry_unit(row, column)
+                    headings.append(f"{matrix}({row}, {column}) [{unit}]")
+        return headings
 
     def __len__(self) -> int:
         return len(self.reasons)
@@ -669,20 +692,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         axes = {name: [value] for name, value in values.items()}
         linear: LinearModel = run_plan(replace(self.plan, axes=axes))[0]
         return linear
-
-
-def _headings_of_linear_model(model: Model) -> list[str]:
-    """Return the headings of the parts of the eigenvalues, and of the entries of A and B."""
-    headings = []
-    for number in range(1, len(model.linear) + 1):
-        for part in ("real", "imaginary"):
-            headings.append(f"{part} eigenvalue {number} [1/{model.time_unit}]")
-    for matrix, columns in (("A", model.linear), ("B", tuple(model.inputs))):
-        for row in model.linear:
-            for column in columns:
-                unit = model.entry_unit(row, column)
-                headings.append(f"{matrix}({row}, {column}) [{unit}]")
-    return headings
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:

@@ -15,10 +15,8 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.reporting.results import without_empty
-from hfa_support.reporting.text import shown_values, with_shown_unit
-from trim.point.condition import TrimCondition, stated_values, typed_limits, usual_condition
+from trim.point.condition import TrimCondition, stated_cells, stated_values, usual_condition
 from trim.point.operating_point import OperatingPoint, beyond_range
-from trim.point.status import FREE, LIMIT
 from trim.sweeps.points import condition_at
 
 #: Largest number of points of a grid, which is never stored as a whole.
@@ -221,14 +219,7 @@ class SweepPlan:
 
     def stated(self) -> dict[str, Any]:
         """Return what all points impose, as columns of a file of conditions, heading -> cell."""
-        held, free, limits = stated_values(self.condition, self.variables)
-        units = {name: self.model.unit(name) for name in held}
-        stated: dict[str, Any] = {
-            with_shown_unit(name, units[name]): float(shown_values(value, units[name]))
-            for name, value in held.items()
-        }
-        texts = {FREE: " ".join(free), LIMIT: typed_limits(self.model, limits)}
-        return stated | {name: text for name, text in texts.items() if text}
+        return stated_cells(self.model, stated_values(self.condition, self.variables))
 
     def values(self, first: int, stop: int) -> np.ndarray:
         """Return the values of the swept variables at the points first .. stop - 1.
