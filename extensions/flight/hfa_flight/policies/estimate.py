@@ -21,6 +21,8 @@ IMPOSSIBLE = 8.0
 #: After this number of samples in a row with impossible values, the estimate begins anew if most
 #: of them are impossible.
 LOST = 10
+#: Largest magnitude of a finite value: CasADi has no function of that name.
+_FINITE = 1e300
 #: Variance of a predicted state, in that of the stationary filter, above which the prediction
 #: stands still: of the next estimate it is a millionth, and rounding of P another 1e-10.
 _UNKNOWN = 1e6
@@ -34,6 +36,7 @@ class Estimate(NamedTuple):
     G: covariance from which the gains follow, (n, n): P without the samples that have no value
     missed: number of samples in a row with impossible values, (1,)
     begun: 0 before the first sample, 1 after a first one with an impossible value, 2 later, (1,)
+    last: last finite value of each sensor, (p,)
     """
 
     x: ca.SX
@@ -41,12 +44,13 @@ class Estimate(NamedTuple):
     G: ca.SX
     missed: ca.SX
     begun: ca.SX
+    last: ca.SX
 
     def packed(self) -> ca.SX:
         """Return the memory of the filter, (memory_size,)."""
         pairs = _lower_triangle(self.x.numel())
         entries = [covariance[i, j] for covariance in (self.P, self.G) for i, j in pairs]
-        return ca.vertcat(self.x, self.missed, self.begun, *entries)
+        return ca.vertcat(self.x, self.missed, self.begun, self.last, *entries)
 
 
 def _lower_triangle(n: int) -> list[tuple[int, int]]:
@@ -56,17 +60,18 @@ def _lower_triangle(n: int) -> list[tuple[int, int]]:
 
 
 def memory_size(known: KalmanFilter) -> int:
-    """Return the number of entries of the memory: x, two counts, lower triangles of P and G."""
+    """Return the number of entries of the memory: x, two counts, p values, triangles of P and G."""
     n = len(known.Phi)
-    return n + 2 + n * (n + 1)
+    return n + 2 + len(known.sensors) + n * (n + 1)
 
 
 def unpacked(known: KalmanFilter, memory: ca.SX) -> Estimate:
     """Return the estimate in a memory, with the stationary P and G before the first sample."""
     n = len(known.Phi)
-    x, missed, begun, entries = ca.vertsplit(memory, [0, n, n + 1, n + 2, memory.numel()])
+    ends = [0, n, n + 1, n + 2, n + 2 + len(known.sensors), memory.numel()]
+    x, missed, begun, last, entries = ca.vertsplit(memory, ends)
     P, G = (_symmetric(known.P, begun, each) for each in ca.vertsplit(entries, n * (n + 1) // 2))
-    return Estimate(x, P, G, missed, begun)
+    return Estimate(x, P, G, missed, begun, last)
 
 
 def _symmetric(stationary: np.ndarray, begun: ca.SX, triangle: ca.SX) -> ca.SX:
@@ -91,9 +96,10 @@ def updated(
 ) -> Updated:
     """Return the estimate with the measured deviations y, (p,).
 
-    A value that is not finite or impossible is left out. The estimate begins at the finite values
-    if one is impossible at the first sample, or then at the second, because the first was, or most
-    are at the end of LOST such samples in a row.
+    A value that is not finite is missing, and so is one that equals the last one to the bit: it is
+    frozen. A missing or impossible value is left out. The estimate begins at the values that are
+    given if one is impossible at the first sample, or then at the second, because the first was, or
+    most are at the end of LOST such samples in a row.
     With the linear model, a value corrects its own state at most as in the stationary filter, and
     a measured speed is taken without what the predicted wind across the path adds to it, if all
     values on which this depends are used.
@@ -105,22 +111,24 @@ def updated(
     if not is_extended:
         seen = y - _added_speed(known, y, winds_in(known, before.x), gate.is_used)
     x, P, G = _corrected_by_values(known, before, seen, gate.is_used, is_extended=is_extended)
-    impossible, finite = sum(gate.is_impossible, ca.SX(0)), sum(gate.is_finite, ca.SX(0))
-    missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(finite > 0, 0, before.missed))
-    is_lost = ca.logic_and(missed >= LOST, 2 * impossible > finite)
+    impossible, given = sum(gate.is_impossible, ca.SX(0)), sum(gate.is_given, ca.SX(0))
+    missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(given > 0, 0, before.missed))
+    is_lost = ca.logic_and(missed >= LOST, 2 * impossible > given)
     begins = ca.logic_and(impossible > 0, ca.logic_or(before.begun < 2, is_lost))
-    new_x, new_P = _at_values(known, before, seen, gate.is_finite)
+    new_x, new_P = _at_values(known, before, seen, gate.is_given)
     x, P = ca.if_else(begins, new_x, x), ca.if_else(begins, new_P, P)
     begun = ca.if_else(ca.logic_and(before.begun == 0, impossible > 0), 1, 2)
-    estimate = Estimate(x, P, P if is_extended else G, ca.if_else(begins, 0, missed), begun)
+    last = ca.if_else(ca.fabs(y) <= _FINITE, y, before.last)
+    G = P if is_extended else G
+    estimate = Estimate(x, P, G, ca.if_else(begins, 0, missed), begun, last)
     left_out = ca.if_else(begins, 0, sum(gate.is_used) < len(known.sensors))
     return Updated(estimate, left_out)
 
 
 class _Gate(NamedTuple):
-    """Of each measured value, 1 or 0: whether it is finite, used, or finite and impossible."""
+    """Of each measured value, 1 or 0: whether it is given, used, or given and impossible."""
 
-    is_finite: list[ca.SX]
+    is_given: list[ca.SX]
     is_used: list[ca.SX]
     is_impossible: list[ca.SX]
 
@@ -131,11 +139,12 @@ def _gate(known: KalmanFilter, before: Estimate, y: ca.SX) -> _Gate:
     for place, (row, variance) in enumerate(_rows_and_variances(known)):
         deviation = ca.sqrt(before.P[row, row] + variance)
         innovation = ca.fabs(y[place] - before.x[row])
-        is_finite = innovation <= ca.DM(1e300)  # false for NaN
-        is_used = innovation <= IMPOSSIBLE * deviation
-        gate.is_finite.append(is_finite)
+        is_new = ca.logic_or(before.begun == 0, y[place] != before.last[place])
+        is_given = ca.logic_and(is_new, innovation <= _FINITE)  # false for NaN
+        is_used = ca.logic_and(is_given, innovation <= IMPOSSIBLE * deviation)
+        gate.is_given.append(is_given)
         gate.is_used.append(is_used)
-        gate.is_impossible.append(ca.logic_and(is_finite, ca.logic_not(is_used)))
+        gate.is_impossible.append(ca.logic_and(is_given, ca.logic_not(is_used)))
     return gate
 
 
@@ -194,16 +203,16 @@ def _mirrored(covariance: ca.SX) -> ca.SX:
 
 
 def _at_values(
-    known: KalmanFilter, before: Estimate, y: ca.SX, is_finite: list[ca.SX]
+    known: KalmanFilter, before: Estimate, y: ca.SX, is_given: list[ca.SX]
 ) -> tuple[ca.SX, ca.SX]:
-    """Return x and P of an estimate that begins at the finite values."""
+    """Return x and P of an estimate that begins at the values that are given."""
     x, P = ca.SX(before.x), ca.SX(before.P)
     for place, (row, variance) in enumerate(_rows_and_variances(known)):
-        finite = is_finite[place]
-        x[row] = ca.if_else(finite, y[place], x[row])
+        given = is_given[place]
+        x[row] = ca.if_else(given, y[place], x[row])
         for other in range(x.numel()):
-            P[row, other] = P[other, row] = ca.if_else(finite, 0.0, P[row, other])
-        P[row, row] = ca.if_else(finite, variance, P[row, row])
+            P[row, other] = P[other, row] = ca.if_else(given, 0.0, P[row, other])
+        P[row, row] = ca.if_else(given, variance, P[row, row])
     return x, P
 
 

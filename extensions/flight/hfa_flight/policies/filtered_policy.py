@@ -132,13 +132,14 @@ def _bound(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> BoundFunc
 class FilteredPolicy(SampledPolicy):
     """Policy U = sat(law(x̂)) of the estimate x̂ of a Kalman filter.
 
-    A measured value that is not finite, or with an innovation beyond 8 standard deviations, is left
-    out, and the covariance is carried on: gain and gate follow the values that are there. After
-    missing values, each value corrects its state at most as in the stationary filter, except behind
-    a law that plans: a fast gain leaves its limits where it learns a large error at once. If one is
-    impossible at the first sample, or most are at the end of ten such samples in a row, the
-    estimate begins at the measured values. With a delay the law acts on the state predicted over
-    the commands under way; a deployment with a delay of its own acts on the estimate of its sample.
+    A measured value that is not finite, that equals the last one to the bit (it is frozen), or with
+    an innovation beyond 8 standard deviations is left out, and the covariance is carried on: gain
+    and gate follow the values that are there. After missing values, each value corrects its state
+    at most as in the stationary filter, except behind a law that plans: a fast gain leaves its
+    limits where it learns a large error at once. If one is impossible at the first sample, or most
+    are at the end of ten such samples in a row, the estimate begins at the measured values. With a
+    delay the law acts on the state predicted over the commands under way; a deployment with a delay
+    of its own acts on the estimate of its sample.
 
     A fast gain on the ground speed is unstable in an updraft w, which adds w²/2V to it. Therefore a
     measured speed is taken without what the predicted wind across the path adds to it, unless a
@@ -233,7 +234,7 @@ class FilteredPolicy(SampledPolicy):
 
         t: time of the sample, s
         y: measured values, (p,) in the order of `filter.sensors`, or by name. A value that is not
-          finite, or a name that is missing, leaves the sample out
+          finite or equals the last one is missing, as is one without its name
         """
         sensors = self.filter.sensors
         if isinstance(y, Mapping):
