@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -69,14 +70,28 @@ def quadratic_forms(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the balanced form D⁻¹ M D of a matrix M, (n, n), and the diagonal of D, (n,).
 
-    Rows and columns of the balanced form have similar size. The diagonal consists of powers of two.
+    Row and column i of the balanced form have lengths within a factor of two, unless one is 0. The
+    diagonal consists of powers of two. The algorithm is that of LAPACK's dgebal (James, Langou,
+    Lowery 2014), with its limit: units that shorten row and column by less than 5 % stay.
 
     Raises ValueError if an entry is not finite.
     """
-    from scipy.linalg.lapack import dgebal
-
-    scaled, _, _, scaling, _ = dgebal(np.asarray_chkfinite(matrix), scale=1, permute=0)
-    return scaled, scaling
+    scaled = np.array(np.asarray_chkfinite(matrix), dtype=float)
+    units = np.ones(len(scaled))
+    changed = True
+    while changed:
+        changed = False
+        for i in range(len(scaled)):
+            column, row = math.hypot(*scaled[:, i].tolist()), math.hypot(*scaled[i].tolist())
+            if not column or not row:
+                continue
+            unit = 2.0 ** math.ceil((math.log2(row) - math.log2(column) - 1.0) / 2.0)
+            if column * unit + row / unit < 0.95 * (column + row):
+                scaled[:, i] *= unit
+                scaled[i] /= unit
+                units[i] *= unit
+                changed = True
+    return scaled, units
 
 
 def power_of_two(sizes: np.ndarray) -> np.ndarray:

@@ -91,6 +91,23 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue():
         )
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_simple_modes_participate_alike_beside_two_integrators_in_line(seed):
+    """The shares of simple modes are those of their exact eigenvectors, although the eigenvectors of
+    two integrators in line coincide.
+    """
+    lower, upper = np.random.default_rng(seed).integers(-2, 3, size=(2, 5, 5))
+    basis = (np.eye(5) + np.tril(lower, -1)) @ (np.eye(5) + np.triu(upper, 1))
+    inverse = np.linalg.inv(basis).round()  # of whole numbers, as the determinant is 1
+    block = np.diag([0.0, 0.0, -1.0, -3.0, -7.0])
+    block[0, 1] = 1.0
+    modes = modes_of(basis @ block @ inverse, ("a", "b", "c", "d", "e"))
+    for place in (2, 3, 4):
+        mode = min(modes, key=lambda mode: abs(mode.eigenvalue - block[place, place]))
+        shares = np.abs(basis[:, place] * inverse[place])
+        assert [*mode.participation.values()] == pytest.approx(shares / shares.sum(), abs=1e-6)
+
+
 # Handling qualities.
 
 
