@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -18,7 +18,7 @@ from hfa_model.kinematics import DISTURBANCES, winds_of
 from hfa_model.outputs import OUTPUTS, instant_of, outputs_of
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.published import published_data
-from hfa_model.variants import Variant, variant_named
+from hfa_model.variants import Variant
 from hfa_model.vectors import (
     INPUT_SIGNALS,
     INPUTS,
@@ -106,22 +106,12 @@ _TYPICAL = {
     "lbf": 100.0,
     "lbf/ft^2": 1.0,
 }
-_PAPER = published_data()["trim"]
-
-
-_GAME = published_data()["game"]
-#: The game of Section 5.1.
-_WEIGHTS = {
-    "Q": dict(zip(LINEAR_STATES, _GAME["Q_diag"], strict=True)),
-    "R": dict(zip(INPUTS, _GAME["R_diag"], strict=True)),
-    "delta": _GAME["delta"],
-    "E": LINEAR_STATES,
-}
 
 
 def hfa_about(dynamics: str) -> About:
     """Return the texts about the flexible aircraft with dynamics of this name."""
     subject = "HFA" if dynamics == "published" else f"HFA ({dynamics})"
+    game = published_data()["game"]  # of Section 5.1
     return About(
         f"{dynamics} dynamics",
         subject,
@@ -129,7 +119,12 @@ def hfa_about(dynamics: str) -> About:
         equations="published" if subject == "HFA" else "",
         atmosphere="U.S. Standard 1976",
         trained_at=math.radians(15.0),
-        weights=_WEIGHTS,
+        weights={
+            "Q": dict(zip(LINEAR_STATES, game["Q_diag"], strict=True)),
+            "R": dict(zip(INPUTS, game["R_diag"], strict=True)),
+            "delta": game["delta"],
+            "E": LINEAR_STATES,
+        },
         weights_source="default",
         configuration=configuration,
     )
@@ -164,50 +159,6 @@ def configuration(x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
     }
 
 
-_DECLARED = Model(
-    name="published",
-    # Named tuples of signals, whose classes become those of the vectors.
-    states=STATE_SIGNALS,  # type: ignore[arg-type]  # as above
-    inputs=INPUT_SIGNALS,  # type: ignore[arg-type]  # as above
-    equations=Equations(variant_named("published")),
-    parameters=Parameters(
-        *(Signal(spec.unit, min=0.0 if spec.positive else -math.inf, start=1.0) for spec in FIELDS)
-    ),  # type: ignore[arg-type]  # as above
-    disturbances={name: Signal("ft/s", 10.0) for name in DISTURBANCES},
-    outputs={name: Signal(unit, _TYPICAL.get(unit, 1.0)) for name, (unit, _) in OUTPUTS.items()},
-    # The paper's level flight (Section 5.1), with a flat wing.
-    trim={
-        "speed": _PAPER["speed"],
-        "alpha": math.radians(_PAPER["alpha_deg"]),
-        "altitude": _PAPER["altitude"],
-        "gamma": 0.0,
-        "pitch_rate": _PAPER["pitch_rate"],
-        "dihedral": 0.0,
-        "dihedral_rate": _PAPER["dihedral_rate"],
-        "aileron_center": 0.0,
-    },
-    steady=tuple(name for name in STATES if name != "altitude"),
-    linear=LINEAR_STATES,
-    schedule="dihedral",
-    modes={
-        "short period": ("alpha", "pitch_rate"),
-        "phugoid": ("speed", "pitch"),
-        "dihedral": ("dihedral", "dihedral_rate"),
-        "altitude": ("altitude",),
-    },
-    replaced={"pitch": "gamma"},
-    # For the vertical acceleration, A_z in SimVFA.
-    parts={"short_period": ("alpha",)},
-    domain=Domain(
-        # The paper calls its linear model applicable up to this dihedral angle (Section 5.1).
-        range={"dihedral": (-math.radians(15.0), math.radians(15.0), "the paper's range")},
-        envelope=flight_limits,
-        check=check_in_range,
-    ),
-    about=hfa_about("published"),
-)
-
-
 @lru_cache(maxsize=64)
 def rigid_panels(
     variant: Variant,
@@ -220,19 +171,60 @@ def rigid_panels(
 
     describe_trim: as in `Trimming`
     """
-    # The values are not checked: a fit of the printed matrices also tries impossible ones.
-    values = {
-        name: signal._replace(start=float(getattr(parameters, name)))
-        for name, signal in _DECLARED.parameters.items()
-    }
-    return replace(
-        _DECLARED,
+    return Model(
         name=variant.name,
+        # Named tuples of signals, whose classes become those of the vectors.
+        states=STATE_SIGNALS,  # type: ignore[arg-type]  # as above
+        inputs=INPUT_SIGNALS,  # type: ignore[arg-type]  # as above
         equations=Equations(variant),
-        parameters=values,
-        about=hfa_about(variant.name),
+        # The values are not checked: a fit of the printed matrices also tries impossible ones.
+        parameters={
+            name: Signal(unit, min=0.0 if positive else -math.inf, start=float(value))
+            for value, (name, (unit, _, positive)) in zip(
+                parameters, FIELDS._asdict().items(), strict=True
+            )
+        },
+        disturbances={name: Signal("ft/s", 10.0) for name in DISTURBANCES},
+        outputs={
+            name: Signal(unit, _TYPICAL.get(unit, 1.0)) for name, (unit, _) in OUTPUTS.items()
+        },
+        trim=_level_flight(),
+        steady=tuple(name for name in STATES if name != "altitude"),
+        linear=LINEAR_STATES,
+        schedule="dihedral",
+        modes={
+            "short period": ("alpha", "pitch_rate"),
+            "phugoid": ("speed", "pitch"),
+            "dihedral": ("dihedral", "dihedral_rate"),
+            "altitude": ("altitude",),
+        },
+        replaced={"pitch": "gamma"},
+        # For the vertical acceleration, A_z in SimVFA.
+        parts={"short_period": ("alpha",)},
+        domain=Domain(
+            # The paper calls its linear model applicable up to this dihedral angle (Section 5.1).
+            range={"dihedral": (-math.radians(15.0), math.radians(15.0), "the paper's range")},
+            envelope=flight_limits,
+            check=check_in_range,
+        ),
         trimming=Trimming(describe=describe_trim),
+        about=hfa_about(variant.name),
     )
+
+
+def _level_flight() -> dict[str, float]:
+    """Return the paper's level flight (Section 5.1) with a flat wing, variable -> value."""
+    paper = published_data()["trim"]
+    return {
+        "speed": paper["speed"],
+        "alpha": math.radians(paper["alpha_deg"]),
+        "altitude": paper["altitude"],
+        "gamma": 0.0,
+        "pitch_rate": paper["pitch_rate"],
+        "dihedral": 0.0,
+        "dihedral_rate": paper["dihedral_rate"],
+        "aileron_center": 0.0,
+    }
 
 
 def is_hfa(model: Model) -> bool:

@@ -1,9 +1,12 @@
 """Operating points, exact linear models, modes and sweeps, for any aircraft."""
 
 from .hfa.level_flight import load_condition as load_condition
-from .hfa.linear_report import linear_model_report as linear_model_report
 from .hfa.printed import compare as compare, entry_bands as entry_bands
-from .hfa.trim_report import trim_figure as trim_figure, trim_report as trim_report
+from .hfa.reports import (
+    linear_model_report as linear_model_report,
+    trim_figure as trim_figure,
+    trim_report as trim_report,
+)
 from .linear.frequency import draw_bode as draw_bode
 from .linear.linear_model import LinearModel as LinearModel
 from .linear.linearize import linearize as linearize

@@ -13,7 +13,7 @@ from hfa.options.option import option
 from hfa.options.plants import aircraft_help
 from hfa.options.trims import GivenTrim, TrimOptions, scheduled_trim
 from hfa_support.reporting.figure import new_figure
-from trim.hfa.linear_report import linear_model_report
+from trim.hfa.reports import linear_model_report
 from trim.linear.linearize import direct_disturbances
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Row, Sheet
 from hfa_support.reporting.text import Table
-from trim.hfa.trim_report import trim_figure, trim_report
+from trim.hfa.reports import trim_figure, trim_report
 from trim.point.condition import StatedValues, stated_cells
 from trim.point.solve import TrimError
 from trim.point.status import DOUBTED, NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED

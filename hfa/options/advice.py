@@ -9,7 +9,7 @@ from hfa_aircraft.model import Model, recognized
 from hfa_support.errors import BadInputError, NoSolutionError, warn
 from hfa_support.reporting.text import shown_value
 from hfa_support.units import conversion_factor
-from trim.hfa.trim_report import trim_report
+from trim.hfa.reports import trim_report
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, explained, trim

@@ -12,19 +12,12 @@ from typing import TYPE_CHECKING, Any
 from hfa.options.argument_types import one_of
 from hfa.options.option import PAPER, option
 from hfa_aircraft.model import Model
-from hfa_model.choice import aircraft
-from hfa_model.parameters import (
-    NAMED,
-    ParameterSet,
-    changed_parameters,
-    default_parameters,
-    load_parameters,
-)
 from hfa_support.errors import BadInputError
 from hfa_support.provenance import parameter_hash
 
 if TYPE_CHECKING:
     from hfa_aircraft.uncertain import ParameterSpread
+    from hfa_model.parameters import ParameterSet
 
 
 def aircraft_help() -> str:
@@ -33,6 +26,14 @@ def aircraft_help() -> str:
 
     forms = ("aircraft (Python and FMUs are executed): package.module:NAME", *forms_of_packages())
     return ", ".join(forms) + "; default: HFA"
+
+
+def _parameters_help() -> str:
+    """Return the help of --parameters, with the named sets of the HFA."""
+    from hfa_model.parameters import NAMED
+
+    named = " (default) or ".join(NAMED)
+    return f"parameters: {named}, or a file, of any aircraft, of hfa identify -o FILE.toml"
 
 
 def _parameter_file(text: str) -> str:
@@ -61,8 +62,7 @@ class AircraftOptions:
         group=PAPER,
     )
     parameters: str | None = option(
-        f"parameters: {' (default) or '.join(NAMED)}, or a file, of any aircraft, of hfa identify "
-        "-o FILE.toml",
+        _parameters_help,
         "FILE",
         _parameter_file,
         group=PAPER,
@@ -86,6 +86,8 @@ def loaded_model(request: AircraftOptions) -> Model:
     if request.aircraft is None:
         if request.mass is not None:
             raise BadInputError("--mass applies only to an AVL file; give --aircraft FILE.st")
+        from hfa_model.choice import aircraft
+
         model = aircraft(request.dynamics or "published", parameter_set(request).values)
     else:
         from hfa_aircraft.loading import load_model
@@ -105,6 +107,8 @@ def loaded_model(request: AircraftOptions) -> Model:
 
 def parameter_set(request: AircraftOptions) -> ParameterSet:
     """Return the parameters of the HFA, from --parameters or the default."""
+    from hfa_model.parameters import default_parameters, load_parameters
+
     if request.parameters is None or request.aircraft is not None:
         return default_parameters()
     return load_parameters(request.parameters)
@@ -130,6 +134,8 @@ def aircraft_source(request: AircraftOptions, model: Model) -> dict[str, Any]:
             content = hashlib.sha256(Path(request.parameters).read_bytes()).hexdigest()
             source |= {"parameters": request.parameters, "parameter_hash": content[:12]}
         return source
+    from hfa_model.parameters import changed_parameters
+
     chosen = parameter_set(request)
     return {
         "dynamics": request.dynamics or "published",

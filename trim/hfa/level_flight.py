@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
-from hfa_model.choice import aircraft
 from trim.point.condition import TrimCondition, usual_condition
 
 #: Named condition -> its file in this folder.
@@ -13,8 +13,14 @@ CONDITIONS = {
     "simvfa-64": "simvfa_64.toml",
     "simvfa-30": "simvfa_30.toml",
 }
-#: The paper's level flight (Section 5.1), with a flat wing; `at` sets another dihedral angle.
-LEVEL_FLIGHT = usual_condition(aircraft())
+
+
+@cache
+def _flat_wing() -> TrimCondition:
+    """Return the paper's level flight (Section 5.1), with a flat wing."""
+    from hfa_model.choice import aircraft
+
+    return usual_condition(aircraft())
 
 
 def level_flight(
@@ -33,19 +39,19 @@ def level_flight(
     >>> hfa.paper.level_flight(0.2, speed=70.0).free
     ('throttle', 'aileron_outer', 'elevator_center', 'elevator_outer')
     """
-    model = LEVEL_FLIGHT.model
+    model = _flat_wing().model
     imposed = {**model.trim, model.schedule: dihedral, **held}
     return TrimCondition(model, imposed, limits=dict(limits or {}))
 
 
-def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondition:
+def load_condition(name: str, usual: TrimCondition | None = None) -> TrimCondition:
     """Return a trim condition by its name in `CONDITIONS`, or from a user's file.
 
     name: name of the condition, or path of the file
-    usual: condition to which the file is applied as changes
+    usual: condition to which the file is applied as changes; default: the paper's
 
     Raises BadInputError, which names the file and the fault, if the file is not a valid condition.
     """
     from trim.point.condition_file import read_condition
 
-    return read_condition(name, usual, CONDITIONS)
+    return read_condition(name, usual or _flat_wing(), CONDITIONS)

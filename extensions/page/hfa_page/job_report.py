@@ -28,9 +28,8 @@ from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.parts import Part, Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
-from trim.hfa.linear_report import linear_model_report
 from trim.hfa.printed import printed_at
-from trim.hfa.trim_report import trim_report
+from trim.hfa.reports import linear_model_report, trim_report
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
 from trim.reports.first_lines import subject

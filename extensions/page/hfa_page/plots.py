@@ -31,7 +31,7 @@ from trim.hfa.front_view import (
     panels_from_the_front,
     scale_text,
 )
-from trim.hfa.trim_report import trim_figure
+from trim.hfa.reports import trim_figure
 from trim.point.operating_point import OperatingPoint
 from trim.reports.point_figure import with_range
 from trim.sweeps.sweep import Sweep

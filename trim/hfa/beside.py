@@ -1,5 +1,5 @@
-"""Report of a linear model; of the paper's flexible aircraft with its error bands, other dynamics
-and the printed matrices.
+"""What the report of a linear model of the flexible aircraft has besides: error bands, other
+dynamics and the printed matrices.
 """
 
 from __future__ import annotations
@@ -8,33 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.declaration import is_hfa, parameters_of
+from hfa_model.declaration import parameters_of
 from hfa_model.parameters import default_parameters
 from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Table
 from trim.hfa.other_dynamics import differences_group, mode_differences, with_other_dynamics
 from trim.hfa.printed import Bands, comparison_table, entry_bands, has_bands, printed_at
 from trim.linear.linear_model import LinearModel
-from trim.reports.linear_report import Beside, report_of_linear
+from trim.reports.linear_report import Beside
 
 
-def linear_model_report(model: LinearModel, *, responses: bool = False) -> Report:
-    """Return a report of a linear model: A, B, the offsets, the modes and the handling qualities.
-
-    C and D are included if the outputs are not the states. The data of the report also contain E
-    and F. For the paper's flexible aircraft, the error bands of the entries, the differences from
-    other dynamics and from the printed matrices are added where they are known.
-
-    responses: whether to add the frequency responses at the natural frequencies of the modes
-    """
-    beside = _beside(model) if is_hfa(model.model) else None
-    return report_of_linear(model, responses=responses, beside=beside)
-
-
-def _beside(model: LinearModel) -> Beside:
+def beside(model: LinearModel) -> Beside:
     """Return what is known of a linear model of the flexible aircraft from elsewhere."""
     aircraft = model.model
     has_printed_signals = model.states == LINEAR_STATES and model.inputs == INPUTS
