@@ -351,7 +351,8 @@ def _gust(text: str) -> tuple[float, ...] | SmallestGust:
     word, _, lengths = text.partition(":")
     if word == SMALLEST:
         return SmallestGust(tuple(listed_numbers(lengths)) if lengths else None)
-    return numbers(_GUST, 3, otherwise=(0.0,))(text)
+    form = f"{_GUST} or {SMALLEST}[:LENGTH,...]"
+    return numbers(form, 3, otherwise=(0.0,))(text)
 
 
 def gust_option() -> Any:

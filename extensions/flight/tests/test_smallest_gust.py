@@ -2,6 +2,7 @@
 
 import json
 
+import casadi as ca
 import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
@@ -9,7 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
 import hfa
-from hfa_flight import smallest_gusts
+from hfa_flight import Scenario, smallest_gusts
 
 #: v' = 3 (w - v): carried by the air at 10 ft/s, with other limits up and down.
 KITE = hfa.Model(
@@ -21,6 +22,9 @@ KITE = hfa.Model(
     disturbances={"updraft": hfa.Signal("ft/s")},
     trim={"v": 0.0},
 )
+
+#: Few rows, for flights in little time.
+COARSE = Scenario(step=0.05, tick=0.05)
 
 
 def largest_response(length, rate):
@@ -36,9 +40,9 @@ def largest_response(length, rate):
 
 def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
     """The thresholds up and down are the limits divided by the largest response of the loop with a
-    gain. A gust of 0.2 ft has none: it cannot move the kite by a limit at 10 ft/s, the airspeed.
+    gain. A gust of 0.5 ft has none: it cannot move the kite by a limit at 10 ft/s, the airspeed.
     """
-    found = smallest_gusts(KITE, hfa.trim(KITE), [[2.0]], [5.0, 0.2])
+    found = smallest_gusts(KITE, hfa.trim(KITE), [[2.0]], [5.0, 0.5], scenario=COARSE)
     up, down, *none = found.thresholds
     response = largest_response(length=5.0, rate=3.0 + 2.0)
     assert up.peak == pytest.approx(2.0 / response, rel=0.006)
@@ -48,6 +52,39 @@ def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
         assert (each.by, each.length) == ("v", 5.0)
     assert found.smallest == down
     assert [each.peak for each in none] == [None, None]
+
+
+def fluttering():
+    """Return a kite whose load grows where v is 1.5 ft/s: a gust stays there only if it is its
+    largest v.
+    """
+    return hfa.Model(
+        "fluttering kite",
+        {"v": hfa.Signal("ft/s", min=-0.2, max=2.0), "load": hfa.Signal("1", max=0.4)},
+        {"push": hfa.Signal("ft/s^2")},
+        lambda x, u, p, w: (
+            {
+                "v": 3.0 * (w.updraft - x.v) + u.push,
+                "load": 20.0 * ca.exp(-(((x.v - 1.5) / 0.01) ** 2)) - x.load,
+            },
+            {"speed": 10.0 + 0.0 * x.v},
+        ),
+        outputs=KITE.outputs,
+        disturbances=KITE.disturbances,
+        trim={"v": 0.0, "load": 0.0},
+    )
+
+
+def test_a_window_of_gusts_below_the_threshold_is_found():
+    """Gusts within 2 % of the one whose largest v is 1.5 ft/s leave by the load, weaker and stronger
+    ones stay, up to 2 ft/s.
+    """
+    model = fluttering()
+    found = smallest_gusts(model, hfa.trim(model), None, [5.0], scenario=COARSE)
+    up, down = found.thresholds
+    assert (up.by, down.by) == ("load", "v")
+    assert up.peak * largest_response(length=5.0, rate=3.0) == pytest.approx(1.5, rel=0.01)
+    assert 50 < found.flights < 200
 
 
 @pytest.mark.slow
@@ -72,7 +109,7 @@ def test_the_command_finds_the_thresholds():
         ("--gust smallest:0", "give lengths above 0"),
         ("--gust smallest --samples 2", "--samples cannot be combined with --gust smallest"),
         ("--gust smallest --noise speed=.3", "add --filter"),
-        ("--gust least", "give LENGTH:PEAK[:BEGIN]"),
+        ("--gust smalest", "give LENGTH:PEAK[:BEGIN] or smallest"),
     ],
 )
 def test_what_the_smallest_gust_cannot_have_is_refused(words, said):

@@ -123,7 +123,7 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
                 f"K is missing; add a K of {len(model.inputs)} x {len(model.linear)}, or one for "
                 f"each value of {model.schedule_key}"
             )
-        K = numbers_in("K", stored["K"])
+        K = checked_matrix("K", stored["K"], LARGEST_CRITIC_ENTRY, None)
         scales = file_scales(stored, plant)
         if K.ndim != 3:
             return _single_gain(K, scales, model)
@@ -138,8 +138,7 @@ def _single_gain(K: np.ndarray, scales: FileScales, model: Model) -> GainSchedul
             f"K is {shape_text(K.shape)}; give a K of {m} x {n}, or one for each value of "
             f"{model.schedule_key}"
         )
-    gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * scales.gain
-    return GainSchedule(np.zeros(1), gain[None], model)
+    return GainSchedule(np.zeros(1), (K * scales.gain)[None], model)
 
 
 def _gain_table(

@@ -16,8 +16,8 @@ from hfa_flight.air.names import UPDRAFT, foot_in_length_unit, gust_speed, lengt
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.simulate.envelope import Departure, flight_envelope, is_limited
-from hfa_flight.simulate.flight import fly_within
+from hfa_flight.simulate.envelope import flight_envelope, is_limited
+from hfa_flight.simulate.flight import Flight, fly_within
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.progress import Progress
@@ -30,8 +30,10 @@ from trim.point.operating_point import OperatingPoint
 LENGTHS = (25.0, 50.0, 100.0, 200.0, 400.0, 800.0)
 #: The search for the smallest peak begins at this share of the airspeed, and ends at all of it.
 _FIRST = 0.01
-#: Ratio of the peaks that are flown in turn until one leaves the limits.
-_RATIO = 1.25
+#: Ratio of a peak to the one flown before, until one leaves the limits: the relative width of a
+#: window of peaks that may be missed. The windows of the paper's aircraft behind its filter are
+#: wider. The coarse ratio follows a flight that stays within half of the limits.
+_RATIO, _COARSE = 1.01, 1.05
 #: Largest ratio of the two peaks between which a threshold lies.
 ACCURACY = 1.005
 #: Time after a gust in which a flight must stay inside, s.
@@ -85,6 +87,8 @@ class SmallestGusts(Result, Reported):
     point: the trim at which each flight begins.
     policy: name of the policy.
     thresholds: two of each length, updraft and downdraft.
+    flights: number of gusts that were flown.
+    about_policy: notes on the policy, such as the air that its filter assumes.
     """
 
     schema = "hfa.smallest-gusts/1"
@@ -92,6 +96,8 @@ class SmallestGusts(Result, Reported):
     point: OperatingPoint
     policy: str
     thresholds: Sequence[GustThreshold]
+    flights: int
+    about_policy: Sequence[str] = ()
 
     @property
     def smallest(self) -> GustThreshold | None:
@@ -106,6 +112,7 @@ class SmallestGusts(Result, Reported):
             "law": self.policy,
             "thresholds": [each._asdict() for each in self.thresholds],
             "smallest": None if self.smallest is None else self.smallest._asdict(),
+            "flights": self.flights,
         }
 
     def report(self) -> Report:
@@ -123,11 +130,15 @@ class SmallestGusts(Result, Reported):
         )
         how = (
             f"Each peak leaves the limits within {AFTER:g} s after the gust, and the flown peak "
-            f"inside is at most {100.0 * (ACCURACY - 1.0):.2g} % smaller. Smaller peaks were flown "
-            f"in steps of {100.0 * (_RATIO - 1.0):g} %: a gust between them may leave too."
+            f"inside is at most {100.0 * (ACCURACY - 1.0):.2g} % smaller. {self.flights} gusts were "
+            f"flown, with peaks from {100.0 * _FIRST:g} % of the airspeed on in steps of "
+            f"{100.0 * (_RATIO - 1.0):.2g} %, or {100.0 * (_COARSE - 1.0):.2g} % after a flight "
+            "within half of the limits: windows of smaller peaks that leave, narrower than a step, "
+            "are not seen."
         )
         title = f"{self._headline()}\n{flown}"
-        return Report(title, (Table(header, rows), how), data=self.to_dict())
+        parts = (Table(header, rows), how, *self.about_policy)
+        return Report(title, parts, data=self.to_dict())
 
     def _headline(self) -> str:
         """Return the first line of the report, on the smallest gust of all lengths."""
@@ -161,8 +172,10 @@ def smallest_gusts(
 ) -> SmallestGusts:
     """Return the smallest 1-cosine updrafts and downdrafts with which a policy leaves its limits.
 
-    The gust begins with the flight, at the trim. Its peak grows by 25 % until a flight leaves the
-    envelope up to 5 s after the gust; then the interval is halved to .5 %. Both ends are flown.
+    The gust begins with the flight, at the trim. Its peak grows by 1 % (5 % after a flight within
+    half of the limits) until a flight leaves the envelope up to 5 s after the gust; then the
+    interval is halved to .5 %. Both ends are flown. A window of smaller peaks that leave, narrower
+    than these steps, is not seen.
 
     policy: any form that `hfa.fly` accepts, also behind a filter
     lengths: lengths of complete gusts, in the unit of length of the aircraft; default 25 to 800 ft
@@ -194,35 +207,44 @@ def smallest_gusts(
     ).on(model)
     flown_policy, own_scenario = policy_and_scenario(policy, point, own_scenario)
     loop = ClosedLoop(NonlinearPlant(model, point), flown_policy, own_scenario)
-    compiled = CompiledLoop(loop, 20 * len(gust_lengths))
+    notes = flown_policy.notes()
+    compiled = CompiledLoop(loop, 200 * len(gust_lengths))
     thresholds: list[GustThreshold] = []
+    flights = 0
     for length in gust_lengths.tolist():
         for sign in (1.0, -1.0):
             search = _Search(compiled, within, OneMinusCosine(length, 0.0, speed))
             thresholds.append(search.threshold(sign))
+            flights += search.flights
             if progress is not None:
                 progress(len(thresholds), 2 * len(gust_lengths))
-    return SmallestGusts(point, flown_policy.name, tuple(thresholds))
+    return SmallestGusts(point, flown_policy.name, tuple(thresholds), flights, notes)
 
 
-class _Search(NamedTuple):
-    """Search for the threshold of gusts of one length."""
+@dataclass
+class _Search:
+    """Search for the threshold of gusts of one length.
+
+    flights: number of gusts flown
+    """
 
     loop: CompiledLoop
     envelope: Limits
     gust: OneMinusCosine
+    flights: int = 0
 
     def threshold(self, sign: float) -> GustThreshold:
         """Return the threshold of updrafts (1) or downdrafts (-1)."""
         inside, outside = 0.0, _FIRST * self.gust.speed
-        while (departure := self._departure(sign * outside)) is None:
+        while (departure := (flight := self._flight(sign * outside)).departure) is None:
             inside = outside
             if inside >= self.gust.speed:
                 return GustThreshold(self.gust.length, sign * inside, None, "", None)
-            outside = min(_RATIO * outside, self.gust.speed)
+            ratio = _COARSE if self._is_within_half(flight) else _RATIO
+            outside = min(ratio * outside, self.gust.speed)
         while outside > ACCURACY * inside:
             middle = 0.5 * (inside + outside)
-            in_middle = self._departure(sign * middle)
+            in_middle = self._flight(sign * middle).departure
             if in_middle is None:
                 inside = middle
             else:
@@ -230,10 +252,19 @@ class _Search(NamedTuple):
         by, time = departure.state, departure.time
         return GustThreshold(self.gust.length, sign * inside, sign * outside, by, time)
 
-    def _departure(self, peak: float) -> Departure | None:
-        """Return the departure of the flight in a gust with this peak, or None if it stays."""
+    def _is_within_half(self, flight: Flight) -> bool:
+        """Return whether a flight stays within half of the distance to each limit."""
+        least, most = (
+            0.5 * (limit - flight.point.x) for limit in (self.envelope.lowest, self.envelope.highest)
+        )
+        limited = flight.deviations.limited
+        return bool(np.all((least <= limited) & (limited <= most)))
+
+    def _flight(self, peak: float) -> Flight:
+        """Return the flight in a gust with this peak."""
+        self.flights += 1
         gust = replace(self.gust, peak=peak)
         scenario = self.loop.loop.scenario
         ticks = np.ceil((gust.until + AFTER) / scenario.tick)
         in_gust = replace(scenario, gust=_HeldGust(gust), duration=float(ticks) * scenario.tick)
-        return fly_within(self.loop, self.envelope, in_gust).departure
+        return fly_within(self.loop, self.envelope, in_gust)
