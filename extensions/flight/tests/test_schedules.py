@@ -85,7 +85,7 @@ def test_gain_files_of_each_layout_are_read(tmp_path):
         ({"K": np.ones((2, 1, 2))}, "level is missing"),
         ({"K": np.ones((1, 1, 2)), "level": [1.0]}, "fewer than two values"),
         ({"K": np.ones((2, 1, 2)), "level": [2.0, 1.0]}, "increasing order"),
-        ({"K": [[[1.0, np.inf]], [[1.0, 2.0]]], "level": [1.0, 2.0]}, "not finite"),
+        ({"K": [[[1.0, np.inf]], [[1.0, 2.0]]], "level": [1.0, 2.0]}, "give finite entries"),
         ({"K": [[[1.0, 1e308]], [[1.0, 2.0]]], "level": [1.0, 2.0]}, "K[0][0][1] is 1e+308"),
         ({"K": np.ones((2, 1, 3)), "level": [1.0, 2.0]}, "K has shape (2, 1, 3)"),
         (

@@ -16,7 +16,7 @@ from hfa_flight.air.names import UPDRAFT, foot_in_length_unit, gust_speed, lengt
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.simulate.envelope import flight_envelope, is_limited
+from hfa_flight.simulate.envelope import flight_envelope, is_limited, outside
 from hfa_flight.simulate.flight import Flight, fly_within
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import BadInputError, numbers_in, shown
@@ -128,13 +128,15 @@ class SmallestGusts(Result, Reported):
             f"{self.point.model.title} {self.point.at_scheduled}".strip()
             + f", law {self.policy}, from the trim, without noise"
         )
+        accuracy, fine, coarse = (
+            f"{100.0 * (ratio - 1.0):.2g} %" for ratio in (ACCURACY, _RATIO, _COARSE)
+        )
         how = (
             f"Each peak leaves the limits within {AFTER:g} s after the gust, and the flown peak "
-            f"inside is at most {100.0 * (ACCURACY - 1.0):.2g} % smaller. {self.flights} gusts were "
-            f"flown, with peaks from {100.0 * _FIRST:g} % of the airspeed on in steps of "
-            f"{100.0 * (_RATIO - 1.0):.2g} %, or {100.0 * (_COARSE - 1.0):.2g} % after a flight "
-            "within half of the limits: windows of smaller peaks that leave, narrower than a step, "
-            "are not seen."
+            f"inside is at most {accuracy} smaller. {self.flights} gusts were flown, with peaks "
+            f"from {100.0 * _FIRST:g} % of the airspeed on in steps of {fine}, or {coarse} after a "
+            "flight within half of the limits: windows of smaller peaks that leave, narrower than "
+            "a step, are not seen."
         )
         title = f"{self._headline()}\n{flown}"
         parts = (Table(header, rows), how, *self.about_policy)
@@ -254,11 +256,8 @@ class _Search:
 
     def _is_within_half(self, flight: Flight) -> bool:
         """Return whether a flight stays within half of the distance to each limit."""
-        least, most = (
-            0.5 * (limit - flight.point.x) for limit in (self.envelope.lowest, self.envelope.highest)
-        )
-        limited = flight.deviations.limited
-        return bool(np.all((least <= limited) & (limited <= most)))
+        twice = 2.0 * flight.deviations.limited + flight.point.x
+        return not outside(self.envelope, twice).any()
 
     def _flight(self, peak: float) -> Flight:
         """Return the flight in a gust with this peak."""
