@@ -431,6 +431,11 @@ class Model(Reported):
                 f"{self.name} has air of its own, whose temperature {ISA} does not change; remove "
                 f"{ISA}"
             )
+        if name == "cg" and self.domain.reference:
+            raise BadInputError(
+                f"{self.name} has no center of gravity; add the line cg = 0.25 to its table: "
+                "chords behind the leading edge, where its moments are given"
+            )
         if name in self.holdable:
             return
         known = dict.fromkeys((*self.holdable, *also, *self.parameters))
@@ -554,7 +559,8 @@ class Model(Reported):
             return 0.01
         if name in self.airspeeds and unit.lower() == name:
             return 1.0
-        for spelling in (unit, unit.lower()):
+        pounds = (re.sub(r"\blbs?\b", pound, unit) for pound in ("lbm", "lbf"))
+        for spelling in (unit, unit.lower(), *pounds):
             factor = conversion_factor(spelling, declared)
             if factor is not None:
                 return factor
@@ -659,6 +665,8 @@ class Model(Reported):
 
         Raises BadInputError for an unknown parameter or a value beyond its limits.
         """
+        from hfa_aircraft.limits import Limits
+
         changed = dict(self.parameters)
         native = self.source.native
         native_values = {}
@@ -668,7 +676,7 @@ class Model(Reported):
             value = self.number(name, given)
             if not is_finite(value):
                 raise BadInputError(f"{name} is {shown(value)}; give a finite number")
-            if not signal.min <= value <= signal.max:
+            if not Limits.of(self, (name,)).within([value]).all():
                 raise BadInputError(self._message_beyond_limits(name, value))
             changed[name] = signal._replace(start=float(value))
             if native is not None:

@@ -51,7 +51,7 @@ _UNITS = {
     "km": _Unit(1000.0, _LENGTH),
     "cm": _Unit(0.01, _LENGTH),
     "mm": _Unit(0.001, _LENGTH),
-    "ft": _Unit(FOOT, _LENGTH),
+    **dict.fromkeys(("ft", "feet", "foot"), _Unit(FOOT, _LENGTH)),
     "in": _Unit(FOOT / 12.0, _LENGTH),
     "nmi": _Unit(_NAUTICAL_MILE, _LENGTH),
     "kg": _Unit(1.0, _MASS),

@@ -167,7 +167,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
             point, report = None, _failed(model, row, error, error.found.data)
         except BadInputError as error:
             point, report = None, _failed(model, row, error, {"reason": str(error)})
-            refused.append(error)
+            refused.append(BadInputError(": ".join(filter(None, (row.where, str(error))))))
         conditions.append(Condition(str(report.data.get("name", "")), report, point))
     if len(refused) == len(conditions):
         raise refused[0]
@@ -199,7 +199,7 @@ def _notes_on_repeated(points: GivenPoints) -> tuple[str, ...]:
     """Return notes on conditions of a file that are those of an earlier row."""
     rows = points.trims.rows
     names = [row.name or str(number) for number, row in enumerate(rows, start=1)]
-    unnamed = [row._replace(name="") for row in rows]
+    unnamed = [row._replace(name="", where="") for row in rows]
     firsts = [unnamed.index(condition) for condition in unnamed]
     return tuple(
         f"condition {names[place]} is that of condition {names[first]} again"

@@ -28,6 +28,7 @@ class ListedCondition(NamedTuple):
     parameters: parameter -> value
     free: variables that are set free
     limits: variable -> (lowest, highest)
+    where: file, row and name, for messages, or ""
     """
 
     name: str
@@ -35,6 +36,7 @@ class ListedCondition(NamedTuple):
     parameters: Mapping[str, float]
     free: tuple[str, ...]
     limits: Mapping[str, tuple[float, float]]
+    where: str = ""
 
     @property
     def values(self) -> dict[str, float]:
@@ -69,17 +71,21 @@ def conditions(path: str | Path, model: Model) -> list[ListedCondition]:
     if repeated := [name for name in names if names.count(name) > 1]:
         raise BadInputError(f"{path}: row {header} has {repeated[0]} twice; remove one column")
     listed: list[ListedCondition] = []
+    number_of: dict[str, int] = {}  # name of a condition -> number of its row
     for number, cells in table.rows:
-        if len(cells) != len(titles):
+        row = dict(zip(names, cells, strict=True))
+        name = row.get(NAME, "")
+        if name in number_of:
             raise BadInputError(
-                f"{path}: row {number} has {len(cells)} cells, but row {header} has "
-                f"{len(titles)}; correct the row"
+                f"{path}: row {number} has the name of row {number_of[name]}, {shown(name)}; "
+                "rename one"
             )
-        row = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
         if not listed:
             for column in columns:
                 column.refuse_unknown(f"{path}: row {header}", model, row[column.name])
-        in_brackets = f" ({row[NAME]})" if row.get(NAME) else ""
+        if name:
+            number_of[name] = number
+        in_brackets = f" ({name})" if name else ""
         listed.append(_condition(f"{path}: row {number}{in_brackets}", model, columns, row))
     return listed
 
@@ -87,24 +93,23 @@ def conditions(path: str | Path, model: Model) -> list[ListedCondition]:
 def chosen_row(rows: Sequence[ListedCondition], name: str, path: Path) -> ListedCondition:
     """Return the condition with a name.
 
-    Raises BadInputError if none or several have it.
+    Raises BadInputError if none has it.
     """
-    named = [row for row in rows if row.name == name]
-    if not named:
-        known = [row.name for row in rows if row.name]
-        choice = choice_of(name, known) if known else "add a column name"
-        raise BadInputError(f"{path} has no condition {shown(name)}; {choice}")
-    if len(named) > 1:
-        raise BadInputError(f"{path} has {len(named)} conditions {shown(name)}; rename them")
-    return named[0]
+    for row in rows:
+        if row.name == name:
+            return row
+    known = [row.name for row in rows if row.name]
+    choice = choice_of(name, known) if known else "add a column name"
+    raise BadInputError(f"{path} has no condition {shown(name)}; {choice}")
 
 
 class _Table(NamedTuple):
-    """Table in a file of conditions, without the columns from `results` on.
+    """Table in a file of conditions, without the columns from `results` on, and without those that
+    have neither a name nor a cell.
 
     header: number of the row of headings in the file
     titles: the headings
-    rows: number of a row in the file, and its cells
+    rows: number of a row in the file, and its cells, without outer blanks
     """
 
     header: int
@@ -139,9 +144,21 @@ def _table_of(path: Path) -> _Table:
             )
     plain = [title.strip() for title in titles]
     end = plain.index(RESULTS) if RESULTS in plain else len(plain)
-    if RESULTS in plain:
-        rows = [(number, row[:end]) for number, row in rows]
-    return _Table(header, plain[:end], rows)
+    named = [place for place in range(end) if plain[place]]
+    for number, row in rows:
+        if len(row) < end:
+            raise BadInputError(
+                f"{path}: row {number} has {len(row)} cells, but row {header} has {len(plain)}; "
+                "correct the row"
+            )
+        for place, cell in enumerate(row):
+            if cell.strip() and not (plain[place] if place < len(plain) else ""):
+                raise BadInputError(
+                    f"{path}: row {number}, column {place + 1} has {shown(cell.strip())}, but row "
+                    f"{header} has no name there; name the column, or clear the cell"
+                )
+    kept = [(number, [row[place].strip() for place in named]) for number, row in rows]
+    return _Table(header, [plain[place] for place in named], kept)
 
 
 class _Column(NamedTuple):
@@ -178,7 +195,7 @@ class _Column(NamedTuple):
         if parts and not self.unit and model.about.name_of(parts[1]) in known:
             title = shown(self.title)
             raise BadInputError(f"{where}: {title} has no brackets; write {parts[1]} [{parts[2]}]")
-        if cell and self.name not in known and not re.match(r"[-+.\d]|FL\s*\d", cell):
+        if cell and self.name not in known and not re.match(r"[-+=.\d]|FL\s*\d", cell):
             raise BadInputError(
                 f"{where}: the column {shown(self.title)} has labels ({shown(cell)}), which are "
                 f"not read; remove it, or call it {NAME}"
@@ -189,7 +206,16 @@ class _Column(NamedTuple):
             raise BadInputError(f"{where}: {error}") from error
 
     def text(self, cell: str) -> str:
-        """Return the text of a cell with its unit, or that of the column: "250 kt", "FL100"."""
+        """Return the text of a cell with its unit, or that of the column: "250 kt", "FL100".
+
+        Commas may separate thousands: "20,000 ft".
+
+        Raises BadInputError for a formula, whose value only a spreadsheet knows.
+        """
+        if cell.startswith("="):
+            raise BadInputError(f"is the formula {shown(cell)}; write its value")
+        if re.match(r"[-+]?\d{1,3}(,\d{3})+(?!\d)", cell):
+            cell = cell.replace(",", "")
         if split_unit(cell)[1]:
             return cell
         return f"FL{cell}" if self.unit.upper() == "FL" else f"{cell} {self.unit}".strip()
@@ -235,9 +261,8 @@ def _condition(
             raise BadInputError(f"{where}, column {FREE} has {error}") from error
     parameters = {name: value for name, value in values.items() if name in model.parameters}
     hold = {name: value for name, value in values.items() if name not in parameters}
-    return ListedCondition(
-        row.get(NAME, ""), hold, parameters, free, _limits(where, model, row.get(LIMIT, ""))
-    )
+    limits = _limits(where, model, row.get(LIMIT, ""))
+    return ListedCondition(row.get(NAME, ""), hold, parameters, free, limits, where)
 
 
 def _limits(where: str, model: Model, text: str) -> dict[str, tuple[float, float]]:

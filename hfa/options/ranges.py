@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -24,6 +25,8 @@ def value_range(model: Model, name: str, text: str) -> Range:
     Raises BadInputError for text of another form, for different units, for a step that is not
     positive, if stop < start, and for more than `MOST_POINTS` values of a range.
     """
+    if re.fullmatch(r"[-+]?\d{1,3}(,\d{3})*,0\d\d(,\d{3})*\s*\D*", text):  # not a list
+        raise BadInputError(f"is {shortened(text)!r}; write {text.replace(',', '')}")
     parts = text.split(":")
     if len(parts) == 1:
         return tuple(quantity(model, name, word) for word in text.split(","))

@@ -14,7 +14,7 @@ from hfa.options.plants import AircraftOptions, aircraft_source, is_own, loaded_
 from hfa.options.ranges import Range, array_of, single_value, value_range
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.provenance import Change
 from trim.hfa.level_flight import CONDITIONS, load_condition
 from trim.point.condition import TrimCondition, release, usual_condition
@@ -144,7 +144,9 @@ class TrimInput(NamedTuple):
                 names = ", ".join(row.name for row in self.rows if row.name)
                 known = f"; choose from {names}" if names else "; add a column name"
                 raise BadInputError(f"--row is required for {len(self.rows)} conditions{known}")
-            return self.for_row(self.rows[0]).single()
+            (row,) = self.rows
+            with prefix_errors(row.where):
+                return self.for_row(row).single()
         at = None if self.at is None else single_value(f"--{at_name(self.model)}", self.at)
         return self.trim(at, self.held())
 

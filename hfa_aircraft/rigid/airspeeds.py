@@ -8,6 +8,7 @@ aircraft; without these outputs, or if they are those of the standard atmosphere
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -22,10 +23,11 @@ from hfa_aircraft.rigid.atmosphere import (
     SEA_LEVEL_PRESSURE,
     Air,
     air_at,
+    calibrated_speed,
     mach_of_pitot,
     pitot_pressure,
 )
-from hfa_aircraft.signals import ISA
+from hfa_aircraft.signals import AIRSPEEDS, ISA
 from hfa_support.errors import BadInputError
 from hfa_support.units import FOOT, KNOT, conversion_factor
 
@@ -35,6 +37,50 @@ _KNOT = KNOT / FOOT
 _ACCURACY = 1e-14
 #: Outputs from which the air of a model follows, with their units here.
 _OF_AIR = {"dynamic_pressure": "lbf/ft^2", "mach": "1"}
+
+
+def with_airspeed(model: Model, imposed: Mapping[str, Any]) -> Model:
+    """Return the model of a trim, with the airspeed that it imposes without an altitude as an
+    output of its equations, which follows from the outputs `dynamic_pressure` and `mach`.
+
+    imposed: variable, output, airspeed or parameter -> value
+    """
+    names = [name for name in model.airspeeds if name in imposed]
+    is_needed = len(names) == 1 and names[0] not in model.outputs
+    if not (is_needed and {*_OF_AIR} <= {*model.outputs}) or altitudes(model)[0] in imposed:
+        return model
+    (name,) = names
+    speed = recognized(model.states)["speed"]
+    factors = [_factor_to_model(model, each, unit) for each, unit in _OF_AIR.items()]
+    equations = _with_output(
+        model.equations, name, speed, (*factors, _factor_to_model(model, speed, "kt"))
+    )
+    return replace(model, equations=equations, outputs={**model.outputs, name: AIRSPEEDS[name]})
+
+
+@lru_cache(maxsize=16)
+def _with_output(equations: Any, name: str, speed: str, factors: tuple[float, ...]) -> Any:
+    """Return equations whose outputs have an airspeed in kt, too.
+
+    speed: name of the true airspeed
+    factors: from lbf/ft^2, 1 and kt to the units of dynamic pressure, Mach number and speed
+    """
+
+    def with_output(x: Any, u: Any, p: Any, w: Any) -> tuple[Any, dict[str, Any]]:
+        """Return rates by state, and outputs by name."""
+        rates, outputs = equations(x, u, p, w)
+        values = (*(outputs[each] for each in _OF_AIR), getattr(x, speed))
+        dynamic, mach, ktas = (
+            value / factor for value, factor in zip(values, factors, strict=True)
+        )
+        airspeed = ktas
+        if name == "keas":
+            airspeed = ca.sqrt(2.0 * dynamic / SEA_LEVEL.density) / _KNOT
+        elif name == "kcas":
+            airspeed = calibrated_speed(mach, 2.0 * dynamic / (HEAT_RATIO * mach**2)) / _KNOT
+        return rates, {**outputs, name: airspeed}
+
+    return with_output
 
 
 def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:

@@ -214,6 +214,9 @@ def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
     path.write_text("Name,Speed [KCAS],MACH,Free\na,60,0.1,Altitude\nb,60 KCAS,0.2,altitude\n")
     aircraft = ("--aircraft", f"{ROOT}/examples/uav.toml")
     crossovers = []
+    own = answer("trim", *aircraft, "--hold", "kcas=60", "--hold", "speed=33", "--free", "altitude")
+    around = air(own["operating_point"]["states"]["altitude"])
+    assert calibrated(33.0, around) == pytest.approx(60.0, rel=1e-5)
     for name, mach in (("a", 0.1), ("b", 0.2)):
         run = answer("trim", *aircraft, "--conditions", str(path), "--row", name)
         states = run["operating_point"]["states"]
@@ -290,7 +293,17 @@ def test_the_file_of_one_sheet_is_its_condition(book, tmp_path):
 REFUSED = [
     ("trim", "", "name,speed\n", "has no conditions"),
     ("trim", "", "name,speed\na,3x\n", "row 2 (a), column speed is '3x'; give a finite number"),
-    ("trim", "", "name,speed\na,30,1\n", "row 2 has 3 cells, but row 1 has 2"),
+    ("trim", "", "name,speed\na,30,1\n", "row 2, column 3 has '1', but row 1 has no name there"),
+    ("trim", "", "name,speed\na\n", "row 2 has 1 cells, but row 1 has 2"),
+    ("trim", "", "name,speed\na,=B1\n", "row 2 (a), column speed is the formula '=B1'; write"),
+    ("trim", "", "name,speed\na,30\nb,31\na,32\n", "row 4 has the name of row 2, 'a'"),
+    ("trim", "", "name,speed\na,8\n", "conditions.csv: row 2 (a): speed is 8 m/s; give a value"),
+    (
+        "trim",
+        "",
+        "name,speed,cg\na,30,0.3\n",
+        "row 1: Aerosonde has no center of gravity; add the line",
+    ),
     ("trim", "", "speed,V,speed\n30,1,30\n", "row 1 has speed twice"),
     ("trim", "", "name,speed,free\na,30,alfa\n", "row 2 (a), column free has the unknown variable"),
     ("trim", "", "name,speed,free\na,30,speed\n", "row 2 (a): speed is both free and held"),
@@ -304,7 +317,6 @@ REFUSED = [
         "--row is required for 2 conditions; choose from",
     ),
     ("linearize", "--row=c", "name,speed\na,30\nb,35\n", "has no condition 'c'"),
-    ("linearize", "--row=a", "name,speed\na,30\na,35\n", "has 2 conditions 'a'; rename them"),
     ("sweep", "", "name,speed,free\na,30,\nb,35,gamma\n", "`hfa trim --conditions FILE`"),
 ]
 
@@ -378,12 +390,17 @@ def test_a_repeated_condition_is_noted(tmp_path):
 
 
 def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):
-    """c.g. [%] is cg in chords; headings may have capitals, flight levels and knots."""
+    """c.g. [%] is cg in chords; headings may have capitals, flight levels and knots. Pounds are a
+    mass, commas separate thousands, and columns and rows that are empty are left out.
+    """
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
     model = hfa.from_derivatives({**table, "cg": 0.25})
     path = tmp_path / "conditions.csv"
-    path.write_text("c.g. [%],Altitude [FL],speed [KT]\n28,30,70\n", "utf-8")
-    (row,) = hfa.conditions(path, model)
-    assert row.parameters == pytest.approx({"cg": 0.28})
+    text = 'c.g. [%],Altitude [FL],speed [KT],mass,,\n28,30,70,30 lb,,\n,3 feet,70,"2,000 lbs",,\n,,,,,\n'
+    path.write_text(text, "utf-8")
+    row, other = hfa.conditions(path, model)
+    assert row.parameters == pytest.approx({"cg": 0.28, "mass": 30.0 * 0.45359237})
+    assert other.parameters == pytest.approx({"mass": 2000.0 * 0.45359237})
+    assert other.hold["altitude"] == pytest.approx(3.0 * 0.3048)
     assert row.hold["speed"] == pytest.approx(70.0 * KNOT)
     assert row.hold["altitude"] == pytest.approx(914.4, rel=1e-3)  # 3000 ft

@@ -161,19 +161,20 @@ class TrimCondition:
             return self
         return replace(self, imposed=self.model.without_alternatives(self.imposed, names))
 
-    def resolved(self, model: Model) -> TrimCondition:
-        """Return the condition with the speed in place of an airspeed such as kcas, if its altitude
-        is imposed.
+    def posed(self, model: Model) -> tuple[Model, TrimCondition]:
+        """Return model and condition of the equations: an imposed airspeed, such as kcas, becomes
+        the speed where the altitude is imposed, and otherwise an output of the model.
 
         model: the model, with the parameters of the trim
 
         Raises BadInputError as `with_speed` does.
         """
         if model.airspeeds.keys().isdisjoint(self.imposed):
-            return self
-        from hfa_aircraft.rigid.airspeeds import with_speed
+            return model, self
+        from hfa_aircraft.rigid.airspeeds import with_airspeed, with_speed
 
-        return replace(self, imposed=with_speed(model, self.imposed))
+        model = with_airspeed(model, self.imposed)
+        return model, replace(self, model=model, imposed=with_speed(model, self.imposed))
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
         """Return the value that the condition imposes on a variable, at one or many scheduling

@@ -163,7 +163,8 @@ def explanation(model: Model, condition: TrimCondition) -> str:
     """
     if model.trimming.explain is None:
         return ""
-    equations, unknowns = TrimProblem(model, condition.resolved(model)).count
+    posed = TrimProblem(model, condition)
+    equations, unknowns = posed.count
     if equations > unknowns and not condition.imposed.keys().isdisjoint(model.inputs):
         return ""
 
@@ -171,8 +172,8 @@ def explanation(model: Model, condition: TrimCondition) -> str:
         """Return name -> value at the trim of the changed condition, or None if none is found."""
         held = {name: value for name, value in hold.items() if name in model.holdable}
         try:
-            changed = release(condition.resolved(model), hold=held, free=free)
-            problem = TrimProblem(model, changed)
+            changed = release(posed.condition, hold=held, free=free)
+            problem = TrimProblem(posed.model, changed)
             z = problem.newton(problem.clip(problem.system.start))
             if not problem.solved(z):
                 return None

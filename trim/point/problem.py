@@ -108,7 +108,7 @@ class TrimProblem:
         asked = condition
         if any(isinstance(value, LinearTable) for value in condition.imposed.values()):
             condition = condition.at()
-        condition = condition.resolved(model)
+        model, condition = condition.posed(model)
         if kept:
             declared = {**declared_start(model, condition.imposed), **condition.begin}
             condition = release(condition, hold={name: declared[name] for name in kept})

@@ -102,7 +102,7 @@ def trim_points(
         condition = usual_condition(model)
     refuse_other_units(condition, model)
     given_variables, given_values = variables, values
-    variables, values, condition = _with_true_speed(model, variables, values, condition)
+    model, variables, values, condition = _with_true_speed(model, variables, values, condition)
     system = _system(model, condition, variables, start)
     kept = _kept_values(system, variables, values)
     if kept:
@@ -159,6 +159,7 @@ def _kept_values(
 class _Imposed(NamedTuple):
     """What the points impose: columns of values (N, v) of variables, and a common condition."""
 
+    model: Model
     variables: tuple[str, ...]
     values: np.ndarray
     condition: TrimCondition
@@ -167,7 +168,8 @@ class _Imposed(NamedTuple):
 def _with_true_speed(
     model: Model, variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> _Imposed:
-    """Return what the points impose, with a column of the speed in place of an airspeed.
+    """Return what the points impose, with a column of the speed in place of an airspeed, or with
+    the model that has it as an output.
 
     values: (N, v), values of the variables
     """
@@ -175,19 +177,21 @@ def _with_true_speed(
     columns = dict(zip(variables, values.T, strict=True))
     given = {**condition.imposed, **columns}
     if model.airspeeds.keys().isdisjoint(given):
-        return _Imposed(variables, values, condition)
-    from hfa_aircraft.rigid.airspeeds import with_speed
+        return _Imposed(model, variables, values, condition)
+    from hfa_aircraft.rigid.airspeeds import with_airspeed, with_speed
 
+    model = with_airspeed(model, given)
+    condition = replace(condition, model=model)
     resolved = with_speed(model, given)
     added = set(resolved).difference(given)
     if not added:
-        return _Imposed(variables, values, condition)
+        return _Imposed(model, variables, values, condition)
     columns = {name: column for name, column in columns.items() if name in resolved}
     for name in added:
         columns[name] = np.broadcast_to(resolved[name], len(values))
     imposed = {name: value for name, value in condition.imposed.items() if name in resolved}
     table = np.column_stack(list(columns.values()))
-    return _Imposed(tuple(columns), table, replace(condition, imposed=imposed))
+    return _Imposed(model, tuple(columns), table, replace(condition, imposed=imposed))
 
 
 def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:

@@ -122,7 +122,6 @@ def test_wrong_airspeeds_are_refused(held, words, uav):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("--hold kcas=60 --free altitude", "impose altitude too"),
         ("--isa 15 --hold isa=10", "--isa and --hold isa"),
         ("--isa warm", "isa is 'warm'; give a finite number"),
         ("--isa 200", "isa is 200 K; give at most 100 K"),

@@ -104,7 +104,7 @@ LISTS = [
     ("dihedral,speed kt\n5,40\n", "row 1: 'speed kt' has no brackets; write speed [kt]"),
     ("dihedral,speed (kt)\n5,40\n", "row 1: 'speed (kt)' has no brackets; write speed [kt]"),
     ("dihedral\tspeed\n5\t64\n", "row 1 contains a tab; separate the columns by commas"),
-    ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells, but row 1 has 2; correct the row"),
+    ("dihedral,speed\n5,64,3\n", "row 2, column 3 has '3'"),
     ("dihedral;speed\n5;64\n", "row 1 contains a semicolon; separate the columns by commas"),
     ("dihedral,speed\n", "has no conditions; give a row of names"),
 ]
