@@ -127,11 +127,7 @@ def matrix_errors(name: str, matrix: np.ndarray, solution: Solution, limit: floa
     solution: the exact solution
     limit: limit of each error
     """
-    exact = solution.P if name == "P" else solution.K
-    root, scales, entry_scales = _scales_of_P(solution) if name == "P" else _scales_of_K(solution)
-    norm = relative_error(matrix, exact)
-    balanced = relative_error(root @ matrix * scales, root @ exact * scales)
-    entry = entry_error((matrix - exact) * entry_scales, exact * entry_scales)
+    norm, balanced, entry = measure_of(name, solution).errors(matrix)
     return [
         error_check(f"{name}_rel_error", norm, limit, name),
         error_check(f"{name}_balanced_error", balanced, limit, f"{name} in balanced units"),
@@ -144,28 +140,37 @@ def is_gain_right(K: np.ndarray, exact: Solution, limit: float) -> bool:
     return all(check.ok for check in matrix_errors("K", K, exact, limit))
 
 
-class _Scales(NamedTuple):
-    """Factors of a matrix M: root M * scales in balanced units, and M * entry_scales by entry."""
+class Measure(NamedTuple):
+    """Measure of the errors of a matrix M: root M * scales in balanced units, and M * entry_scales
+    by entry.
+    """
 
+    exact: np.ndarray
     root: np.ndarray
     scales: np.ndarray
     entry_scales: np.ndarray
 
+    def errors(self, matrix: np.ndarray) -> tuple[float, float, float]:
+        """Return the errors of a matrix in norm, in balanced units and of an entry."""
+        exact, root, scales, entry_scales = self
+        return (
+            relative_error(matrix, exact),
+            relative_error(root @ matrix * scales, root @ exact * scales),
+            entry_error((matrix - exact) * entry_scales, exact * entry_scales),
+        )
 
-def _scales_of_P(solution: Solution) -> _Scales:
-    """Return the factors of U P U."""
+
+def measure_of(name: str, solution: Solution) -> Measure:
+    """Return the measure of P, by U P U, or of K, by R^(1/2) K U and diag(R)^(1/2) K U."""
     units = balanced_units(solution.game)
-    scales = np.outer(units, units)
-    return _Scales(np.eye(len(units)), scales, scales)
-
-
-def _scales_of_K(solution: Solution) -> _Scales:
-    """Return the factors of R^(1/2) K U and diag(R)^(1/2) K U."""
-    units, price = balanced_units(solution.game), solution.excess_weight
-    eigenvalues, vectors = np.linalg.eigh(price)
+    if name == "P":
+        scales = np.outer(units, units)
+        return Measure(solution.P, np.eye(len(units)), scales, scales)
+    weight = solution.excess_weight
+    eigenvalues, vectors = np.linalg.eigh(weight)
     root = np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T
-    scales = np.outer(np.ones(len(price)), units)
-    return _Scales(root, scales, np.sqrt(np.diag(price))[:, None] * scales)
+    scales = np.outer(np.ones(len(weight)), units)
+    return Measure(solution.K, root, scales, np.sqrt(np.diag(weight))[:, None] * scales)
 
 
 def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -> list[Check]:
@@ -238,10 +243,15 @@ def q_function_errors(critic: Critic, exact: Solution, limit: float) -> list[Che
         checks.append(error_check("L_rel_error", relative_error(L, exact_L), limit, "L"))
     exact_H = exact_action_value(critic, exact)
     if critic.H is not None and exact_H is not None:
-        sizes = np.sqrt(np.abs(np.diag(exact_H)))
-        error = float(np.max(np.abs(critic.H - exact_H) / np.outer(sizes, sizes)))
+        error = action_value_error(critic.H, exact_H)
         checks.append(error_check("H_entry_error", error, limit, "an entry of H"))
     return checks
+
+
+def action_value_error(H: np.ndarray, exact: np.ndarray) -> float:
+    """Return the largest error of an entry H_ij, relative to √(H_ii H_jj) of the exact H."""
+    sizes = np.sqrt(np.abs(np.diag(exact)))
+    return float(np.max(np.abs(H - exact) / np.outer(sizes, sizes)))
 
 
 def exact_action_value(critic: Critic, exact: Solution) -> np.ndarray | None:

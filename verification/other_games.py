@@ -16,11 +16,14 @@ from controller.riccati.proposal import FailedError, value_in_doubles
 from hfa_support.errors import BadInputError, NoSolutionError
 
 #: Logarithms of the numbers that are tried first, relative to the one in the middle.
-_GRID = np.linspace(-3.0, 3.0, 19) * math.log(10.0)
+_GRID = np.linspace(-3.0, 3.0, 37) * math.log(10.0)
 #: Games with more states are not searched: it takes a few hundred solutions.
 MOST_STATES = 16
 #: Accuracy of the logarithm of the number, with which P and K are right within the usual limit.
 _ACCURACY = 1e-9
+#: Largest number of steps; they converge quadratically. Change of the logarithm that gives slopes.
+_STEPS = 20
+_DIFFERENCE = 1e-6
 
 
 class Family(NamedTuple):
@@ -47,14 +50,17 @@ class OtherGame(NamedTuple):
     matrix: np.ndarray
 
 
-def other_games(exact: Solution, of: str, given: np.ndarray) -> Iterator[OtherGame]:
+def other_games(
+    exact: Solution, of: str, given: np.ndarray, sizes: np.ndarray
+) -> Iterator[OtherGame]:
     """Yield the games that differ by one number of which P or K is nearest to a given one.
 
     exact: solution of the game
     of: "P" or "K"
     given: P or K of the critic
+    sizes: of its entries, which change with the units as the entries do
     """
-    if len(given.T) > MOST_STATES:
+    if len(given.T) > MOST_STATES or not given.any():
         return
     game = exact.game
     if np.isfinite(game.delta) and game.E.any():
@@ -66,7 +72,7 @@ def other_games(exact: Solution, of: str, given: np.ndarray) -> Iterator[OtherGa
         with suppress(NoSolutionError):
             yield OtherGame(says, getattr(solve(replace(game, discount=1.0)), of))
     for family in _families(exact):
-        found = _nearest(family, of, given)
+        found = _nearest(family, of, given, sizes)
         if found is not None:
             yield found
     if not game.is_discrete:
@@ -141,34 +147,39 @@ def continuous(game: Game) -> Game | None:
         return None
 
 
-def _nearest(family: Family, of: str, given: np.ndarray) -> OtherGame | None:
+def _nearest(family: Family, of: str, given: np.ndarray, sizes: np.ndarray) -> OtherGame | None:
     """Return the game of a family of which P or K is nearest to a given one.
 
-    None if it is at an end of the searched range, as a gain of 0 is for an infinite R.
-    """
-    from scipy.optimize import minimize_scalar
+    It is found by the method of Gauss and Newton, from the best game of a grid. None if it is at an
+    end of the searched range, as a gain of 0 is for an infinite R.
 
-    size = float(np.abs(given).max())
-    if size == 0.0:
-        return None
+    sizes: of the entries, to which their errors are relative
+    """
 
     def game_at(logarithm: float) -> Game:
         return family.game(family.middle * math.exp(logarithm))
 
-    def error(logarithm: float) -> float:
-        """Return |P or K of a game - given one|, relative to its largest entry, or inf."""
+    def errors_at(logarithm: float) -> np.ndarray:
+        """Return the errors of P or K of a game, or inf without a value."""
         with suppress(FailedError, BadInputError), np.errstate(all="ignore"):
-            return float(np.linalg.norm((_proposed(game_at(logarithm), of) - given) / size))
-        return math.inf
+            return (_proposed(game_at(logarithm), of) - given) / sizes
+        return np.full(given.shape, math.inf)
 
-    errors = [error(each) for each in _GRID]
-    best = int(np.argmin(errors))
-    if not (math.isfinite(errors[best]) and 0 < best < len(_GRID) - 1):
+    size = np.linalg.norm
+    errors = [errors_at(each) for each in _GRID]
+    best = int(np.argmin([*map(size, errors)]))
+    if not (np.isfinite(size(errors[best])) and 0 < best < len(_GRID) - 1):
         return None
-    ends = _GRID[best - 1], _GRID[best + 1]
-    options = {"xatol": _ACCURACY}
-    with np.errstate(invalid="ignore"):  # the error of a game without a value is inf
-        place = float(minimize_scalar(error, bounds=ends, method="bounded", options=options).x)
+    place, now, most = _GRID[best], errors[best], _GRID[1] - _GRID[0]
+    for _ in range(_STEPS):
+        with np.errstate(all="ignore"):  # a slope of inf or 0 ends the search
+            slope = (errors_at(place + _DIFFERENCE) - now) / _DIFFERENCE
+            step = np.clip(-np.vdot(slope, now) / np.vdot(slope, slope), -most, most)
+        while size(after := errors_at(place + step)) >= size(now) and abs(step) > _ACCURACY:
+            step /= 2.0
+        if not abs(step) > _ACCURACY:
+            break
+        place, now = place + step, after
     with suppress(NoSolutionError, BadInputError):
         nearest = getattr(solve(game_at(place)), of)
         return OtherGame(family.says(family.middle * math.exp(place)), nearest)

@@ -1,29 +1,32 @@
 """Search for the mistake in a wrong critic, by a table of exact transformations.
 
-A mistake is named only if the critic without it is right: each entry of P or K agrees with the
-exact one within the limit of the errors. Nothing else is decided by a tolerance.
+A mistake is named only if the critic without it passes the checks of P, K or H, and the exact one
+with it does not. Nothing else is decided by a tolerance.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.basis import Basis
+from controller.game.q_function import q_extremum
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
 from hfa_support.reporting.text import percent
 from verification.box import balanced_units
 from verification.critic_errors import (
     SMALL,
+    action_value_error,
     exact_action_value,
     floored,
     matrix_errors,
+    measure_of,
     relative_error,
 )
 from verification.other_games import other_games
@@ -62,21 +65,32 @@ class Compared(NamedTuple):
 
     kind: "P", "K" or "H"
     given, exact: the matrices
-    sizes: sizes of the entries, to which errors are relative. They change with the units as the
-        entries do.
-    limit: largest error of an entry of a right matrix
+    sizes: sizes of the entries, which change with the units as the entries do
+    is_right: whether a matrix passes the checks of its errors
     """
 
     kind: str
     given: np.ndarray
     exact: np.ndarray
     sizes: np.ndarray
-    limit: float
+    is_right: Callable[[np.ndarray], bool]
+
+    @classmethod
+    def of(
+        cls, kind: str, given: np.ndarray, exact: Solution, sizes: Any, limit: float
+    ) -> Compared:
+        """Return P or K compared with the exact one."""
+        measure = measure_of(kind, exact)
+        return cls(kind, given, measure.exact, sizes, lambda M: max(measure.errors(M)) <= limit)
 
     def first(self, mistakes: Iterator[Mistake]) -> str:
-        """Return the sentence of the first mistake without which the matrix is right, or ""."""
+        """Return the sentence of the first mistake that explains the errors, or "".
+
+        The matrix is right without the mistake, and the exact one would be wrong with it.
+        """
         for mistake in mistakes:
-            if np.max(self.errors(mistake.undone)) <= self.limit:
+            with_mistake = self.exact + self.given - mistake.undone
+            if self.is_right(mistake.undone) and not self.is_right(with_mistake):
                 return mistake.says
         return ""
 
@@ -92,14 +106,19 @@ def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
     limit: largest relative error of a right critic
     """
     game = exact.game
-    if critic.H is not None and (reason := _reason_for_action_value(exact, critic, limit)):
-        return reason
+    if critic.H is not None:
+        right = exact_action_value(critic, exact)
+        if right is not None and action_value_error(critic.H, right) > limit:
+            return _reason_for_action_value(game, critic.H, right, limit)
+        implied = q_extremum(game, critic.H)
+        if np.array_equal(critic.P, implied["P"]) and np.array_equal(critic.K, implied["K"]):
+            return ""  # neither was given
     if critic.P is None:
         return _reason_for_gain(exact, critic.K, limit)
     if all(check.ok for check in matrix_errors("P", critic.P, exact, limit)):
         return _reason_for_policy(exact, critic, critic.P, limit)
     sizes = _sizes_of_states(exact)
-    values = Compared("P", critic.P, exact.P, np.outer(sizes, sizes), limit)
+    values = Compared.of("P", critic.P, exact, np.outer(sizes, sizes), limit)
     mistakes = itertools.chain(
         _of_value(game, values), _of_weights(critic), _of_other_games(exact, values)
     )
@@ -126,15 +145,13 @@ def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray, limit: fl
     )
 
 
-def _reason_for_action_value(exact: Solution, critic: Critic, limit: float) -> str:
+def _reason_for_action_value(game: Game, H: np.ndarray, right: np.ndarray, limit: float) -> str:
     """Return a sentence that names the mistake in the matrix H of an action value, or ""."""
-    H, right = critic.H, exact_action_value(critic, exact)
-    if H is None or right is None:
-        return ""
-    diagonal = np.sqrt(np.abs(np.diag(right)))
-    sizes = floored(diagonal)
-    values = Compared("H", H, right, np.outer(sizes, sizes), limit)
-    n, m = exact.game.B.shape
+    sizes = floored(np.sqrt(np.abs(np.diag(right))))
+    values = Compared(
+        "H", H, right, np.outer(sizes, sizes), lambda M: action_value_error(M, right) <= limit
+    )
+    n, m = game.B.shape
     orders = {"(u, x)": [*range(m, m + n), *range(m)]}
     if len(H) > n + m:
         k = len(H) - n - m
@@ -164,18 +181,16 @@ def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
         return  # a single number agrees with many games
     mistakes = [
         Mistake(f"{kind} is {other.says}", given - other.matrix + right)
-        for other in other_games(exact, kind, given)
+        for other in other_games(exact, kind, given, compared.sizes)
     ]
     yield from sorted(mistakes, key=lambda mistake: np.max(compared.errors(mistake.undone)))
 
 
 def _not_of_value(exact: Solution, critic: Critic, P: np.ndarray, limit: float) -> str:
-    """Return a sentence on how much K differs from the gain that P implies, or "".
-
-    K and P of an action value are not stored.
-    """
-    difference = relative_error(exact.K + critic.K - exact.game.gain(P), exact.K)
-    if critic.H is not None or difference <= limit:
+    """Return a sentence on how much K differs from the gain that P implies, or ""."""
+    implied = exact.game.gain((P + P.T) / 2.0)
+    difference = relative_error(exact.K + critic.K - implied, exact.K)
+    if difference <= limit:
         return ""
     return f"K differs by {percent(100.0 * difference)} from the gain that P implies on this plant"
 
@@ -198,7 +213,7 @@ def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
     priced = exact.K * inputs[:, None] / states
     columns = floored(np.linalg.norm(priced, axis=0))
     rows = floored(np.linalg.norm(priced / columns, axis=1))
-    return Compared("K", K, exact.K, np.outer(rows / inputs, columns * states), limit)
+    return Compared.of("K", K, exact, np.outer(rows / inputs, columns * states), limit)
 
 
 def _of_value(game: Game, values: Compared) -> Iterator[Mistake]:
@@ -304,12 +319,13 @@ def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
     """
     K, exact = gains.given, gains.exact
     in_sizes, exact_in_sizes = K / gains.sizes, exact / gains.sizes
+    columns, strengths, rows = np.linalg.svd(exact_in_sizes)
+    if gains.is_right(gains.sizes * strengths[0] * np.outer(columns[:, 0], rows[0])):
+        return  # the exact K is of rank 1, and any K along its columns has such multiples
     for axis, noun, why, names in (
         (1, "row", "as of actions that are not mapped to the inputs", game.names.inputs),
         (0, "column", "as of a state that is normalized", game.names.states),
     ):
-        if min(exact.shape) < 2:
-            continue  # any K has such multiples
         with np.errstate(all="ignore"):
             factors = np.sum(in_sizes * exact_in_sizes, axis) / np.sum(exact_in_sizes**2, axis)
             undone = K / np.expand_dims(factors, axis)
@@ -382,10 +398,14 @@ def _wrong_units(
 
 
 def _assigned(distances: np.ndarray) -> np.ndarray:
-    """Return the permutation (n,) for which the sum of distances[i, order[i]] is smallest."""
-    from scipy.optimize import linear_sum_assignment
-
-    return np.asarray(linear_sum_assignment(distances)[1])
+    """Return a permutation (n,) with small distances[i, order[i]], the smallest assigned first."""
+    left = distances.copy()
+    order = np.zeros(len(left), dtype=int)
+    for _ in order:
+        row, column = np.unravel_index(np.argmin(left), left.shape)
+        order[row] = column
+        left[row], left[:, column] = np.inf, np.inf
+    return order
 
 
 def _order_text(noun: str, order: np.ndarray) -> str:
@@ -404,7 +424,7 @@ def _one_entry(compared: Compared) -> Iterator[Mistake]:
     name = f"{kind}({place[0] + 1}, {place[1] + 1})"
     wrong, right = float(given[place]), float(exact[place])
     yield Mistake(f"{name} has the wrong sign", _with_entry(kind, given, place, -wrong))
-    says = f"only {name} differs: it is {wrong:.6g} in place of {right:.6g}"
+    says = f"only {name} differs by more than the limit: it is {wrong:.6g} in place of {right:.6g}"
     yield Mistake(says, _with_entry(kind, given, place, right))
 
 

@@ -287,7 +287,7 @@ def _is_unexplained(verdict: Verdict) -> bool:
     if verdict.critic.network:
         is_wrong = any(check.name in _OF_K and not check.ok for check in verdict.checks)
         return is_wrong and verdict.grade == "fail" and not verdict.reason
-    return not (verdict.ok or verdict.reason)
+    return not verdict.reason and not all(check.ok for check in verdict.checks)
 
 
 def _farthest_entries(

@@ -87,8 +87,8 @@ class Verdict(Checked, Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if every check passes, and the critic also passes on the nonlinear game, if it was
-        judged there.
+        """True if every check passes, the cost is at most `NEAR` percent above the optimum, and the
+        critic also passes on the nonlinear game, if it was judged there.
         """
         return self.holds()
 
@@ -125,14 +125,14 @@ class Verdict(Checked, Result, Reported):
         limit_cost: limit of the cost above the optimum, percent. With a limit, the cost decides, on
             the nonlinear game also that of its flights from the box, if the loop is stable; V* at
             an equilibrium off the trim must not exceed the limit either, in percent of V* in the
-            box. With None, all checks must pass.
+            box. With None, all checks must pass, and the limit is `NEAR`.
         """
         return self.linear_holds(limit_cost) and self.nonlinear_holds(limit_cost)
 
     def linear_holds(self, limit_cost: float | None = None) -> bool:
         """Return whether the critic passes on the game itself."""
         if limit_cost is None:
-            return all(check.ok for check in self.checks)
+            return self.cost_lost <= NEAR and all(check.ok for check in self.checks)
         return self.cost_lost <= limit_cost and self.rests_within(limit_cost) and self.stabilizing
 
     def nonlinear_holds(self, limit_cost: float | None = None) -> bool:
@@ -152,10 +152,10 @@ class Verdict(Checked, Result, Reported):
     def grade(self) -> str:
         """Grade of the critic: "exact", "near" or "fail".
 
-        - "exact": every check passes.
-        - "near": the only failed checks are those of errors and of the equilibrium, and the cost is
-          at most `NEAR` percent above the optimum, as is V* at the equilibrium relative to that in
-          the box; or the critic passes on the nonlinear game in a part of the box alone.
+        - "exact": every check passes, and the cost is at most `NEAR` percent above the optimum.
+        - "near": the cost is, and the only failed checks are those of errors and of the
+          equilibrium, with V* there at most `NEAR` percent of that in the box; or the critic passes
+          on the nonlinear game in a part of the box alone.
         - "fail": all other cases, and a critic that fails on the nonlinear game.
         """
         if self.nonlinear is None:

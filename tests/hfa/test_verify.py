@@ -34,6 +34,18 @@ def test_the_cost_limit_decides_the_exit_code():
     assert "\ndecided by the cost limit 0.01 %\n" in printed
 
 
+def test_an_exact_gain_that_costs_much_does_not_pass():
+    """Near the smallest delta, a gain right within 1e-6 costs twice the optimum, and fails."""
+    entries = {"A": [[0.0, 1.0], [2.0, -0.5]], "B": [[0.0], [1.0]], "Q": np.eye(2), "R": [[1.0]]}
+    plant = stored("near.json", **entries, E=[[0.0], [1.0]], delta=1.0000013749677732)
+    file = stored("K.json", K=[[1454584.1056370207, 862669.2367746236]])
+    words = ("verify", "--model", plant, "--weights", file)
+    verdict = answer(*words, code=FAILED)
+    assert verdict["K_rel_error"] < 1e-6 < 1.0 < verdict["graded"]["cost_lost_worst_percent"]
+    answer(*words, "--limit-cost", "100", code=FAILED)
+    assert verdict["grade"] == "fail"
+
+
 def test_the_cost_and_the_margins_of_a_critic_are_reported(game):
     """1.004 P has less than 0.01 % of excess cost and fails.
 

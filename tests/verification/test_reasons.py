@@ -11,6 +11,7 @@ from game_samples import failed_names
 from planted_critics import gain, other_root, value, weights_of
 
 from controller import critic_in, load_game
+from controller.critic.critic import from_q_function
 from hfa import Critic, Game, from_gain, from_network, from_value, from_weights, solve, verify
 from hfa.main import DONE, FAILED
 
@@ -137,6 +138,72 @@ def test_another_mistake_fails_without_a_reason(critic):
 
 
 SAMPLED = TWO_INPUTS.sampled(0.02, 0.99)
+UNSTABLE = Game(
+    [[0.0, 1.0], [2.0, -0.5]], [[0.0], [1.0]], Q=np.eye(2), R=[1.0], E=[[0.0], [1.0]], delta=5.0
+)
+#: Both inputs act along one direction.
+ALONG_ONE = replace(TWO_INPUTS, B=np.outer([1.0, 0.5, 0.2], [1.0, 2.0]))
+
+
+def rounded(game):
+    return from_gain(game, np.vectorize(lambda entry: float(f"{entry:.3g}"))(gain(game)))
+
+
+def noisy(game):
+    noise = np.random.default_rng(0).normal(0.0, 6e-7, (3, 3))
+    return from_value(game, value(game) * (1.0 + noise + noise.T))
+
+
+def with_wrong_entry_of_H(game):
+    H = solve(game).H
+    H[1, 1] *= 1.01
+    return from_q_function(game, H)
+
+
+@pytest.mark.parametrize(
+    ("game", "critic", "limit", "named"),
+    [
+        (UNSTABLE, rounded, 8e-4, ""),
+        (
+            UNSTABLE,
+            lambda game: from_gain(game, 1.0000013 * gain(game)),
+            1e-6,
+            "1.0000013 times the exact",
+        ),
+        (
+            TWO_INPUTS,
+            lambda game: from_value(game, 0.99999 * value(game)),
+            1e-6,
+            "0.99999 times the exact",
+        ),
+        (TWO_INPUTS, noisy, 1e-6, ""),
+        (TWO_INPUTS, lambda game: from_value(game, np.linalg.cholesky(value(game))), 1e-6, ""),
+        (
+            TWO_INPUTS,
+            lambda game: Critic(gain(game), 1.1 * np.eye(3) + value(game)),
+            1e-6,
+            "P implies",
+        ),
+        (ALONG_ONE, lambda game: from_gain(game, gain(game) * [0.2, 3.0, 7.0]), 1e-6, ""),
+        (
+            ALONG_ONE,
+            lambda game: from_gain(game, gain(game) / [0.3048, 1.0, 1.0]),
+            1e-6,
+            "in metres",
+        ),
+        (SAMPLED, with_wrong_entry_of_H, 1e-6, ""),
+    ],
+)
+def test_what_explains_nothing_is_no_reason(game, critic, limit, named):
+    """A factor 1 in place of R⁻¹, noise, what any K has where all inputs act along one direction,
+    and what was not given are not named; mistakes beside them are.
+    """
+    verdict = verify(game, critic(game), limit=limit)
+    assert not verdict.ok
+    assert named in verdict.reason
+    assert bool(verdict.reason) == bool(named)
+
+
 #: Game of which the gain is exact, on which game it is judged, and the reason.
 OTHER_GAMES = {
     "delta": (TWO_INPUTS.with_delta(9.0), TWO_INPUTS, "K is exact for delta 9, not 6"),
@@ -160,6 +227,18 @@ OTHER_GAMES = {
 def test_the_game_of_which_a_gain_is_exact_is_named(number):
     trained, game, says = OTHER_GAMES[number]
     assert says in verify(game, from_gain(game, gain(trained))).reason
+
+
+def test_other_games_are_found_in_all_units():
+    """A gain for three times R is named where the states and inputs have other units."""
+    A = np.array([[-0.4, -1.1, 0.7], [-1.1, 2.0, 0.9], [-0.4, 0.6, 1.6]])
+    B, E = np.array([[2.8, -0.9], [1.1, 0.5], [-0.3, 1.1]]), np.array([[0.5], [1.1], [-0.5]])
+    x, u = np.array([1e-3, 1.0, 50.0]), np.array([1e3, 0.01])
+    Q, R = np.diag(x**2), np.diag(u**2)
+    game = Game(A * x / x[:, None], B * u / x[:, None], E=E / x[:, None], Q=Q, R=R, delta=22.8)
+    K = gain(replace(game, R=3.0 * game.R))
+    reason = verify(game, from_gain(game, K)).reason
+    assert reason == "K is exact for R 3 times as large"
 
 
 @pytest.mark.parametrize("number", ["delta", pytest.param("discount", marks=pytest.mark.slow)])

@@ -63,6 +63,8 @@ def test_several_critics_pass_together_only():
     ("kind", "off", "cost_lost", "grade", "holds"),
     [
         ("", 0.0, 0.0, "exact", True),
+        ("", 0.0, 0.9, "exact", False),
+        ("", 0.0, 1.1, "fail", False),
         ("error", 0.5, 0.4, "near", True),
         ("error", 0.5, 1.0, "near", False),
         ("error", 0.5, 1.1, "fail", False),
@@ -87,7 +89,7 @@ def test_each_kind_of_check_has_its_grade(kind, off, cost_lost, grade, holds):
     game = Game([[-1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=5.0)
     verdict = replace(verify(game, solve(game)), checks=tuple(checks), cost_lost=cost_lost)
     assert verdict.grade == grade
-    assert verdict.ok is not bool(kind)
+    assert verdict.ok is (not kind and cost_lost <= 1.0)
     assert verdict.stabilizing is (kind != "stability")
     assert verdict.holds(0.5) is holds
     assert verdict.holds() is verdict.ok
