@@ -108,8 +108,6 @@ def test_the_page_shows_numbers_in_a_browser(tmp_path, subtests, monkeypatch):
             "15",
             "--sweep",
             "12:15:0.5",
-            "--claims",
-            str(ROOT / "studies" / "section5" / "results"),
             "--beside",
             str(ROOT / "examples" / "uav.toml"),
         )

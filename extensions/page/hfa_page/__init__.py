@@ -1,1 +1,1 @@
-"""`hfa report`: trims, linear models, games and the paper's claims on one HTML page."""
+"""`hfa report`: trims, linear models and games on one HTML page."""

@@ -18,7 +18,6 @@ from hfa.options.ranges import array_of, value_range
 from hfa.options.show import provenance, with_provenance
 from hfa.options.trims import SEVERAL, SeveralTrims, dihedral_option, trim_input
 from hfa_aircraft.loading import load_model
-from hfa_page.claims import load_claims
 from hfa_page.flights import load_flights
 from hfa_page.job_report import critic_picture, main_report, page, plotly_script, sections_of
 from hfa_page.main_job import (
@@ -64,12 +63,6 @@ class ReportRequest(Request, SeveralTrims):
     )
     outputs: tuple[str, ...] | None = option(
         "outputs for which C and D are added to the page", "NAME,...", listed_names
-    )
-    claims: Any = option(
-        "claims.json of studies/section5/results, or the folder that contains the "
-        "file; adds the paper's claims to the page",
-        "FILE",
-        load_claims,
     )
     beside: Any = option(
         "another aircraft, whose trims and modes a second tab of the page shows", "FILE", load_model
@@ -126,7 +119,7 @@ def report(request: ReportRequest) -> Outcome:
         start=asked.start,
         progress=ProgressLine("report"),
     )
-    job = replace(job, claims=request.claims, flights=request.flights, beside=beside)
+    job = replace(job, flights=request.flights, beside=beside)
     source = asked.source(condition, asked.parameters_among(hold))
     sections = sections_of(job)
     whole = with_provenance(request, main_report(job, sections), source)

@@ -9,10 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_model import choice
-from hfa_page.stored import Models, are_same_models, models_in, read_study
+from hfa_support.errors import BadInputError, file_faults
+from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, beside_unit
 
+#: (dihedral angle in deg, A, B) of linear models.
+Models = list[tuple[float, np.ndarray, np.ndarray]]
+#: Relative and absolute tolerance for equal entries of linear models: their trims balance to 1e-10
+#: on every machine.
+_SAME = 1e-9
 #: Schema of best_flights.json.
 SCHEMA = "hfa.paper-flights/2"
 _STORED = "studies/best_flights/results"
@@ -53,7 +59,7 @@ def flights_section(
     """
     same = (
         "this page's aircraft"
-        if are_same_models(flights.models, A_and_B)
+        if _are_same_models(flights.models, A_and_B)
         else "ANOTHER aircraft than this page's"
     )
     about = (
@@ -73,13 +79,46 @@ def load_flights(path: str) -> StoredFlights:
 
     Raises BadInputError if the file cannot be read, has another schema or lacks an entry.
     """
-    return read_study(path, "best_flights.json", SCHEMA, _STORED, _flights)
+    file = Path(path)
+    if file.is_dir():
+        file = file / "best_flights.json"
+    with file_faults(file):
+        data = read_json(file)
+    try:
+        if data["schema"] != SCHEMA:
+            raise ValueError(data["schema"])
+        return _flights(data)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise BadInputError(f"{file} is damaged ({error!r}); take the file of {_STORED}") from error
 
 
-def _flights(_: Path, data: dict[str, Any]) -> StoredFlights:
+def _flights(data: dict[str, Any]) -> StoredFlights:
     """Return the flights in the data of a file."""
     table = flights_table(data["flights"])
-    return StoredFlights(data, table, limits_in_words(data["limits"]), models_in(data["models"]))
+    return StoredFlights(data, table, limits_in_words(data["limits"]), _models_in(data["models"]))
+
+
+def _models_in(stored: Sequence[Mapping[str, Any]]) -> Models:
+    """Return the linear models that a file contains."""
+    return [
+        (float(model["dihedral_deg"]), np.array(model["A"]), np.array(model["B"]))
+        for model in stored
+    ]
+
+
+def _are_same_models(
+    models: Models, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]
+) -> bool:
+    """Return whether models equal (A, B) at all common angles, of which there must be one at least.
+
+    A_and_B: dihedral angle, deg -> (A, B)
+    """
+    shared = [model for model in models if model[0] in A_and_B]
+    return bool(shared) and all(
+        stored.shape == other.shape and np.allclose(stored, other, rtol=_SAME, atol=_SAME)
+        for degrees, *pair in shared
+        for stored, other in zip(pair, A_and_B[degrees], strict=True)
+    )
 
 
 def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:

@@ -16,7 +16,6 @@ from functools import cache, partial
 from importlib.resources import files
 from typing import Any, NamedTuple
 
-from hfa_page.claims import claims_section
 from hfa_page.compared_with_print import printed_comparison_tables
 from hfa_page.flights import flights_section
 from hfa_page.main_job import MainJob, Position, Slider
@@ -59,14 +58,12 @@ class Sections(NamedTuple):
     of_sliders: pictures of each aircraft that follow its slider
     in_air: the flight in turbulence at the first requested angle
     angles: model, game and critic at each requested angle
-    claims: claims of the paper
     others: comparison with the print, meanings of the checks, modes, and the aircraft
     """
 
     of_sliders: tuple[Report, ...]
     in_air: tuple[Report, ...]
     angles: tuple[Report, ...]
-    claims: Report
     others: tuple[Report, ...]
 
 
@@ -80,7 +77,6 @@ def sections_of(job: MainJob) -> Sections:
         ),
         in_air=tuple(flight_in_turbulence(angle) for angle in job.angles[:1]),
         angles=tuple(angle_report(angle) for angle in job.angles),
-        claims=claims_section(job.claims, job.regeneration),
         others=(
             Report("Every entry compared with the printed one", (job.regeneration.picture(),)),
             Report("Checks", (check_meanings(),)),
@@ -92,7 +88,7 @@ def sections_of(job: MainJob) -> Sections:
 
 def main_report(job: MainJob, sections: Sections) -> Report:
     """Return the report of all results on the page. The data of the report contain every number."""
-    of_sliders, in_air, angles, claims, others = sections
+    of_sliders, in_air, angles, others = sections
     critics = [
         {"dihedral_deg": report.data["dihedral_deg"], **report.data["critic"]}
         for report in angles
@@ -100,7 +96,7 @@ def main_report(job: MainJob, sections: Sections) -> Report:
     ]
     return Report(
         title="",
-        parts=(*of_sliders, *in_air, *angles, claims, *others),
+        parts=(*of_sliders, *in_air, *angles, *others),
         data={
             "schema": "hfa.report/1",
             "ok": job.ok,
@@ -108,7 +104,6 @@ def main_report(job: MainJob, sections: Sections) -> Report:
             "sweep": job.slider.sweep.report().data,
             "critics": critics,
             "angles": [report.data for report in angles],
-            "claims": claims.data or None,
             "flights": None if job.flights is None else job.flights.data,
             "in_turbulence": in_air[0].data if in_air else None,
             "beside": None if job.beside is None else _first_trim(job.beside),
@@ -268,9 +263,7 @@ def _paper_article(job: MainJob, sections: Sections, drawn: Report, provenance: 
     """
     folded = {
         f"part-{number}": section
-        for number, section in enumerate(
-            (*sections.angles, sections.claims, *sections.others, provenance)
-        )
+        for number, section in enumerate((*sections.angles, *sections.others, provenance))
     }
     links = "".join(_link(name, section.title) for name, section in folded.items())
     checks = Report("Verdicts", (verdicts(job),)).html(3)

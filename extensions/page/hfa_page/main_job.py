@@ -19,7 +19,6 @@ from hfa_model import choice
 from hfa_model.parameters import ParameterSet
 from hfa_model.published import published_models
 from hfa_model.variants import variant_named
-from hfa_page.claims import Claims
 from hfa_page.flights import StoredFlights
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
@@ -195,7 +194,7 @@ class MainJob:
     regeneration: comparison with both printed pairs (A, B)
     slider: trims and linear models over the dihedral angle
     angles: requested angles, with games and critics
-    claims, flights: stored results of studies, or None
+    flights: stored results of a study, or None
     beside: trims and linear models of another aircraft, or None
     """
 
@@ -203,7 +202,6 @@ class MainJob:
     regeneration: Regeneration
     slider: Slider
     angles: tuple[Position, ...]
-    claims: Claims | None = None
     flights: StoredFlights | None = None
     beside: Slider | None = None
 
@@ -219,10 +217,7 @@ class MainJob:
 
     @property
     def ok(self) -> bool:
-        """True if the printed pairs are regenerated and every learned critic agrees.
-
-        Verdicts on the paper's claims have no effect.
-        """
+        """True if the printed pairs are regenerated and every learned critic agrees."""
         return self.regeneration.ok and self.learned
 
 

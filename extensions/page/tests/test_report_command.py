@@ -27,7 +27,6 @@ def _in_a_folder(folder):
     """Run each test in a new empty folder."""
 
 
-CLAIMS = ROOT / "studies" / "section5" / "results" / "claims.json"
 FLIGHTS = ROOT / "studies" / "best_flights" / "results"
 UAV = str(ROOT / "examples" / "uav.toml")
 
@@ -53,8 +52,6 @@ def written_report(tmp_path_factory):
         "load_factor",
         "--sweep",
         "10:20:5",
-        "--claims",
-        str(CLAIMS),
         "--flights",
         str(FLIGHTS),
         "--beside",
@@ -108,7 +105,7 @@ def test_the_folder_contains_page_pictures_and_numbers(written_report):
     text = (folder / "numbers.json").read_text(encoding="utf-8")
     data = json.loads(text, parse_constant=pytest.fail)
     assert json.loads(result.out) == data
-    assert (data["ok"], data["claims"]["schema"]) == (True, "hfa.claims/1")
+    assert data["ok"]
     assert (len(data["regeneration"]["cases"]), len(data["sweep"]["A"]), len(data["angles"])) == (
         2,
         3,
@@ -129,10 +126,6 @@ def test_the_folder_contains_page_pictures_and_numbers(written_report):
     assert not any(word in html for word in ("http://", "https://", "<link", 'src="/', "<pre"))
     assert data["provenance"]["parameter_hash"] in html
     assert '<tr><th scope="row">load_factor</th>' in html
-    assert "the same matrices as those of this page" in html
-    assert f"Read from {CLAIMS}" in html
-    verdicts = json.loads(CLAIMS.read_text("utf-8"))["verdicts"]
-    assert html.count(">not confirmed</td>") == verdicts["not confirmed"] > 0
     best = json.loads((FLIGHTS / "best_flights.json").read_text("utf-8"))["flights"][-1]["best"]
     assert f"{best['cost']:,.0f}" in html
     assert "for this page&#x27;s aircraft" in html
@@ -250,21 +243,15 @@ def test_another_aircraft_fails_and_is_told_from_that_of_the_studies():
 
 
 @pytest.mark.parametrize(
-    ("option", "source", "place"),
-    [
-        ("--claims", CLAIMS, ["schema"]),
-        ("--claims", CLAIMS, ["setting", "models", 0, "A", 0]),
-        ("--claims", CLAIMS, ["claims", 0, "subject"]),
-        ("--flights", FLIGHTS / "best_flights.json", ["flights", 0, "best", "cost"]),
-    ],
+    "place", [["schema"], ["models", 0, "A", 0], ["flights", 0, "best", "cost"]]
 )
-def test_damaged_results_of_studies_are_refused(option, source, place):
-    """Files of claims and of flights with a damaged entry are refused in one line."""
-    data = json.loads(source.read_text(encoding="utf-8"))
+def test_damaged_results_of_a_study_are_refused(place):
+    """A file of flights with a damaged entry is refused in one line."""
+    data = json.loads((FLIGHTS / "best_flights.json").read_text(encoding="utf-8"))
     inner = data
     for key in place[:-1]:
         inner = inner[key]
     inner[place[-1]] = "x"
-    Path(source.name).write_text(json.dumps(data), encoding="utf-8")
-    given = source.name if option == "--claims" else "."
-    assert_refused(hfa("report", "--dihedral", "15", "--json", option, given), BAD_INPUT, "damaged")
+    Path("best_flights.json").write_text(json.dumps(data), encoding="utf-8")
+    words = ("report", "--dihedral", "15", "--json", "--flights", ".")
+    assert_refused(hfa(*words), BAD_INPUT, "damaged")
