@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 
 from hfa.options.trims import GivenTrim, at_name
 from hfa_aircraft.model import Model, recognized
 from hfa_support.errors import BadInputError, NoSolutionError, warn
 from hfa_support.reporting.text import shown_value
-from hfa_support.units import conversion_factor
+from hfa_support.units import si_unit
 from trim.hfa.reports import trim_report
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, explained, trim
+from trim.point.status import BALANCE
 
 #: Largest number of options that help a failed trim.
 _MOST_ADVICE = 3
@@ -53,8 +55,9 @@ def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
 def _advice(given: GivenTrim, failure: TrimError) -> str:
     """Return the imposed values of which one must be free, so that a trim exists, or "".
 
-    Each is tried: first the rates of lengths, as of altitude in a climb, and with an imposed load
-    factor that of pitch, as in a pull-up. Values that the user imposed come last. If only one input
+    Each is tried: first the rates of lengths and masses, as of altitude in a climb and of fuel, and
+    with an imposed load factor that of pitch, as in a pull-up. Rates that need each other are tried
+    together. Values that the user imposed come last. If only one input
     is too weak, it is held at its limit, so that the advice is the steepest climb and not a
     glide. If the equations balance only with a free rate, and beyond a limit, the advice is
     this rate and the limit.
@@ -67,7 +70,19 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
     usual = usual_condition(model).imposed
     weak = _weak_input(given, failure)
     options: list[str] = []
-    for name in _releasable(given):
+    releasable = _releasable(given)
+    unbalanced = [
+        name
+        for name in releasable
+        if abs(failure.attempt.scaled_residuals.get(name.removesuffix("_dot"), 0.0)) > BALANCE
+        and name not in condition.imposed
+    ]
+    if len(unbalanced) > 1 and _exists(given, unbalanced):
+        for name in unbalanced:
+            fewer = [each for each in unbalanced if each != name]
+            unbalanced = fewer if fewer and _exists(given, fewer) else unbalanced
+        return f"a trim exists with {' '.join(f'--free {name}' for name in unbalanced)}"
+    for name in releasable:
         is_rate = name not in condition.imposed
         is_extra = name in given.hold and name not in usual  # without it: the default trim
         if is_extra and options:
@@ -102,10 +117,10 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
 def _releasable(given: GivenTrim) -> list[str]:
     """Return the rates and imposed values of a condition that advice may set free, the user's last.
 
-    The rates are those of lengths and, with an imposed load factor, of pitch.
+    The rates are those of lengths, masses and, with an imposed load factor, of pitch.
     """
     model, condition = given.model, given.condition
-    changing = [name for name in model.states if conversion_factor(model.unit(name), "m")]
+    changing = [name for name in model.states if si_unit(model.unit(name)) in ("m", "kg")]
     if "load_factor" in condition.imposed:
         changing.append(recognized(model.states).get("theta", ""))
     rates = [f"{name}_dot" for name in changing if name in condition.rates]
@@ -118,19 +133,25 @@ def _free_inputs(given: GivenTrim) -> str:
     """Return which inputs to set free if the default trim of an aircraft, as of an FMU, holds all
     at their start values, or "": those that are not 0, else all, if a trim then exists.
     """
-    model, condition = given.model, given.condition
+    model = given.model
     usual = usual_condition(model).imposed
     held = [name for name in model.inputs if name in usual and name not in given.hold]
     if not held or any(name not in (*usual, *given.hold) for name in model.inputs):
         return ""
     for names in ([name for name in held if usual[name]], held):
-        try:
-            trim(model, release(condition, free=[*names]), given.start)
-        except (BadInputError, TrimError):
-            continue
-        options = " ".join(f"--free {name}" for name in names)
-        return f"the trim holds the inputs at their start values; one exists with {options}"
+        if _exists(given, names):
+            options = " ".join(f"--free {name}" for name in names)
+            return f"the trim holds the inputs at their start values; one exists with {options}"
     return ""
+
+
+def _exists(given: GivenTrim, free: Sequence[str]) -> bool:
+    """Return whether a trim exists if some names are set free."""
+    try:
+        trim(given.model, release(given.condition, free=free), given.start)
+    except (BadInputError, TrimError):
+        return False
+    return True
 
 
 def _weak_input(given: GivenTrim, failure: TrimError) -> dict[str, float]:

@@ -61,9 +61,10 @@ def test_an_airspeed_without_a_trim_has_the_reason_of_the_trim(verb, airspeed):
     typed = ("--aircraft", UAV, "--hold", f"{airspeed}=250")
     refused = command(verb, *typed)
     assert (refused.code, str(failure.value) in refused.err) == (1, True)
-    advice = re.search(r"with (--hold thrust=60) --free \w+ in place of --hold \(", refused.err)
+    advice = re.search(r"with --hold thrust=60 --free (\w+)", refused.err)
     assert advice is not None
-    assert command("trim", *typed[:2], *advice[1].split(), "--free", "speed").code == 0
+    kept = ("--free", "speed") if advice[1] == airspeed else (*typed[2:], "--free", advice[1])
+    assert command("trim", *typed[:2], "--hold", "thrust=60", *kept).code == 0
 
 
 @pytest.mark.slow
@@ -76,6 +77,27 @@ def test_a_held_rate_of_climb_frees_the_path_and_stays_held():
     assert states["speed"] * np.sin(states["pitch"] - states["alpha"]) == pytest.approx(
         2.0, rel=1e-6
     )
+
+
+def test_what_changes_in_a_trim_is_freed_and_named_and_fuel_is_not_negative(folder):
+    """The refusal frees position and fuel together, and the first lines have both rates. A thrust
+    that only a negative mass of fuel balances is refused, though no limit is declared.
+    """
+    text = GLIDER.replace("1.0 - 9.81", "(1.0 + 0.01 * x.fuel) - 9.81")
+    text = text.replace(
+        '"bank": u.roll_rate}', '"bank": u.roll_rate, "north": x.speed, "fuel": -u.thrust}'
+    )
+    text = text.replace(
+        "INPUTS =", 'STATES |= {"north": Signal("m"), "fuel": Signal("kg", start=50.0)}\nINPUTS ='
+    )
+    Path("glider.py").write_text(text, "utf-8")
+    words = ("trim", "--aircraft", "glider.py:GLIDER")
+    freed = ("--free", "north_dot", "--free", "fuel_dot")
+    assert command(*words).err.strip().endswith(f"a trim exists with {' '.join(freed)}")
+    run = command(*words, *freed)
+    assert "north by 50 m/s, fuel by -1.5 kg/s" in run.out.partition("\n\n")[0]
+    empty = command(*words, *freed, "--hold", "thrust=0.5")
+    assert (empty.code, "fuel at minimum 0 kg, -50 kg required" in empty.err) == (1, True)
 
 
 @pytest.mark.slow

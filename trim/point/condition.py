@@ -16,6 +16,7 @@ from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown
 from hfa_support.linear_table import LinearTable
 from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.text import shown_values, with_shown_unit
+from hfa_support.units import si_unit
 from trim.point.status import FREE, HELD, LIMIT
 
 
@@ -254,13 +255,24 @@ class TrimCondition:
 
     def limits_on(self, names: Sequence[str]) -> Limits:
         """Return the limits of named variables, states and outputs under the condition."""
-        return Limits.of(self.model, names, self.limits)
+        return Limits.of(self.model, names, {**_limits_of_masses(self.model), **self.limits})
 
     def limits_of(self, name: str) -> tuple[float, float]:
         """Return the lowest and highest value that the condition permits for a variable, state or
         output.
         """
-        return self.limits.get(name, self.model.limits[name])
+        declared = _limits_of_masses(self.model).get(name, self.model.limits[name])
+        return self.limits.get(name, declared)
+
+
+@lru_cache(maxsize=16)
+def _limits_of_masses(model: Model) -> dict[str, tuple[float, float]]:
+    """Return state or input -> (0, highest), for masses without a lowest value, such as of fuel."""
+    return {
+        name: (0.0, signal.max)
+        for name, signal in {**model.states, **model.inputs}.items()
+        if si_unit(signal.unit) == "kg" and signal.min == -math.inf
+    }
 
 
 def refuse_other_units(condition: TrimCondition, model: Model) -> None:

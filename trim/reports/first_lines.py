@@ -7,7 +7,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from hfa_aircraft.model import Model
+from hfa_aircraft.model import Model, altitudes
 from hfa_aircraft.signals import ISA, Signal
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import (
@@ -83,6 +83,7 @@ def uniqueness_lines(trimmed: Trimmed) -> list[str]:
     if point.found_by is not None and point.found_by.kept:
         kept = ", ".join(named_value_text(point, name) for name in point.found_by.kept)
         lines.append(f"At its start value, as the trim does not determine it: {kept}")
+    lines += changing_lines(trimmed)
     names, to_hold = point._undetermined
     if names:
         verb = "is" if len(names) == 1 else "are"
@@ -92,6 +93,21 @@ def uniqueness_lines(trimmed: Trimmed) -> list[str]:
             f"(--hold {names[0]}=VALUE)"
         )
     return lines
+
+
+def changing_lines(trimmed: Trimmed) -> list[str]:
+    """Return a line on the states that change in a trim and are no motion of the aircraft, nor its
+    altitude or heading: positions, and fuel.
+    """
+    point, model = trimmed.point, trimmed.point.model
+    of_flight = {*trimmed.roles.values(), *altitudes(model), "yaw"}
+    balanced = point.trim_problem.asked.rates
+    changing = [
+        f"{name} by {value_text(model, f'{name}_dot', rate)}"
+        for name, rate in trimmed.rates.items()
+        if name not in balanced and name not in of_flight and not _is_steady(trimmed, name)
+    ]
+    return [f"Changing in this trim: {', '.join(changing)}"] if changing else []
 
 
 def subject(model: Model) -> str:
