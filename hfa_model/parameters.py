@@ -159,8 +159,8 @@ class ParameterSet(ByValue, Reported):
 
 #: Parameter sets in the package: name -> file.
 NAMED = {
-    "identified": "parameters.toml",
-    "gibson-2011-simulation": "parameters_gibson_2011_simulation.toml",
+    "identified": Path(__file__).with_name("parameters.toml"),
+    "gibson-2011-simulation": Path(__file__).with_name("parameters_gibson_2011_simulation.toml"),
 }
 
 
@@ -194,7 +194,7 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
 def _read(name: str) -> ParameterSet:
     """Return a set of parameters of the aircraft, read from its file."""
-    data = read_named("parameters", name, NAMED, "hfa_model", _FILE)
+    data = read_named("parameters", name, NAMED, _FILE)
     table = data.pop("covariance", {"names": [], "rows": []})
     names = Parameters._fields
     values = Parameters(*(data[parameter]["value"] for parameter in names))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ def published_data() -> dict[str, Any]:
 
     Raises ValueError if its states or inputs are not in the order of `hfa_model.vectors`.
     """
-    text = files("hfa_model").joinpath("printed_matrices.json").read_text(encoding="utf-8")
+    text = Path(__file__).with_name("printed_matrices.json").read_text(encoding="utf-8")
     data: dict[str, Any] = json.loads(text)
     if tuple(data["states"]) != LINEAR_STATES or tuple(data["inputs"]) != INPUTS:
         raise ValueError(

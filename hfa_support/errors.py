@@ -6,7 +6,6 @@ files are shortened in messages, and control characters are escaped.
 
 from __future__ import annotations
 
-import difflib
 import math
 import sys
 import warnings
@@ -162,7 +161,9 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
         longer = longer or [each for spelling, each in name_of.items() if typed in spelling]
         if longer:
             return longer[:_MOST_MEANT]
-    matcher = difflib.SequenceMatcher(b=typed.lstrip("_"))  # leading dashes make no options alike
+    from difflib import SequenceMatcher  # an error is rare
+
+    matcher = SequenceMatcher(b=typed.lstrip("_"))  # leading dashes make no options alike
     likeness = {}
     for spelling in name_of:
         matcher.set_seq1(spelling.lstrip("_"))

@@ -11,7 +11,7 @@ import io
 import json
 import os
 import re
-import shutil
+import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
@@ -91,7 +91,7 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
         with stream:
             yield stream
         if target.exists():
-            shutil.copymode(target, temporary)
+            temporary.chmod(stat.S_IMODE(target.stat().st_mode))
         temporary.replace(target)
     except OSError as error:
         own_names = (str(target), str(temporary))

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from importlib.resources import files
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from hfa_support.errors import BadInputError, choice_of, shortened, shown
@@ -136,22 +136,18 @@ def _words(declared: Any) -> str:
     return "numbers" if isinstance(declared, Number) else "names in quotes"
 
 
-def read_named(
-    what: str, name: str, packaged: Mapping[str, str], folder: str, declared: dict[Any, Any]
-) -> Any:
+def read_named(what: str, name: str, packaged: Mapping[str, Path], declared: dict[Any, Any]) -> Any:
     """Return the entries of a TOML file that belongs to a package or to the user.
 
     what: kind of file, for messages
     name: a key of `packaged`, or the path of the user's file
-    packaged: name -> path of a file below `folder`
-    folder: name of the package
+    packaged: name -> path of a file of the package
     declared: declaration of the entries
 
     Raises BadInputError if the file cannot be read, is not valid TOML, or has invalid entries.
     """
     try:
-        path = str(files(folder).joinpath(packaged[name])) if name in packaged else name
-        data = read_toml(path)
+        data = read_toml(packaged.get(name, name))
     except OSError as error:
         raise BadInputError(
             f"{name}: no {what} and no readable file of this name; choose from "

@@ -20,6 +20,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import Entries
 from hfa_support.reporting.rows import Row, Sheet
 from hfa_support.reporting.text import Table
 from trim.hfa.reports import trim_figure, trim_report
@@ -97,12 +98,17 @@ def _single(request: TrimRequest, points: GivenPoints) -> Outcome:
     (row,) = points.conditions(1)
     given = points.trims.single()
     point = trimmed(given)
-    report = _with_document(_with_name(_sheet(request, point), row.name), request)
-    records = matrix([_stated(points.trims, row)], [report.sheet])
-    report = replace(report, records=records)
+    short = None
+    if not (request.full or request.json):
+        short = _with_name(brief(point, _airplane(request)), row.name)
+    report = short
+    if report is None or request.output is not None:
+        whole = _with_document(_with_name(_sheet(request, point), row.name), request)
+        records = matrix([_stated(points.trims, row)], [whole.sheet])
+        report = replace(whole, records=records)
     return Outcome(
         report=report,
-        printed=None if request.full else brief(report, point),
+        printed=short,
         source=given.source,
         figure=partial(trim_figure, point),
     )
@@ -137,10 +143,14 @@ def _sources_of(request: TrimRequest, model: Model) -> dict[str, str]:
     return files
 
 
+def _airplane(request: TrimRequest) -> Airplane:
+    """Return the class and the flight phase category of the options."""
+    return Airplane(request.class_, request.category)
+
+
 def _sheet(request: TrimRequest, point: OperatingPoint) -> Report:
     """Return the report of a trim, with its picture."""
-    airplane = Airplane(request.class_, request.category)
-    report = trim_report(point, full=request.full, airplane=airplane)
+    report = trim_report(point, full=request.full, airplane=_airplane(request))
     if not with_range(point):
         return report
     picture = Picture("trim.png", report.title.partition("\n")[0], partial(trim_figure, point))
@@ -221,7 +231,7 @@ def _with_name(report: Report, name: str) -> Report:
     """Return a report that begins with the name of its condition."""
     if not name:
         return report
-    data = {"name": name, **report.data}
+    data = Entries({"name": name}, report.data)
     return replace(report, title=f"{name}: {report.title}", data=data)
 
 

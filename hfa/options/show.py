@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -76,7 +75,9 @@ def show_text(
         print_flushed(report.text())
     else:
         # Colors are turned off by NO_COLOR (no-color.org).
+        from shutil import get_terminal_size
+
         plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
-        print_flushed(report.text(not plain, shutil.get_terminal_size().columns))
+        print_flushed(report.text(not plain, get_terminal_size().columns))
     if notes:
         print_notes(notes)

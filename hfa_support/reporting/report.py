@@ -12,7 +12,7 @@ import numpy as np
 from hfa_support.errors import imported, printable, shortened
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.parts import Contents, Part, Picture
-from hfa_support.reporting.results import Result, storable
+from hfa_support.reporting.results import Entries, Result
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import (
     WIDTH,
@@ -42,10 +42,7 @@ class Report(Contents):
 
     def with_data(self, *results: Result | Mapping[str, Any], **entries: Any) -> Report:
         """Return a copy of the report to whose data results, and entries by name, are added."""
-        data = dict(self.data)
-        for part in (*results, entries):
-            data |= storable(part)
-        return replace(self, data=data)
+        return replace(self, data=Entries(self.data, *results, entries))
 
     def with_document(self, document: str) -> Report:
         """Return a copy of the report with number and revision of a document in head and data."""

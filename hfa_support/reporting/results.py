@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from enum import Enum
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -52,6 +53,36 @@ class Result:
         return data
 
 
+class Entries(Mapping[str, Any]):
+    """Entries of a file, name -> value in the form that files store, computed at the first access.
+
+    sources: results, mappings, and functions that return one; the last one with a name counts
+    """
+
+    def __init__(self, *sources: Any) -> None:
+        self._sources = sources
+
+    @cached_property
+    def _stored(self) -> dict[str, Any]:
+        """All entries."""
+        entries: dict[str, Any] = {}
+        for source in self._sources:
+            entries |= storable(source() if callable(source) else source)
+        return entries
+
+    def __getitem__(self, name: str) -> Any:
+        return self._stored[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._stored)
+
+    def __len__(self) -> int:
+        return len(self._stored)
+
+    def __repr__(self) -> str:
+        return repr(self._stored)
+
+
 def without_empty(**entries: Any) -> dict[str, Any]:
     """Return the entries that have a value: neither None nor an empty list, tuple or array."""
     return {name: value for name, value in entries.items() if not _is_empty(value)}
@@ -71,6 +102,8 @@ def storable(value: Any) -> Any:
     """
     if type(value) in _SCALARS:  # tested first: most values are numbers
         return value
+    if isinstance(value, Entries):
+        return value._stored
     if isinstance(value, Result):
         schema = {"schema": value.schema} if value.schema else {}
         return schema | storable(value._entries())

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from cli import SCRIPT, hfa, hfa_process
-from project import FOLDERS
+from project import ROOT
 
 from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa_support.version import VERSION
@@ -103,59 +103,48 @@ def test_progress_is_erased_at_the_end(tmp_path):
     assert b"\x1b" not in done.stdout
 
 
-#: Packages of extensions; of the page, `hfa --help` reads the entry of its command.
-EXTENSIONS = [name for name, folder in FOLDERS.items() if "extensions" in folder.parts]
-EXTENSIONS[EXTENSIONS.index("hfa_page")] = "hfa_page.command"
-#: Command lines, and packages that they and the preceding ones must not import.
-LIGHT = [
-    (["--help", "frobnicate"], ["casadi", "control", "matplotlib", "numpy", "scipy"]),
-    (
-        ["trim --dihedral 15", "trim --dihedral abc"],
-        ["matplotlib", *(f"scipy.{each}" for each in ("io", "optimize", "sparse", "spatial"))],
-    ),
-    (["linearize --dihedral 10"], ["controller", "verification"]),
-    (
-        ["solve --dihedral 15 -o gain.npz", "verify --dihedral 15 --weights gain.npz"],
-        [
-            "control",
-            "matplotlib",
-            "scipy.io",
-            "scipy.signal",
-            "pandas",
-            "xarray",
-            "onnx",
-            *EXTENSIONS,
-        ],
-    ),
-]
-#: Program that runs lists of command lines and prints the imported modules after each list.
-IN_TURN = """
+#: Command line -> packages that its run loads besides the standard library, SciPy by subpackages.
+CORE = "casadi hfa hfa_aircraft hfa_support numpy trim"
+LOADED = {
+    "--help": "hfa hfa_page hfa_support",
+    "frobnicate": "hfa hfa_page hfa_support",
+    "trim --dihedral abc": f"{CORE} hfa_model",
+    "trim --dihedral 15": f"{CORE} hfa_model",
+    f"trim --aircraft {ROOT}/examples/uav.toml": CORE,
+    "linearize --dihedral 10": f"{CORE} hfa_model",
+    f"linearize --aircraft {ROOT}/examples/uav.toml": CORE,
+}
+#: Program that runs a command and prints each loaded package, with the module that loaded it first.
+LOADER = """
 import sys
+first = {}
+class Recorder:
+    def find_spec(self, name, path=None, target=None):
+        package = ".".join(name.split(".")[: 1 + name.startswith("scipy.")])
+        frame = sys._getframe(1)
+        while not frame.f_globals.get("__name__", "").startswith(OWN) and frame.f_back:
+            frame = frame.f_back
+        first.setdefault(package, frame.f_globals.get("__name__"))
+OWN = ("hfa", "controller", "trim", "verification")
+sys.meta_path.insert(0, Recorder())
 from hfa.main import main
-for commands in {lists}:
-    for words in commands:
-        main(words.split())
-    print("imported", *sorted(sys.modules))
+main(sys.argv[1:])
+for package, module in first.items():
+    top = package.partition(".")[0]
+    if package in sys.modules and top not in sys.stdlib_module_names and package != "scipy":
+        print("loads", package, "by", module)
 """
 
 
-@pytest.mark.parametrize("count", [1, pytest.param(len(LIGHT), marks=pytest.mark.slow)])
-@pytest.mark.usefixtures("folder")
-def test_commands_import_no_packages_that_they_do_not_need(count):
-    """The commands of LIGHT import no package that is listed as unwanted for them.
-
-    count: number of the lists that are run, of which the first is fast
-    """
-    lists = LIGHT[:count]
-    program = IN_TURN.format(lists=[commands for commands, _ in lists])
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
-    )
-    imported = [line.split() for line in done.stdout.splitlines() if line.startswith("imported ")]
-    for names, (_, unwanted) in zip(imported, lists, strict=True):
-        assert "hfa.main" in names
-        packages = tuple(f"{each}." for each in unwanted)
-        assert [name for name in names if f"{name}.".startswith(packages)] == []
+@pytest.mark.parametrize("line", LOADED)
+def test_commands_load_only_the_packages_that_they_need(line):
+    """A command loads the packages of LOADED; another one is shown with the module that loads it."""
+    run = [sys.executable, "-c", LOADER, *line.split()]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=60, check=True)
+    lines = re.findall(r"^loads (\S+) by (\S+)$", done.stdout, re.M)
+    assert lines
+    allowed = LOADED[line].split()
+    assert [found for found in lines if found[0] not in allowed] == []
 
 
 def test_the_version_is_printed_without_loading_commands():

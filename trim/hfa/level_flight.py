@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 
 from trim.point.condition import TrimCondition, usual_condition
 
-#: Named condition -> its file in this folder.
+#: Named condition -> its file.
 CONDITIONS = {
-    "paper": "paper.toml",
-    "simvfa-64": "simvfa_64.toml",
-    "simvfa-30": "simvfa_30.toml",
+    name: Path(__file__).with_name(f"{name.replace('-', '_')}.toml")
+    for name in ("paper", "simvfa-64", "simvfa-30")
 }
 
 

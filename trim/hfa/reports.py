@@ -11,7 +11,6 @@ from hfa_support.reporting.report import Report
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane
-from trim.reports.linear_report import report_of_linear
 from trim.reports.trim_report import report_of, saved_report
 from trim.reports.trimmed import Trimmed
 
@@ -70,6 +69,8 @@ def linear_model_report(model: LinearModel, *, responses: bool = False) -> Repor
 
     responses: whether to add the frequency responses at the natural frequencies of the modes
     """
+    from trim.reports.linear_report import report_of_linear
+
     if not _is_flexible(model.model):
         return report_of_linear(model, responses=responses, beside=None)
     from trim.hfa.beside import beside

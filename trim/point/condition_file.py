@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,12 +26,12 @@ _FILE = {
 }
 
 
-def read_condition(name: str, usual: TrimCondition, shipped: Mapping[str, str]) -> TrimCondition:
+def read_condition(name: str, usual: TrimCondition, shipped: Mapping[str, Path]) -> TrimCondition:
     """Return the trim condition in a file of changes to the default condition.
 
     name: path of the user's file, or name of a file in the package
     usual: the default condition
-    shipped: name -> file in `trim.hfa`, for the conditions of the paper's aircraft
+    shipped: name -> file of the package, for the conditions of the paper's aircraft
 
     The table [impose] has entries variable = value, or variable = [[breakpoint, value], ...]. An
     angle is in degrees if its name has the suffix _deg (alpha_deg), otherwise in rad. `free` is a
@@ -39,7 +40,7 @@ def read_condition(name: str, usual: TrimCondition, shipped: Mapping[str, str]) 
     Raises BadInputError, which names the file, the entry and the fault, if the file is not a valid
     condition.
     """
-    data = read_named("condition", name, shipped, "trim.hfa", _FILE)
+    data = read_named("condition", name, shipped, _FILE)
     model = usual.model
     hold: dict[str, Any] = {}
     for key, value in data.get("impose", {}).items():

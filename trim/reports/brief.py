@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.rows import Group, Row
+from hfa_support.reporting.rows import Group, Row, Sheet
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import TRIMMED
 from trim.reports.first_lines import mode_lines, without_line_numbers
-from trim.reports.limits import ASSUMED
+from trim.reports.levels import Airplane
+from trim.reports.limits import ASSUMED, limit_rows, nearest_first
 from trim.reports.matrix import result_of
+from trim.reports.trim_report import VARIABLES, first_groups, title_with_controls
 from trim.reports.trimmed import Trimmed
 
 #: Group of a sheet -> names of the rows that are printed. A row with a tone is printed too.
@@ -33,29 +35,31 @@ _ROWS = {
 _ALSO = (" from the table's", " per g", " per knot")
 
 
-def brief(report: Report, point: OperatingPoint) -> Report:
-    """Return the report of a trim with the rows that are read first.
+def brief(point: OperatingPoint, airplane: Airplane) -> Report:
+    """Return the report of a trim with the rows that are read first, and no others.
 
-    These are airspeeds, variables that are not 0 with their limits, performance, stability, the
-    modes, and levels that are not 1. The data and records are those of the report.
+    These are airspeeds, variables that are not 0 with their limits, limits that are reached,
+    performance, stability, the modes, and levels that are not 1.
 
-    report: the whole report
     point: the trim
+    airplane: class and flight phase category for the levels
     """
-    groups = [group for each in report.sheet.groups if (group := _shortened(each)).rows]
     trimmed = Trimmed(point)
+    condition, variables, *others = first_groups(trimmed, airplane)
+    reached = [margin for margin in nearest_first(trimmed) if margin.at_limit]
+    groups = [condition, variables, ("limits", limit_rows(reached), ()), *others]
+    sheet = Sheet.of(groups, first=VARIABLES)
+    shown = [group for each in sheet.groups if (group := _shortened(each)).rows]
     modes = f"no modes: {trimmed.fault}"
     if not trimmed.fault:
         modes = mode_lines(trimmed.modes, point.model)
-    sentences = [part for part in report.parts if type(part) is tuple]
+    sentences = trimmed.search.sentences
     of_the_file = without_line_numbers(point.model.about.notes)
-    notes = [note for note in report.notes if note not in of_the_file]
-    count = len(report.sheet) - sum(len(group.rows) for group in groups)
-    left_out = f"--full adds {count} rows"
-    if len(notes) < len(report.notes):
-        left_out += " and notes"
-    parts = [*groups, *filter(None, [modes]), *sentences, f"{left_out}; -o FILE has all"]
-    return replace(report, parts=parts, notes=notes)
+    all_notes = without_line_numbers(point.warnings)
+    notes = [note for note in all_notes if note not in of_the_file]
+    left_out = "--full adds rows" + " and notes" * (len(notes) < len(all_notes))
+    parts = [*shown, *filter(None, [modes, tuple(sentences)]), f"{left_out}; -o FILE has all"]
+    return Report(title_with_controls(trimmed, sheet), parts, notes)
 
 
 def brief_list(report: Report) -> Report:

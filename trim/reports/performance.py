@@ -8,7 +8,7 @@ dynamic_pressure, mach, reference_area, reference_chord, largest_lift_coefficien
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from hfa_support.reporting.rows import Lacking, Row, Sheet
 from hfa_support.units import conversion_factor
@@ -29,12 +29,16 @@ _PASSED = "beyond the largest lift"
 _LOAD = 1e-3
 
 
-def performance_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
-    """Yield loads, L/D, thrust, climb, power and stall of an aircraft, then its other outputs."""
+def performance_rows(trimmed: Trimmed) -> list[Row | Lacking]:
+    """Return loads, L/D, thrust, climb, power and stall of an aircraft."""
     rows: list[Row | Lacking] = [*output_rows(trimmed, _LOADS)]
     if {"speed", "alpha"} <= {*trimmed.roles}:
         rows += [*lift_and_drag(trimmed), *thrust(trimmed), *stall(trimmed)]
-    yield from rows
+    return rows
+
+
+def other_outputs(trimmed: Trimmed, rows: Iterable[Row | Lacking]) -> Iterator[Row]:
+    """Yield the outputs of a model that no variable, imposed value or row of the loads is."""
     model = trimmed.point.model
     known = {*_KNOWN, *model.variables, *trimmed.point.trim_problem.asked.imposed}
     known |= {row.name.replace(" ", "_") for row in rows}

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_support.provenance import Change
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import storable, without_empty
+from hfa_support.reporting.results import Entries, storable, without_empty
 from hfa_support.reporting.rows import Group, Row, Sheet
 from hfa_support.reporting.text import Table, five_decimals, shown_unit, shown_values
 from trim.linear.modes import modes_table
@@ -31,7 +32,7 @@ from trim.reports.handling_qualities import mode_figures
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane, chosen_airplane
 from trim.reports.limits import ASSUMED, limit_rows, named_nearest, nearest_first, variable_rows
 from trim.reports.matrix import asked_of, matrix
-from trim.reports.performance import performance_rows, stall_lines
+from trim.reports.performance import other_outputs, performance_rows, stall_lines
 from trim.reports.search import balance_row, equations_of, equations_table
 from trim.reports.stability import stability_rows
 from trim.reports.trimmed import Trimmed
@@ -60,28 +61,41 @@ def sheet_of(point: OperatingPoint) -> Sheet:
 def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
     point = trimmed.point
+    condition, variables, *others = first_groups(trimmed, airplane)
+    configuration = ("configuration", configuration_rows(trimmed), configuration_lines(trimmed))
+    groups = [condition, configuration, variables]
+    groups.append(("limits", limit_rows(nearest_first(trimmed)), ()))
+    if others:
+        describe = point.model.trimming.describe
+        of_model = [] if describe is None else describe(point)
+        repeated = {row.name for _, rows, _ in of_model for row in rows}
+        (title, rows, lines), *rest = others
+        rows = [*rows, *other_outputs(trimmed, rows)]
+        loads = [row for row in rows if row.name not in repeated]
+        groups += [(title, loads, lines), *of_model, *rest]
+    sheet = Sheet.of(groups, first=VARIABLES)
+    return Sheet.of([*groups, ("findings", findings(trimmed, sheet, airplane), ())], VARIABLES)
+
+
+def first_groups(trimmed: Trimmed, airplane: Airplane) -> list[tuple[str, Any, Any]]:
+    """Return the groups of a sheet with the figures that are read first: condition, variables, and
+    of a trim performance, stability and modes.
+    """
+    point = trimmed.point
     has_assumed = any(each.nearer and each.assumed for each in point.margins.values())
-    assumed = [ASSUMED] if has_assumed else []
     variables = variable_rows(trimmed)
     variable_names = {row.name for row in variables}
     flight = [row for row in flight_rows(trimmed) if row.name not in variable_names]
     flight.append(balance_row(point))
     groups: list[tuple[str, Any, Any]] = [
         ("condition", flight, same_as_the_table(trimmed)),
-        ("configuration", configuration_rows(trimmed), configuration_lines(trimmed)),
-        (VARIABLES, variables, assumed),
-        ("limits", limit_rows(nearest_first(trimmed)), ()),
+        (VARIABLES, variables, [ASSUMED] if has_assumed else []),
     ]
     if point.ok:
-        describe = point.model.trimming.describe
-        of_model = [] if describe is None else describe(point)
-        repeated = {row.name for _, rows, _ in of_model for row in rows}
-        loads = [row for row in performance_rows(trimmed) if row.name not in repeated]
-        groups += [("performance", loads, ()), *of_model]
+        groups.append(("performance", performance_rows(trimmed), ()))
         groups.append(("stability", [*stability_rows(trimmed)], ()))
         groups.append(("modes and levels", *mode_figures(trimmed, airplane)))
-    sheet = Sheet.of(groups, first=VARIABLES)
-    return Sheet.of([*groups, ("findings", findings(trimmed, sheet, airplane), ())], VARIABLES)
+    return groups
 
 
 def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
@@ -133,21 +147,29 @@ def report_of(
     """
     point = trimmed.point
     sheet = sheet_at(trimmed, airplane)
-    controls = control_lines(trimmed, {row.name: row for row in sheet}.get("L/D"))
     head = {
         "aircraft": subject(point.model),
         "data": revision(point.model),
         "condition": ", ".join(condition_words(trimmed)),
     }
     return Report(
-        title="\n".join(filter(None, [title_of(trimmed), controls])),
+        title=title_with_controls(trimmed, sheet),
         parts=[*_parts(trimmed, sheet, full=full), *others],
         notes=point.warnings if full else without_line_numbers(point.warnings),
-        data=_data(trimmed, sheet),
+        data=Entries(partial(_data, trimmed, sheet)),
         records=matrix([asked_of(point)], [sheet]),
         head=head,
         sheet=sheet,
     )
+
+
+def title_with_controls(trimmed: Trimmed, rows: Iterable[Row]) -> str:
+    """Return the first lines of a sheet: those of the point, and below them alpha, controls, L/D.
+
+    rows: rows of the sheet
+    """
+    controls = control_lines(trimmed, {row.name: row for row in rows}.get("L/D"))
+    return "\n".join(filter(None, [title_of(trimmed), controls]))
 
 
 def _parts(trimmed: Trimmed, sheet: Sheet, *, full: bool) -> list[Any]:
