@@ -111,7 +111,7 @@ def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
         if right is not None and action_value_error(critic.H, right) > limit:
             return _reason_for_action_value(game, critic.H, right, limit)
         implied = q_extremum(game, critic.H)
-        if np.array_equal(critic.P, implied["P"]) and np.array_equal(critic.K, implied["K"]):
+        if all(np.array_equal(getattr(critic, name), implied[name]) for name in "PK"):
             return ""  # neither was given
     if critic.P is None:
         return _reason_for_gain(exact, critic.K, limit)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,13 +20,16 @@ from controller.critic.network.network_file import SUFFIXES
 from controller.critic.network.stated import NOTHING
 from controller.critic.reading import DIMENSIONS, CriticFile, Reading, in_plant_units
 from controller.game.basis import Basis
+from controller.game.game_file import DISCRETE_KEYS, MODEL_KEYS, unused
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import (
+    NAME_ALIASES,
     NAME_KEYS,
     FileScales,
     file_scales,
     found_in,
+    is_discrete,
     one_number,
     sample_time,
     words,
@@ -45,7 +48,14 @@ if TYPE_CHECKING:
 #: Suffixes of critic files that the project reads. Arrays may contain a network.
 OWN_FILES = (*MATRIX_FILES, *SUFFIXES)
 #: Alias of an entry -> its standard name.
-_ALIASES = {"weights": "W", "gains": "K", "state_labels": "states", "input_labels": "inputs"}
+_ALIASES = {"weights": "W", "gains": "K"}
+#: Entries that are read, beside those of the game, which are compared.
+_READ = ("W", "P", "K", "S", "L", "H", "H_signals", "basis", "policy_weights")
+_OF_THE_GAME = (*MODEL_KEYS, "discount")
+_USED = (*_READ, *_ALIASES, *NAME_KEYS, *NAME_ALIASES, UNKNOWN, *_OF_THE_GAME, *DISCRETE_KEYS, "Ts")
+#: Relative difference of an entry that six printed digits do not show, and, relative to the largest
+#: entry, that of a 0 by rounding.
+_SAME, _ZERO = 1e-6, 1e-15
 
 
 def critic_file(path: str | Path) -> CriticFile:
@@ -78,12 +88,7 @@ def critic_file(path: str | Path) -> CriticFile:
         return CriticFile(partial(critic_of_network, path), is_network=True)
     entries = entries_in(path)
     with prefix_errors(path):
-        return CriticFile(
-            partial(_critic_of, entries),
-            plant=", ".join(words(entries, "plant")),
-            delta=_delta_in(entries),
-            names={key: words(entries, key) for key in NAME_KEYS},
-        )
+        return CriticFile(partial(_critic_of, entries))
 
 
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
@@ -105,9 +110,17 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
     refuse_other_step(entries, game.dt)
     _refuse_other_time(entries, game)
     scales = file_scales(entries, game.names)
-    if game.is_discrete and "H" in entries:
-        return _critic_of_q_function(entries, game, scales)
-    notes = _other_names(entries, game.names)
+    notes = (*_other_names(entries, game.names), *_other_game(entries, game, scales))
+    notes += tuple(unused(entries, _USED, f"a critic file contains {', '.join(_READ)}"))
+    read = _critic_of_q_function if game.is_discrete and "H" in entries else _critic_of_parts
+    critic = read(entries, game, reading, scales)
+    return replace(critic, stated=NOTHING._replace(notes=notes)) if notes else critic
+
+
+def _critic_of_parts(
+    entries: dict[str, Any], game: Game, reading: Reading, scales: FileScales
+) -> Critic:
+    """Return the critic of W, P and K in a file, with L in discrete time."""
     L = None
     if game.is_discrete and "L" in entries:
         L = in_plant_units({"L": numbers_in("L", entries["L"])}, scales)["L"]
@@ -128,11 +141,12 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
             "--basis lists functions, but the file contains no W; add W, or give --basis a name"
         )
     critic = from_parts(game, parts, psi, policy_in(entries, game.names))
-    stated = NOTHING._replace(notes=notes) if notes else NOTHING
-    return replace(critic, L=L, stated=stated)
+    return replace(critic, L=L)
 
 
-def _critic_of_q_function(entries: Mapping[str, Any], game: Game, scales: FileScales) -> Critic:
+def _critic_of_q_function(
+    entries: Mapping[str, Any], game: Game, reading: Reading, scales: FileScales
+) -> Critic:
     """Return the critic of the Q-function H in a file, with the P, K and L that it has."""
     stored = {name: numbers_in(name, entries[name]) for name in "HPKL" if name in entries}
     stored["H"] = _in_order_of(game, stored["H"], words(entries, "H_signals"))
@@ -171,6 +185,47 @@ def _other_names(entries: Mapping[str, Any], plant: PlantNames) -> tuple[str, ..
     return tuple(notes)
 
 
+def _other_game(entries: Mapping[str, Any], game: Game, scales: FileScales) -> Iterator[str]:
+    """Yield notes on what a file says of its game, where it differs from the game."""
+    plant = ", ".join(words(entries, "plant"))
+    if plant not in ("", game.names.origin):
+        yield f"of {plant}; the game is of {game.names.origin}"
+    for signal in ("state", "input"):
+        names, units = getattr(game.names, f"{signal}s"), getattr(game.names, f"{signal}_units")
+        of_file = words(entries, f"{signal}_units")
+        converted = [
+            f"{name} from {stated} to {unit}"
+            for name, stated, unit in zip(names, of_file, units, strict=False)
+            if stated and unit and stated != unit
+        ]
+        if converted:
+            yield f"converted {', '.join(converted)}"
+    x, u = scales
+    factors = {"A": x / x[:, None], "B": u / x[:, None], "E": 1.0 / x[:, None]}
+    factors |= {"Q": np.outer(x, x), "R": np.outer(u, u), "N": np.outer(x, u)}
+    for name in _OF_THE_GAME:
+        if name not in entries:
+            continue
+        own = np.asarray(getattr(game, name))
+        stored = _entry_of_game(name, entries[name], own)
+        if stored.shape == own.shape:
+            zero = _ZERO * np.abs(own).max() if own.ndim else 0.0
+            if np.allclose(stored * factors.get(name, 1.0), own, _SAME, zero):
+                continue
+        values = "" if own.ndim else f": {stored:g} in place of {own:g}"
+        yield f"{name} of the file is not that of the game{values}"
+
+
+def _entry_of_game(name: str, entry: Any, own: np.ndarray) -> np.ndarray:
+    """Return an entry of a game in a file, in the shape of that of a game if it may have it."""
+    if own.ndim == 0:
+        return np.asarray(math.inf if entry is None else one_number(name, entry))  # null in JSON
+    stored = numbers_in(name, entry)
+    if name in "QR" and stored.ndim == 1:
+        stored = np.diag(stored)
+    return stored.reshape(own.shape) if stored.size == own.size else stored
+
+
 def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     """Return the gain K (m, n) in the entries of a critic file, in the units of the plant.
 
@@ -196,7 +251,7 @@ def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> No
 
     dt: sample time of the game, s, True if it is not known, None in continuous time
     """
-    stored = sample_time(entries)
+    stored = sample_time(entries) or (True if is_discrete(entries) else None)
     if stored is None or (dt is not None and (dt is True or stored is True)):
         return
     if dt is None or not math.isclose(stored, dt, rel_tol=1e-6):
@@ -211,14 +266,6 @@ def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> No
 
 #: Schemas of files with P and K of a game, beside H in discrete time.
 _OF_A_GAME = ("hfa.learning-result/1", "hfa.game-solution/1")
-
-
-def _delta_in(entries: Mapping[str, Any]) -> float | None:
-    """Return δ of the game whose result a file contains, or None for a file of others."""
-    if str(entries.get("schema")) not in _OF_A_GAME or "delta" not in entries:
-        return None
-    delta = entries["delta"]
-    return math.inf if delta is None else one_number("delta", delta)  # JSON has null for inf
 
 
 def _refuse_other_time(entries: Mapping[str, Any], game: Game) -> None:

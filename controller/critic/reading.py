@@ -47,25 +47,19 @@ class Reading:
 
 
 class CriticFile(NamedTuple):
-    """A critic file that was read, and what it states of its game.
+    """A critic file that was read, and what it declares of its game.
 
     critic: function (game, settings) -> the critic, as a function of the game's states. Raises
         BadInputError if the file contains no critic of this game.
     is_network: whether the settings of networks apply
-    plant: name of the plant, "" if the file has none
     inputs: the inputs that the policy moves, () if the file has none
     cost: "Q" and "R" -> name -> weight, empty if the file has none
-    delta: δ of the game whose result the file contains, or None
-    names: "states", "inputs", "state_units" and "input_units" -> texts in the file
     """
 
     critic: Callable[[Game, Reading], Critic]
     is_network: bool = False
-    plant: str = ""
     inputs: tuple[str, ...] = ()
     cost: Mapping[str, Mapping[str, float]] = {}
-    delta: float | None = None
-    names: Mapping[str, tuple[str, ...]] = {}
 
 
 def in_plant_units(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -97,7 +97,8 @@ def stored_game(
             notes.append("E describes the wind and is not used")
         parts["A"], parts["B"] = A, B = plant_matrices(stored)
         parts |= {key: value for key, value in changes.items() if value is not None}
-        notes += _unused(stored)
+        used = (*MODEL_KEYS, *NAME_KEYS, *(DISCRETE_KEYS if is_discrete(stored) else ()))
+        notes += unused(stored, used, f"a model file contains {', '.join(MODEL_KEYS)}")
         names = plant_names(stored, len(A), B.shape[1], notes)
         names = names._replace(origin=str(path))
         if sizes is not None:
@@ -135,19 +136,16 @@ def _time(stored: Mapping[str, Any]) -> dict[str, Any]:
     return time
 
 
-def _unused(stored: Mapping[str, Any]) -> list[str]:
-    """Return a list with one note that names the unused entries of a plant file."""
+def unused(stored: Mapping[str, Any], used: Iterable[str], rule: str) -> list[str]:
+    """Return a list with one note that names the entries of a file that are not used.
+
+    rule: what the file contains
+    """
     schema = words(stored, "schema")
     if schema and schema[0].startswith("hfa."):  # written by hfa: no entry is misspelled
         return []
-    used = {*MODEL_KEYS, *NAME_KEYS}
-    if is_discrete(stored):
-        used |= set(DISCRETE_KEYS)
-    unused = sorted(set(stored) - used)
-    if not unused:
-        return []
-    names = shortened(", ".join(unused), 200)
-    return [f"unused: {names}; a model file contains {', '.join(MODEL_KEYS)}"]
+    names = shortened(", ".join(sorted(set(stored).difference(used))), 200)
+    return [f"unused: {names}; {rule}"] if names else []
 
 
 def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> Game:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -20,7 +19,6 @@ from hfa.options.games import CONTINUOUS_ONLY, GameOptions, NamedGame, given_gam
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.tracking import reference_of, reference_option, with_tracking
-from hfa_aircraft.names import PlantNames
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.progress import with_progress
@@ -149,39 +147,15 @@ def _refuse_unused(request: VerifyRequest, files: Mapping[str, CriticFile]) -> N
 def _notes(
     request: VerifyRequest, named: NamedGame, files: Mapping[str, CriticFile]
 ) -> Iterator[str]:
-    """Yield notes on what the files state of the game: cost, inputs, another plant or delta."""
-    names = named.game.names
-    moved = ", ".join(names.inputs)
-    is_part = named.linear is not None and len(names.inputs) < len(named.linear.model.inputs)
+    """Yield notes on the cost and the inputs that the files declare."""
+    moved = named.game.names.inputs
+    is_part = named.linear is not None and len(moved) < len(named.linear.model.inputs)
     deployed = [name for name, source in named.weights_from.items() if source == "deployment"]
-    for path, file in files.items():
+    for path in files:
         if deployed:
             yield f"used: {' and '.join(deployed)} of {path}"
         if is_part and not request.inputs:
-            yield f"{path} moves {moved}; the other inputs stay at the trim"
-        if file.plant not in ("", names.origin):
-            yield f"{path} is of {file.plant}; the game is of {names.origin}"
-        yield from _notes_on_units(path, file, names)
-        delta = named.game.delta
-        if file.delta is not None and not math.isclose(file.delta, delta, rel_tol=1e-6):
-            yield f"{path} is of a game with delta {file.delta:g}; the game has delta {delta:g}"
-
-
-def _notes_on_units(path: str, file: CriticFile, names: PlantNames) -> Iterator[str]:
-    """Yield a note on what is converted to the units of the plant."""
-    converted = [
-        f"{name} from {stated} to {unit}"
-        for signal in ("state", "input")
-        for name, stated, unit in zip(
-            getattr(names, f"{signal}s"),
-            file.names.get(f"{signal}_units", ()),
-            getattr(names, f"{signal}_units"),
-            strict=False,
-        )
-        if stated and unit and stated != unit
-    ]
-    if converted:
-        yield f"{path}: converted {', '.join(converted)}"
+            yield f"{path} moves {', '.join(moved)}; the other inputs stay at the trim"
 
 
 @command(VerifyRequest, given_critics)

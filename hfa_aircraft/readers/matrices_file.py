@@ -19,8 +19,13 @@ from hfa_support.units import conversion_factor
 
 #: Entries with names and units.
 NAME_KEYS = ("states", "inputs", "state_units", "input_units")
-#: Names of these entries in a `StateSpace` of python-control -> names in this project.
-_OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
+#: Other names of these entries, those of python-control and of tables -> names in this project.
+NAME_ALIASES = {
+    "state_labels": "states",
+    "input_labels": "inputs",
+    "state_names": "states",
+    "input_names": "inputs",
+}
 
 
 def found_in(stored: Mapping[str, Any]) -> str:
@@ -36,7 +41,7 @@ def found_in(stored: Mapping[str, Any]) -> str:
 
 
 def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Return the texts in one entry of a file.
+    """Return the texts in one entry of a file, which may have a name of `NAME_ALIASES`.
 
     The result is () if the entry is missing or contains anything but text.
 
@@ -45,6 +50,8 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
 
     Raises BadInputError for characters that cannot be printed.
     """
+    if key not in stored:
+        key = next((name for name, of in NAME_ALIASES.items() if of == key and name in stored), key)
     # As objects, because rows of JSON may differ in length.
     entries = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()
     if not all(isinstance(entry, str) for entry in entries):
@@ -113,7 +120,7 @@ def _refuse_other_order(key: str, in_file: tuple[str, ...], of_plant: tuple[str,
         raise BadInputError(
             f"the {key} are {shortened(', '.join(in_file), 200)} in the file, but in the "
             f"plant {shortened(', '.join(of_plant), 200)}; reorder the matrices or remove "
-            f"{key}"
+            "these names"
         )
 
 
@@ -144,7 +151,7 @@ def _scales_of(signal: str, stored: Mapping[str, Any], of_plant: tuple[str, ...]
 def entries_of(contents: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
     """Return the entries of a plant file, and a list of notes for the user.
 
-    The entries named as in python-control are returned under the names of this project.
+    The entries of `NAME_ALIASES` are returned under the names of this project.
 
     contents: entries of the file, from `read_arrays`
     needed: required entries. If none of them is at the top level, all entries are read from the
@@ -164,7 +171,7 @@ def entries_of(contents: dict[str, Any], needed: set[str]) -> tuple[dict[str, An
         if len(plants) == 1:
             contents = contents[plants[0]]
             notes.append(f"{' and '.join(sorted(needed))} are read from the structure {plants[0]}")
-    stored = {_OF_CONTROL.get(key, key): value for key, value in contents.items()}
+    stored = {NAME_ALIASES.get(key, key): value for key, value in contents.items()}
     dt = sample_time(stored)
     for key in ("dt", "Ts"):
         stored.pop(key, None)

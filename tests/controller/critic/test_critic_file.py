@@ -205,6 +205,8 @@ NAMED = replace(
         ({"state_units": ["m/s"] * 3}, "state_units lists 3 units"),
         ({"states": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
         ({"state_labels": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
+        ({"state_names": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
+        ({"time": "discrete"}, "a policy in discrete time"),
         ({"inputs": ["Aileron", "Elevator"]}, "the inputs are Aileron, Elevator in the file"),
         ({"states": ["alpha", "V"]}, "the states are alpha, V in the file"),
     ],
@@ -308,15 +310,27 @@ def test_the_table_of_hfa_solve_is_read_back(tmp_path):
         critic_in("other.csv", ONE)
 
 
-def test_other_names_in_a_file_are_noted():
-    """Names that the plant does not have are taken in its order, and told.
+OF_GAME = {name: getattr(GAME, name) for name in ("A", "B", "E", "Q", "R", "delta")}
 
-    A name that differs in capitals alone is not told.
-    """
+
+@pytest.mark.parametrize(
+    ("entries", "note"),
+    [
+        ({}, ""),
+        ({"states": ["Angle", "rate"]}, ""),
+        ({"states": ["angel", "rate"]}, "states angel, rate of the file, taken as angle, rate"),
+        (OF_GAME | {"Q": np.diag(GAME.Q), "discount": 1.0}, ""),
+        *(({name: 1.01 * entry}, f"{name} of the file is not") for name, entry in OF_GAME.items()),
+        ({"discount": 0.9}, "discount of the file is not that of the game: 0.9 in place of 1"),
+        ({"Q": np.eye(3)}, "Q of the file is not"),
+        ({"seed": 1, "schema": "mine"}, "unused: schema, seed; a critic file contains W, P, K"),
+    ],
+)
+def test_each_entry_of_a_file_is_used_compared_or_noted(entries, note):
+    """Other names are told, what differs from the game, and what is not used; nothing else is."""
     plant = LinearModel.of(GAME.A, GAME.B, states=("angle", "rate"), inputs=("roll", "pitch"))
     named = hfa.game(plant, Q=GAME.Q, R=GAME.R, E=GAME.E, delta=GAME.delta)
-    for given, said in ((("Angle", "rate"), ""), (("angel", "rate"), "angel, rate of the file")):
-        np.savez("K.npz", K=np.eye(2), states=given)
-        told = hfa.verify(named, hfa.read_critic("K.npz", named)).report()
-        assert said in " ".join(told.text().split())
-        assert ("taken as" in told.text()) == ("stated" in told.data) == bool(said)
+    np.savez("K.npz", K=np.eye(2), **entries)
+    told = hfa.verify(named, hfa.read_critic("K.npz", named)).report()
+    assert note in " ".join(told.text().split())
+    assert ("stated" in told.data) == bool(note)

@@ -192,7 +192,7 @@ VERSION_73 = b"\x00" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\x00" * 500
     [
         ("plant.json", b"", "is not JSON"),
         ("plant.json", b"[1, 2]", "cannot be read as .json .*is not an object"),
-        ("plant.npz", b"PK\x03\x04broken", "cannot be read as .npz"),
+        ("plant.npz", b"PK\x03\x04broken", "is not a readable zip file"),
         ("plant.mat", MATLAB_73.ljust(116) + VERSION_73, "save with the option -v7"),
     ],
 )

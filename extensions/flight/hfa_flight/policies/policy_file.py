@@ -9,6 +9,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.critic.critic_file import critic_in, entries_in, is_network
+from controller.critic.network.stated import NOTHING
 from controller.critic.reading import Reading
 from controller.game.linear_game import names_of_linear
 from controller.game.zero_sum import Game
@@ -64,7 +65,9 @@ def policy_of_file(
     if game is None:
         _refuse_value(path, critic)
     if not critic.has_linear_policy:
-        return function_policy(f"critic of {path}", critic.policy, point, critic.stated)
+        # notes on a game without a cost say nothing
+        stated = critic.stated if game or kind == NETWORK else NOTHING
+        return function_policy(f"critic of {path}", critic.policy, point, stated)
     kind = "gain" if critic.slope_gain is None else "weights"
     return GainPolicy(f"{kind} of {path}", critic.K)
 
