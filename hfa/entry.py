@@ -11,7 +11,7 @@ import threading
 import time
 
 from hfa.exit_codes import BAD_INPUT, DONE, TERMINATED
-from hfa_support.version import VERSION
+from hfa_support.version import identity
 
 #: Time in which Python can end a run after a signal, s.
 _GRACE = 5.0
@@ -26,7 +26,7 @@ def main() -> int:
     """
     if sys.argv[1:] == ["--version"]:  # before anything else is loaded
         with contextlib.suppress(OSError):  # of a closed or full output, reported below
-            os.write(1, f"hfa {VERSION}\n".encode())
+            os.write(1, f"hfa {identity()}\n".encode())
             return DONE
     if os.name == "posix":
         _watch()

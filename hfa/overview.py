@@ -7,7 +7,6 @@ from collections.abc import Mapping
 
 from hfa.entry_points import CommandEntry, commands
 from hfa.options.parser import Parser
-from hfa_support.version import VERSION
 
 #: Groups of commands in the order of the help, group -> heading. Groups of other packages follow.
 GROUPS = {
@@ -46,7 +45,4 @@ def overview() -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
-    parser.add_argument(
-        "--version", action="version", version=f"hfa {VERSION}", help=argparse.SUPPRESS
-    )
     return parser

@@ -139,16 +139,6 @@ def _elastic_moment(at: Instant) -> Quantity:
     )
 
 
-def _alpha_at_center(at: Instant) -> Quantity:
-    """Return the angle of attack of the center panel in the air there, rad."""
-    return flow_of(center_velocity(at.x, at.p, at.winds.center)).alpha
-
-
-def _alpha_at_outer(at: Instant) -> Quantity:
-    """Return the angle of attack of an outer panel in the air there, rad."""
-    return flow_of(outer_velocity(at.x, at.p, at.winds.outer)).alpha
-
-
 #: Name of an output -> its unit, and its function of an `Instant`. States are also outputs, under
 #: their names.
 OUTPUTS: dict[str, tuple[str, Callable[[Instant], Quantity]]] = {
@@ -159,8 +149,14 @@ OUTPUTS: dict[str, tuple[str, Callable[[Instant], Quantity]]] = {
     # Angle of attack of the center of mass in the air of the center panel, and of each panel in the
     # air there.
     "angle_of_attack": ("rad", lambda at: angle_of_attack(at.x, at.winds.center)),
-    "alpha_air_center": ("rad", _alpha_at_center),
-    "alpha_air_outer": ("rad", _alpha_at_outer),
+    "alpha_air_center": (
+        "rad",
+        lambda at: flow_of(center_velocity(at.x, at.p, at.winds.center)).alpha,
+    ),
+    "alpha_air_outer": (
+        "rad",
+        lambda at: flow_of(outer_velocity(at.x, at.p, at.winds.outer)).alpha,
+    ),
     "gamma": ("rad", lambda at: at.x.pitch - at.x.alpha),  # relative to the ground
     "climb_rate": ("ft/s", lambda at: at.rates.altitude),
     # Hinge moment of loads and weight, without and with spring and damper.

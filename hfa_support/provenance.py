@@ -12,7 +12,7 @@ from typing import Any
 from hfa_support.errors import BadInputError, shown
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import with_unit
-from hfa_support.version import VERSION
+from hfa_support.version import VERSION, identity
 
 #: Hexadecimal digits of a parameter hash.
 _DIGITS = 12
@@ -55,7 +55,7 @@ class Provenance(Result):
     condition: imposed, free and limited variables of a trim, with angles in radians.
     flight: changes of the trim condition from the paper's level flight, not stored as data.
     model: file of the plant.
-    version: version of the program.
+    version: version of the program; in files its identity (`hfa --version`).
     date: date and time in UTC, taken from SOURCE_DATE_EPOCH if it is set.
     """
 
@@ -113,7 +113,7 @@ class Provenance(Result):
         """Return the entries of the file, name -> value."""
         entries = super()._entries()
         del entries["flight"]  # the condition in words
-        return entries
+        return entries | {"version": identity()}
 
 
 def parameter_hash(values: Any) -> str:

@@ -100,7 +100,7 @@ def _single(request: TrimRequest, points: GivenPoints) -> Outcome:
     point = trimmed(given)
     short = None
     if not (request.full or request.json):
-        short = _with_name(brief(point, _airplane(request)), row.name)
+        short = _with_name(brief(point, Airplane(request.class_, request.category)), row.name)
     report = short
     if report is None or request.output is not None:
         whole = _with_document(_with_name(_sheet(request, point), row.name), request)
@@ -143,14 +143,10 @@ def _sources_of(request: TrimRequest, model: Model) -> dict[str, str]:
     return files
 
 
-def _airplane(request: TrimRequest) -> Airplane:
-    """Return the class and the flight phase category of the options."""
-    return Airplane(request.class_, request.category)
-
-
 def _sheet(request: TrimRequest, point: OperatingPoint) -> Report:
     """Return the report of a trim, with its picture."""
-    report = trim_report(point, full=request.full, airplane=_airplane(request))
+    airplane = Airplane(request.class_, request.category)
+    report = trim_report(point, full=request.full, airplane=airplane)
     if not with_range(point):
         return report
     picture = Picture("trim.png", report.title.partition("\n")[0], partial(trim_figure, point))

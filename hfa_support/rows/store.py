@@ -23,7 +23,7 @@ from hfa_support.errors import BadInputError, missing_package, on_one_line, show
 from hfa_support.files import read_json, resolved
 from hfa_support.progress import Progress
 from hfa_support.rows.workers import open_workers
-from hfa_support.version import VERSION
+from hfa_support.version import identity
 
 #: Attributes of a store that do not belong to the job.
 _OF_ONE_RUN = ("toolchain", "provenance")
@@ -229,7 +229,7 @@ def _template(job: RowJob, provenance: Mapping[str, Any] | None) -> dict[str, An
     from zarr.codecs import Crc32cCodec, ZstdCodec
     from zarr.storage import MemoryStore
 
-    template = job.template.assign_attrs(toolchain=VERSION)
+    template = job.template.assign_attrs(toolchain=identity())
     if provenance is not None:
         template = template.assign_attrs(provenance=dict(provenance))
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
@@ -269,9 +269,9 @@ def _refuse_another(path: Path, job: RowJob) -> None:
             f"{path} is the store of another {job.what}; give the options of that {job.what}, or "
             "another path"
         )
-    if begun != VERSION:
+    if begun != identity():
         raise BadInputError(
-            f"{path} was started by version {on_one_line(begun)}, but this is version {VERSION}; "
+            f"{path} was started by version {on_one_line(begun)}, but this is {identity()}; "
             "finish the store with the former version, or start a new store"
         )
     other = _differing_file(path, expected)

@@ -22,6 +22,7 @@ from itertools import islice
 from typing import Any
 
 from hfa_support.errors import BadInputError, NoSolutionError, missing_package
+from hfa_support.version import identity
 
 #: Submitted tasks per worker of a cluster: one is computed while the next is sent.
 _AHEAD = 2
@@ -70,12 +71,13 @@ def _run_in(
     pool: Executor, in_flight: int, function: Callable[..., Any], tasks: Tasks
 ) -> Iterator[tuple[int, Any]]:
     """Run tasks in a pool, and yield (key, result) as each task finishes."""
+    ours = identity()
     waiting = iter(tasks)
     keys: dict[Future[Any], int] = {}
 
     def submit(count: int) -> None:
         for key, arguments in islice(waiting, count):
-            keys[pool.submit(function, *arguments)] = key
+            keys[pool.submit(_call_same_code, ours, function, *arguments)] = key
 
     submit(in_flight)
     while keys:
@@ -83,6 +85,19 @@ def _run_in(
         for future in finished:
             yield keys.pop(future), future.result()
             submit(1)
+
+
+def _call_same_code(theirs: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a function returns in this worker.
+
+    Raises BadInputError if the process that asks has other code.
+    """
+    if identity() != theirs:
+        raise BadInputError(
+            f"a worker has hfa {identity()}, but this process has {theirs}; install one of them on "
+            "both, and start the workers again"
+        )
+    return function(*arguments)
 
 
 @contextmanager
@@ -181,6 +196,11 @@ def _cluster(address: str) -> Iterator[Run]:
             try:
                 pool = client.get_executor(pure=False, retries=_RETRIES)
                 yield partial(_run_in, pool, _AHEAD * threads)
+            except (AttributeError, ImportError) as error:  # our function is unknown there
+                raise BadInputError(
+                    f"a worker of the Dask scheduler at {address} has another version of hfa "
+                    f"({error}); install {identity()} there, and start the workers again"
+                ) from error
             except (KilledWorker, CancelledError, CommClosedError) as error:
                 raise NoSolutionError(
                     f"the Dask cluster abandoned a chunk of rows ({type(error).__name__}); "

@@ -12,7 +12,7 @@ from cli import SCRIPT, hfa, hfa_process
 from project import ROOT
 
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa_support.version import VERSION
+from hfa_support.version import identity
 
 
 @pytest.mark.slow
@@ -157,4 +157,4 @@ code = main()
 print(code, *{"argparse", "hfa.main", "hfa_support.errors", "numpy", "typing"} & {*sys.modules})
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout.splitlines() == [f"hfa {VERSION}", "0"]
+    assert done.stdout.splitlines() == [f"hfa {identity()}", "0"]

@@ -19,6 +19,8 @@ import numpy as np
 import scipy
 from sealed_certificate import sealed
 
+from hfa_support.version import identity
+
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "tests" / "nets"
 #: Entries that name the program, the date or the machine.
@@ -128,6 +130,7 @@ def certificate_of(words, folder):
     name, *subject = words
     content = json.loads((FOLDER / "certificates" / name).read_text(encoding="utf-8"))
     check = ["prove", "--check", "changed.json", *subject]
+    content["toolchain"] = identity()
     found = {"unchanged": _exit_of(content, check, folder)}
     for part in ("statement", "witness"):
         places = list(_places(content[part], (part,)))

@@ -18,7 +18,7 @@ from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
 from hfa_support.errors import BadInputError, file_faults, on_one_line
 from hfa_support.files import regular_file, write_text
 from hfa_support.reporting.data_files import jsonable
-from hfa_support.version import VERSION
+from hfa_support.version import identity
 
 SCHEMA = "hfa.certificate/11"
 #: Entries of a file besides the statement and the witness. They are not part of the claim.
@@ -99,7 +99,7 @@ def write_certificate(
     content = {
         "schema": SCHEMA,
         "kind": KIND,
-        "toolchain": VERSION,
+        "toolchain": identity(),
         "statement": statement.content(),
         "witness": witness.content(),
     }
@@ -124,7 +124,8 @@ def sealed(head: str, origin: str) -> str:
 def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the content of the certificate in a file, and version, command and date of its run.
 
-    Raises BadInputError if the file is not a certificate, was edited, or has another schema.
+    Raises BadInputError if the file is not a certificate, was edited, has another schema, or was
+    written by other code.
     """
     with file_faults(path):
         text = regular_file(path).read_bytes()
@@ -150,5 +151,11 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         raise BadInputError(
             f"{path}: the certificate was edited (the digest does not match); prove the "
             "statement again"
+        )
+    made_by = content.get("toolchain")
+    if made_by != identity():
+        raise BadInputError(
+            f"{path} was made by hfa {on_one_line(str(made_by))}, but this is {identity()}; prove "
+            "the statement again, or check it with that version"
         )
     return content, written

@@ -48,6 +48,16 @@ def test_a_certificate_that_was_edited_is_refused(before, after, tmp_path):
         read_certificate(path, FLOAT)
 
 
+def test_a_certificate_of_other_code_is_refused(tmp_path, monkeypatch):
+    """The refusal names the identities of both programs."""
+    path = tmp_path / "schedule.json"
+    origin = {"version": "1", "command": "hfa prove schedule", "date": "today"}
+    write_certificate(path, found().statement, found().witness, origin)
+    monkeypatch.setattr("hfa_prove.certificate.identity", lambda: "0.4.0+0123456789ab")
+    with pytest.raises(BadInputError, match=r"made by hfa .*, but this is 0\.4\.0\+0123456789ab"):
+        read_certificate(path, FLOAT)
+
+
 def test_different_equations_have_different_digests():
     """Models that differ in an operation, an output, a disturbance, a name or a trim variable have
     different digests.

@@ -70,6 +70,13 @@ def test_a_dead_worker_is_reported():
     assert _gone()
 
 
+def test_a_worker_with_other_code_is_refused(monkeypatch):
+    """A worker whose sources differ from those of the process that asks computes nothing."""
+    monkeypatch.setattr(module, "identity", lambda: "0.4.0+0123456789ab")
+    with open_workers(2) as run, pytest.raises(BadInputError, match=r"worker has hfa .*; install"):
+        list(run(_square, [(0, (1,))]))
+
+
 def test_no_worker_starts_without_free_file_handles():
     """If no file handle is free, no worker is started, and the error suggests fewer workers."""
     resource = pytest.importorskip("resource")
