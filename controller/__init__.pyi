@@ -6,7 +6,7 @@ from .expansion.expansion_report import expansion_report as expansion_report
 from .expansion.radius import Radius as Radius, radii_of as radii_of
 from .game.basis import basis as basis
 from .hfa_files import load_game as load_game
-from .learning.recording import Stack as Stack, random_pool as random_pool, record as record
+from .learning.recording import Stack as Stack, random_pool as random_pool
 from .learning.ticks import run as run
 from .riccati.smallest_delta import minimum_delta as minimum_delta
 from .riccati.solution_report import solution_report as solution_report

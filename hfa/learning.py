@@ -6,16 +6,26 @@ They stand above `hfa.options`, which belongs to the core and reaches nothing th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from controller.learning.law_names import DEFAULT_LAW, LAW_NAMES
-from hfa.options.argument_types import one_of, whole
+from hfa.options.argument_types import input_file, one_of, whole
 from hfa.options.option import option
+from hfa_support.files import MATRIX_FILES
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LearningOptions:
-    """The learning law and the seed of its samples."""
+    """The data, the learning law and the seed of simulated data."""
 
+    data: tuple[Path, ...] = option(
+        "recorded transitions x, u and x_next or x_rate, or columns by name "
+        f"({' '.join(MATRIX_FILES)}), one file for each episode; default: simulated ones",
+        "FILE",
+        input_file(*MATRIX_FILES),
+        default=(),
+        count="+",
+    )
     law: str | None = option(
         f"learning law: {', '.join(LAW_NAMES)}; default {DEFAULT_LAW}", "NAME", one_of(*LAW_NAMES)
     )

@@ -38,6 +38,41 @@ class Excitation(Result):
     condition: float
 
 
+@dataclass(frozen=True, eq=False)
+class DataSummary(Result):
+    """What recorded transitions can tell of a linear plant.
+
+    rows: number of transitions that were used
+    episodes: number of runs of successive transitions, or 0 if none follow each other
+    excitation: rank and condition of the states, inputs and disturbances
+    misfit: largest relative deviation of a state from the linear fit
+    noise: standard deviation of these deviations, (n,), of rates or states in the game's units
+    hold: time for which inputs are constant, s, of samples of a game in continuous time, or None
+    notes: sentences on what was assumed, and on what contradicts a linear plant
+    """
+
+    rows: int
+    episodes: int
+    excitation: Excitation
+    misfit: float
+    noise: Vector
+    hold: float | None = None
+    notes: tuple[str, ...] = ()
+
+    def text(self) -> str:
+        """Return rows, excitation and misfit in one line."""
+        parts = [f"{self.rows} transitions"]
+        if self.episodes:
+            parts[0] += f" of {self.episodes} episode{'s' if self.episodes > 1 else ''}"
+        if self.hold is not None:
+            parts.append(f"inputs held for {self.hold:.4g} s")
+        found = self.excitation
+        parts.append(f"states and inputs of rank {found.rank} of {found.size}")
+        parts.append(f"condition {found.condition:.3g}")
+        parts.append(f"misfit of a linear plant {100.0 * self.misfit:.2g} %")
+        return ", ".join(parts)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class TrainingRun(Result, Reported):
     """Result of one learner on one game.
@@ -50,8 +85,9 @@ class TrainingRun(Result, Reported):
     K: (m, n), gain of the weights
     excitation: rank of the data
     seed: seed of the data
-    diagnostics: name -> further number; "drift_misfit" is the relative deviation of the recorded
-        drifts from F = A z (`Stack.linear`)
+    diagnostics: name -> further number
+    data: what recorded data can tell, or None for exact data of the learner's own
+    P_band, K_band: half-widths of the 95 % bands of P and K, of recorded data, else None
     H: Q-function of a game in discrete time, Q(x, u, w) = [x; u; w]' H [x; u; w], or None
     names: names of the states and inputs of the game
 
@@ -75,6 +111,9 @@ class TrainingRun(Result, Reported):
     diagnostics: dict[str, float] = field(default_factory=dict)
     names: PlantNames = UNNAMED
     H: Matrix | None = None
+    data: DataSummary | None = None
+    P_band: Matrix | None = None
+    K_band: Matrix | None = None
 
     def critic(self, game: Game) -> Critic:
         """Return the critic of W with the policy u = -K z, or of H, for the given game."""
@@ -113,18 +152,17 @@ class TrainingRun(Result, Reported):
 
         A run has settled if the data have full rank and `settling_residual` is at most `SETTLED`;
         its critic may still be wrong.
-        The misfit of recorded drifts that are not linear in z, or noisy, follows "settled". The
-        learned gain is that of their linear fit.
+        The misfit of recorded data that are not linear, or noisy, follows "settled". The learned
+        gain is that of their linear fit.
         """
         if self.excitation.rank < self.excitation.size:
             return f"the data have rank {self.excitation.rank} of {self.excitation.size}"
         if not self.settling_residual <= SETTLED:
             last = self.settling_residual
             return f"the residual does not settle: {last:.3g} at the end, above {SETTLED:g}"
-        misfit = self.diagnostics.get("drift_misfit", 0.0)
-        if misfit > SETTLED:
-            percent = f"{100.0 * misfit:.2g} %"
-            return f"settled, but the recorded drifts deviate from F = A z by {percent}"
+        if self.data is not None and self.data.misfit > SETTLED:
+            percent = f"{100.0 * self.data.misfit:.2g} %"
+            return f"settled, but the data deviate from a linear plant by {percent}"
         return "settled"
 
     def _entries(self) -> dict[str, Any]:
@@ -140,7 +178,13 @@ class TrainingRun(Result, Reported):
             "W": self.W,
             "residual_norm": self.residual_norm,
             "status": self.outcome,
-        } | without_empty(weight_units=self.weight_units, H=self.H)
+        } | without_empty(
+            weight_units=self.weight_units,
+            H=self.H,
+            data=self.data,
+            P_band=self.P_band,
+            K_band=self.K_band,
+        )
 
     def report(self) -> Report:
         """Return a report with the outcome, the rank of the data, P and K.
@@ -157,12 +201,15 @@ class TrainingRun(Result, Reported):
             matrix_table("P", names.states, names.states, self.P),
             matrix_table("K", names.inputs, names.states, self.K),
         ]
-        numbers = [
-            (name, f"{value:.4g}")
-            for name, value in self.diagnostics.items()
-            if name != "drift_misfit"  # in the title, if it is not rounding
-        ]
-        if numbers:
+        if self.data is not None and self.P_band is not None and self.K_band is not None:
+            noise = zip(names.states, self.data.noise.tolist(), strict=True)
+            of_states = ", ".join(f"{name} {deviation:.3g}" for name, deviation in noise)
+            kind = "rates" if self.data.hold is None and self.H is None else "next states"
+            of_data = [f"Recorded: {self.data.text()}", f"Noise of {kind}: {of_states}"]
+            parts[:0] = [*of_data, *self.data.notes]
+            of_P = matrix_table("±P (95 %)", names.states, names.states, self.P_band)
+            parts += [of_P, matrix_table("±K (95 %)", names.inputs, names.states, self.K_band)]
+        if numbers := [(name, f"{value:.4g}") for name, value in self.diagnostics.items()]:
             parts.append(Table(("number of the law", "value"), numbers))
         return Report(
             title=f"Law {self.law!r}, basis {self.basis!r}, on {names.origin}: {self.outcome}",

@@ -1,15 +1,20 @@
-"""The learning laws by name, and the verb that runs one of them."""
+"""The learning laws by name, and the verb that runs one of them on data."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
 
 from controller.critic.training_run import TrainingRun
 from controller.game.zero_sum import Game
 from controller.learning.law_names import DEFAULT_LAW, LAW_NAMES
+from controller.learning.plant_fit import PlantFit, refused_unless_determined
 from controller.learning.policy_iteration import policy_iteration
 from controller.learning.published import published_law
 from controller.learning.q_learning import learn_steps
-from controller.learning.recording import Stack
-from hfa_support.errors import BadInputError, refuse_unknown
+from controller.learning.recorded import transitions_in
+from controller.learning.recording import simulated
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.progress import Progress
 
 #: Name -> law.
@@ -21,24 +26,32 @@ def learn(
     law: str = DEFAULT_LAW,
     seed: int = 0,
     *,
-    pool: Stack | None = None,
+    data: Any = None,
     progress: Progress | None = None,
 ) -> TrainingRun:
-    """Return the training run of a learning law on a game, with the learned value z'Pz and gain K.
+    """Return the training run of a learning law on data, with the learned value z'Pz and gain K.
 
-    - "policy-iteration": from recorded samples (z, F = A z) to the exact solution, without A
+    - "policy-iteration": of the linear fit of the data to its exact solution
     - "published": Eq. (46) of the paper with the gains of Theorem 1, as printed. Its weights
       overflow in the first steps on the aircraft of the paper
 
-    A game in discrete time is learned by Q-learning from recorded steps (`learn_steps`).
+    A game in discrete time is learned by Q-learning.
+
+    Without `data`, exact transitions from random states are simulated. With `data`, A and B of the
+    game are not used (zeros serve), and E only if the data have no disturbances; the run has what
+    the data can tell, and 95 % bands.
 
     Use `controller.run` for a learning law that you define yourself. The result is not verified.
-    `hfa.verify` verifies it with the matrix A of the game.
+    `hfa.verify` verifies it with the matrices of the game.
 
     game: the game
     law: name of the law
-    seed: seed of the samples
-    pool: recorded samples (z, F); by default states drawn with `seed`
+    seed: seed of simulated states, inputs and disturbances
+    data: file (.npz, .mat, .csv, .json), mapping or table of recorded transitions, or a list of
+        them, one for each episode: "x" (N, n), "u" (N, m), and "x_next" (states after each step) or
+        "x_rate", or neither for successive samples; optionally "d" (N, k), "time" or "dt" (s),
+        "episode", names and units ("states", "inputs", "state_units", "input_units"); or a column
+        for each signal, such as "alpha [deg]" and "alpha_next [deg]"
     progress: called with (fraction done, 1, text), or None
 
     Raises BadInputError for an unknown law, for Q = 0, and for data that cannot determine the
@@ -51,17 +64,30 @@ def learn(
     [[3.0972]]
     """
     refuse_unknown("unknown law", law, LAWS)
-    if game.is_discrete:
-        if law != DEFAULT_LAW or pool is not None:
-            raise BadInputError(
-                "a game in discrete time is learned by Q-learning from its own samples; leave out"
-                " law and pool"
-            )
-        return learn_steps(game, seed, progress)
-    if not game.without_cross_weights.Q.any():
+    if game.is_discrete and law != DEFAULT_LAW:
+        raise BadInputError("a game in discrete time is learned by Q-learning; leave out law")
+    if not game.is_discrete and not game.without_cross_weights.Q.any():
         weight = "Q - N R^-1 N'" if game.N.any() else "Q"
         raise BadInputError(
             f"{weight} is zero, but every learning law divides by z'Qz; give at least one state a "
             "weight"
         )
-    return LAWS[law](game, pool, seed, progress)
+    if data is None:
+        return _learned(PlantFit(game, simulated(game, seed)), law, seed, progress)
+    fit = PlantFit(game, transitions_in(data, game))
+    summary = fit.summary()
+    try:
+        run = _learned(fit, law, seed, progress)
+    except NoSolutionError as error:
+        raise NoSolutionError(f"{error} (learned from {summary.text()})") from error
+    bands = fit.bands(run.P)
+    refused_unless_determined(fit, run.K, bands)
+    return replace(run, data=summary, P_band=bands.P, K_band=bands.K)
+
+
+def _learned(fit: PlantFit, law: str, seed: int, progress: Progress | None) -> TrainingRun:
+    """Return the training run of a law on the fit of transitions."""
+    if fit.game.is_discrete:
+        return learn_steps(fit.game, fit.begins_of_laws(seed), seed, progress)
+    states = fit.transitions.begins[:, : len(fit.game.A)]
+    return LAWS[law](fit.game, states, seed, progress)

@@ -1,4 +1,4 @@
-"""Policy iteration on recorded samples: the exact solution of a game without its matrix A.
+"""Policy iteration on recorded samples: the solution of a game from data.
 
 An iteration evaluates the policies u = -R⁻¹B'P z and d = s δ⁻²E'P z of the last P at the recorded
 states z_j. With the recorded drifts F_j = A z_j, the weights W of their value z'P z = W'ψ(z) are
@@ -23,9 +23,7 @@ from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
 from controller.learning.recording import (
     RelativeResidual,
-    Stack,
     excitation,
-    random_pool,
     refuse_poor,
     residual_of_value,
 )
@@ -33,8 +31,6 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import quadratic_forms, spectral_abscissa
 from hfa_support.progress import Progress
 
-#: Recorded samples for each weight by default.
-SAMPLES_PER_WEIGHT = 4
 #: Stability margin of the plant with the initial discount, 1/s.
 FIRST_MARGIN = 0.5
 #: A relative step of P below this has converged. A step below `SMALL` that no longer halves has
@@ -81,13 +77,13 @@ class RecordedGame:
     Q: np.ndarray
 
     @classmethod
-    def of(cls, game: Game, pool: Stack, scales: np.ndarray) -> RecordedGame:
-        """Return the samples and the game without A, in scaled coordinates."""
+    def of(cls, game: Game, states: np.ndarray, scales: np.ndarray) -> RecordedGame:
+        """Return the states and the game without cross weights, in scaled coordinates."""
         outer = np.outer(scales, scales)
         return cls(
             psi=basis("quadratic", len(scales)),
-            states=pool.states / scales,
-            drifts=pool.drifts / scales,
+            states=states / scales,
+            drifts=states @ game.A.T / scales,
             control=game.S_control / outer,
             disturbance=game.S_disturbance / game.delta**2 / outer,
             Q=game.Q * outer,
@@ -227,24 +223,20 @@ def _is_solution(recorded: RecordedGame, P: np.ndarray, problem: Problem) -> boo
 
 
 def policy_iteration(
-    game: Game, pool: Stack | None, seed: int, progress: Progress | None
+    game: Game, states: np.ndarray, seed: int, progress: Progress | None
 ) -> TrainingRun:
-    """Return the training run of policy iteration on recorded samples.
+    """Return the training run of policy iteration on recorded states.
 
-    pool: recorded samples; None for four for each weight at random states (`random_pool`)
-    seed: seed of the random states
+    game: the game with the plant that was fitted to the data
+    states: recorded states, (N, n)
+    seed: seed of the data, which is reported
     progress: called with (fraction done, 1, text), or None
 
     Raises BadInputError if the samples do not determine the weights. Raises NoSolutionError if
     (A, B) is not stabilizable, or the game has no solution at its δ.
     """
-    n = len(game.A)
-    if pool is None:
-        pool = random_pool(game, SAMPLES_PER_WEIGHT * n * (n + 1) // 2, seed)
-    pool, misfit = pool.linear()
-    scales = pool.channel_scales()
-    plain = game.without_cross_weights
-    recorded = RecordedGame.of(plain, pool.without_cross_weights(game), scales)
+    scales = np.sqrt(np.mean(states**2, axis=0))
+    recorded = RecordedGame.of(game.without_cross_weights, states, scales)
     of_samples = excitation(recorded.psi.psi(recorded.states))
     refuse_poor(of_samples)
     P = with_disturbance(recorded, without_discount(recorded, progress), game.delta, progress)
@@ -259,6 +251,5 @@ def policy_iteration(
         K=game.gain(value),
         excitation=of_samples,
         seed=seed,
-        diagnostics={"drift_misfit": misfit},
         names=game.names,
     )

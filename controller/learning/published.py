@@ -21,12 +21,9 @@ import numpy as np
 from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
-from controller.hfa_game import ordinary_deviations
 from controller.learning.recording import (
     RelativeResidual,
-    Stack,
     excitation,
-    random_pool,
     residual_of_value,
 )
 from controller.learning.ticks import run
@@ -36,8 +33,8 @@ from hfa_support.progress import Progress
 
 #: Settings of Section 5.1: predefined time T_w and integration step, s; η, γ and W(0).
 T_W, STEP, ETA, GAMMA, FIRST_WEIGHT = 10.0, 1e-4, 0.8, 0.01, 100.0
-#: Settings that the paper does not print: θ, and the number of recorded samples.
-THETA, SAMPLES = 0.9, 50
+#: θ, which the paper does not print.
+THETA = 0.9
 #: Number of recorded rows after the first.
 ROWS = 1000
 
@@ -73,22 +70,27 @@ class PublishedLaw:
 
     game: the game, without cross weights
     psi: basis ψ, with M weights
-    stack: recorded samples of this game, N_h states and drifts
+    states: recorded states, (N_h, n)
     """
 
     game: Game
     psi: Basis
-    stack: Stack
+    states: np.ndarray
+
+    @cached_property
+    def drifts(self) -> np.ndarray:
+        """F_j = A z_j, (N_h, n)."""
+        return self.states @ self.game.A.T
 
     @cached_property
     def gradient(self) -> np.ndarray:
         """∂ψ_j, (N_h, M, n)."""
-        return self.psi.gradient(self.stack.states)
+        return self.psi.gradient(self.states)
 
     @cached_property
     def costs(self) -> np.ndarray:
         """State cost z_j'Q z_j, (N_h,)."""
-        return quadratic_forms(self.stack.states, self.game.Q)
+        return quadratic_forms(self.states, self.game.Q)
 
     @cached_property
     def linear_residuals(self) -> LinearResiduals:
@@ -99,7 +101,7 @@ class PublishedLaw:
         """
         slopes = FIRST_WEIGHT * self.gradient.sum(axis=1)  # ∂ψ'W(0)
         S_slopes = slopes @ self.game.S
-        regressors = np.einsum("jmi,ji->jm", self.gradient, self.stack.drifts - 0.5 * S_slopes)
+        regressors = np.einsum("jmi,ji->jm", self.gradient, self.drifts - 0.5 * S_slopes)
         constants = self.costs + 0.25 * np.sum(S_slopes * slopes, axis=1)
         sizes = np.sqrt(1.0 + np.sum(regressors**2, axis=1))
         return LinearResiduals(regressors / sizes[:, None], constants / sizes)
@@ -172,28 +174,26 @@ class PublishedLaw:
     def residual(self, weights: np.ndarray) -> RelativeResidual:
         """Return the residual of the game's equation for the value of the weights."""
         slopes = np.einsum("jmi,m->ji", self.gradient, weights)
-        return residual_of_value(slopes, self.stack.drifts, self.costs, self.game.S)
+        return residual_of_value(slopes, self.drifts, self.costs, self.game.S)
 
 
 def published_law(
-    game: Game, pool: Stack | None, seed: int, progress: Progress | None
+    game: Game, states: np.ndarray, seed: int, progress: Progress | None
 ) -> TrainingRun:
     """Return the training run of Eq. (46) as printed.
 
     The basis is the paper's for six states, and otherwise the quadratic one.
 
-    pool: recorded samples; None for 50 random states, for the aircraft of the paper in the box of
-        its typical deviations
-    seed: seed of the random states
+    game: the game with the plant that was fitted to the data
+    states: recorded states, (N_h, n)
+    seed: seed of the data, which is reported
     progress: called with (fraction done, 1, text), or None
 
     Raises NoSolutionError, with the cause, if the weights overflow.
     """
     n = len(game.A)
     psi = basis("paper" if n == 6 else "quadratic", n)
-    if pool is None:
-        pool = random_pool(game, max(SAMPLES, psi.size), seed, ordinary_deviations(game.names))
-    law = PublishedLaw(game.without_cross_weights, psi, pool.without_cross_weights(game))
+    law = PublishedLaw(game.without_cross_weights, psi, states)
     weights = run(law, progress=progress).memory
     residual = law.residual(weights)
     return TrainingRun(
@@ -203,7 +203,7 @@ def published_law(
         residual_norm=residual.to_costs,
         settling_residual=residual.to_terms,
         K=game.gain(psi.matrix(weights)),
-        excitation=excitation(psi.psi(pool.states / pool.channel_scales())),
+        excitation=excitation(psi.psi(states / np.sqrt(np.mean(states**2, axis=0)))),
         seed=seed,
         diagnostics=law.gains._asdict(),
         names=game.names,

@@ -1,8 +1,9 @@
 """Discrete-time Q-learning from recorded steps: value iteration, followed by policy iteration.
 
-A, B and E are not used. Each step (x, u, w, x⁺) gives one equation that is linear in the weights H
-of Q(x, u, w) = [x; u; w]'H [x; u; w]. Source: Al-Tamimi, Lewis and Abu-Khalaf, Automatica 43
-(2007), 473-481; Lagoudakis and Parr, J. Machine Learning Research 4 (2003), 1107-1149.
+Each step (x, u, w, x⁺), with x⁺ of the fit to the data, gives one equation that is linear in the
+weights H of Q(x, u, w) = [x; u; w]'H [x; u; w]. Source: Al-Tamimi, Lewis and Abu-Khalaf,
+Automatica 43 (2007), 473-481; Lagoudakis and Parr, J. Machine Learning Research 4 (2003),
+1107-1149.
 """
 
 from __future__ import annotations
@@ -10,15 +11,14 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
-from controller.critic.training_run import SETTLED, TrainingRun
+from controller.critic.training_run import SETTLED, Excitation, TrainingRun
 from controller.game.basis import Basis, basis
 from controller.game.q_function import q_extremum, q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
-from controller.learning.recording import RelativeResidual, excitation, natural_spread
+from controller.learning.recording import RelativeResidual, excitation, plant_of, refuse_poor
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import quadratic_forms, spectral_radius
 from hfa_support.progress import Progress
@@ -27,56 +27,23 @@ from hfa_support.progress import Progress
 PAUSES = 12
 #: Largest number of policy iterations in a trial. They converge quadratically.
 MOST_POLICIES = 12
-#: Number of recorded steps for each weight of H.
-STEPS_PER_WEIGHT = 3
 
 
-class Steps(NamedTuple):
-    """N recorded steps of a plant.
-
-    begins: (x, u, w) of each step, (N, s); w has no column if the game has no disturbance
-    ends: x⁺, (N, n)
-    """
-
-    begins: np.ndarray
-    ends: np.ndarray
-
-
-def random_steps(game: Game, seed: int) -> Steps:
-    """Return recorded steps from random states with random inputs and disturbances.
-
-    No input or disturbance changes a state by more than the spread of the state in one step. The
-    cost of each is at most the cost of all states together.
-
-    seed: seed of the random numbers
-    """
-    has_disturbance = np.isfinite(game.delta)
-    columns = np.hstack([game.B, game.E]) if has_disturbance else game.B
-    prices = np.diag(game.R)
-    if has_disturbance:
-        prices = np.append(prices, np.full(game.E.shape[1], game.delta**2))
-    spread = natural_spread(game)
-    cost_of_states = float(np.diag(game.Q) @ spread**2) or 1.0
-    effects = np.abs(columns / spread[:, None]).max(axis=0)  # of a unit, in spreads
-    by_effect = 1.0 / np.where(effects > 0.0, effects, 1.0)
-    by_cost = np.sqrt(cost_of_states / prices)
-    widths = np.append(spread, np.minimum(by_effect, by_cost))
-    count = STEPS_PER_WEIGHT * len(widths) * (len(widths) + 1) // 2
-    begins = np.random.default_rng(seed).uniform(-widths, widths, (count, len(widths)))
-    return Steps(begins, begins @ np.hstack([game.A, columns]).T)
-
-
-def learn_steps(game: Game, seed: int, progress: Progress | None) -> TrainingRun:
+def learn_steps(
+    game: Game, begins: np.ndarray, seed: int, progress: Progress | None
+) -> TrainingRun:
     """Return the training run of Q-learning on a game in discrete time, from recorded steps.
 
     Value iteration H <- cost + α extremum of H at x⁺ starts from 0. After 1, 3, 7, ... value
     iterations, policy iteration is tried. Learning ends if policy iteration converges to a policy
     that stabilizes the linear fit of the steps.
 
-    seed: seed of the random steps
+    game: the game with the plant that was fitted to the data
+    begins: (x, u, w) of the recorded steps, (N, s); w only for a finite delta
+    seed: seed of the data, which is reported
     progress: called before each block of value iterations, or None
 
-    Raises BadInputError if R is singular.
+    Raises BadInputError if R is singular, or if the steps do not determine H.
     Raises NoSolutionError if the disturbance gains more than it costs, or if the iteration diverges
     or does not converge.
     """
@@ -85,7 +52,8 @@ def learn_steps(game: Game, seed: int, progress: Progress | None) -> TrainingRun
             "R is singular: Q-learning begins with the cost of one step, which then has no minimum"
             " over u; give R > 0, or solve the game with hfa.solve"
         )
-    learner = QLearner(game, random_steps(game, seed))
+    learner = QLearner(game, begins)
+    refuse_poor(learner.excitation)
     P = np.zeros_like(game.A)
     for pause in range(PAUSES):
         if progress is not None:
@@ -108,28 +76,34 @@ def learn_steps(game: Game, seed: int, progress: Progress | None) -> TrainingRun
 class QLearner:
     """Iterations of the Q-function H, (s, s), on recorded steps.
 
-    game: of which only the cost and the discount α are used
+    game: the game with the plant that was fitted to the data
+    begins: (x, u, w) of the recorded steps, (N, s)
     iterations: number of iterations so far
     """
 
     game: Game
-    steps: Steps
+    begins: np.ndarray
     iterations: int = 0
+
+    @cached_property
+    def ends(self) -> np.ndarray:
+        """States after the steps, of the fit, (N, n)."""
+        return self.begins @ plant_of(self.game, self.begins.shape[1]).T
 
     @cached_property
     def psi(self) -> Basis:
         """Quadratic basis of (x, u, w), with M functions."""
-        return basis("quadratic", self.steps.begins.shape[1])
+        return basis("quadratic", self.begins.shape[1])
 
     @cached_property
     def scales(self) -> np.ndarray:
         """Root mean square of each column of (x, u, w), (s,)."""
-        return np.sqrt(np.mean(self.steps.begins**2, axis=0))
+        return np.sqrt(np.mean(self.begins**2, axis=0))
 
     @cached_property
     def features(self) -> np.ndarray:
         """Basis functions of the scaled (x, u, w) at the steps, (N, M)."""
-        return self.psi.psi(self.steps.begins / self.scales)
+        return self.psi.psi(self.begins / self.scales)
 
     @cached_property
     def inverse(self) -> np.ndarray:
@@ -140,13 +114,12 @@ class QLearner:
     def costs(self) -> np.ndarray:
         """Cost of each step, (N,)."""
         weights = q_function(self.game, np.zeros_like(self.game.A))
-        return quadratic_forms(self.steps.begins, weights)
+        return quadratic_forms(self.begins, weights)
 
     @cached_property
-    def fitted_plant(self) -> np.ndarray:
-        """Least-squares fit [A B E] of the steps, (n, s), used only to test stability."""
-        fit = np.linalg.lstsq(self.steps.begins / self.scales, self.steps.ends, rcond=None)[0]
-        return np.asarray(fit.T / self.scales)
+    def excitation(self) -> Excitation:
+        """Excitation of the weights of H by the steps."""
+        return excitation(self.features)
 
     def value_iteration(self, P: np.ndarray) -> np.ndarray:
         """Return H for the cost of a step followed by the cost α x⁺'P x⁺.
@@ -178,7 +151,7 @@ class QLearner:
         rows = [np.eye(len(self.game.A)), -optimum["K"]]  # (x, u, w) = rows x
         if "L" in optimum:
             rows.append(optimum["L"])
-        begins_after = self.steps.ends @ np.vstack(rows).T
+        begins_after = self.ends @ np.vstack(rows).T
         features_after = self.psi.psi(begins_after / self.scales)
         equations = np.eye(self.psi.size) - self.game.discount * self.inverse @ features_after
         return self._of_weights(np.linalg.solve(equations, self.inverse @ self.costs))
@@ -199,22 +172,21 @@ class QLearner:
 
         before, after: H of consecutive iterations
         """
-        n, m = self.game.B.shape
+        n = len(self.game.A)
         squares = np.outer(self.scales, self.scales)[:n, :n]
         change = np.abs((after - before)[:n, :n] * squares).max()
         if change > SETTLED * np.abs(after[:n, :n] * squares).max() or not self.has_saddle(after):
             return False
-        A, B, E = np.split(self.fitted_plant, [n, n + m], axis=1)
         policies = q_extremum(self.game, after)
-        loops = [A - B @ policies["K"]]
+        loops = [self.game.A - self.game.B @ policies["K"]]
         if "L" in policies:
-            loops.append(loops[0] + E @ policies["L"])
+            loops.append(loops[0] + self.game.E @ policies["L"])
         root = np.sqrt(self.game.discount)
         return all(root * spectral_radius(loop) < 1.0 for loop in loops)
 
     def residual(self, H: np.ndarray) -> RelativeResidual:
         """Return the residual of Bellman's equation over all steps."""
-        values = quadratic_forms(self.steps.begins, H)
+        values = quadratic_forms(self.begins, H)
         after = self._after(q_extremum(self.game, H)["P"])
         terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
         return RelativeResidual.of(values - self.costs - after, self.costs, terms)
@@ -231,7 +203,7 @@ class QLearner:
             residual_norm=residual.to_costs,
             settling_residual=residual.to_terms,
             K=optimum["K"],
-            excitation=excitation(self.features),
+            excitation=self.excitation,
             seed=seed,
             names=self.game.names,
             H=H,
@@ -239,7 +211,7 @@ class QLearner:
 
     def _after(self, P: np.ndarray) -> np.ndarray:
         """Return the cost α x⁺'P x⁺ after each step, (N,)."""
-        return self.game.discount * quadratic_forms(self.steps.ends, P)
+        return self.game.discount * quadratic_forms(self.ends, P)
 
     def _of_weights(self, weights: np.ndarray) -> np.ndarray:
         """Return H, (s, s), of weights (M,) in the scaled (x, u, w)."""

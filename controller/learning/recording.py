@@ -1,8 +1,7 @@
-"""Recorded samples (z_j, F_j) of a plant: their generation, rank and Bellman residuals."""
+"""Recorded transitions of a plant: their generation, rank and Bellman residuals."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -10,97 +9,73 @@ import numpy as np
 from controller.critic.training_run import Excitation
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
-from hfa_support.matrices import LARGEST, checked_matrix, quadratic_forms
-from hfa_support.reporting.report import Reported
+from hfa_support.matrices import quadratic_forms, spectral_abscissa, spectral_radius
 
 #: Singular values of the unit rows below this fraction of the largest count as 0. The weights can
 #: have the rounding error of a sample, 1e-16, divided by this fraction: eight digits remain
 #: correct.
 RANK_TOLERANCE = 1e-8
+#: Recorded samples for each weight by default.
+SAMPLES_PER_WEIGHT = 4
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Stack(Reported):
-    """N_h recorded samples of a plant.
-
-    F must not contain the reference forcing r(t) = A x_d - x_d'. The value z'Pz belongs to F = A z
-    alone.
-
-    states: z_j, (N_h, n)
-    drifts: F_j = z' - B u - E d, (N_h, n)
-
-    Raises BadInputError if the shapes differ or a number is not finite or too large.
-    """
+class Stack(NamedTuple):
+    """N_h samples of a plant without input: states z_j and their rates F_j = A z_j, (N_h, n)."""
 
     states: np.ndarray
     drifts: np.ndarray
 
-    def __post_init__(self) -> None:
-        """Check both arrays and make them read-only.
 
-        Raises BadInputError, as described for the class.
-        """
-        for name in ("states", "drifts"):
-            object.__setattr__(
-                self, name, checked_matrix(f"stack {name}", getattr(self, name), LARGEST)
-            )
-        if self.states.shape != self.drifts.shape:
-            raise BadInputError(
-                f"states have shape {self.states.shape}, drifts {self.drifts.shape}; give (N_h, n)"
-            )
+class Transitions(NamedTuple):
+    """N recorded transitions of a plant.
 
-    @property
-    def samples(self) -> int:
-        """Number of samples, N_h."""
-        return int(self.states.shape[0])
-
-    def without_cross_weights(self, game: Game) -> Stack:
-        """Return the samples of `game.without_cross_weights`, with the drifts F_j - B R⁻¹N'z_j."""
-        return Stack(self.states, self.drifts - self.states @ (game.B @ game.F).T)
-
-    def linear(self) -> tuple[Stack, float]:
-        """Return the samples with their drifts replaced by Â z_j, and the relative misfit of this
-        fit.
-
-        Â is the least-squares fit of the drifts, and the misfit is |F - Â z| / |F|. For exact
-        drifts the misfit is of the order of rounding. Otherwise the misfit has the size of the
-        noise or of a reference forcing.
-        """
-        A_transposed, *_ = np.linalg.lstsq(self.states, self.drifts, rcond=None)
-        fitted = self.states @ A_transposed
-        size = float(np.linalg.norm(self.drifts))
-        misfit = float(np.linalg.norm(self.drifts - fitted)) / size if size > 0.0 else 0.0
-        return Stack(self.states, fitted), misfit
-
-    def channel_scales(self) -> np.ndarray:
-        """Return the root mean square of each state, (n,), used as its scale.
-
-        Raises BadInputError if a state is zero in every sample. The effect of such a state cannot
-        be learned.
-        """
-        scales = np.sqrt(np.mean(self.states**2, axis=0))
-        if np.any(scales == 0.0):
-            raise BadInputError(
-                f"state {np.argmin(scales) + 1} is 0 in every recorded sample; excite this state"
-            )
-        return scales
-
-
-def record(game: Game, states: np.ndarray) -> Stack:
-    """Return samples of a plant at given states, with the exact drifts A z.
-
-    game: the game, with A
-    states: (N, n)
-
-    Raises BadInputError if the states are not (N, n), or if the game is in discrete time.
+    begins: [x u d] of each transition, (N, s). There is no column of d if none was recorded
+    ends: of x' for a game in continuous time without `hold`, else x after the transition, (N, n)
+    follows: whether a transition begins where the one before it ends, (N,)
+    hold: time for which u and d are constant, s, of samples of a game in continuous time, or None
+    notes: sentences on the data
     """
-    game.refuse_steps("record")
-    states = numbers_in("recorded states", states)
-    if states.ndim != 2 or states.shape[1] != game.A.shape[0]:
-        raise BadInputError(
-            f"recorded states have shape {states.shape}; give (N, {game.A.shape[0]})"
-        )
-    return Stack(states, states @ game.A.T)
+
+    begins: np.ndarray
+    ends: np.ndarray
+    follows: np.ndarray
+    hold: float | None = None
+    notes: tuple[str, ...] = ()
+
+
+def simulated(game: Game, seed: int) -> Transitions:
+    """Return exact transitions from random states with random inputs and disturbances.
+
+    No input or disturbance changes a state by more than the spread of the state in one step, or in
+    the time of the fastest mode. The cost of each is at most the cost of all states together.
+
+    seed: seed of the random numbers
+    """
+    widths = widths_of(game)
+    count = SAMPLES_PER_WEIGHT * len(widths) * (len(widths) + 1) // 2
+    begins = np.random.default_rng(seed).uniform(-widths, widths, (count, len(widths)))
+    ends = begins @ plant_of(game, len(widths)).T
+    return Transitions(begins, ends, np.zeros(count, dtype=bool))
+
+
+def plant_of(game: Game, columns: int) -> np.ndarray:
+    """Return the first columns of [A B E]."""
+    return np.hstack([game.A, game.B, game.E])[:, :columns]
+
+
+def widths_of(game: Game) -> np.ndarray:
+    """Return half-widths of random x and u, and of d for a finite delta, (s,) (`simulated`)."""
+    columns, prices = game.B, np.diag(game.R)
+    if np.isfinite(game.delta):
+        columns = np.hstack([columns, game.E])
+        prices = np.append(prices, np.full(game.E.shape[1], game.delta**2))
+    spread = natural_spread(game)
+    cost_of_states = float(np.diag(game.Q) @ spread**2) or 1.0
+    effects = np.abs(columns / spread[:, None]).max(axis=0)  # of a unit, in spreads
+    fastest = 1.0 if game.is_discrete else _fastest(game.A)
+    by_effect = fastest / np.where(effects > 0.0, effects, 1.0)
+    by_cost = np.sqrt(cost_of_states / prices)
+    return np.append(spread, np.minimum(by_effect, by_cost))
 
 
 def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | None = None) -> Stack:
@@ -127,7 +102,8 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
     widths = natural_spread(game) if half_widths is None else numbers_in("the box", half_widths)
     if widths.shape != (n,) or not np.all((widths > 0.0) & np.isfinite(widths)):
         raise BadInputError(f"the half-widths are {widths.tolist()}; give {n} positive numbers")
-    return record(game, np.random.default_rng(seed).uniform(-widths, widths, (count, n)))
+    states = np.random.default_rng(seed).uniform(-widths, widths, (count, n))
+    return Stack(states, states @ game.A.T)
 
 
 def natural_spread(game: Game) -> np.ndarray:
@@ -143,13 +119,16 @@ def natural_spread(game: Game) -> np.ndarray:
     from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
     balanced, (units, _) = matrix_balance(game.A, permute=False, separate=True)
-    eigenvalues = np.linalg.eigvals(balanced)
-    spectral_radius = float(np.abs(eigenvalues).max()) or 1.0
-    shift = max(float(eigenvalues.real.max()), 0.0) + 0.1 * spectral_radius
+    shift = max(spectral_abscissa(balanced), 0.0) + 0.1 * _fastest(balanced)
     noise = (game.S_control + game.S_disturbance / game.delta**2) / np.outer(units, units)
     covariance = solve_continuous_lyapunov(balanced - shift * np.eye(len(units)), -noise)
     variances = np.diag(covariance)
     return units * np.sqrt(np.where(variances > 0.0, variances, 1.0))
+
+
+def _fastest(A: np.ndarray) -> float:
+    """Return the spectral radius of A, 1/s, or 1/s if it is 0."""
+    return spectral_radius(A) or 1.0
 
 
 def excitation(samples: np.ndarray) -> Excitation:

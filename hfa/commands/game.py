@@ -20,11 +20,12 @@ from hfa.options.games import (
     game_at,
     given_game,
     given_weights,
+    weight_sources,
 )
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.tracking import reference_of, reference_option, with_tracking
-from hfa.options.trims import SeveralTrims, at_name, given_trims
+from hfa.options.trims import OF_THE_TRIM, SeveralTrims, at_name, given_trims
 from hfa_support.errors import BadInputError
 from hfa_support.progress import with_progress
 from hfa_support.reporting.report import Report
@@ -190,24 +191,47 @@ class LearnRequest(Request, GameOptions, LearningOptions):
     """Options of `hfa learn`."""
 
 
-@command(LearnRequest, given_game)
+def given_learning(request: LearnRequest) -> NamedGame:
+    """Return the game of the options: of a plant, or with recorded data of its cost alone."""
+    is_plant = (request.plant, request.aircraft, request.at, request.dihedral) != (None,) * 4
+    if is_plant or not request.data:
+        return given_game(request)
+    refuse(request, OF_THE_TRIM, "applies only to the aircraft; remove this option")
+    from controller.learning.recorded import game_of_data
+
+    weights = given_weights(request, None)
+    game = game_of_data(list(request.data), **weights)
+    sources = weight_sources(weights, (), ())
+    return NamedGame(game, weights_from=sources, source={"model": str(request.data[0])})
+
+
+@command(LearnRequest, given_learning)
 def learn(request: LearnRequest, named: NamedGame) -> Outcome:
     """Learn the value and gain of the game, and compare them with the exact solution.
 
     -o FILE saves the weights for `hfa verify`. For a discrete-time plant, Q-learning from recorded
-    steps is used. The exit code is 1 if a check fails.
+    steps is used. With --data, recorded transitions take the place of simulated ones; A and B of
+    the plant are used for the comparison alone, and without a plant there is none. The exit code is
+    1 if a check fails.
     """
     from controller.learning.laws import learn
-    from verification.critic.critic_check import verify
-    from verification.reports import checks_part
 
     if named.game.is_discrete:
         refuse(request, ("law",), CONTINUOUS_ONLY)
-    law = request.law or DEFAULT_LAW
-    run = learn(named.game, law, request.seed, progress=ProgressLine("learn"))
+    if request.data:
+        refuse(request, ("seed",), "applies only to simulated data; remove this option or --data")
+    law, data = request.law or DEFAULT_LAW, list(request.data) or None
+    run = learn(named.game, law, request.seed, data=data, progress=ProgressLine("learn"))
+    report = run.report()
+    if not named.game.A.any():  # that of `game_of_data`
+        parts = (f"{named.weights_line()}; not compared: no plant is given", *report.parts)
+        report = replace(report, parts=parts).with_data(named)
+        return Outcome(report=report, source=named.source)
+    from verification.critic.critic_check import verify
+    from verification.reports import checks_part
+
     verdict = verify(named.game, run)
     judged = {"certificates": verdict.checks, "converged": verdict.ok}
-    report = run.report()
     parts = (
         verdict.headline,
         named.weights_line(),

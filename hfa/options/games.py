@@ -222,7 +222,7 @@ def weighted_game(
             used[name] = dict.fromkeys(not_moved, 1.0) | used[name]
     game = replace(game_of(linear, **used), names=plant_names(linear))
     about = linear.model.about
-    sources = _sources(weights, cost, about.weights if about.weights_source == "file" else ())
+    sources = weight_sources(weights, cost, about.weights if about.weights_source == "file" else ())
     notes: tuple[str, ...] = ()
     if of_file := [name for name, source in sources.items() if source == "file"]:
         notes += (f"used: {' and '.join(of_file)} of {linear.model.name}",)
@@ -233,7 +233,7 @@ def weighted_game(
     return NamedGame(game, notes, linear=linear, weights_from=sources).moved_by(inputs)
 
 
-def _sources(
+def weight_sources(
     given: Iterable[str], deployed: Iterable[str], of_file: Iterable[str]
 ) -> dict[str, str]:
     """Return the source of each weight, Q, R, delta and, if it is not 0 by default, N: "default",
@@ -269,7 +269,7 @@ def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> N
         warnings=stored.notes,
         plant_provenance=stored.provenance,
         has_time=stored.has_time,
-        weights_from=_sources(weights, (), stored.stated),
+        weights_from=weight_sources(weights, (), stored.stated),
         source={"model": str(plant)},
     ).moved_by(inputs)
 

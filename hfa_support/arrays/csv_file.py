@@ -38,6 +38,20 @@ def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
     return _names_and_units(tables) | {name: table.matrix for name, table in tables.items()}
 
 
+def columns_of(path: Path) -> dict[str, np.ndarray]:
+    """Return the columns of a .csv file by the labels in its first row, (N,) each.
+
+    Raises ValueError for a faulty file.
+    """
+    table = _table("the file", path)
+    if table.rows or not table.columns:
+        raise ValueError("the file has no first row of names above columns of numbers; add one")
+    labels = [label.strip() for label in table.columns]
+    if len(set(labels)) < len(labels):
+        raise ValueError("two columns have the same name; rename one of them")
+    return dict(zip(labels, table.matrix.T, strict=True))
+
+
 class _Entry(NamedTuple):
     """Row of the table of P and K that `hfa solve` and `hfa learn` write."""
 

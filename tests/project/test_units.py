@@ -341,10 +341,9 @@ def deployment(twin):
 def of_records(twin):
     game = game_of(twin)
     pool = controller.random_pool(game, 30, 0, np.array([7.0, 0.1, 0.1, 0.2]) / twin.z)
-    recorded = controller.record(game, pool.states)
     return {
         "states": pool.states * twin.z,
-        "drifts": recorded.drifts * twin.z / twin.second,
+        "drifts": pool.drifts * twin.z / twin.second,
     }
 
 
@@ -426,7 +425,6 @@ ANSWERS = {
     "trim.usual_condition": of_condition,
     "controller.minimum_delta": of_smallest_delta,
     "controller.random_pool": of_records,
-    "controller.record": of_records,
     "controller.radii_of": of_radii,
     "verification.nonlinear_plant": of_plant,
     "hfa.assess": of_assessment,

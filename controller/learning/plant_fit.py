@@ -1,0 +1,274 @@
+"""Least-squares fit of [A B E] to transitions: what the data can tell, before anything is learned.
+
+The laws learn from the recorded states and inputs with the ends of the fit. The 95 % bands of P and
+K follow from the covariance of the fit, to first order: with the policies (x, u, d) = V x of P,
+
+    continuous: Ac' dP + dP Ac + V'(J'P dM + dM'P J)V = 0,   J = [1 0 0]
+    discrete:   α Ac' dP Ac - dP + α V'(M'P dM + dM'P M)V = 0
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.critic.training_run import DataSummary, Excitation
+from controller.game.zero_sum import Game
+from controller.learning.recording import RANK_TOLERANCE, Transitions, excitation, widths_of
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.text import numbered
+
+#: Probability that a band holds the exact value.
+_CONFIDENCE = 0.95
+
+
+class Bands(NamedTuple):
+    """Half-widths of the 95 % bands of P (n, n) and K (m, n)."""
+
+    P: np.ndarray
+    K: np.ndarray
+
+
+class PlantFit:
+    """Fit M (n, s) of ends = M [x; u; d] to the transitions of a game.
+
+    Raises BadInputError if the transitions do not determine M, with the reason.
+    """
+
+    def __init__(self, game: Game, transitions: Transitions) -> None:
+        self.of_user = game
+        self.transitions = transitions
+        begins, ends = transitions.begins, transitions.ends
+        count, columns = begins.shape
+        if count <= columns:
+            raise BadInputError(
+                f"the data have {count} transitions; record at least {columns + 1}, one more than "
+                "there are states, inputs and disturbances, to see the noise"
+            )
+        self.scales = np.sqrt(np.mean(begins**2, axis=0))
+        self.excitation = _refused_unless_excited(game, begins, self.scales)
+        scaled = begins / self.scales
+        fit, *_ = np.linalg.lstsq(scaled, ends, rcond=None)
+        self.matrix = fit.T / self.scales
+        self.residuals = ends - scaled @ fit
+
+    @property
+    def noise(self) -> np.ndarray:
+        """Standard deviation of the residuals of each state, (n,)."""
+        count, columns = self.transitions.begins.shape
+        return np.sqrt(np.sum(self.residuals**2, axis=0) / (count - columns))
+
+    @property
+    def misfit(self) -> float:
+        """Largest ratio of a state's residuals to its ends, both as root mean squares."""
+        sizes = np.linalg.norm(self.transitions.ends, axis=0)
+        errors = np.linalg.norm(self.residuals, axis=0)
+        return float(np.max(errors / np.where(sizes > 0.0, sizes, 1.0)))
+
+    @cached_property
+    def game(self) -> Game:
+        """The game with A, B and, where d was recorded, E of the fit."""
+        return self._game_of(self._in_time(self.matrix))
+
+    def _game_of(self, matrix: np.ndarray) -> Game:
+        """Return the game with the A, B and, if it has columns, E of [A B E]."""
+        n, m = self.of_user.B.shape
+        A, B, E = np.split(matrix, [n, n + m], axis=1)
+        return replace(self.of_user, A=A, B=B, E=E if E.size else self.of_user.E)
+
+    def _in_time(self, step: np.ndarray) -> np.ndarray:
+        """Return [A B E] of rates, of that of steps with held inputs, if the game requires it."""
+        hold = self.transitions.hold
+        if hold is None:
+            return step
+        from scipy.linalg import logm
+
+        whole = np.eye(step.shape[1])
+        whole[: len(step)] = step
+        eigenvalues = np.linalg.eigvals(step[:, : len(step)])
+        if np.any((eigenvalues.real <= 0.0) & (eigenvalues.imag == 0.0)):
+            raise BadInputError(
+                f"a mode of the samples changes its sign every {hold:g} s, as no plant in "
+                "continuous time with held inputs does; record more often, or check dt and that "
+                "inputs are constant between samples"
+            )
+        return np.asarray(logm(whole).real[: len(step)] / hold)
+
+    def begins_of_laws(self, seed: int) -> np.ndarray:
+        """Return [x u d] of the recorded transitions, with random d if the game needs one.
+
+        seed: seed of the random d
+        """
+        begins, game = self.transitions.begins, self.game
+        missing = len(widths := widths_of(game)) - begins.shape[1]
+        if missing <= 0:
+            return begins[:, : len(widths)]
+        rng = np.random.default_rng(seed)
+        return np.hstack(
+            [begins, rng.uniform(-widths[-missing:], widths[-missing:], (len(begins), missing))]
+        )
+
+    def summary(self) -> DataSummary:
+        """Return what the data can tell."""
+        begins, follows = self.transitions.begins, self.transitions.follows
+        return DataSummary(
+            rows=len(begins),
+            episodes=int(np.sum(~follows)) if follows.any() else 0,
+            excitation=self.excitation,
+            misfit=self.misfit,
+            noise=self.noise,
+            hold=self.transitions.hold,
+            notes=(*self.transitions.notes, *self._doubts()),
+        )
+
+    def _doubts(self) -> Iterator[str]:
+        """Yield sentences on what contradicts a linear plant with independent noise."""
+        ends = self.transitions.ends
+        begins = self.transitions.begins / self.scales
+        with_constant = np.column_stack([begins, np.ones(len(begins))])
+        fit, *_ = np.linalg.lstsq(with_constant, ends, rcond=None)
+        lost = np.linalg.norm(self.residuals, axis=0) - np.linalg.norm(
+            ends - with_constant @ fit, axis=0
+        )
+        # A constant that is noise lowers the norm by a share of 1/(2 N) on average, and by eight
+        # times that in one of 5,000 records.
+        if np.any(lost * len(ends) > 8.0 * np.linalg.norm(self.residuals, axis=0)):
+            yield "the data have a constant part: give deviations from the trim"
+        pairs = np.flatnonzero(self.transitions.follows)
+        if len(pairs) and self.misfit > RANK_TOLERANCE:
+            sizes = np.sqrt(np.mean(self.residuals**2, axis=0))
+            unit = self.residuals / np.where(sizes > 0.0, sizes, 1.0)
+            products = unit[pairs].T @ unit[pairs - 1] / math.sqrt(len(pairs))
+            # Of independent residuals, an entry has the variance 1, and exceeds 5 in one of 1e6.
+            if np.abs(products).max() > 5.0:
+                yield (
+                    "residuals of successive samples are correlated, as noise of sensors makes "
+                    "them: the bands do not contain its bias"
+                )
+
+    def bands(self, P: np.ndarray) -> Bands:
+        """Return the 95 % bands of the value z'P z and of its gain, for independent noise."""
+        from scipy.stats import t
+
+        begins, columns = self.transitions.begins / self.scales, len(self.scales)
+        quantile = float(t.ppf(0.5 + 0.5 * _CONFIDENCE, len(begins) - columns))
+        noise = self.residuals.T @ self.residuals / (len(begins) - columns)
+        # A direction of M for each root of the noise and of the columns, of variance 1.
+        roots = np.linalg.inv(np.linalg.qr(begins, mode="r")) / self.scales[:, None]
+        sizes, vectors = np.linalg.eigh(noise)
+        of_states = vectors * np.sqrt(sizes.clip(0.0))
+        variances = Bands(np.zeros_like(P), np.zeros_like(self.game.B.T))
+        for row in of_states.T:
+            for column in roots.T:
+                changes = self._changes(P, np.outer(row, column))
+                for variance, change in zip(variances, changes, strict=True):
+                    variance += change**2
+        return Bands(*(quantile * np.sqrt(variance) for variance in variances))
+
+    def _changes(self, P: np.ndarray, change: np.ndarray) -> Bands:
+        """Return the changes of P and K, to first order, for a change (n, s) of the fit."""
+        from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
+
+        game = self.game
+        n, m = game.B.shape
+        if self.transitions.hold is not None:
+            change = np.linalg.solve(self._of_rates, change.ravel()).reshape(change.shape)
+        M = np.hstack([game.A, game.B, game.E])
+        change = np.pad(change, ((0, 0), (0, M.shape[1] - change.shape[1])))
+        K, L = game.policies(P)
+        V = np.vstack([np.eye(n), -K, L])
+        weights = np.pad(game.weights, (0, len(L)))
+        if math.isfinite(game.delta):
+            weights[n + m :, n + m :] = -(game.delta**2) * np.eye(len(L))
+        loop = M @ V
+        if game.is_discrete:
+            a = game.discount
+            H = weights + a * M.T @ P @ M
+            forced = a * (M.T @ P @ change + change.T @ P @ M)
+            dP = solve_discrete_lyapunov(math.sqrt(a) * loop.T, V.T @ forced @ V)
+            forced = forced + a * M.T @ dP @ M
+        else:
+            J = np.eye(n, M.shape[1])
+            H = weights
+            forced = J.T @ P @ change + change.T @ P @ J
+            dP = solve_continuous_lyapunov(loop.T, -V.T @ forced @ V)
+            forced = forced + J.T @ dP @ M + M.T @ dP @ J
+        free = slice(n, n + m + (len(L) if math.isfinite(game.delta) else 0))
+        return Bands(dP, np.linalg.solve(H[free, free], (forced @ V)[free])[:m])
+
+    @cached_property
+    def _of_rates(self) -> np.ndarray:
+        """Derivative of the fit of steps by [A B E] of the rates, row by row, (n s, n s)."""
+        from scipy.linalg import expm_frechet
+
+        hold, rates = self.transitions.hold or 0.0, self._in_time(self.matrix)
+        n, s = rates.shape
+        exponent = np.zeros((s, s))
+        exponent[:n] = hold * rates
+        changes = []
+        for place in range(n * s):
+            change = np.zeros((s, s))
+            change.flat[place] = hold
+            changes.append(expm_frechet(exponent, change, compute_expm=False)[:n].ravel())
+        return np.column_stack(changes)
+
+
+def refused_unless_determined(fit: PlantFit, K: np.ndarray, bands: Bands) -> None:
+    """Raise BadInputError if the band of a gain is as wide as the gain itself."""
+    effects = fit.scales[: K.shape[1]]
+    sizes = [np.linalg.norm(each * effects, axis=1) for each in (K, bands.K)]
+    for place in np.flatnonzero(sizes[1] >= sizes[0]):
+        name = fit.of_user.names.inputs[place]
+        raise BadInputError(
+            f"the data do not determine the gain of {name}: its 95 % band is wider than the gain "
+            f"({_own_share(fit, int(place))}); record longer, with less noise, or with larger "
+            "independent inputs"
+        )
+
+
+def _own_share(fit: PlantFit, place: int) -> str:
+    """Return how much of an input is not a function -K x of the states."""
+    n = len(fit.of_user.A)
+    begins = fit.transitions.begins / fit.scales
+    inputs, states = begins[:, n + place], begins[:, :n]
+    own = inputs - states @ np.linalg.lstsq(states, inputs, rcond=None)[0]
+    share = np.linalg.norm(own) / np.linalg.norm(inputs)
+    return f"of this input, {100.0 * share:.2g} % is not u = -K x; misfit {100 * fit.misfit:.2g} %"
+
+
+def _refused_unless_excited(game: Game, begins: np.ndarray, scales: np.ndarray) -> Excitation:
+    """Return the excitation of [x u d]. Raises BadInputError, with the reason, if it is poor."""
+    n, m = game.B.shape
+    names = (*game.names.states, *game.names.inputs, *numbered("d", begins.shape[1] - n - m))
+    for place in np.flatnonzero(scales == 0.0):
+        raise BadInputError(f"{names[place]} is 0 in every row of the data; excite it")
+    scaled = begins / scales
+    found = excitation(scaled)
+    if found.rank == found.size:
+        return found
+    rank_of_states = excitation(scaled[:, :n]).rank
+    if rank_of_states < n:
+        reason = (
+            f"the rank of the states is {rank_of_states} of {n}: some are combinations of others "
+            "in every row; record other motions too"
+        )
+    else:
+        states, others = scaled[:, :n], scaled[:, n:]
+        own = others - states @ np.linalg.lstsq(states, others, rcond=None)[0]
+        by_policy = np.linalg.norm(own, axis=0) < RANK_TOLERANCE * math.sqrt(len(scaled))
+        reason = (
+            "the inputs and disturbances depend on each other in every row; move each of them "
+            "independently"
+        )
+        if by_policy.any():
+            moved = ", ".join(names[n + place] for place in np.flatnonzero(by_policy))
+            reason = (
+                f"in every row, {moved} is a policy u = -K x of the states, so that its effect "
+                "cannot be told from theirs; add independent excitation to it while recording"
+            )
+    raise BadInputError(f"{reason} (rank {found.rank} of {found.size})")

@@ -1,0 +1,253 @@
+"""`hfa.learn(data=...)`: the exact solution from recorded data, bands, and refusals by cause."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+from cli import answer, hfa as hfa_command
+
+import hfa
+from controller import minimum_delta
+from hfa import BadInputError, learn, solve
+from hfa.main import DONE
+from hfa_aircraft.names import PlantNames
+from verification import relative_error
+
+RNG = np.random.default_rng(0)
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def random_game(seed, n=3, **of_time):
+    """Return a random game with cross weights, two inputs and one disturbance."""
+    rng = np.random.default_rng(seed)
+    A, B, E = (rng.standard_normal((n, size)) for size in (n, 2, 1))
+    A *= 1.1 / np.abs(np.linalg.eigvals(A)).max()
+    N = 0.1 * rng.standard_normal((n, 2))
+    return hfa.Game(A, B, E=E, Q=np.eye(n), R=np.eye(2), N=N, **of_time)
+
+
+STEPS = random_game(1, dt=0.1, discount=0.97)
+RATES = random_game(2)
+
+
+def recorded(game, count=80, noise=0.0, seed=0):
+    """Return data of a game: next states in discrete time, else rates, at random states."""
+    rng = np.random.default_rng(seed)
+    n, m = game.B.shape
+    x, u = rng.normal(size=(count, n)), rng.normal(size=(count, m))
+    ends = x @ game.A.T + u @ game.B.T + noise * rng.normal(size=(count, n))
+    return {"x": x, "u": u, "x_next" if game.is_discrete else "x_rate": ends}
+
+
+def blind(game):
+    """Return the game without its A and B."""
+    return replace(game, A=0.0 * game.A, B=0.0 * game.B)
+
+
+def assert_exact(game, run, largest=1e-9):
+    exact = solve(game)
+    assert relative_error(run.P, exact.P) < largest
+    assert relative_error(run.K, exact.K) < largest
+
+
+@pytest.mark.parametrize("game", [STEPS, RATES])
+@pytest.mark.parametrize("margin", [np.inf, 1.2])
+def test_exact_data_give_the_exact_solution_without_a_and_b(game, margin):
+    """E is that of the game, or that of recorded disturbances."""
+    if np.isfinite(margin):
+        game = game.with_delta(margin * minimum_delta(game).value)
+    data = recorded(game)
+    assert_exact(game, learn(blind(game), data=data))
+    key = "x_next" if game.is_discrete else "x_rate"
+    d = RNG.normal(size=(80, 1))
+    with_d = {**data, "d": d, key: data[key] + d @ game.E.T}
+    assert_exact(game, learn(replace(blind(game), E=0.0 * game.E), data=with_d))
+
+
+def test_samples_of_a_known_hold_give_the_game_in_continuous_time():
+    step = RATES.sampled(0.05)
+    data = recorded(step) | {"dt": 0.05}
+    run = learn(blind(RATES), data=data)
+    assert_exact(RATES, run)
+    assert run.data.hold == 0.05
+
+
+def trajectory(game, count, seed=0, probing=1.0):
+    """Return successive states (count + 1, n) and inputs (count, m), those of K x and random ones."""
+    rng = np.random.default_rng(seed)
+    n, m = game.B.shape
+    K, x, u = solve(game).K, [rng.normal(size=n)], []
+    for _ in range(count):
+        u.append(probing * rng.normal(size=m) - K @ x[-1])
+        x.append(game.A @ x[-1] + game.B @ u[-1])
+    return np.array(x), np.array(u)
+
+
+def test_successive_samples_of_several_episodes_are_read():
+    """By 3-D arrays, by a number for each row, and by several sources."""
+    parts = [trajectory(STEPS, 30, seed) for seed in range(3)]
+    x, u = (np.array(each) for each in zip(*parts, strict=True))
+    u = np.concatenate([u, np.zeros((3, 1, 2))], axis=1)
+    time = np.tile(np.round(0.1 * np.arange(31), 1), 3)
+    flat = {"x": x.reshape(-1, 3), "u": u.reshape(-1, 2), "episode": np.repeat([7, 8, 9], 31)}
+    separate = [{"x": x, "u": u} for x, u in parts]
+    for data in ({"x": x, "u": u}, flat | {"time": time}, separate):
+        run = learn(blind(STEPS), data=data)
+        assert_exact(STEPS, run)
+        assert (run.data.rows, run.data.episodes) == (90, 3)
+
+
+def as_columns(data, names, units):
+    """Return the columns of data by name, with units."""
+    heads = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+    ends = [f"{name}_next [{unit}]" for name, unit in zip(names[:3], units[:3], strict=True)]
+    of_inputs = [f"{name} [N]" for name in ("left", "right")]
+    blocks = np.hstack([data["x"], data["u"], data["x_next"]])
+    return dict(zip([*heads[:3], *of_inputs, *ends], blocks.T, strict=True))
+
+
+NAMED = replace(
+    STEPS,
+    names=PlantNames(("alpha", "q", "h"), ("left", "right"), ("rad", "rad/s", "m"), ("N", "N")),
+)
+#: Factors from the units of NAMED to those of the columns.
+FACTORS = np.array([180.0 / np.pi, 180.0 / np.pi, 1.0])
+
+
+def in_columns():
+    """Return data of NAMED in columns, the ends first, with degrees."""
+    data = recorded(STEPS)
+    data |= {key: data[key] * FACTORS for key in ("x", "x_next")}
+    columns = as_columns(data, ("alpha", "q", "h"), ("deg", "deg/s", "m"))
+    return dict([*columns.items()][3:] + [*columns.items()][:3])
+
+
+def csv_file(columns):
+    rows = zip(*columns.values(), strict=True)
+    lines = [",".join(columns), *(",".join(map(repr, map(float, row))) for row in rows)]
+    Path("data.csv").write_text("\n".join(lines))
+    return "data.csv"
+
+
+def test_columns_are_told_by_name_and_unit():
+    """A file, a mapping and a table of pandas; degrees are those of the first row."""
+    columns = in_columns()
+    pandas = pytest.importorskip("pandas")
+    for data in (columns, csv_file(columns), pandas.DataFrame(columns)):
+        assert_exact(NAMED, learn(blind(NAMED), data=data))
+
+
+def test_a_mat_file_states_names_in_its_own_order():
+    data = recorded(STEPS)
+    stored = {"u": data["u"], "states": np.array(["h", "alpha", "q"], dtype=object)}
+    stored |= {key: data[key][:, [2, 0, 1]] for key in ("x", "x_next")}
+    scipy.io.savemat("data.mat", stored)
+    assert_exact(NAMED, learn(blind(NAMED), data="data.mat"))
+
+
+def test_the_command_learns_from_data_with_and_without_a_plant():
+    """With a plant, the verdict is printed; without, `verify` accepts the file with its units."""
+    path = csv_file(in_columns())
+    plant = {"A": STEPS.A, "B": STEPS.B, "Q": STEPS.Q, "R": STEPS.R, "dt": 0.1}
+    names = NAMED.names
+    plant |= {"states": names.states, "inputs": names.inputs}
+    plant |= {"state_units": names.state_units, "input_units": names.input_units}
+    np.savez("plant.npz", **plant)
+    told = answer("learn", "--model", "plant.npz", "--data", path)
+    assert told["converged"] is True
+    assert (told["data"]["rows"], told["data"]["excitation"]["rank"]) == (80, 5)
+    scaled = ",".join(map(repr, (1.0 / FACTORS**2).tolist()))
+    words = ("learn", "--data", path, "--Q", scaled, "--R", "1,1", "-o", "own.json")
+    assert "not compared" in hfa_command(*words).out
+    assert hfa_command("verify", "--model", "plant.npz", "--weights", "own.json").code == DONE
+    assert "give R" in hfa_command("learn", "--data", path, "--Q", scaled).err
+
+
+@pytest.mark.parametrize("game", [STEPS, RATES.with_delta(9.0)])
+@pytest.mark.parametrize("hold", [None, 0.1])
+def test_bands_hold_the_exact_entries_in_95_percent(game, hold):
+    """Of 40 noisy records, within the bounds of a binomial law of 600 correlated entries."""
+    if hold and game.is_discrete:
+        pytest.skip("has its own sample time")
+    exact, inside = solve(game), []
+    for seed in range(40):
+        noise = 0.02 * (hold or 1.0)
+        data = recorded(game.sampled(hold) if hold else game, 60, noise, seed)
+        run = learn(blind(game), data=data | ({"dt": hold} if hold else {}))
+        for found, right, band in (
+            (run.P, exact.P, run.P_band),
+            (run.K, exact.K, run.K_band),
+        ):
+            inside.append(np.abs(found - right) <= band)
+    assert 0.90 < np.concatenate([each.ravel() for each in inside]).mean() < 0.99
+    assert 0.3 * noise < run.data.noise.mean() < 2.0 * noise
+
+
+def test_what_contradicts_a_linear_plant_is_said():
+    """A constant part, noise of sensors, and units that are not stated."""
+    data = recorded(STEPS, noise=1e-3)
+    assert learn(STEPS, data=data).data.notes == ()
+    shifted = data | {"x": data["x"] + 1.0, "x_next": data["x_next"] + 1.0}
+    assert "constant part" in " ".join(learn(STEPS, data=shifted).data.notes)
+    x, u = trajectory(STEPS, 400)
+    measured = {"x": x + 0.05 * RNG.normal(size=x.shape), "u": u}
+    assert "noise of sensors" in " ".join(learn(STEPS, data=measured).data.notes)
+    assert "without units" in " ".join(learn(NAMED, data=data).data.notes)
+
+
+def spoiled(key, value, row=16):
+    data = recorded(STEPS)
+    data[key][row] = value
+    return data
+
+
+X, U = trajectory(STEPS, 60, probing=0.0)
+TIMES = {"x": X, "u": U, "time": 0.1 * np.arange(61)}
+PROBED = trajectory(STEPS, 60)
+#: Data -> words of the refusal; a pair has another game.
+REFUSED = {
+    "x has 2 columns; the game has 3": recorded(STEPS) | {"x": np.ones((80, 2))},
+    "a row for each sample": recorded(STEPS) | {"x": np.ones((3, 80))},
+    "row 17 of u has nan": spoiled("u", np.nan),
+    "have 1 transitions; record at least 6": recorded(STEPS, 1),
+    "have 0 transitions": {"x": np.ones((1, 3)), "u": np.ones((1, 2))},
+    "time goes back at row 4": TIMES | {"time": 0.1 * np.r_[:3, 2:60]},
+    "not equally spaced": TIMES | {"time": 0.1 * np.r_[:30, 31:62]},
+    "data is 0.2 s, but that of the game is 0.1": recorded(STEPS) | {"dt": 0.2},
+    "data is 0.05 s, but": {"x": PROBED[0], "u": PROBED[1], "time": 0.05 * np.arange(61)},
+    "sample time of the data is not known": (RATES, recorded(STEPS)),
+    "x_rate is of continuous time": recorded(RATES),
+    "u1, u2 is a policy u = -K x": TIMES,
+    "u2 is 0 in every row": spoiled("u", [[1.0, 0.0]] * 80, slice(None)),
+    "rank of the states is 1 of 3": recorded(STEPS) | {"x": RNG.normal(size=(80, 1)) * [1.0, 2, 3]},
+    "there is no u": {"x": X, "x_next": X},
+    "is in furlong, which is not converted to rad": (
+        NAMED,
+        recorded(STEPS) | {"state_units": ["furlong", "rad/s", "m"]},
+    ),
+    "the data have alpha, beta, h": (NAMED, recorded(STEPS) | {"states": ["alpha", "beta", "h"]}),
+    "q_next is in deg, q in deg/s": (
+        NAMED,
+        {
+            name.replace("q_next [deg/s]", "q_next [deg]"): each
+            for name, each in in_columns().items()
+        },
+    ),
+    "its 95 % band is wider than the gain": recorded(STEPS, noise=30.0),
+    "changes its sign every 0.1 s": (
+        replace(RATES, dt=None),
+        recorded(replace(STEPS, A=-STEPS.A)) | {"dt": 0.1},
+    ),
+}
+
+
+@pytest.mark.parametrize("said", REFUSED)
+def test_data_that_cannot_tell_are_refused_by_cause(said):
+    data = REFUSED[said]
+    game, data = data if isinstance(data, tuple) else (STEPS, data)
+    with pytest.raises(BadInputError) as refused:
+        learn(game, data=data)
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
