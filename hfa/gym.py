@@ -6,15 +6,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import gymnasium
 
 import hfa
-
-#: Dihedral angle of the trim at which episodes of `hfa/Flexible-v0` begin, rad.
-DIHEDRAL = math.radians(10.0)
 
 
 def flexible(**arguments: Any) -> gymnasium.Env:
@@ -25,4 +21,4 @@ def flexible(**arguments: Any) -> gymnasium.Env:
     return hfa.environment(hfa.aircraft(), **arguments)
 
 
-gymnasium.register("hfa/Flexible-v0", flexible, kwargs={"points": [DIHEDRAL]})
+gymnasium.register("hfa/Flexible-v0", flexible)

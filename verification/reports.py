@@ -195,7 +195,7 @@ def _cost_text(verdict: Verdict) -> str:
         return "cost without bound"
     if math.isnan(verdict.cost_lost):
         return next(check.reason for check in verdict.checks if math.isnan(check.value))
-    text = f"{percent(verdict.cost_lost)} above the optimum"
+    text = f"at least {percent(verdict.cost_lost)} above the optimum"
     if verdict.cost_lost <= OPTIMAL:
         text = "optimal cost"
     is_at_trim = all(check.ok for check in verdict.checks if check.kind == "rest")

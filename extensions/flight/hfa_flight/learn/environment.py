@@ -57,7 +57,8 @@ def environment(
     so that flights without action stay within the limits for a second (`start_box`).
 
     The reward is the negative cost of the states and of the inputs commanded at the sample, also if
-    these act later because of a delay.
+    these act later because of a delay. An episode that leaves the limits is charged, for each
+    remaining sample, this cost and that of all states at their farther limits.
 
     Several episodes at once are `DummyVecEnv` of Stable-Baselines3 or `SyncVectorEnv` of Gymnasium.
 

@@ -43,7 +43,8 @@ class Episode:
     The reward of a sample is -dt (x'Q x + u'R u). x are the deviations of states and outputs from
     the trim at the sample, and u the inputs commanded at the sample minus the trim, also if they
     act later because of a delay. Q and R are those of `cost_weights`. If an episode leaves the
-    limits, the cost of that sample is also counted for each remaining sample.
+    limits, the cost of that sample, with all states at their farther limits, is also counted for
+    each remaining sample, so that no flight inside the limits costs more.
 
     owner: index of the trim.
 
@@ -105,6 +106,7 @@ class Episode:
         self._boxes = surviving_boxes(self._flight, self.points, boxes, no_action)
         self._envelopes = [flight_envelope(deployed.model, point) for point in points]
         self._trims = np.array([deployed.trim_vector(point) for point in points])
+        self._prices = [self._price_of(*at) for at in zip(points, self._envelopes, strict=True)]
         self._linear = deployed.model.state_places(deployed.model.linear)
         self.owner = 0
         self._winds_of_samples = np.zeros((self.samples, 0))
@@ -112,18 +114,27 @@ class Episode:
         self._code = row_code(self._sample(), one_row=True)
         self._allocate()
 
+    def _price_of(self, point: OperatingPoint, envelope: Limits) -> float:
+        """Return the cost of a sample at the farther limit of each state, with the trim's inputs."""
+        ends = np.array([envelope.lowest, envelope.highest]) - point.x
+        below, above = np.where(np.isfinite(ends), ends, 0.0)
+        X = point.x + np.where(-below > above, below, above)
+        trim = self.deployed.trim_vector(point)
+        rate = float(cost_rate(self.deployed)(X, point.u, trim))
+        return self._flight.dt * rate if math.isfinite(rate) else _DEAREST
+
     def _allocate(self) -> None:
         """Allocate the rows of an episode, name their parts, and bind the compiled code to them.
 
         The code advances the episode by one sample in place.
         """
         # The row of the states contains state, memory, extremes, and the number of remaining
-        # samples. The row of the held values contains actions, trim, push, and the limits of the
-        # state.
+        # samples. The row of the held values contains actions, trim, push, the limits of the state,
+        # and the price of leaving them.
         flight = self._flight
         n = len(self.deployed.model.states)
         self._state = np.zeros((1, sum(flight.sizes) + 1))
-        self._held = np.zeros((1, sum(flight.held_sizes) + 2 * n))
+        self._held = np.zeros((1, sum(flight.held_sizes) + 2 * n + 1))
         self._observed = np.zeros((1, self.deployed.observe.numel_out(0)))
         self._outcome = np.zeros((1, 3))  # reward, lost, over
         self._name_parts()
@@ -245,7 +256,7 @@ class Episode:
         state = self._flight.start(start[None], trim[None])
         self._state[:] = np.append(state, self.samples)
         actions, _, push = self._flight.held_sizes
-        limits = (self.envelope.least, self.envelope.most)
+        limits = (self.envelope.least, self.envelope.most, [self._prices[owner]])
         self._held[:] = np.concatenate([np.zeros(actions), trim, np.zeros(push), *limits])
         self._observed[:] = np.asarray(self._observe(state, trim[None])[0])
 
@@ -305,9 +316,10 @@ class Episode:
         flown, of_flight = sum(flight.sizes), sum(flight.held_sizes)
         n, m = len(flight.deployed.model.states), len(flight.deployed.model.inputs)
         state = ca.MX.sym("state", flown + 1)
-        held = ca.MX.sym("held", of_flight + 2 * n)
+        held = ca.MX.sym("held", of_flight + 2 * n + 1)
         now, remaining = ca.vertsplit(state, [0, flown, flown + 1])
-        flying, limits = ca.vertsplit(held, [0, of_flight, of_flight + 2 * n])
+        ends = np.cumsum([0, of_flight, 2 * n, 1]).tolist()
+        flying, limits, price = ca.vertsplit(held, ends)
         actions, trim, _ = (flying[part] for part in flight.held_slices)
         memory = flight.slices.memory
         inputs = slice(memory.stop - m, memory.stop)
@@ -316,7 +328,7 @@ class Episode:
         U = flight.commands_of(actions, X, before, trim)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
         after = flight.tick()(now, flying)
-        kept, later, outcome = _outcome(flown, n)(now, after, cost, remaining, limits)
+        kept, later, outcome = _outcome(flown, n)(now, after, cost, remaining, limits, price)
         o = self.deployed.observe(kept[:n], kept[inputs], trim)
         return ca.Function("episode", [state, held], [ca.vertcat(kept, later), outcome, o])
 
@@ -358,20 +370,21 @@ def _departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
 
 
 def _outcome(size: int, n: int) -> ca.Function:
-    """Return (before, after, cost, remaining, limits) -> (kept state, later, outcome).
+    """Return (before, after, cost, remaining, limits, price) -> (kept state, later, outcome).
 
     before, after: state before and after the sample, (size,), with the lowest and the highest X of
         the sample at its end; kept is `after` if all its entries are finite, else `before`
     cost: cost of the sample, replaced by `_DEAREST` if it is not finite
     remaining, later: number of remaining samples with and without this one
     limits: lowest X and highest X, (2 n,); an entry of `after` that is not finite is outside
+    price: what a sample at the limits costs
     outcome: reward, whether the aircraft left the limits, whether no samples remain
 
-    The reward is -cost. If the aircraft leaves the limits, the cost of the sample is also counted
-    for each later sample.
+    The reward is -cost. If the aircraft leaves the limits, cost and price are also counted for each
+    later sample.
     """
     before, after = ca.SX.sym("before", size), ca.SX.sym("after", size)
-    cost, remaining = ca.SX.sym("cost"), ca.SX.sym("remaining")
+    cost, remaining, price = map(ca.SX.sym, ("cost", "remaining", "price"))
     limits = ca.SX.sym("limits", 2 * n)
     is_number = all_finite(after)
     kept = ca.if_else(is_number, after, before)
@@ -380,9 +393,9 @@ def _outcome(size: int, n: int) -> ca.Function:
     lost = ca.logic_not(ca.logic_and(is_number, ca.logic_and(*inside)))
     later = ca.fmax(remaining - 1.0, 0.0)
     paid = ca.if_else(all_finite(cost), cost, _DEAREST)
-    reward = -paid * ca.if_else(lost, 1.0 + later, 1.0)
+    reward = -paid - ca.if_else(lost, later * (paid + price), 0.0)
     outcome = ca.vertcat(reward, lost, later <= 0.0)
-    arguments = [before, after, cost, remaining, limits]
+    arguments = [before, after, cost, remaining, limits, price]
     return ca.Function("outcome", arguments, [kept, later, outcome])
 
 

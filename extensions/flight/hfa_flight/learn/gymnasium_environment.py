@@ -152,6 +152,13 @@ class AircraftEnvironment(gymnasium.Env):
             info["left"] = self.episode.left()
         return self._observation(), reward, lost, over, info
 
+    def render(self) -> None:
+        """Raise BadInputError, which states how to draw a flight."""
+        raise BadInputError(
+            "render: the environment draws nothing; hfa.fly(model, point, policy).figure() draws a "
+            "flight, and info has X and U of each sample"
+        )
+
     def _observation(self) -> np.ndarray:
         """Return the observations of the sample in single precision, (k,)."""
         return self.episode.observation.astype(np.float32)

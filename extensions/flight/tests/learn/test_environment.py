@@ -82,12 +82,13 @@ def test_an_environment_needs_no_deployment():
 
 
 def test_episodes_of_the_flexible_aircraft_survive_a_second_without_action():
-    """In 5 of 5 episodes at 15 deg, the default of the aircraft, which begin in the box. The
-    registered environment is at 10 deg, and has the cost of the paper's game.
+    """In 5 of 5 episodes at 15 deg, the default of the aircraft, which begin in the box, with the
+    cost of the paper's game.
     """
-    flights = gymnasium.make("hfa.gym:hfa/Flexible-v0", points=None).unwrapped
+    flights = gymnasium.make("hfa.gym:hfa/Flexible-v0").unwrapped
     assert np.degrees(flights.point.states.dihedral) == pytest.approx(15.0)
-    assert gymnasium.spec("hfa/Flexible-v0").kwargs["points"] == pytest.approx([np.radians(10.0)])
+    with pytest.raises(BadInputError, match=r"hfa\.fly\(model, point, policy\)\.figure"):
+        flights.render()
     nothing = np.zeros(flights.action_space.shape)
     box = np.array([*flights.start_box.values()])
     rows = flights.model.state_places(flights.model.linear)
@@ -104,8 +105,8 @@ def test_episodes_of_the_flexible_aircraft_survive_a_second_without_action():
 def test_the_reward_is_the_negative_cost():
     """The reward of a sample is the negative cost of the sample.
 
-    If a state leaves the limits, the cost is charged for this sample and for every remaining
-    sample.
+    If a state leaves the limits, the cost is charged for this sample, and for every remaining
+    sample with that of all states at their farther limits.
     """
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]
@@ -120,8 +121,15 @@ def test_the_reward_is_the_negative_cost():
     env.reset(options={"state": {"alpha": edge, "pitch_rate": 3.0}})
     _, reward, terminated, _, _ = env.step(np.array([0.0]))
     assert terminated
+    farthest = {}
+    for name in ("speed", "alpha"):
+        signal = model.states[name]
+        farthest[name] = max(point[name] - signal.min, signal.max - point[name])
+    assert np.isfinite([*farthest.values()]).all()
     # An episode of 1 s has 50 samples of 0.02 s.
-    assert reward == pytest.approx(-50 * 0.02 * 8.0 * (edge - point["alpha"]) ** 2, rel=1e-9)
+    paid = 50 * 8.0 * (edge - point["alpha"]) ** 2
+    paid += 49 * (0.5 * farthest["speed"] ** 2 + 8.0 * farthest["alpha"] ** 2)
+    assert reward == pytest.approx(-0.02 * paid, rel=1e-9)
 
 
 def test_an_episode_ends_if_the_action_is_nan():
