@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_support.errors import imported, printable, shortened
+from hfa_support.errors import BadInputError, imported, printable, shortened
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.parts import Contents, Part, Picture
 from hfa_support.reporting.results import Entries, Result
@@ -168,9 +168,14 @@ class Reported:
         self.report().save(path)
 
     def to_pandas(self) -> Any:
-        """Return the records of the report as a `pandas.DataFrame`. Requires pandas."""
+        """Return the records of the report as a `pandas.DataFrame`. Requires pandas.
+
+        Raises BadInputError for a result whose report has no records.
+        """
         pandas = imported("pandas", "data frames require")
         records = self.report().records
+        if not records.header:
+            raise BadInputError(f"{type(self).__name__} has no table of records; read its fields")
         return pandas.DataFrame(list(records.rows), columns=records.header)
 
     def __repr__(self) -> str:

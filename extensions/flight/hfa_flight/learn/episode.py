@@ -115,7 +115,7 @@ class Episode:
         self._allocate()
 
     def _price_of(self, point: OperatingPoint, envelope: Limits) -> float:
-        """Return the cost of a sample at the farther limit of each state, with the trim's inputs."""
+        """Return the cost of a sample with each state at its farther limit, and no action."""
         ends = np.array([envelope.lowest, envelope.highest]) - point.x
         below, above = np.where(np.isfinite(ends), ends, 0.0)
         X = point.x + np.where(-below > above, below, above)

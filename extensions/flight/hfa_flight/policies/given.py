@@ -84,7 +84,7 @@ def policy_and_scenario(
         given = given.policy
     if isinstance(given, ca.Function) and given.n_in() == 1:
         return function_policy(given.name(), given, point), scenario
-    if callable(given):
+    if callable(given) and not hasattr(given, "ninputs"):  # a system of python-control
         return _python_policy(given, point, scenario.interval).in_scenario(scenario)
     if isinstance(given, Deployment):
         return behind_own_filter(given, point).in_scenario(scenario)
