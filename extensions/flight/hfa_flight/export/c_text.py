@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.files import write_text
+from hfa_support.files import written_whole
 
 
 def filled(file: str, **values: object) -> str:
@@ -95,13 +96,16 @@ def displaced_state(model: Model) -> tuple[str, float]:
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
-    """Write text files in UTF-8 to a folder, and return their paths.
+    """Write text files in UTF-8 to a folder, all or none, and return their paths.
 
     The folder is created if necessary.
 
     texts: file name -> text
     """
     folder.mkdir(exist_ok=True)
-    for name, text in texts.items():
-        write_text(folder / name, text)
+    with ExitStack() as written:  # the files are replaced when all are written
+        for name, text in texts.items():
+            stream = written.enter_context(written_whole(folder / name))
+            stream.write(text.encode("utf-8"))
+            stream.flush()
     return [folder / name for name in texts]
