@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
+from controller.riccati.candidate import value_in_doubles
 from controller.riccati.gare import Solution, solve
-from controller.riccati.proposal import FailedError, value_in_doubles
+from controller.riccati.lyapunov import FailedError
 from hfa_support.errors import BadInputError, NoSolutionError
 
 #: Logarithms of the numbers that are tried first, relative to the one in the middle.

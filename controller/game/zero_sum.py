@@ -29,9 +29,8 @@ from hfa_support.reporting.text import matrix_table, numbered
 
 #: Larger entries of a critic overflow when P S P is squared, and are meaningless.
 LARGEST_CRITIC_ENTRY = 1e50
-#: Magnitude of a negative scaled eigenvalue, or of an asymmetry, that a weight may have by
-#: rounding: some thousand roundings, as of C'C or of a file with 13 digits.
-SEMIDEFINITE = 1e-12
+#: Largest relative asymmetry of weights: some thousand roundings, as of a file with 13 digits.
+SYMMETRIC = 1e-12
 #: Smallest sample time, multiplied by the largest entry of A. The entries of A - I of a step have
 #: then at least ten digits.
 SHORTEST = 1e-6
@@ -51,12 +50,11 @@ class Game(ByValue, Reported):
     A: (n, n)
     B: (n, m)
     E: (n, k), disturbance matrix; by default the identity, as in the paper
-    Q: (n, n), symmetric positive semidefinite; or its diagonal, (n,), or state -> weight, with 0
-        for all other states
-    R: (m, m), symmetric positive definite, in discrete time semidefinite; or its diagonal, (m,), or
+    Q: (n, n), symmetric; or its diagonal, (n,), or state -> weight, with 0 for all other states
+    R: (m, m), symmetric, in continuous time positive definite; or its diagonal, (m,), or
         input -> weight, for every input
     delta: δ > 0; by default inf (LQR without a disturbance)
-    N: (n, m), cross weights; by default 0. [[Q, N], [N', R]] must be positive semidefinite.
+    N: (n, m), cross weights; by default 0
     names: names of the states and inputs in reports; by default x1, x2, ... and u1, u2, ...
     half_widths: (n,), largest box of states about the trim within the limits of the model, in which
         critics are compared; None if unknown
@@ -131,10 +129,13 @@ class Game(ByValue, Reported):
         vars(self)["N"] = checked_matrix("N", N, LARGEST)
         _refuse_other_shapes(self)
         vars(self)["dt"] = _checked_dt(self.dt)
-        check_definite("Q", self.Q, strictly=False)
-        check_definite("R", self.R, strictly=self.dt is None)
-        if self.N.any() and not is_semidefinite(self.weights):
-            raise BadInputError(_indefinite_weights(self))
+        refuse_asymmetric("Q", self.Q)
+        refuse_asymmetric("R", self.R)
+        if self.dt is None and not is_definite(self.R):
+            raise BadInputError(
+                "R is not positive definite (smallest eigenvalue"
+                f" {np.linalg.eigvalsh(self.R)[0]:.3g}); give a matrix with positive eigenvalues"
+            )
         _check_discount(self.dt, self.discount)
         vars(self)["discount"] = float(self.discount)
         names = self.names.completed(*self.B.shape)
@@ -234,6 +235,9 @@ class Game(ByValue, Reported):
         """
         if not self.N.any():
             return self
+        if least_scaled_eigenvalue(self.weights) < -SYMMETRIC:  # no root
+            Q = self.Q - self.N @ self.F
+            return replace(self, A=self.A - self.B @ self.F, Q=(Q + Q.T) / 2.0, N=0.0 * self.N)
         n = len(self.A)
         weights = self.weights
         sizes = np.sqrt(np.diag(weights))
@@ -242,7 +246,7 @@ class Game(ByValue, Reported):
         root = sizes[:, None] * (vectors * np.sqrt(values.clip(0.0)))
         X, U = root[:n], root[n:]
         _, sizes_of_U, directions = np.linalg.svd(U / divisors[n:, None])
-        rank = len(self.R) if is_definite(self.R) else int(np.sum(sizes_of_U > SEMIDEFINITE**0.5))
+        rank = len(self.R) if is_definite(self.R) else int(np.sum(sizes_of_U > SYMMETRIC**0.5))
         X_beyond_U = X @ directions[rank:].T
         Q = X_beyond_U @ X_beyond_U.T
         return replace(self, A=self.A - self.B @ self.F, Q=(Q + Q.T) / 2.0, N=0.0 * self.N)
@@ -463,15 +467,6 @@ def _refuse_other_shapes(game: Game) -> None:
             raise BadInputError(f"{name} is {shape_text(actual)}; {rule}")
 
 
-def _indefinite_weights(game: Game) -> str:
-    """Return the message that [[Q, N], [N', R]] is not positive semidefinite."""
-    least = np.linalg.eigvalsh(game.Q - game.N @ game.F)[0]
-    return (
-        "[[Q, N], [N', R]] is not positive semidefinite (smallest eigenvalue of Q - N R^-1 N' "
-        f"{least:.3g}); give a smaller N, or larger Q and R"
-    )
-
-
 def _with_diagonal(name: str, weights: Any) -> Any:
     """Return Q or R as a matrix if it is given by its diagonal, (n,), and otherwise unchanged."""
     if isinstance(weights, (int, float, np.number)):
@@ -522,37 +517,11 @@ def _checked_delta(delta: float) -> float:
     return float(delta)
 
 
-def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
-    """Raise BadInputError unless a weight matrix is symmetric and positive semidefinite up to
-    rounding.
-
-    name: name of the matrix in the message
-    matrix: (n, n)
-    strictly: True if the matrix must be positive definite by more than rounding
-    """
+def refuse_asymmetric(name: str, matrix: np.ndarray) -> None:
+    """Raise BadInputError unless a weight matrix is symmetric up to rounding."""
     scale = np.abs(matrix).max(initial=0.0)
-    if np.abs(matrix - matrix.T).max(initial=0.0) > SEMIDEFINITE * scale:
+    if np.abs(matrix - matrix.T).max(initial=0.0) > SYMMETRIC * scale:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
-    if strictly and not is_definite(matrix):
-        kind = "definite"
-        advice = "give a matrix with positive eigenvalues"
-    elif not strictly and not is_semidefinite(matrix):
-        kind = "semidefinite"
-        advice = "give a matrix without negative eigenvalues"
-    else:
-        return
-    smallest = np.linalg.eigvalsh(matrix)[0]
-    raise BadInputError(
-        f"{name} is not positive {kind} (smallest eigenvalue {smallest:.3g}); {advice}"
-    )
-
-
-def is_semidefinite(matrix: np.ndarray) -> bool:
-    """Return whether a symmetric matrix (n, n) is positive semidefinite up to rounding.
-
-    The result does not depend on units.
-    """
-    return least_scaled_eigenvalue(matrix) >= -SEMIDEFINITE
 
 
 def is_definite(matrix: np.ndarray) -> bool:

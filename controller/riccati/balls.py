@@ -4,12 +4,11 @@ A ball is an interval, given by its midpoint and its radius. The sum or product 
 ball that contains the sums or products of all their numbers: its radius also covers the rounding.
 What is true of all matrices in a ball is thereby proved of the exact one.
 
-There are three arithmetics. `Balls` has as many bits as `precision` gives it, in numbers of FLINT
-(`arb`, and `arb_mat` for matrices). `DoubleBalls` is as fast as a few products of doubles, and the
-`Pairs` of `pairs.py` have twice its digits. Residuals, whose digits cancel, are computed in `Balls`
-or `Pairs`, and bounds in `Balls` or `DoubleBalls`. Bounds are numbers of FLINT, which round
-outward: a bound that is compared proves what it says, and a number that is not finite proves
-nothing.
+There are two arithmetics. `Balls` has as many bits as `precision` gives it, in numbers of FLINT
+(`arb`, and `arb_mat` for matrices). `DoubleBalls` is as fast as a few products of doubles.
+Residuals, whose digits cancel, are computed in `Balls`, and bounds in either. Bounds are numbers of
+FLINT, which round outward: a bound that is compared proves what it says, and a number that is not
+finite proves nothing.
 
 Sources: Johansson, IEEE Transactions on Computers 66 (2017), 1281-1292 (Arb); Rump, Acta Numerica
 19 (2010), 287-449.
@@ -30,10 +29,11 @@ import numpy as np
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
-#: What becomes a matrix of balls: exact doubles, balls of FLINT, `Balls` or `Pairs`.
-Exact: TypeAlias = "np.ndarray | arb_mat | ExactMatrix"
-#: Bits of the first attempt of each proof.
+#: What becomes a matrix of balls: exact doubles, balls of FLINT, or `Balls`.
+Exact: TypeAlias = "np.ndarray | arb_mat | Balls"
+#: Bits of the first attempt of each proof, and of all attempts.
 BITS = 128
+ATTEMPTS = (BITS, 2 * BITS, 4 * BITS, 8 * BITS)
 #: Unit roundoff of doubles.
 ROUNDOFF = 2.0**-53
 #: Sums and products of up to a million nonnegative doubles round by less than this factor, since
@@ -127,32 +127,6 @@ class BoundMatrix(BallMatrix, Protocol):
         """Return whether all symmetric matrices in the balls are proved positive definite."""
 
 
-class ExactMatrix(BallMatrix, Protocol):
-    """Matrix of balls of more digits than doubles, in which residuals are computed."""
-
-    @property
-    def matrix(self) -> arb_mat:
-        """The matrix in the arithmetic of FLINT."""
-
-    def mid(self) -> Self:
-        """Return the exact midpoints, with the radius 0."""
-
-    def symmetric(self) -> Self:
-        """Return the exact midpoints of the symmetric part."""
-
-    def solve(self, right: Self) -> Self:
-        """Return M⁻¹ right.
-
-        Raises ZeroDivisionError if a matrix in the balls may be singular.
-        """
-
-    def wider(self, columns: Sequence[arb]) -> Self:
-        """Return the matrix with a larger radius in each column.
-
-        columns: (m,), what is added to the radii of each column
-        """
-
-
 @dataclass(frozen=True, eq=False)
 class Balls:
     """Matrix of balls in the arithmetic of FLINT."""
@@ -162,13 +136,9 @@ class Balls:
     @classmethod
     def of(cls, matrix: Exact) -> Balls:
         """Return a matrix that contains the given one, itself if it is of this kind."""
-        from flint import arb_mat
-
         if isinstance(matrix, Balls):
             return matrix
-        if isinstance(matrix, np.ndarray):
-            return cls(ball_matrix(matrix))
-        return cls(matrix if isinstance(matrix, arb_mat) else matrix.matrix)
+        return cls(ball_matrix(matrix) if isinstance(matrix, np.ndarray) else matrix)
 
     @classmethod
     def around(cls, middle: Exact, spread: Sequence[arb]) -> Balls:
@@ -253,7 +223,7 @@ class Balls:
 
     def is_positive_definite(self) -> bool:
         """Return whether all symmetric matrices in the balls are proved positive definite."""
-        return is_positive_definite(self.matrix)
+        return is_positive_definite(self.matrix) is True
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,11 +240,11 @@ class DoubleBalls:
     @classmethod
     def of(cls, matrix: Exact) -> DoubleBalls:
         """Return a matrix that contains the given one; an array is exact."""
-        from flint import arb_mat
-
         if isinstance(matrix, np.ndarray):
             return cls(matrix, np.zeros_like(matrix))
-        exact = Balls(matrix) if isinstance(matrix, arb_mat) else matrix
+        if isinstance(matrix, DoubleBalls):
+            return matrix
+        exact = Balls.of(matrix)
         middle = exact.midpoint
         rounding = 2.0 * ROUNDOFF * np.abs(middle)  # of the midpoints
         return cls(middle, UP * (exact.radius + rounding) + UNDERFLOW)
@@ -409,6 +379,20 @@ def ball_matrix(matrix: np.ndarray | list[list[arb]]) -> arb_mat:
     return arb_mat(matrix)
 
 
+def scaled_balls(matrix: arb_mat, rows: np.ndarray, columns: np.ndarray) -> arb_mat:
+    """Return 2^rows_i M_ij 2^columns_j in balls, exactly if their bits suffice for the entries.
+
+    rows, columns: (n,) and (m,) integers
+    """
+    from flint import arb
+
+    if not rows.any() and not columns.any():
+        return matrix
+    of_rows, of_columns = ([arb(2) ** int(power) for power in powers] for powers in (rows, columns))
+    entries = iter(matrix.entries())
+    return ball_matrix([[next(entries) * i * j for j in of_columns] for i in of_rows])
+
+
 def identity(n: int) -> arb_mat:
     """Return the identity, (n, n)."""
     return ball_matrix(np.eye(n))
@@ -500,16 +484,18 @@ def _largest(sums: arb_mat) -> arb:
     return most.upper()
 
 
-def is_positive_definite(matrix: arb_mat) -> bool:
-    """Return whether all symmetric matrices in the balls are proved positive definite.
+def is_positive_definite(matrix: arb_mat) -> bool | None:
+    """Return whether all symmetric matrices in the balls are proved positive definite; False if all
+    are proved not to be, None if neither is proved.
 
-    All pivots of Gaussian elimination, D of their decomposition L D L', are positive.
+    The pivots of Gaussian elimination, D of their decomposition L D L', are positive, or the first
+    one that is not is negative: it is v'M v for a vector v.
     """
     n = matrix.nrows()
     rows = matrix.tolist()
     for pivot in range(n):
         if not rows[pivot][pivot] > 0:
-            return False
+            return False if rows[pivot][pivot] < 0 else None
         for i in range(pivot + 1, n):
             factor = rows[i][pivot] / rows[pivot][pivot]
             for j in range(pivot + 1, i + 1):

@@ -3,63 +3,53 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.zero_sum import SEMIDEFINITE, Game
+from controller.game.zero_sum import Game
 from controller.riccati.balls import (
+    ATTEMPTS,
     BITS,
     UP,
     Balls,
     DoubleBalls,
     ball_matrix,
     bits,
-    midpoints,
+    identity,
     precision,
+    scaled_balls,
 )
-from controller.riccati.equation import Bound, Equation, equation_of, scaled_balls
-from controller.riccati.lyapunov import Lyapunov
-from controller.riccati.pickled_balls import make_balls_picklable
-from controller.riccati.proof import (
-    NotProvedError,
-    Stabilizing,
-    lyapunov_ball,
-    prove_value,
-    stabilizing,
-)
-from controller.riccati.proposal import (
-    MANY_STATES,
-    FailedError,
-    Proposal,
+from controller.riccati.candidate import (
+    MOST_STATES_IN_BITS,
+    Candidate,
+    candidate_in_bits,
+    candidate_in_doubles,
     corrected_in_bits,
-    corrected_in_doubles,
+    failures,
     first_units,
-    loop_units,
-    lyapunov_in_bits,
-    lyapunov_of_control_loop,
-    proposal_in_bits,
-    proposal_in_doubles,
-    proposal_of,
+    sizes_of,
 )
-from controller.riccati.rationals import is_semidefinite
+from controller.riccati.equation import Equation, Units, equation_of
+from controller.riccati.free_states import states_without_cost
+from controller.riccati.lyapunov import (
+    Bound,
+    FailedError,
+    NotProvedError,
+    lyapunov_in_bits,
+    lyapunov_of,
+)
+from controller.riccati.pickled_balls import make_balls_picklable
+from controller.riccati.proof import Stabilizing, prove_control_loop, prove_prices, stabilizing
 from controller.riccati.refusal import too_large_at, why_never, why_never_at, why_no_value
 from hfa_support.errors import NoSolutionError
 
 if TYPE_CHECKING:
     from flint import arb_mat
 
-#: Bits of the attempts of a proof.
-ATTEMPTS = (BITS, 2 * BITS, 4 * BITS, 8 * BITS)
-#: Relative raise of the diagonals of weights that are semidefinite only up to rounding, twice the
-#: rounding that `Game` accepts: they are then semidefinite.
-RAISED = 2.0 * SEMIDEFINITE
-#: Largest relative change of a gain B K that its data determine: two digits are known.
-GAIN_CHANGE = 0.01
 #: Largest number of states for which an eigenvalue on the boundary of stability is decided in
 #: rationals, which takes a second.
 MOST_STATES = 16
@@ -74,15 +64,10 @@ class Enclosure:
 
     proved: ball of the stabilizing solution
     bits: of the proof
-    is_raised: whether the weights are semidefinite only up to rounding, so that raised weights
-        prove that there is a value
-    lyapunov: solver of the Lyapunov equation of the loop of both players in doubles, if known
     """
 
     proved: Stabilizing[Any]
     bits: int
-    is_raised: bool = False
-    lyapunov: Lyapunov | None = None
 
     def __post_init__(self) -> None:
         """Let results that hold an enclosure be pickled."""
@@ -93,19 +78,35 @@ class Enclosure:
         """The game, with its exact entries."""
         return self.proved.bounds.game
 
+    @property
+    def units(self) -> Units:
+        """Units and states of the proof."""
+        return self.proved.bounds.units
+
+    @cached_property
+    def value_in_units(self) -> Balls:
+        """P, (n, n), in the units of the proof."""
+        with precision(self.bits):
+            return Balls(self.units.value(self.proved.P_in_balls.matrix))
+
+    @cached_property
+    def gain_in_units(self) -> Balls:
+        """K, (m, n), in the units of the proof."""
+        with precision(self.bits):
+            return Balls(self.units.gain(self.proved.K.matrix))
+
     @cached_property
     def P(self) -> arb_mat:
         """P of the value z'P z, (n, n)."""
-        states = self.proved.bounds.units.states
+        states = self.units.states
         with precision(self.bits):
-            return scaled_balls(self.proved.P_in_balls.matrix, -states, -states)
+            return scaled_balls(self.value_in_units.matrix, -states, -states)
 
     @cached_property
     def K(self) -> arb_mat:
         """K of the policy u = -K z, (m, n)."""
-        units = self.proved.bounds.units
         with precision(self.bits):
-            return scaled_balls(self.proved.K.matrix, units.inputs, -units.states)
+            return scaled_balls(self.gain_in_units.matrix, self.units.inputs, -self.units.states)
 
     @cached_property
     def L(self) -> arb_mat:
@@ -123,7 +124,33 @@ class Enclosure:
             assert price is not None
             ahead = P @ equation.control_loop(P, Balls.of(self.proved.gains))
             L = price.matrix.solve((equation.E.T @ ahead).matrix)
-            return scaled_balls(L, units.disturbances, -units.states)
+            return scaled_balls(units.gain(L), units.disturbances, -units.states)
+
+    def relative_radius(self, *, with_zeros: bool) -> float:
+        """Return the largest relative radius of P and K, rounded up; inf if a number is not known.
+
+        The radius of P_ij is relative to √(P_ii P_jj), and that of K_ij to √P_jj times the largest
+        K_ik / √P_kk of its row, with |P| in place of an indefinite P.
+
+        with_zeros: whether states and inputs whose numbers may all be 0 count, as not known
+        """
+        P, K = self.value_in_units, np.abs(self.gain_in_units.midpoint)
+        P_radius, K_radius = P.radius, self.gain_in_units.radius
+        with np.errstate(all="ignore"):
+            sizes = sizes_of(P.midpoint)
+            has_value = sizes > UP * np.diag(P_radius)
+            if with_zeros and not (has_value | states_without_cost(self.game)).all():
+                return math.inf
+            roots = np.sqrt(sizes[has_value])
+            of_P = P_radius[np.ix_(has_value, has_value)] / np.outer(roots, roots)
+            K, K_radius = K[:, has_value], K_radius[:, has_value]
+            if not with_zeros:
+                is_moved = (UP * K_radius < K).any(1)
+                K, K_radius = K[is_moved], K_radius[is_moved]
+            largest = (K / roots).max(1, keepdims=True, initial=0.0)
+            of_K = np.where(K_radius > 0.0, K_radius / roots / largest, 0.0)
+        worst = UP * float(max(of_P.max(initial=0.0), of_K.max(initial=0.0)))
+        return worst if math.isfinite(worst) else math.inf
 
 
 class UndecidedError(NoSolutionError):
@@ -133,271 +160,156 @@ class UndecidedError(NoSolutionError):
 def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str:
     """Return the enclosure of the solution of a game, or the reason, proved, why it has no value.
 
-    Weights that are positive semidefinite only up to rounding have a value if P > 0, or else if
-    the weights raised by `RAISED` have one.
+    What makes the stabilizing solution the value is said in `controller.riccati.proof`.
 
     delta: in place of that of the game
     digits: whether P and K must be right to the last digit of doubles
 
     Raises UndecidedError.
     """
-    if has_exact_weights(game):
-        return _decided(game, delta, digits=digits)
-    return _with_positive_P(game, delta, digits=digits) or _raised_decided(
-        game, delta, digits=digits
-    )
+    outcome = decided_at(game, delta, digits=digits)
+    is_disturbed = math.isfinite(delta) and game.E.any()
+    if isinstance(outcome, str) or not is_disturbed or has_semidefinite_weights(game):
+        return outcome
+    undisturbed = decided_at(game, math.inf)
+    return undisturbed if isinstance(undisturbed, str) else outcome
 
 
-def _with_positive_P(game: Game, delta: float, *, digits: bool) -> Enclosure | None:
-    """Return the enclosure of a game by doubles alone if P > 0 is proved, whatever the weights."""
-    with suppress(FailedError, NotProvedError), precision(BITS), np.errstate(all="ignore"):
-        proposal = proposal_in_doubles(game, delta)
-        ball = stabilizing(proposal.equation, proposal.X, proposal.Y, DoubleBalls)
-        prove_value(ball)
-        has_digits = not digits or relative_radius(ball, with_zeros=True) < DIGITS
-        if ball.P.is_positive_definite() and has_digits:
-            return Enclosure(ball, BITS, lyapunov=proposal.lyapunov)
-    return None
+def decided_at(
+    game: Game,
+    delta: float,
+    *,
+    digits: bool = False,
+    near: Units | None = None,
+    frequency: float | None = None,
+) -> Enclosure | str:
+    """Return the enclosure of a game that has a value without disturbance, or why it has none.
 
-
-def _raised_decided(game: Game, delta: float, *, digits: bool) -> Enclosure | str:
-    """Return the enclosure of a game with raised weights, or the reason why it has no value.
-
-    It is that of the weights as they are if it is proved, too. K must not depend on how much they
-    are raised.
-    """
-    outcome = _decided(raised(game), delta, digits=digits)
-    if isinstance(outcome, str):
-        if outcome == why_never(game):
-            return outcome
-        return f"{outcome}, with weights raised by {RAISED:g}, since they are not semidefinite"
-    with suppress(UndecidedError):
-        unraised = _decided(game, delta, digits=digits)
-        if isinstance(unraised, Enclosure):
-            return replace(unraised, is_raised=True)
-    raised_twice = _decided(raised(game, 2.0 * RAISED), delta, digits=digits)
-    if isinstance(raised_twice, str) or not _have_same_gains(outcome, raised_twice):
-        return (
-            "[[Q, N], [N', R]] is positive semidefinite only up to rounding, and its rounding"
-            " decides on K: an undamped mode has no cost; give each undamped mode weight in Q"
-        )
-    return replace(outcome, is_raised=True)
-
-
-def decided_in_doubles(equation: Equation[DoubleBalls], frequency: float | None) -> Enclosure | str:
-    """Return the enclosure, or why there is no value, that a proposal of LAPACK proves, or "".
-
-    equation: of a game with semidefinite weights
+    near: units and states in which P is nearly 1, if they are known
     frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
+
+    Raises UndecidedError.
     """
-    with np.errstate(all="ignore"):
-        if frequency is not None:
-            reason = too_large_at(equation.with_arithmetic(Balls), frequency)
-            if reason:
+    if frequency is not None:
+        with precision(BITS):
+            units = near or first_units(game, delta)
+            equation = equation_of(game, units, Balls, delta)
+            if reason := too_large_at(equation, frequency):
                 return reason
-        try:
-            proposal = proposal_of(equation)
-            outcome = _outcome(proposal, DoubleBalls, digits=False, in_bits=False)
-            return outcome or _outcome(
-                corrected_in_bits(proposal), Balls, digits=False, in_bits=False
-            )
-        except FailedError:
-            return ""
-
-
-def _have_same_gains(first: Enclosure, second: Enclosure) -> bool:
-    """Return whether B K of two enclosures differ by at most 1 % (`relative_change`).
-
-    B K, not K, is what the loop A - B K sees, and does not depend on the units of the inputs.
-    """
-    A, B = first.game.A, first.game.B
-    exponents = first.proved.bounds.units.states  # of the units in which P is nearly 1
-    units = np.exp2(exponents.astype(float))
-    BK_first, BK_second, A_scaled = (
-        matrix / units[:, None] * units
-        for matrix in (B @ midpoints(first.K), B @ midpoints(second.K), A)
-    )
-    return relative_change(BK_second - BK_first, BK_first, A_scaled) <= GAIN_CHANGE
-
-
-def relative_change(BK_change: np.ndarray, BK: np.ndarray, A: np.ndarray) -> float:
-    """Return |change of B K| / |B K|, inf if it is not known.
-
-    It is at most `GAIN_CHANGE` where the change is smaller than the last digits of A.
-
-    BK_change, BK, A: (n, n), in units in which P is nearly 1
-    """
-    change, size, size_of_A = (float(np.linalg.norm(matrix)) for matrix in (BK_change, BK, A))
-    if change == 0.0:
-        return 0.0
-    size = max(size, np.finfo(float).eps * size_of_A / GAIN_CHANGE)
-    return change / size if math.isfinite(change) and size > 0.0 else math.inf
-
-
-def _decided(game: Game, delta: float, *, digits: bool) -> Enclosure | str:
-    """Return the enclosure of a game with semidefinite weights, or why it has no value."""
-    for outcome in _outcomes(game, delta, digits=digits):
+    for outcome in _outcomes(game, delta, near, digits=digits):
         if outcome:
             return outcome
-    raise UndecidedError(
-        f"neither a value nor that there is none is proved with {ATTEMPTS[-1]} bits: the game is on"
-        " a boundary; change delta or the weights slightly"
-    )
+    why = f"neither a value nor that there is none is proved with {ATTEMPTS[-1]} bits"
+    if len(game.A) > MOST_STATES_IN_BITS:
+        why = (
+            "neither a value nor that there is none is proved in doubles, and more digits take long"
+            f" for more than {MOST_STATES_IN_BITS} states; leave out states that decay fast"
+        )
+    raise UndecidedError(f"not decided: {why}; change delta or the weights slightly")
 
 
-def _outcomes(game: Game, delta: float, *, digits: bool) -> Iterator[Enclosure | str]:
-    """Yield what proposals prove, with more and more bits, and what rationals decide, or ""."""
-    attempt = partial(_attempt, game, delta, digits=digits)
-    yield attempt(BITS, proposal_in_doubles, DoubleBalls)
-    if len(game.A) >= MANY_STATES:  # `Pairs` have too few digits for entries of P near 0
-        yield attempt(BITS, partial(proposal_in_doubles, residuals=Balls), DoubleBalls)
-    yield attempt(BITS, corrected_in_doubles, Balls)
-    yield attempt(2 * BITS, corrected_in_doubles, Balls)
+def _outcomes(
+    game: Game, delta: float, near: Units | None, *, digits: bool
+) -> Iterator[Enclosure | str]:
+    """Yield what candidates prove, with more and more bits, and what rationals decide, or ""."""
+    candidate = None
+    with precision(BITS), np.errstate(all="ignore"):
+        try:
+            candidate = candidate_in_doubles(game, delta, near)
+            yield _outcome(candidate, DoubleBalls, digits=digits, in_bits=False)
+        except FailedError:
+            equation = equation_of(game, first_units(game, delta), Balls, delta)
+            yield why_no_value(equation, None, in_bits=False)
+    for n_bits in ATTEMPTS[:2]:
+        if candidate is not None:
+            yield _corrected_outcome(candidate, n_bits, digits=digits)
     yield why_never(game)
     for n_bits in ATTEMPTS:
-        yield attempt(n_bits, proposal_in_bits, Balls)
+        with precision(n_bits), np.errstate(all="ignore"):
+            try:
+                in_bits = candidate_in_bits(game, delta)
+            except FailedError:
+                if len(game.A) > MOST_STATES_IN_BITS:
+                    return
+                equation = equation_of(game, first_units(game, delta), Balls, delta)
+                yield why_no_value(equation, None, in_bits=True)
+            else:
+                yield _outcome(in_bits, Balls, digits=digits, in_bits=True)
         if n_bits == 2 * BITS and len(game.A) <= MOST_STATES:
             yield why_never_at(game, delta)
 
 
-def _attempt(
-    game: Game,
-    delta: float,
-    n_bits: int,
-    propose: Callable[[Game, float], Proposal],
-    arithmetic: type[Bound],
-    *,
-    digits: bool,
-) -> Enclosure | str:
-    """Return what a proposal proves, or why there is no value if none can be made, or "".
-
-    propose: function (game, delta) -> proposal, which may raise FailedError
-    arithmetic: of the bounds
-    """
-    in_bits = propose is proposal_in_bits
-    with precision(n_bits), np.errstate(all="ignore"):  # what is not finite proves nothing
+def _corrected_outcome(candidate: Candidate, n_bits: int, *, digits: bool) -> Enclosure | str:
+    """Return what a candidate of LAPACK proves if it is corrected in balls, or ""."""
+    with precision(n_bits), np.errstate(all="ignore"):
         try:
-            proposal = propose(game, delta)
+            corrected = corrected_in_bits(candidate)
         except FailedError:
-            equation = equation_of(game, first_units(game, delta), Balls, delta)
-            return why_no_value(equation, None, in_bits=in_bits)
-        return _outcome(proposal, arithmetic, digits=digits, in_bits=in_bits)
+            return ""
+        return _outcome(corrected, Balls, digits=digits, in_bits=False)
 
 
-def enclosed_in_bits(game: Game, n_bits: int) -> Enclosure:
-    """Return the proved enclosure of a game with a number of bits.
+@lru_cache(maxsize=8)
+def enclosed_in_bits(enclosure: Enclosure, n_bits: int) -> Enclosure:
+    """Return an enclosure with at least this number of bits.
 
     Raises NotProvedError.
     """
-    for propose in (corrected_in_doubles, proposal_in_bits):
-        outcome = _attempt(game, game.delta, n_bits, propose, Balls, digits=False)
-        if isinstance(outcome, Enclosure):
-            return outcome
-    raise NotProvedError(f"the value with {n_bits} bits")
+    if n_bits <= enclosure.bits:
+        return enclosure
+    found = enclosure.proved
+    candidate = Candidate(found.equation, found.X, np.eye(found.bounds.n))
+    outcome = _corrected_outcome(candidate, n_bits, digits=False)
+    if isinstance(outcome, str):
+        raise NotProvedError(f"the value with {n_bits} bits")
+    return outcome
 
 
 def _outcome(
-    proposal: Proposal, arithmetic: type[Bound], *, digits: bool, in_bits: bool
+    candidate: Candidate, arithmetic: type[Bound], *, digits: bool, in_bits: bool
 ) -> Enclosure | str:
-    """Return what a proposal proves: an enclosure, a reason why there is no value, or "".
+    """Return what a candidate proves: an enclosure, a reason why there is no value, or "".
 
     digits: whether P and K must be right to the last digit of doubles
     in_bits: as for `why_no_value`
     """
     ball = None
     try:
-        ball = stabilizing(proposal.equation, proposal.X, proposal.Y, arithmetic)
-        try:
-            prove_value(ball)
-        except NotProvedError:
-            if reason := why_no_value(ball.equation, ball, in_bits=in_bits):
-                return reason
-            prove_value(ball, lyapunov_of_control_loop(ball))
+        ball = stabilizing(candidate.equation, candidate.X, candidate.Y, arithmetic)
+        prove_prices(ball)
+        if ball.bounds.is_disturbed:
+            prove_control_loop(ball, _shape_of(ball.control_loop, ball.bounds))
     except (FailedError, NotProvedError):
-        equation = proposal.equation.with_arithmetic(Balls)
-        return why_no_value(equation, ball, in_bits=in_bits)
-    if digits and not relative_radius(ball, with_zeros=bits() == BITS) < DIGITS:
+        if arithmetic is DoubleBalls and not candidate.equation.is_disturbed:
+            return ""  # rarely without a value; a determinant in balls takes longer than more bits
+        return why_no_value(candidate.equation, ball, in_bits=in_bits)
+    enclosure = Enclosure(ball, bits())
+    if digits and not enclosure.relative_radius(with_zeros=bits() == BITS) < DIGITS:
         return ""
-    return Enclosure(ball, bits(), lyapunov=proposal.lyapunov)
+    return enclosure
 
 
-def has_exact_weights(game: Game) -> bool:
-    """Return whether [[Q, N], [N', R]] is positive semidefinite, exactly."""
-    if game.N.any():
-        return is_exactly_semidefinite(game.weights)
-    return is_exactly_semidefinite(game.Q) and (
-        not game.is_discrete or is_exactly_semidefinite(game.R)
-    )
+def _shape_of(loop: Bound, equation: Equation[Bound]) -> Balls | np.ndarray:
+    """Return a candidate Y of F'Y + Y F = -1 of a loop F, in discrete time of F'Y F - Y = -1.
 
-
-def is_exactly_semidefinite(matrix: np.ndarray) -> bool:
-    """Return whether the symmetric part of a matrix of doubles is positive semidefinite.
-
-    Decided by its diagonal, by balls, or in rationals if its least eigenvalue is 0.
+    Raises FailedError.
     """
-    diagonal = np.diag(matrix)
-    if not matrix[~np.eye(len(matrix), dtype=bool)].any():
-        return bool((diagonal >= 0.0).all())
-    has_weight = diagonal != 0.0
-    if (diagonal < 0.0).any() or matrix[~has_weight].any() or matrix[:, ~has_weight].any():
-        return is_semidefinite(matrix)
-    with_weight = matrix[np.ix_(has_weight, has_weight)]
-    is_symmetric = np.array_equal(with_weight, with_weight.T)
-    if is_symmetric and DoubleBalls.of(with_weight).is_positive_definite():
-        return True
-    return is_semidefinite(matrix)
+    if isinstance(loop, Balls):
+        one = identity(equation.n)
+        return Balls(lyapunov_in_bits(loop.matrix.mid(), one, is_discrete=equation.is_discrete))
+    with failures():
+        solver = lyapunov_of(loop.midpoint, is_discrete=equation.is_discrete)
+        return solver.solve(-np.eye(equation.n))
 
 
-def raised(game: Game, share: float = RAISED) -> Game:
-    """Return the game with the diagonals of Q and R raised by a share of them."""
-    Q, R = (
-        (weights + weights.T) / 2.0 + share * np.diag(np.diag(weights))
-        for weights in (game.Q, game.R)
-    )
-    return replace(game, Q=Q, R=R)
+def has_semidefinite_weights(game: Game) -> bool:
+    """Return whether [[Q, N], [N', R]] is proved positive semidefinite by its diagonal or by balls.
 
-
-@lru_cache(maxsize=2)
-def relative_radius(ball: Stabilizing[Bound], *, with_zeros: bool) -> float:
-    """Return the largest relative radius of P and K, rounded up; inf if a number is not known.
-
-    The radius of P_ij is relative to √(P_ii P_jj), and that of K_ij to √P_jj times the largest
-    K_ik / √P_kk of its row.
-
-    with_zeros: whether states and inputs whose numbers may all be 0 count, as not known
+    False proves nothing.
     """
-    K, K_radius = np.abs(ball.K.midpoint), ball.K.radius
-    spread = np.nextafter(np.array([float(radius) for radius in ball.spread]), np.inf)
-    with np.errstate(all="ignore"):
-        roots = np.sqrt(np.diag(ball.X.midpoint))
-        has_value = roots > UP * spread
-        if with_zeros and not has_value.all():
-            return math.inf
-        of_P = (spread[has_value] / roots[has_value]) ** 2
-        roots, K, K_radius = roots[has_value], K[:, has_value], K_radius[:, has_value]
-        if not with_zeros:
-            is_moved = (UP * K_radius < K).any(1)
-            K, K_radius = K[is_moved], K_radius[is_moved]
-        largest = (K / roots).max(1, keepdims=True, initial=0.0)
-        of_K = np.where(K_radius > 0.0, K_radius / roots / largest, 0.0)
-    worst = UP * float(max(of_P.max(initial=0.0), of_K.max(initial=0.0)))
-    return worst if math.isfinite(worst) else math.inf
-
-
-def lyapunov_enclosure(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat | None:
-    """Return balls that contain the solution D of F'D + D F + C = 0, (n, n), or None.
-
-    In discrete time, the equation is F'D F - D + C = 0. The number of bits is that of `precision`.
-    None means that they do not prove it, as where F is not stable.
-
-    loop: F, (n, n), balls
-    C: (n, n), symmetric, balls
-    """
-    units = loop_units(midpoints(loop))
-    F, right = scaled_balls(loop, -units, units), scaled_balls(C, units, units)
-    try:
-        Y = lyapunov_in_bits(F, ball_matrix(np.eye(len(units))), is_discrete=is_discrete)
-        D = lyapunov_in_bits(F, right, is_discrete=is_discrete)
-        return scaled_balls(lyapunov_ball(F, right, D, Y, is_discrete=is_discrete), -units, -units)
-    except (FailedError, NotProvedError):
-        return None
+    weights = game.weights
+    has_weight = weights.any(1)
+    inner = weights[np.ix_(has_weight, has_weight)]
+    if not inner[~np.eye(len(inner), dtype=bool)].any():
+        return bool((np.diag(inner) >= 0.0).all())
+    return bool((inner == inner.T).all()) and DoubleBalls.of(inner).is_positive_definite()

@@ -1,7 +1,7 @@
 """The Riccati equation of a game with the game's exact entries, in balls of any arithmetic.
 
-All is in exact units of the states, inputs and disturbances, which are powers of two: no digit is
-lost where they change. In them, the entries of the solution have similar sizes.
+All is in exact units of the states, inputs and disturbances, which are powers of two, and, where P
+is ill-conditioned in any units, in states T z with an exact matrix T: P is nearly 1 there.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from controller.riccati.balls import (
     BoundMatrix,
     ball_matrix,
     identity,
+    scaled_balls,
     stacked,
     symmetric_part,
 )
+from controller.riccati.lyapunov import Matrix
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
-Matrix = TypeVar("Matrix", bound=BallMatrix)
 Other = TypeVar("Other", bound=BallMatrix)
-Bound = TypeVar("Bound", bound=BoundMatrix)
 
 
 class Units(NamedTuple):
@@ -39,16 +39,28 @@ class Units(NamedTuple):
     states: (n,) integers
     inputs: (m,) integers
     disturbances: (k,) integers
+    T: (n, n), exact, if the states of the equation are T y; None for y
     """
 
     states: np.ndarray
     inputs: np.ndarray
     disturbances: np.ndarray
+    T: arb_mat | None = None
+
+    def value(self, X: arb_mat) -> arb_mat:
+        """Return P of the states y, (n, n), for X of the states of the equation."""
+        return X if self.T is None else self.T.transpose() * X * self.T
+
+    def gain(self, rows: arb_mat) -> arb_mat:
+        """Return gains of the states y, (m, n), for those of the states of the equation."""
+        return rows if self.T is None else rows * self.T
 
 
 def users_units(game: Game) -> Units:
     """Return the units in which the user gave a game: all exponents are 0."""
-    return Units(*(np.zeros(size, dtype=int) for size in (*game.B.shape, game.E.shape[1])))
+    n, m = game.B.shape
+    z, u, d = (np.zeros(size, dtype=int) for size in (n, m, game.E.shape[1]))
+    return Units(z, u, d)
 
 
 def scaled(
@@ -71,20 +83,6 @@ def scaled(
     return scaled_balls(ball_matrix(matrix), rows, columns)
 
 
-def scaled_balls(matrix: arb_mat, rows: np.ndarray, columns: np.ndarray) -> arb_mat:
-    """Return 2^rows_i M_ij 2^columns_j in balls, exactly if their bits suffice for the entries.
-
-    rows, columns: (n,) and (m,) integers
-    """
-    from flint import arb
-
-    if not rows.any() and not columns.any():
-        return matrix
-    of_rows, of_columns = ([arb(2) ** int(power) for power in powers] for powers in (rows, columns))
-    entries = iter(matrix.entries())
-    return ball_matrix([[next(entries) * i * j for j in of_columns] for i in of_rows])
-
-
 @dataclass(frozen=True, eq=False)
 class Entries:
     """Matrices of a game in exact units, without discount, in balls where doubles overflow.
@@ -102,8 +100,8 @@ class Entries:
     @classmethod
     def of(cls, game: Game, units: Units) -> Entries:
         """Return the matrices of a game in exact units."""
-        z, u, d = units
-        return cls(
+        z, u, d, T = units
+        entries = cls(
             scaled(game.A, -z, z),
             scaled(game.B, -z, u),
             scaled(game.E, -z, d),
@@ -111,6 +109,7 @@ class Entries:
             _symmetric_weights(game.R, u),
             scaled(game.N, z, u),
         )
+        return entries if T is None else entries.in_states(T)
 
     def in_states(self, T: arb_mat) -> Entries:
         """Return the matrices in the states T z, in balls.
@@ -167,7 +166,7 @@ class Equation(ABC, Generic[Matrix]):
 
     game: the game
     units: exact units
-    arithmetic: `Balls`, `Pairs`, or, for bounds, `DoubleBalls`
+    arithmetic: `Balls` or, for bounds, `DoubleBalls`
     delta: in place of that of the game
     entries: of the game in the units, if they are known
 
@@ -250,6 +249,10 @@ class Equation(ABC, Generic[Matrix]):
         """
 
     @abstractmethod
+    def input_price(self, X: Matrix) -> Matrix:
+        """Return R, in discrete time R + B'X B, (m, m), which must be positive definite."""
+
+    @abstractmethod
     def disturbance_price(self, X: Matrix) -> Matrix | None:
         """Return δ² - E'X E, (k, k), of discrete time, which must be positive definite.
 
@@ -281,14 +284,6 @@ class _Evaluated(NamedTuple, Generic[Matrix]):
     X: Matrix
     gains: Matrix
     residual: Matrix
-
-
-def change_along(loop: Matrix, Y: Matrix, *, is_discrete: bool) -> Matrix:
-    """Return the change of z'Y z along z' = F z, F'Y + Y F, in discrete time F'Y F - Y."""
-    if is_discrete:
-        return loop.T @ (Y @ loop) - Y
-    product = Y @ loop
-    return product + product.T
 
 
 def _symmetric_weights(weights: np.ndarray, units: np.ndarray) -> np.ndarray | arb_mat:
@@ -369,6 +364,10 @@ class ContinuousEquation(Equation[Matrix]):
         """Return A - B R⁻¹ N' - B R⁻¹ B'X."""
         return self.free - self.of_control @ X
 
+    def input_price(self, X: Matrix) -> Matrix:
+        """Return R."""
+        return self.R
+
     def disturbance_price(self, X: Matrix) -> None:
         """Return None: in continuous time, d costs δ²."""
 
@@ -447,6 +446,10 @@ class StepEquation(Equation[Matrix]):
     def control_loop(self, X: Matrix, gains: Matrix) -> Matrix:
         """Return A - B K."""
         return self.A - self.B @ gains.block(slice(self.R.rows), slice(None))
+
+    def input_price(self, X: Matrix) -> Matrix:
+        """Return R + B'X B, (m, m)."""
+        return self.R + self.B.T @ (X @ self.B)
 
     def disturbance_price(self, X: Matrix) -> Matrix | None:
         """Return δ² - E'X E, (k, k), or None without a disturbance."""

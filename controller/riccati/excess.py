@@ -27,6 +27,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
+    ATTEMPTS,
     ROUNDOFF,
     Balls,
     ball_matrix,
@@ -35,22 +36,24 @@ from controller.riccati.balls import (
     midpoints,
     norm,
     precision,
+    scaled_balls,
     symmetric,
     symmetric_part,
 )
-from controller.riccati.enclosure import (
-    ATTEMPTS,
-    Enclosure,
-    enclosed_in_bits,
-    has_exact_weights,
-    lyapunov_enclosure,
-    raised,
-)
-from controller.riccati.equation import Sensitivity, change_along, scaled_balls
+from controller.riccati.enclosure import Enclosure, decided, enclosed_in_bits
+from controller.riccati.equation import Sensitivity
 from controller.riccati.free_states import FreeStates, free_states
-from controller.riccati.proof import NotProvedError, proved_zeta
-from controller.riccati.proposal import FailedError, loop_units, lyapunov_in_bits
-from controller.riccati.stability import discounted_loop, loop_with, stability_of
+from controller.riccati.lyapunov import (
+    FailedError,
+    NotProvedError,
+    change_along,
+    loop_units,
+    lyapunov_enclosure,
+    lyapunov_in_bits,
+    stability_of,
+)
+from controller.riccati.proof import proved_zeta
+from controller.riccati.stability import discounted_loop, loop_with
 
 if TYPE_CHECKING:
     from flint import arb_mat
@@ -112,13 +115,11 @@ class Excess:
 def excess_of(game: Game, K: np.ndarray, box: np.ndarray) -> Excess:
     """Return the cost of u = -K z above the optimum of a game that has a value.
 
-    Weights that are positive semidefinite only up to rounding are raised by their rounding: without
-    it, the optimal cost of a state may be negative.
-
     K: (m, n)
     box: half-widths of the box of states, (n,)
     """
-    game = game if has_exact_weights(game) else raised(game)
+    enclosure = decided(game, game.delta, digits=False)
+    assert not isinstance(enclosure, str)
     excess = without_bound(game)
     for bits in ATTEMPTS:
         with precision(bits):
@@ -127,7 +128,7 @@ def excess_of(game: Game, K: np.ndarray, box: np.ndarray) -> Excess:
                 is_stable = stability_of(loop_with(game, gain), is_discrete=is_discrete)
                 return replace(excess, is_stable=is_stable is True)
             try:
-                excess = _Policy(enclosed_in_bits(game, bits), K).excess(box)
+                excess = _Policy(enclosed_in_bits(enclosure, bits), K).excess(box)
             except (FailedError, NotProvedError):
                 continue
         if excess.is_known and excess.matrix is not None:

@@ -13,15 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, identity, midpoints
-from controller.riccati.enclosure import lyapunov_enclosure
+from controller.riccati.lyapunov import discounted, stability_of
 from controller.riccati.rationals import (
     columns_of,
+    disturbance_never_costs,
     echelon,
     null_space,
     rational,
@@ -50,11 +52,13 @@ class FreeStates:
     basis: (n, d), with the identity in the rows `pivots`
     gains: optimal gain K times the basis, (m, d)
     pivots: (d,)
+    states: the same subspace in rationals, if it is rational
     """
 
     basis: arb_mat
     gains: arb_mat
     pivots: list[int]
+    states: fmpq_mat | None
 
     def error_of(self, K: arb_mat) -> ErrorOnFree:
         """Return the error of a gain on the states without optimal cost.
@@ -68,6 +72,47 @@ class FreeStates:
                 row[pivot] = row[pivot] - change
         is_wrong = not all(entry.contains(0) for entry in error.entries())
         return ErrorOnFree(is_wrong, ball_matrix(changed))
+
+
+@lru_cache(maxsize=4)
+def states_without_cost(game: Game) -> np.ndarray:
+    """Return which states reach, in the graph of A, no state with a cost and no unstable block.
+
+    P and K vanish there. Zeros decide it, exactly, and balls whether a block is stable. (n,)
+    """
+    has_cost = game.Q.any(0) | game.Q.any(1) | game.N.any(1)
+    if has_cost.all():
+        return np.asarray(~has_cost)
+    reaches = (game.A.T != 0.0) | np.eye(len(game.A), dtype=bool)  # [j, i]: state j moves state i
+    for _ in range(len(game.A).bit_length()):
+        reaches = reaches @ reaches
+    has_cost = reaches[:, has_cost].any(1)
+    for block in np.unique(reaches & reaches.T, axis=0):
+        if not has_cost[block].any():
+            alone = discounted(ball_matrix(game.A[np.ix_(block, block)]), game)
+            if stability_of(alone, is_discrete=game.is_discrete) is not True:
+                has_cost = has_cost | reaches[:, block].any(1)
+    return np.asarray(~has_cost)
+
+
+def disturbance_costs_nothing(game: Game, K: np.ndarray | None = None) -> bool:
+    """Return whether all that the disturbance moves is without cost, for u = -K z or the optimum.
+
+    False if the states without optimal cost are not known.
+
+    K: (m, n), which stabilizes; None for the optimal gain
+    """
+    if not game.E.any():
+        return True
+    if K is not None:
+        return disturbance_never_costs(game, K)
+    E = rational(game.E)
+    if not game.N.any() and any(entry != 0 for entry in (rational(game.Q) * E).entries()):
+        return False
+    free = free_states(game)
+    if free is None or free.states is None:
+        return False
+    return bool(stacked_rationals([[free.states, E]]).rank() == free.states.rank())
 
 
 def free_states(game: Game) -> FreeStates | None:
@@ -104,7 +149,10 @@ def free_states(game: Game) -> FreeStates | None:
     free, gains = _balls(states) * stable, -_balls(inputs) * stable
     pivots = _far_from_dependent(midpoints(free))
     to_identity = ball_matrix([free.tolist()[row] for row in pivots]).inv()
-    return FreeStates(free * to_identity, gains * to_identity, pivots)
+    is_rational = stable.ncols() == states.ncols()
+    return FreeStates(
+        free * to_identity, gains * to_identity, pivots, states if is_rational else None
+    )
 
 
 def _stable_subspace(loop: arb_mat, game: Game) -> arb_mat | None:
@@ -114,10 +162,9 @@ def _stable_subspace(loop: arb_mat, game: Game) -> arb_mat | None:
     """
     from flint import acb_mat, arb
 
-    size = loop.nrows()
-    one = identity(size)
+    one = identity(loop.nrows())
     root = arb(game.discount).sqrt()
-    if lyapunov_enclosure(loop * root, one, is_discrete=game.is_discrete) is not None:
+    if stability_of(loop * root, is_discrete=game.is_discrete):
         return one
     try:
         values, vectors = acb_mat(loop).eig(right=True)

@@ -16,11 +16,11 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balls import DoubleBalls, ball_matrix, identity, midpoints
 from controller.riccati.bilinear import System
+from controller.riccati.candidate import stabilizing_in_doubles
 from controller.riccati.equation import equation_of, users_units
 from controller.riccati.excess import ExcessEquation
 from controller.riccati.frequency_response import peak_of, scaled_root
-from controller.riccati.proof import NotProvedError
-from controller.riccati.proposal import FailedError, stabilizing_in_doubles
+from controller.riccati.lyapunov import FailedError, NotProvedError
 from hfa_support.errors import BadInputError, NoSolutionError
 
 if TYPE_CHECKING:

@@ -16,45 +16,46 @@ import numpy as np
 
 from controller.riccati.balancing import is_stable_in_doubles
 from controller.riccati.balls import (
-    Balls,
+    ATTEMPTS,
     ball_matrix,
     identity,
     midpoints,
     precision,
+    scaled_balls,
     symmetric_part,
 )
-from controller.riccati.enclosure import ATTEMPTS, Enclosure, enclosed_in_bits
-from controller.riccati.equation import scaled_balls
+from controller.riccati.enclosure import Enclosure, enclosed_in_bits
+from controller.riccati.free_states import disturbance_costs_nothing
 from controller.riccati.l2_gain import DisturbedLoop, GainBounds
+from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
 from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of, loop_of
 from controller.riccati.poles import Poles, poles_of
-from controller.riccati.proof import NotProvedError
-from controller.riccati.proposal import FailedError, loop_units
-from controller.riccati.rationals import disturbance_costs_nothing, disturbance_never_costs
 from controller.riccati.stability import loop_with, stabilizes
 
 if TYPE_CHECKING:
     from flint import arb_mat
 
-#: The states are changed until the least eigenvalue of P is at least this fraction of the largest;
-#: the states decide nothing.
-MODERATE = 1e-3
-#: Largest number of changes of the states; each gains the digits of doubles.
-TURNS = 4
-
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Loops of a solution in the states y = T z, with the user's inputs and disturbances.
+    """Loops of a solution in the states of its proof, with the user's inputs and disturbances.
 
     enclosure: of the solution
-    to_level: T, (n, n), in the exact units of the enclosure
-    from_level: T⁻¹, balls
     """
 
     enclosure: Enclosure
-    to_level: arb_mat
-    from_level: arb_mat
+
+    @cached_property
+    def to_level(self) -> arb_mat:
+        """T, (n, n), of the states T y, in the exact units of the enclosure."""
+        T = self.enclosure.units.T
+        return identity(len(self._powers)) if T is None else T
+
+    @cached_property
+    def from_level(self) -> arb_mat:
+        """T⁻¹, (n, n), balls."""
+        with precision(self.enclosure.bits):
+            return self.to_level.inv()
 
     @cached_property
     def worst_loop(self) -> np.ndarray:
@@ -73,7 +74,7 @@ class Level:
     @property
     def _powers(self) -> np.ndarray:
         """Exact units of the states as exponents of two, (n,) integers: z_i = 2^powers_i y_i."""
-        return self.enclosure.proved.bounds.units.states
+        return self.enclosure.units.states
 
     def _in_new_states(self, loop: arb_mat) -> arb_mat:
         """Return a loop of the user's states, (n, n), in the new states."""
@@ -110,7 +111,7 @@ class Level:
         """
 
         def loop(bits: int) -> arb_mat:
-            gain = self._enclosure(bits).K if K is None else ball_matrix(K)
+            gain = enclosed_in_bits(self.enclosure, bits).K if K is None else ball_matrix(K)
             return loop_with(self.enclosure.game, gain)
 
         return poles_of(loop, is_discrete=self.enclosure.game.is_discrete)
@@ -119,18 +120,9 @@ class Level:
         """Return the enclosed eigenvalues of A - B K + E L."""
 
         def loop(bits: int) -> arb_mat:
-            return _worst_loop(self._enclosure(bits))
+            return _worst_loop(enclosed_in_bits(self.enclosure, bits))
 
         return poles_of(loop, is_discrete=self.enclosure.game.is_discrete)
-
-    def _enclosure(self, bits: int) -> Enclosure:
-        """Return the enclosure with at least so many bits.
-
-        Raises FailedError or NotProvedError.
-        """
-        if bits <= self.enclosure.bits:
-            return self.enclosure
-        return enclosed_in_bits(self.enclosure.game, bits)
 
     def l2_gain(self, K: np.ndarray | None = None) -> GainBounds:
         """Return the L2 gain from d to the cost with u = -K z, by default of the optimal gain.
@@ -144,17 +136,18 @@ class Level:
         game = self.enclosure.game
         if K is not None and not stabilizes(game, K, is_discounted=True):
             return GainBounds(math.inf, math.inf)
-        if disturbance_never_costs(game, K) if K is not None else disturbance_costs_nothing(game):
+        if disturbance_costs_nothing(game, K):
             return GainBounds(0.0, 0.0)
         best = GainBounds(0.0, math.inf)
         for bits in ATTEMPTS[:2]:
             with precision(bits), suppress(FailedError, NotProvedError):
-                gain = self._enclosure(bits).K if K is None else ball_matrix(K)
+                gain = enclosed_in_bits(self.enclosure, bits).K if K is None else ball_matrix(K)
                 bounds = self._disturbed(gain).gain()
                 best = min(best, bounds, key=lambda bounds: bounds.high)
             if best.is_narrow:
                 break
-        return best
+        # The value at delta proves that the gain is below it.
+        return best if K is not None else best._replace(high=min(best.high, game.delta))
 
     def _disturbed(self, K: arb_mat) -> DisturbedLoop:
         """Return the loop with u = -K z in the new states, with its disturbances and its cost.
@@ -218,39 +211,5 @@ class Level:
 
 def _worst_loop(enclosure: Enclosure) -> arb_mat:
     """Return A - B K + E L in balls, in the user's units, (n, n), without discount."""
-    from flint import arb
-
-    found = enclosure.proved
-    states = found.bounds.units.states
-    loop = found.equation.loop(found.P_in_balls, Balls.of(found.gains)).matrix
-    return scaled_balls(loop, states, -states) * (1 / arb(enclosure.game.discount).sqrt())
-
-
-def levelled(enclosure: Enclosure) -> Level:
-    """Return the loops of a solution in states y = T z in which its value is nearly y'y.
-
-    In each turn, T is multiplied by a root of P in the present states. Eigenvalues of P of which no
-    digit is known count as their bounds.
-    """
-    found = enclosure.proved
-    with precision(enclosure.bits), np.errstate(all="ignore"):
-        to_level = from_level = identity(found.bounds.n)
-        spread = np.array([float(each) for each in found.spread])
-        exact = found.X.matrix
-        for _ in range(TURNS):
-            X = midpoints(from_level.transpose() * exact * from_level)
-            values, vectors = np.linalg.eigh((X + X.T) / 2.0)
-            largest = float(values[-1])
-            if not largest > 0.0 or values[0] > MODERATE * largest:
-                break
-            unknown = np.abs(midpoints(from_level)).T @ spread  # of X
-            least = max(np.finfo(float).eps * largest, float(unknown @ unknown))
-            roots = np.sqrt(np.maximum(values, least))
-            root_of_X = ball_matrix(roots[:, None] * vectors.T)
-            try:
-                inverse_root = root_of_X.inv()
-            except ZeroDivisionError:
-                break
-            to_level, from_level = (root_of_X * to_level).mid(), from_level * inverse_root
-        from_level = to_level.inv()
-    return Level(enclosure, to_level, from_level)
+    game = enclosure.game
+    return loop_with(game, enclosure.K) + ball_matrix(game.E) * enclosure.L

@@ -1,10 +1,48 @@
-"""Lyapunov equations F'Z + Z F = C, and F'Z F - Z = C in discrete time, for many C."""
+"""Lyapunov equations F'Z + Z F = C, in discrete time F'Z F - Z = C, and what they prove of loops.
+
+Candidate solutions are computed in doubles or in many bits; balls prove what follows from them.
+"""
 
 from __future__ import annotations
 
-from typing import Self
+from typing import TYPE_CHECKING, NamedTuple, Self, TypeVar
 
 import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balls import (
+    BallMatrix,
+    Balls,
+    BoundMatrix,
+    ball_matrix,
+    bits,
+    identity,
+    is_positive_definite,
+    midpoints,
+    norm,
+    scaled_balls,
+    symmetric,
+)
+from hfa_support.matrices import balanced
+
+if TYPE_CHECKING:
+    from flint import arb, arb_mat
+
+Matrix = TypeVar("Matrix", bound=BallMatrix)
+Bound = TypeVar("Bound", bound=BoundMatrix)
+
+#: Largest numbers of steps of Newton's method for the sign function, and of doublings.
+NEWTON_STEPS, DOUBLINGS = 150, 80
+#: Relative shift of a loop that is sought to be unstable with poles s and -s.
+SLOWER = 2.0**-10
+
+
+class FailedError(Exception):
+    """Raised if no candidate solution is found, with the step that fails."""
+
+
+class NotProvedError(Exception):
+    """Raised if a candidate does not prove what is asked, with the step that fails."""
 
 
 class Lyapunov:
@@ -34,15 +72,264 @@ class Lyapunov:
         solver._into = np.sqrt(2.0) * W
         return solver
 
-    def solve(self, C: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return Z (n, n), symmetric, and whether the equation is singular within rounding."""
+    def solve(self, C: np.ndarray) -> np.ndarray:
+        """Return Z, (n, n), symmetric."""
         from scipy.linalg.lapack import dtrsyl
 
         into = self._into @ self._U
-        Z, scale, singular = dtrsyl(self._T, self._T, into.T @ C @ into, trana="T")
+        Z, scale, _ = dtrsyl(self._T, self._T, into.T @ C @ into, trana="T")
         Z = self._U @ (Z / scale) @ self._U.T
-        return (Z + Z.T) / 2.0, bool(singular)
+        return (Z + Z.T) / 2.0
 
 
 def _unsorted(real: float, imaginary: float) -> None:
     """Leave the eigenvalues of a Schur form in any order."""
+
+
+def change_along(loop: Matrix, Y: Matrix, *, is_discrete: bool) -> Matrix:
+    """Return the change of z'Y z along z' = F z, F'Y + Y F, in discrete time F'Y F - Y."""
+    if is_discrete:
+        return loop.T @ (Y @ loop) - Y
+    product = Y @ loop
+    return product + product.T
+
+
+def lyapunov_of(F: np.ndarray, *, is_discrete: bool) -> Lyapunov:
+    """Return the solver of F'Z + Z F = C, in discrete time of F'Z F - Z = C."""
+    return Lyapunov.of_steps(F) if is_discrete else Lyapunov(F)
+
+
+def discounted(loop: arb_mat, game: Game) -> arb_mat:
+    """Return √α times a loop, (n, n), on which the cost depends."""
+    from flint import arb
+
+    return loop if game.discount == 1.0 else loop * arb(game.discount).sqrt()
+
+
+def loop_units(F: np.ndarray) -> np.ndarray:
+    """Return units of the states, exponents of two, in which a loop is balanced, (n,) integers."""
+    return np.round(np.log2(balanced(F)[1])).astype(int)
+
+
+def lyapunov_in_bits(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat:
+    """Return a candidate for the solution of F'D + D F + C = 0, (n, n), in as many bits.
+
+    By LAPACK, corrected by residuals in balls; by the matrix sign function if they do not shrink.
+    In discrete time, the equation is F'D F - D + C = 0.
+
+    Raises FailedError.
+    """
+    try:
+        D, residual_size = _refined_lyapunov(loop, C, is_discrete=is_discrete)
+        if residual_size <= norm(C) * half_the_bits() or residual_size == 0:
+            return D
+    except (np.linalg.LinAlgError, ValueError):
+        pass
+    return lyapunov_by_doubling(loop, C) if is_discrete else lyapunov_by_sign_function(loop, C)
+
+
+class _Refined(NamedTuple):
+    """Proposed solution D of a Lyapunov equation, (n, n), and the norm of its residual."""
+
+    D: arb_mat
+    residual_size: arb
+
+
+def _refined_lyapunov(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> _Refined:
+    """Return D by LAPACK, corrected by residuals in balls as long as each is a tenth of the last.
+
+    Raises LinAlgError or ValueError where LAPACK fails.
+    """
+    from flint import arb
+
+    solver = lyapunov_of(midpoints(loop), is_discrete=is_discrete)
+    F = Balls(loop.mid())
+    D = ball_matrix(solver.solve(-midpoints(C)))
+    size_before = arb("inf")
+    while True:
+        residual = change_along(F, Balls(D), is_discrete=is_discrete).matrix + C.mid()
+        size = norm(residual.mid())
+        if not size < size_before * 0.1:
+            return _Refined(D, size)
+        size_before = size
+        D = (D + ball_matrix(solver.solve(-midpoints(residual)))).mid()
+
+
+def lyapunov_by_doubling(loop: arb_mat, C: arb_mat) -> arb_mat:
+    """Return D of F'D F - D + C = 0, (n, n), the sum of F'^k C F^k over more and more steps k.
+
+    Raises FailedError if it does not converge.
+    """
+    F, D = loop.mid(), C.mid()
+    for _ in range(DOUBLINGS):
+        of_later_steps = (F.transpose() * D * F).mid()
+        D, F = (D + of_later_steps).mid(), (F * F).mid()
+        if norm(of_later_steps) <= norm(D) * _last_bits():
+            return D
+        if not norm(F).is_finite():
+            break
+    raise FailedError("the steps do not decay")
+
+
+def lyapunov_by_sign_function(loop: arb_mat, C: arb_mat) -> arb_mat:
+    """Return D of F'D + D F + C = 0 by Newton's method for the sign of [[F, 0], [C, -F']], (n, n).
+
+    The sign is [[-1, 0], [2 D, 1]].
+
+    Source: Roberts, International Journal of Control 32 (1980), 677-687.
+    Raises FailedError if it does not converge.
+    """
+    F, D = loop.mid(), C.mid()
+    for step in range(NEWTON_STEPS):
+        inverse = _inverse(F)
+        scale = _newton_scale(F, inverse, step)
+        D = ((D * scale + inverse.transpose() * D * inverse * (1 / scale)) * 0.5).mid()
+        next_F = ((F * scale + inverse * (1 / scale)) * 0.5).mid()
+        if scale == 1 and norm(next_F - F) <= norm(next_F) * half_the_bits():
+            return (D * 0.5).mid()
+        F = next_F
+    raise FailedError("the loop may be on the axis")
+
+
+def sign_function(matrix: arb_mat) -> arb_mat:
+    """Return the matrix sign function, the limit of (M + M⁻¹)/2 in each step (Newton).
+
+    Raises FailedError if it does not converge.
+    """
+    for step in range(NEWTON_STEPS):
+        inverse = _inverse(matrix)
+        scale = _newton_scale(matrix, inverse, step)
+        next_matrix = ((matrix * scale + inverse * (1 / scale)) * 0.5).mid()
+        if scale == 1 and norm(next_matrix - matrix) <= norm(next_matrix) * half_the_bits():
+            return ((next_matrix + _inverse(next_matrix)) * 0.5).mid()
+        matrix = next_matrix
+    raise FailedError("an eigenvalue may be on the axis")
+
+
+def _inverse(matrix: arb_mat) -> arb_mat:
+    """Return the inverse without radii.
+
+    Raises FailedError if the matrix may be singular.
+    """
+    try:
+        return matrix.inv().mid()
+    except ZeroDivisionError:
+        raise FailedError("a matrix is singular with these bits") from None
+
+
+def _newton_scale(matrix: arb_mat, inverse: arb_mat, step: int) -> arb:
+    """Return the factor c of a Newton step (c M + (c M)⁻¹)/2 that brings the eigenvalues near ±1
+    soon; 1 where they are near, and in late steps.
+    """
+    from flint import arb
+
+    factor = (norm(inverse) / norm(matrix)).sqrt().mid()
+    is_near = bool(factor > 0.9) and bool(factor < 1.1)
+    return arb(1) if is_near or step > NEWTON_STEPS // 2 else factor
+
+
+def half_the_bits() -> arb:
+    """Return 2^(-bits/2): after a Newton step as small, the next is exact up to the last bits."""
+    from flint import arb
+
+    return arb(2) ** (-bits() // 2)
+
+
+def _last_bits() -> arb:
+    """Return 2^(10 - bits): smaller changes are in the last bits."""
+    from flint import arb
+
+    return arb(2) ** (10 - bits())
+
+
+def proves_stable(loop: Bound, Y: Bound, most: float = 1.0, *, is_discrete: bool) -> bool:
+    """Return whether Y proves a loop F stable: Y > 0 and |F'Y + Y F + 1| < most <= 1.
+
+    In discrete time, |F'Y F - Y + 1| < most.
+    """
+    one = type(Y).of(np.eye(Y.rows))
+    defect = (change_along(loop, Y, is_discrete=is_discrete) + one).norm()
+    return bool(defect < most) and Y.is_positive_definite()
+
+
+def symmetric_in(arithmetic: type[Bound], Y: Balls | np.ndarray) -> Bound:
+    """Return the exact midpoints of the symmetric part of Y, in an arithmetic."""
+    return arithmetic.of((Y + Y.T) / 2.0 if isinstance(Y, np.ndarray) else Y.symmetric())
+
+
+def lyapunov_ball(
+    loop: arb_mat, C: arb_mat, D: arb_mat, Y: arb_mat, *, is_discrete: bool
+) -> arb_mat:
+    """Return the ball about D that contains the solution of F'D + D F + C = 0, (n, n), proved.
+
+    In discrete time, the equation is F'D F - D + C = 0.
+
+    loop: F, (n, n), balls
+    C: (n, n), symmetric, balls
+    D: (n, n), candidate solution; only the midpoint of its symmetric part counts
+    Y: (n, n), candidate solution for C = 1, likewise
+
+    Raises NotProvedError if Y does not prove that F is stable.
+    """
+    F, shape, D = Balls(loop), Balls(symmetric(Y)), symmetric(D)
+    # With a defect below 1/2, F'Y + Y F < -1/2. The error Z of D solves F'Z + Z F + residual = 0.
+    # Therefore ζ Y ± Z, with ζ = 2 |residual|, are costs of the stable F of weights
+    # > |residual| ± residual >= 0. From -ζ Y <= Z <= ζ Y follows |Z_ij|² <= ζ² Y_ii Y_jj: the
+    # radius of entry ij is the product of √(ζ Y_ii) and √(ζ Y_jj). Likewise in discrete time.
+    if not proves_stable(F, shape, 0.5, is_discrete=is_discrete):
+        raise NotProvedError("the loop")
+    residual = change_along(F, Balls(D), is_discrete=is_discrete) + Balls(C)
+    zeta = 2 * residual.norm()
+    spread = [(zeta * shape.matrix[i, i]).sqrt().upper() for i in range(D.nrows())]
+    return Balls.around(D, spread).matrix
+
+
+def lyapunov_enclosure(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat | None:
+    """Return balls that contain the solution D of F'D + D F + C = 0, (n, n), or None.
+
+    In discrete time, the equation is F'D F - D + C = 0. The number of bits is that of `precision`.
+    None means that they do not prove it, as where F is not stable.
+
+    loop: F, (n, n), balls
+    C: (n, n), symmetric, balls
+    """
+    units = loop_units(midpoints(loop))
+    F, right = scaled_balls(loop, -units, units), scaled_balls(C, units, units)
+    try:
+        Y = lyapunov_in_bits(F, ball_matrix(np.eye(len(units))), is_discrete=is_discrete)
+        D = lyapunov_in_bits(F, right, is_discrete=is_discrete)
+        return scaled_balls(lyapunov_ball(F, right, D, Y, is_discrete=is_discrete), -units, -units)
+    except (FailedError, NotProvedError):
+        return None
+
+
+def stability_of(loop: arb_mat, *, is_discrete: bool) -> bool | None:
+    """Return whether a loop F is stable, or None if the bits of `precision` do not prove it.
+
+    Let |F'Y + Y F + 1| < 1, in discrete time |F'Y F - Y + 1| < 1. F is stable if Y > 0, and not if
+    Y is not, because Y would be positive definite if F were stable. The equation of Y is singular
+    for poles s and -s: F is not stable, too, if F - c, in discrete time F (1 - c), is not for a
+    small c > 0.
+
+    loop: F, (n, n), balls
+    """
+    from flint import arb
+
+    units = loop_units(midpoints(loop))
+    F, one = scaled_balls(loop, -units, units), identity(loop.nrows())
+    is_stable = _by_shape(F, is_discrete=is_discrete)
+    if is_stable is not None:
+        return is_stable
+    slower = F * (1 - arb(SLOWER)) if is_discrete else F - one * norm(F).mid() * SLOWER
+    return False if _by_shape(slower, is_discrete=is_discrete) is False else None
+
+
+def _by_shape(F: arb_mat, *, is_discrete: bool) -> bool | None:
+    """Return whether a loop is stable by its own Y, or None."""
+    one = identity(F.nrows())
+    try:
+        Y = symmetric(lyapunov_in_bits(F, one, is_discrete=is_discrete))
+    except FailedError:
+        return None
+    defect = change_along(Balls(F), Balls(Y), is_discrete=is_discrete).matrix + one
+    return is_positive_definite(Y) if norm(defect) < 1 else None

@@ -12,17 +12,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controller.riccati.balls import (
+    ATTEMPTS,
     ROUNDOFF,
     ball_matrix,
     identity,
     midpoints,
     norm,
     precision,
+    scaled_balls,
 )
-from controller.riccati.enclosure import ATTEMPTS
-from controller.riccati.equation import scaled_balls
-from controller.riccati.proof import NotProvedError
-from controller.riccati.proposal import FailedError, half_the_bits, loop_units
+from controller.riccati.lyapunov import FailedError, NotProvedError, half_the_bits, loop_units
 
 if TYPE_CHECKING:
     from flint import acb, acb_mat, arb, arb_mat

@@ -1,6 +1,21 @@
 """Proof that a ball contains the stabilizing solution of a game, and that this is the value.
 
-The checker takes nothing of the proposal but X and Y, in exact units.
+The value is that of policies under which the state goes to 0: the infimum over them of the largest
+cost that a disturbance causes. Q, R and N need not be semidefinite. z'P z is the value, and
+(-K z, L z) a saddle point, if
+
+(a) there is a stabilizing solution for delta = inf, of LQR, with R + B'P B > 0: without it, the
+    cost may have no lower bound. Where [[Q, N], [N', R]] >= 0, it follows from (c);
+(b) P is the stabilizing solution at delta: A - B K + E L is stable;
+(c) A - B K is stable;
+(d) R + B'P B > 0, in continuous time R > 0, and in discrete time δ² - E'P E > 0.
+
+For, with (b) to (d), completed squares give at most z'P z for K, and z'P z for K and L. Values of
+finite horizons with the terminal weight P of (a), P0, grow with the horizon, stay below P, and are
+lower bounds. Their limit solves the equation, is at least P0, and its loop is stable as that of P0
+is: it stabilizes, and is P.
+
+The checker takes nothing of the candidate but X and Y, in exact units.
 
 1. Stability. Let F be the loop of both players at X, and F'Y + Y F ≈ -1 (in discrete time
    F'Y F - Y ≈ -1). If Y > 0 and the defect |F'Y + Y F + 1| is below 1/4, F is stable, as y'Y y is a
@@ -10,32 +25,31 @@ The checker takes nothing of the proposal but X and Y, in exact units.
    C = r - q(Z), of the residual r of X and of terms q(Z) of second order. If |r| + |q(Z)| <= 3/4 ζ
    for all |Z| <= ζ Y, this set is mapped into itself, and contains a solution (Brouwer).
 3. If the loop changes little between X and X + Z, the solution is the stabilizing one.
+4. A - B K is proved stable by a Y of its own for the whole ball, and so are the prices of (d).
 
-Sources: Kantorovich; Miyajima, Journal of Computational and Applied Mathematics 319 (2017),
+Sources: Willems, IEEE Transactions on Automatic Control 16 (1971), 621-634; Molinari, the same 22
+(1977), 396-399; Kantorovich; Miyajima, Journal of Computational and Applied Mathematics 319 (2017),
 352-364; Haqiri and Poloni, the same 313 (2017), 515-535; Basar and Bernhard, H-infinity Optimal
-Control, Theorems 3.7 and 4.11.
+Control, Theorems 3.7, 4.8 and 4.11.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Generic
+from typing import TYPE_CHECKING, Generic
 
 import numpy as np
 
-from controller.riccati.balls import Balls, ExactMatrix, symmetric
-from controller.riccati.equation import Bound, Equation, Sensitivity, change_along
+from controller.riccati.balls import UNDERFLOW, UP, Balls
+from controller.riccati.equation import Equation, Sensitivity
+from controller.riccati.lyapunov import Bound, NotProvedError, proves_stable, symmetric_in
 
 if TYPE_CHECKING:
-    from flint import arb, arb_mat
+    from flint import arb
 
 #: Largest |F'Y + Y F + 1| of the loop F at X. With the 3/4 that remain, |Z| <= ζ Y.
 DEFECT = 0.25
-
-
-class NotProvedError(Exception):
-    """Raised if a proposal does not prove what is asked, with the step that fails."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,20 +57,25 @@ class Stabilizing(Generic[Bound]):
     """Ball that contains the stabilizing solution P: the loop of both players is stable.
 
     bounds: the Riccati equation in exact units, in the arithmetic of the bounds
-    X: middle of the ball, (n, n), exact, in the arithmetic of the residual
+    X: middle of the ball, (n, n), exact
     spread: s, (n,); |P_ij - X_ij| <= s_i s_j
-    gains: of P, (m, n), in discrete time (m + k, n), in the arithmetic of the residual
+    gains: of P, (m, n), in discrete time (m + k, n)
     """
 
     bounds: Equation[Bound]
-    X: ExactMatrix
+    X: Balls
     spread: tuple[arb, ...]
-    gains: ExactMatrix
+    gains: Balls
 
     @cached_property
     def P(self) -> Bound:
         """P, (n, n), in the arithmetic of the bounds."""
         return self.bounds.arithmetic.around(self.X, self.spread)
+
+    @cached_property
+    def control_loop(self) -> Bound:
+        """A - B K, (n, n), in the arithmetic of the bounds."""
+        return self.bounds.control_loop(self.P, self.bounds.arithmetic.of(self.gains))
 
     @property
     def P_in_balls(self) -> Balls:
@@ -64,8 +83,8 @@ class Stabilizing(Generic[Bound]):
         return Balls.around(self.X, self.spread)
 
     @property
-    def K(self) -> ExactMatrix:
-        """K of the policy u = -K z, (m, n), in the arithmetic of the residual."""
+    def K(self) -> Balls:
+        """K of the policy u = -K z, (m, n)."""
         return self.gains.block(slice(len(self.bounds.units.inputs)), slice(None))
 
     @property
@@ -75,16 +94,16 @@ class Stabilizing(Generic[Bound]):
 
 
 def stabilizing(
-    equation: Equation[Any], X: ExactMatrix, Y: arb_mat | np.ndarray, arithmetic: type[Bound]
+    equation: Equation[Balls], X: Balls, Y: Balls | np.ndarray, arithmetic: type[Bound]
 ) -> Stabilizing[Bound]:
     """Return the ball about X that is proved to contain the stabilizing solution.
 
-    equation: the Riccati equation, in the arithmetic of X
-    X: (n, n), proposed solution; only the midpoint of its symmetric part counts
-    Y: (n, n), proposed solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, likewise
+    equation: the Riccati equation
+    X: (n, n), candidate solution; only the midpoint of its symmetric part counts
+    Y: (n, n), candidate solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, likewise
     arithmetic: of the bounds
 
-    Raises NotProvedError if the proposal does not prove it.
+    Raises NotProvedError if the candidate does not prove it.
     """
     bounds = equation.with_arithmetic(arithmetic)
     X = X.symmetric()
@@ -92,15 +111,13 @@ def stabilizing(
         gains, residual = equation.gains_and_residual(X)
     except ZeroDivisionError:
         raise NotProvedError("the price at X may be singular") from None
-    Y = (Y + Y.T) / 2.0 if isinstance(Y, np.ndarray) else symmetric(Y)
-    middle = arithmetic.of(X)
+    middle, shape = arithmetic.of(X), symmetric_in(arithmetic, Y)
     loop = bounds.loop(middle, arithmetic.of(gains))
     sensitivity = bounds.sensitivity(middle, loop)
     residual_norm = arithmetic.of(residual).norm()
-    zeta = proved_zeta(
-        loop, arithmetic.of(Y), residual_norm, sensitivity, is_discrete=bounds.is_discrete
-    )
-    spread = tuple((zeta * Y[i, i]).sqrt().upper() for i in range(bounds.n))
+    zeta = proved_zeta(loop, shape, residual_norm, sensitivity, is_discrete=bounds.is_discrete)
+    diagonal = UP * np.diag(shape.midpoint) + UNDERFLOW
+    spread = tuple((zeta * size).sqrt().upper() for size in diagonal.tolist())
     root_of_trace = sum((radius**2 for radius in spread), zeta * 0).sqrt()
     of_gains = sensitivity.gains * root_of_trace
     return Stabilizing(bounds, X, spread, gains.wider([of_gains * radius for radius in spread]))
@@ -112,11 +129,11 @@ def proved_zeta(
     """Return ζ for which the stabilizing solution is proved to be X + Z with -ζ Y <= Z <= ζ Y.
 
     loop: F of both players at X, (n, n)
-    Y: proposed solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, (n, n), symmetric
+    Y: candidate solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, (n, n), symmetric
     residual_norm: bound of the residual of X
     sensitivity: of the loop to changes of X
 
-    Raises NotProvedError if the proposal does not prove it.
+    Raises NotProvedError if the candidate does not prove it.
     """
     if not proves_stable(loop, Y, DEFECT, is_discrete=is_discrete):
         raise NotProvedError("the loop of both players at X")
@@ -135,64 +152,24 @@ def proved_zeta(
     return zeta
 
 
-def prove_value(found: Stabilizing[Bound], Y: arb_mat | None = None) -> None:
-    """Prove that the stabilizing solution P is the value of the game.
+def prove_prices(found: Stabilizing[Bound]) -> None:
+    """Prove that both players pay: R + B'P B > 0, in continuous time R > 0, and δ² - E'P E > 0.
 
-    First, the disturbance pays: in discrete time, δ² - E'P E > 0. Second, the loop without
-    disturbance is stable: P > 0 proves it, because the loop of both players is stable, otherwise
-    Y does. Then P >= 0, because P is a cost of this loop if the weights are positive semidefinite.
-    The input pays in any case: R + B'P B >= 0, and P has gains only if it is not singular.
-
-    Y: as in `stabilizing`, for the loop without disturbance; needed if P is singular
-
-    Raises NotProvedError if the ball and Y do not prove it.
+    Raises NotProvedError if the ball does not prove it.
     """
     bounds = found.bounds
-    price = bounds.disturbance_price(found.P)
-    if price is not None and not price.is_positive_definite():
-        raise NotProvedError("the disturbance pays")
-    if not bounds.is_disturbed or found.P.is_positive_definite():
-        return
-    if Y is None:
-        raise NotProvedError("P > 0")
-    arithmetic = bounds.arithmetic
-    control = bounds.control_loop(found.P, arithmetic.of(found.gains))
-    if not proves_stable(control, arithmetic.of(symmetric(Y)), 1, is_discrete=bounds.is_discrete):
+    for price in (bounds.input_price(found.P), bounds.disturbance_price(found.P)):
+        if price is not None and not price.is_positive_definite():
+            raise NotProvedError("a player pays")
+
+
+def prove_control_loop(found: Stabilizing[Bound], Y: Balls | np.ndarray) -> None:
+    """Prove that the loop without disturbance, A - B K, is stable, for all P of the ball.
+
+    Y: as in `stabilizing`, for that loop
+
+    Raises NotProvedError if Y does not prove it.
+    """
+    shape = symmetric_in(found.bounds.arithmetic, Y)
+    if not proves_stable(found.control_loop, shape, is_discrete=found.bounds.is_discrete):
         raise NotProvedError("the loop without disturbance")
-
-
-def proves_stable(loop: Bound, Y: Bound, most: float = 1.0, *, is_discrete: bool) -> bool:
-    """Return whether Y proves a loop F stable: Y > 0 and |F'Y + Y F + 1| < most <= 1.
-
-    In discrete time, |F'Y F - Y + 1| < most.
-    """
-    one = type(Y).of(np.eye(Y.rows))
-    defect = (change_along(loop, Y, is_discrete=is_discrete) + one).norm()
-    return bool(defect < most) and Y.is_positive_definite()
-
-
-def lyapunov_ball(
-    loop: arb_mat, C: arb_mat, D: arb_mat, Y: arb_mat, *, is_discrete: bool
-) -> arb_mat:
-    """Return the ball about D that contains the solution of F'D + D F + C = 0, (n, n), proved.
-
-    In discrete time, the equation is F'D F - D + C = 0.
-
-    loop: F, (n, n), balls
-    C: (n, n), symmetric, balls
-    D: (n, n), proposed solution; only the midpoint of its symmetric part counts
-    Y: (n, n), proposed solution for C = 1, likewise
-
-    Raises NotProvedError if Y does not prove that F is stable.
-    """
-    F, shape, D = Balls(loop), Balls(symmetric(Y)), symmetric(D)
-    # With a defect below 1/2, F'Y + Y F < -1/2. The error Z of D solves F'Z + Z F + residual = 0.
-    # Therefore ζ Y ± Z, with ζ = 2 |residual|, are costs of the stable F of weights
-    # > |residual| ± residual >= 0. From -ζ Y <= Z <= ζ Y follows |Z_ij|² <= ζ² Y_ii Y_jj: the
-    # radius of entry ij is the product of √(ζ Y_ii) and √(ζ Y_jj). Likewise in discrete time.
-    if not proves_stable(F, shape, 0.5, is_discrete=is_discrete):
-        raise NotProvedError("the loop")
-    residual = change_along(F, Balls(D), is_discrete=is_discrete) + Balls(C)
-    zeta = 2 * residual.norm()
-    spread = [(zeta * shape.matrix[i, i]).sqrt().upper() for i in range(D.nrows())]
-    return Balls.around(D, spread).matrix

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from enum import Enum
 from fractions import Fraction
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -22,6 +22,10 @@ from controller.riccati.equation import pencil_blocks
 
 if TYPE_CHECKING:
     from flint import acb, fmpq, fmpq_mat, fmpq_poly, fmpz_poly
+
+
+#: A prime: a matrix that has a rank modulo it has at least this rank in rationals.
+PRIME = 2**61 - 1
 
 
 def rational(matrix: np.ndarray) -> fmpq_mat:
@@ -68,29 +72,6 @@ class RationalGame(NamedTuple):
         return self._replace(A=self.A - self.B * over_R, Q=self.Q - self.N * over_R, N=0 * self.N)
 
 
-def is_semidefinite(matrix: np.ndarray) -> bool:
-    """Return whether the symmetric part of a matrix of doubles is positive semidefinite.
-
-    By the decomposition L D L' with pivots that are not 0.
-    """
-    exact = rational(matrix)
-    rows = ((exact + exact.transpose()) / 2).tolist()
-    not_eliminated = set(range(len(rows)))
-    while not_eliminated:
-        if any(rows[i][i] < 0 for i in not_eliminated):
-            return False
-        pivot = next((i for i in not_eliminated if rows[i][i] != 0), None)
-        if pivot is None:
-            return all(rows[i][j] == 0 for i in not_eliminated for j in not_eliminated)
-        not_eliminated.remove(pivot)
-        for i in not_eliminated:
-            factor = rows[i][pivot] / rows[pivot][pivot]
-            if factor != 0:
-                for j in not_eliminated:
-                    rows[i][j] -= factor * rows[pivot][j]
-    return True
-
-
 def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly | None:
     """Return the characteristic polynomial of the modes of A that B does not reach, None for none.
 
@@ -98,6 +79,8 @@ def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly | None:
     B: (n, m)
     """
     n = A.nrows()
+    if _reaches_all(A, B):
+        return None
     reached, A_power_B = B, B
     rank = reached.rank()
     for _ in range(n):
@@ -114,6 +97,28 @@ def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly | None:
     _, pivots = echelon(L)
     F = columns_of(L * A, pivots) * columns_of(L, pivots).inv()
     return F.charpoly().numer()
+
+
+def _reaches_all(A: fmpq_mat, B: fmpq_mat) -> bool:
+    """Return whether [B AB A²B ...] has the rank n modulo a prime, which proves it in rationals."""
+    from flint import nmod_mat
+
+    def modulo(matrix: fmpq_mat) -> nmod_mat:
+        entries = [int(e.p) * pow(int(e.q), -1, PRIME) % PRIME for e in matrix.entries()]
+        return nmod_mat(matrix.nrows(), matrix.ncols(), entries, PRIME)
+
+    try:
+        step, block = modulo(A), modulo(B)
+    except ValueError:  # the prime divides a denominator
+        return False
+    n = A.nrows()
+    reached: list[Any] = []
+    for _ in range(n):
+        reached += chain.from_iterable(block.transpose().tolist())
+        if nmod_mat(len(reached) // n, n, reached, PRIME).rank() == n:
+            return True
+        block = step * block
+    return False
 
 
 def echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
@@ -329,26 +334,6 @@ def _zeros(rows: int, columns: int) -> fmpq_mat:
     from flint import fmpq_mat
 
     return fmpq_mat(rows, columns)
-
-
-def disturbance_costs_nothing(game: Game) -> bool:
-    """Return whether the disturbance moves only stable states without cost, for u = -R⁻¹N' z.
-
-    If R is singular, as it may be in discrete time, for u = 0.
-    """
-    exact = RationalGame.of(game)
-    cost = stacked_rationals([[exact.Q], [exact.N.transpose()]])
-    if exact.has_priced_inputs:
-        exact = exact.without_cross_weights
-        cost = exact.Q
-    if not _never_costs(exact.A, exact.E, cost):
-        return False
-    not_moved = unreachable_modes(exact.A, exact.E)
-    moved = exact.A.charpoly().numer()
-    if not_moved is not None:
-        moved = moved // not_moved if moved.degree() > not_moved.degree() else 0 * moved + 1
-    growth = math.sqrt(game.discount)
-    return unstable_root(moved, growth, is_discrete=game.is_discrete) is None
 
 
 def disturbance_never_costs(game: Game, K: np.ndarray) -> bool:

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import Balls, ball_matrix, midpoints
-from controller.riccati.equation import Bound, ContinuousEquation, Equation, StepEquation
+from controller.riccati.balls import Balls, ball_matrix, is_positive_definite, midpoints
+from controller.riccati.equation import ContinuousEquation, Equation, StepEquation
+from controller.riccati.lyapunov import Bound, stability_of
 from controller.riccati.proof import Stabilizing
 from controller.riccati.rationals import (
     Boundary,
@@ -50,9 +51,7 @@ def why_no_value(
     found: the ball of the stabilizing solution, None if there is no proof of one
     in_bits: whether eigenvalues are computed in many bits, for what doubles do not see
     """
-    if not equation.is_disturbed:
-        return ""
-    if found is not None and (reason := _unpaid_disturbance(found) or _indefinite_P(found)):
+    if found is not None and (reason := _unpaid(found) or _unstable_without_disturbance(found)):
         return reason
     for frequency in _between_eigenvalues(equation, in_bits=in_bits):
         if reason := too_large_at(equation, frequency):
@@ -69,8 +68,10 @@ def too_large_at(equation: Equation[Balls], frequency: float) -> str:
 
     frequency: rad/s, in discrete time rad/step
     """
-    if not equation.is_disturbed or _relative_sign(equation, frequency) != -1:
+    if _relative_sign(equation, frequency) != -1:
         return ""
+    if not equation.is_disturbed:
+        return "the cost has no lower bound: some input makes it as negative as it likes"
     unit = "rad/step" if equation.is_discrete else "rad/s"
     return (
         f"for every input, the gain from the disturbance is at least {equation.delta:.6g}"
@@ -126,6 +127,8 @@ def _relative_sign(equation: Equation[Balls], frequency: float) -> int:
     from flint import acb
 
     if isinstance(equation, StepEquation):
+        if not equation.is_disturbed:
+            return 0
         undisturbed = StepEquation(equation.game, equation.units, Balls, math.inf)
         z = acb(0, frequency).exp()
         to_real = acb(0, -frequency * equation.n).exp()  # z^-n: the product is real
@@ -152,37 +155,29 @@ def _sign_of(value: acb) -> int:
     return 1 if value.real > 0 else -1 if value.real < 0 else 0
 
 
-def _unpaid_disturbance(found: Stabilizing[Bound]) -> str:
-    """Return that the disturbance does not pay, proved by one disturbance, or ""."""
+def _unpaid(found: Stabilizing[Bound]) -> str:
+    """Return that the disturbance, or an input, does not pay, proved by one of them, or ""."""
     equation = found.equation
+    of_inputs = equation.input_price(found.P_in_balls)
+    if is_positive_definite(of_inputs.matrix) is False:
+        return "in one step, an input gains cost: R + B'P B is indefinite"
     price = equation.disturbance_price(found.P_in_balls)
-    if price is not None and _is_negative(price.matrix):
+    if price is not None and is_positive_definite(price.matrix) is False:
         return (
             f"in one step, the disturbance gains more than {equation.delta:.6g} squared of its cost"
         )
     return ""
 
 
-def _indefinite_P(found: Stabilizing[Bound]) -> str:
-    """Return that P is indefinite, proved by one direction, or ""."""
-    if _is_negative(found.P_in_balls.matrix):
-        return "P is indefinite"
+def _unstable_without_disturbance(found: Stabilizing[Bound]) -> str:
+    """Return that A - B K is proved unstable for the only stabilizing solution, or ""."""
+    equation = found.equation
+    if not equation.is_disturbed:
+        return ""
+    loop = equation.control_loop(found.P_in_balls, Balls.of(found.gains)).matrix
+    if stability_of(loop, is_discrete=equation.is_discrete) is False:
+        return f"for every input, the gain from the disturbance is at least {equation.delta:.6g}"
     return ""
-
-
-def _is_negative(matrix: arb_mat) -> bool:
-    """Return whether v'M v < 0 is proved for one vector v.
-
-    It is an eigenvector in doubles, in units in which the diagonal is about 1.
-    """
-    middle = midpoints(matrix)
-    if not np.isfinite(middle).all():
-        return False
-    diagonal = np.abs(np.diag(middle))
-    units = np.exp2(-np.round(0.5 * np.log2(np.where(diagonal != 0.0, diagonal, 1.0))))
-    vectors = np.linalg.eigh(middle * np.outer(units, units))[1]
-    v = ball_matrix(units[:, None] * vectors[:, :1])
-    return bool((v.transpose() * matrix * v)[0, 0] < 0)
 
 
 def why_never(game: Game) -> str:
@@ -226,8 +221,7 @@ def why_never_at(game: Game, delta: float) -> str:
     boundary = boundary_of(game, delta)
     if boundary is Boundary.SINGULAR:
         return (
-            "R + B'P B is singular for every P: an input neither costs nor acts; give it a weight"
-            " in R, or leave it out of B"
+            "the optimal gain is not unique: R + B'P B is singular; give each input a weight in R"
         )
     if boundary is Boundary.CLEAR:
         return ""

@@ -9,24 +9,16 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import BITS, Balls, DoubleBalls, ball_matrix, precision
-from controller.riccati.enclosure import (
-    Enclosure,
-    UndecidedError,
-    decided,
-    decided_in_doubles,
-    has_exact_weights,
-)
-from controller.riccati.equation import Entries, Equation, equation_of, scaled
-from controller.riccati.level import levelled
-from controller.riccati.proposal import (
-    FailedError,
+from controller.riccati.balls import BITS, DoubleBalls, precision
+from controller.riccati.candidate import (
     disturbance_units,
     loop_in_doubles,
-    lyapunov_of,
     stabilizing_in_doubles,
 )
-from controller.riccati.rationals import disturbance_costs_nothing
+from controller.riccati.enclosure import Enclosure, UndecidedError, decided_at
+from controller.riccati.equation import Equation, Units, equation_of
+from controller.riccati.free_states import disturbance_costs_nothing
+from controller.riccati.lyapunov import FailedError, lyapunov_of
 from controller.riccati.refusal import ModeError, why_never
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import LARGEST
@@ -113,7 +105,7 @@ def minimum_delta(game: Game) -> DeltaMin:
     >>> round(minimum_delta(game).value, 4)
     1.0
     """
-    undisturbed = decided(game, math.inf, digits=False)
+    undisturbed = decided_at(game, math.inf)
     if isinstance(undisturbed, str):
         raise (ModeError if undisturbed == why_never(game) else NoSolutionError)(undisturbed)
     if disturbance_costs_nothing(game):
@@ -261,42 +253,38 @@ class _Search:
 
     There, doubles have the digits that they lose in the user's states.
 
-    entries: of the game in these states, in balls
-    rounded: the same in doubles
+    rounded: the game in these states, in doubles
     P: of the game without disturbance, in these states, (n, n)
     """
 
     def __init__(self, game: Game, undisturbed: Enclosure) -> None:
         self.game = game
-        self.has_exact_weights = has_exact_weights(game)
-        proved = undisturbed.proved
-        self.units = proved.bounds.units
-        with precision(2 * undisturbed.bits), np.errstate(all="ignore"):
-            level = levelled(undisturbed)
-            self.entries = proved.bounds.entries.in_states(level.to_level)
-            self.rounded = self.entries.rounded
-            from_level = Balls(level.from_level)
-            self.P = (from_level.T @ Balls.of(proved.X) @ from_level).symmetric().midpoint
+        self.units = undisturbed.units
+        self.P = undisturbed.proved.X.midpoint
+        with precision(undisturbed.bits):
+            self.rounded = undisturbed.proved.bounds.entries.rounded
 
-    def equation(self, w: float, entries: Entries) -> Equation[DoubleBalls]:
-        """Return the Riccati equation at w = 1/δ².
+    def _units_at(self, delta: float) -> Units:
+        """Return the units and states at a delta."""
+        return self.units._replace(disturbances=disturbance_units(self.game, delta))
 
-        entries: of the game, in the states of the search
-        """
+    def equation(self, w: float) -> Equation[DoubleBalls]:
+        """Return the Riccati equation at w = 1/δ², with rounded entries."""
         delta = math.inf if w == 0.0 else w**-0.5
-        units = self.units._replace(disturbances=disturbance_units(self.game, delta))
-        E = scaled(entries.E, np.zeros(len(self.game.A), dtype=int), units.disturbances)
-        return equation_of(self.game, units, DoubleBalls, delta, replace(entries, E=E))
+        units = self._units_at(delta)
+        E = np.ldexp(np.asarray(self.rounded.E), units.disturbances)
+        entries = replace(self.rounded, E=E)
+        return equation_of(self.game, units, DoubleBalls, delta, entries)
 
     def first_w(self) -> float:
         """Return the w = 1/δ² at which P has grown by half its size, to the first order, or 1."""
         with precision(BITS), np.errstate(all="ignore"):
-            equation = self.equation(0.0, self.rounded)
+            equation = self.equation(0.0)
             try:
                 F, E = loop_in_doubles(equation, self.P), equation.E.midpoint
                 push = F.T @ self.P @ E if equation.is_discrete else self.P @ E
                 lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
-                growth, _ = lyapunov.solve(-push @ push.T)
+                growth = lyapunov.solve(-push @ push.T)
                 rate = float(np.linalg.eigvalsh(growth)[-1])
             except (np.linalg.LinAlgError, ValueError):
                 rate = math.nan
@@ -306,7 +294,7 @@ class _Search:
         """Return the reserves at w = 1/δ², nan if doubles find no value."""
         with precision(BITS), np.errstate(all="ignore"):
             try:
-                equation = self.equation(w, self.rounded)
+                equation = self.equation(w)
                 X = stabilizing_in_doubles(equation)
                 poles, price = np.linalg.eigvals(loop_in_doubles(equation, X)), None
                 if equation.is_disturbed and equation.is_discrete:
@@ -325,32 +313,17 @@ class _Search:
 
         Raises UndecidedError if that does not help.
         """
-        outcome: Enclosure | str = ""
         delta = w**-0.5
-        if self.has_exact_weights:
-            with precision(2 * BITS), np.errstate(all="ignore"):
-                equation = self.equation(w, self._entries_near(w))
-                outcome = decided_in_doubles(equation, frequency)
-        if not outcome:
-            try:
-                outcome = decided(self.game, delta, digits=False)
-            except UndecidedError:
-                outcome = decided(self.game, np.nextafter(delta, 0.0), digits=False)
+        near = self._units_at(delta)
+        try:
+            outcome = decided_at(self.game, delta, near=near, frequency=frequency)
+        except UndecidedError:
+            outcome = decided_at(self.game, float(np.nextafter(delta, 0.0)), near=near)
         if isinstance(outcome, str):
             return outcome
         reserves = self.in_doubles(w)
         numbers = np.where(reserves.numbers > 0.0, reserves.numbers, np.nan)
         return reserves._replace(numbers=numbers)
-
-    def _entries_near(self, w: float) -> Entries:
-        """Return the entries in states in which P at w = 1/δ² is nearly diagonal, with 1 and -1."""
-        try:
-            X = stabilizing_in_doubles(self.equation(w, self.rounded))
-            values, vectors = np.linalg.eigh(X)
-            to_diagonal = np.sqrt(np.abs(values))[:, None] * vectors.T
-            return self.entries.in_states(ball_matrix(to_diagonal))
-        except (np.linalg.LinAlgError, ValueError, FailedError, ZeroDivisionError):
-            return self.entries
 
     def reserves(
         self, w: float, X: np.ndarray, poles: np.ndarray, price: np.ndarray | None

@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from controller.game.weights import disturbance_text, matrix_text
-from controller.riccati.enclosure import has_exact_weights
+from controller.riccati.certificate import has_indefinite_weights, warning_of
 from controller.riccati.gare import Solution
 from controller.riccati.stability import stabilizes
 from hfa_support.reporting.parts import Part
@@ -31,11 +31,10 @@ def solution_report(solution: Solution) -> Report:
     game = solution.game
     states = solution.names.states
     smallest = solution.delta_min_bounds
-    of_raised = "" if has_exact_weights(game) else " of weights raised to be semidefinite"
     title = (
         f"Exact game solution{' in discrete time' * game.is_discrete} for"
-        f" {solution.names.origin}: proved\n"
-        f"delta {solution.delta:.6g}, smallest possible {smallest.value:.7g}{of_raised}"
+        f" {solution.names.origin}: proved{''.join(_findings(solution))}\n"
+        f"delta {solution.delta:.6g}, smallest possible {smallest.value:.7g}"
         f", margin {solution.delta_margin:.4g}"
     )
     if game.is_discrete:
@@ -65,6 +64,14 @@ def solution_report(solution: Solution) -> Report:
             entry_rows((solution.P,), (solution.K,), solution.names),
         ),
     )
+
+
+def _findings(solution: Solution) -> Iterator[str]:
+    """Yield what the first line says of the weights and of the digits of the data."""
+    if has_indefinite_weights(solution.game):
+        yield ", weights indefinite"
+    if warning_of(solution.certificate.data_change):
+        yield ", last digits decide"
 
 
 def _gain_table(solution: Solution) -> Iterator[Part]:

@@ -4,6 +4,7 @@ import control
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
+from exact_games import exact_solution
 from scipy.linalg import block_diag, solve_continuous_are
 
 from controller import minimum_delta
@@ -67,8 +68,8 @@ def test_margins_open_the_loop_at_the_input_of_the_plant():
     assert solution.disk_margin.disk == pytest.approx(disk, rel=1e-3)
 
 
-def test_the_joint_weight_decides():
-    """The boundary is Q - N R^-1 N' = 0: on it and within, a game is solved; beyond, refused.
+def test_any_cross_weights_are_solved():
+    """On the boundary Q - N R^-1 N' = 0, within and beyond it, a game is solved.
 
     N of another shape is refused.
     """
@@ -77,11 +78,9 @@ def test_the_joint_weight_decides():
     on = Game(A, B, Q=c.T @ c, R=[[d * d]], N=c.T * d)
     assert np.abs(on.without_cross_weights.Q).max() < 1e-15
     assert solve(on).is_stable
-    for matrix in (np.array([[1.2], [0.3]]), np.array([[0.0], [1.001]])):
-        with pytest.raises(
-            BadInputError, match=r"\[\[Q, N\], \[N', R\]\] is not positive semidefinite"
-        ):
-            Game(A, B, Q=np.eye(2), R=np.eye(1), N=matrix)
+    for N in (np.array([[1.2], [0.3]]), np.array([[0.0], [1.001]])):
+        beyond = Game(A, B, Q=np.eye(2), R=np.eye(1), N=N)
+        np.testing.assert_allclose(solve(beyond).K, exact_solution(beyond)[1], rtol=1e-14)
     assert lqr(A, B, np.eye(2), np.eye(1), [[0.0], [0.999]]).is_stable
     with pytest.raises(BadInputError, match="N is 1 x 2; give 2 x 1"):
         lqr(A, B, np.eye(2), np.eye(1), [[0.1, 0.2]])

@@ -8,7 +8,6 @@ import pytest
 from flint import arb, arb_mat, fmpq
 
 from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, midpoints, precision
-from controller.riccati.pairs import Pairs
 from controller.riccati.pickled_balls import make_balls_picklable
 
 make_balls_picklable()
@@ -122,56 +121,3 @@ def test_balls_that_are_not_finite_can_be_pickled():
     assert restored[1] < -1e300
     assert [ball.is_finite() for ball in restored] == [False] * 4
     assert [repr(ball.mid()) for ball in restored] == [repr(ball.mid()) for ball in balls]
-
-
-@pytest.mark.parametrize("terms", [1, 5, 40])
-@pytest.mark.parametrize("seed", range(3))
-def test_pairs_contain_the_exact_result_in_twice_the_digits(terms, seed):
-    """Results of pairs contain the exact ones; radii of sums and products are 1e-25 of the terms.
-
-    The entries have wide ranges, and their sums cancel to the last digits. Products of wider pairs
-    contain those of their corners.
-    """
-    rng = np.random.default_rng([terms, seed])
-
-    def entries(*shape):
-        return rng.standard_normal(shape) * np.exp2(rng.integers(-30, 30, shape))
-
-    wide = entries(3, terms), entries(terms, 3)
-    square = rng.standard_normal((terms, terms)) + terms * np.eye(terms)
-    with precision(500):
-        third = arb(1) / 3
-        left, right = (ball_matrix(each) * third for each in wide)
-        found = {
-            "product": (Pairs.of(left) @ Pairs.of(right), left * right),
-            "sum": (Pairs.of(left) - Pairs.of(right).T, left - right.transpose()),
-            "multiple": (Pairs.of(left).times(third), left * third),
-            "solution": (
-                Pairs.of(square).solve(Pairs.of(right)),
-                ball_matrix(square).solve(right),
-            ),
-        }
-        for name, (pairs, exact) in found.items():
-            balls = pairs.matrix.entries()
-            assert all(map(arb.contains, balls, exact.entries())), name
-            if name != "solution":
-                sizes = np.abs(wide[0]).max(1)[:, None] * (1.0 + np.abs(wide[1]).max())
-                assert (pairs.radius <= 1e-25 * terms * sizes).all(), name
-        wider = [
-            Pairs(each.high, each.low, each.radius + 1.0) for each in map(Pairs.of, (left, right))
-        ]
-        for signs in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-            moved = [
-                each + ball_matrix(sign * np.ones((each.nrows(), each.ncols())))
-                for each, sign in zip((left, right), signs, strict=True)
-            ]
-            balls = (wider[0] @ wider[1]).matrix.entries()
-            assert all(map(arb.contains, balls, (moved[0] * moved[1]).entries()))
-        for exact in (left, right):
-            assert all(map(arb.overlaps, Pairs.of(exact).matrix.entries(), exact.entries()))
-
-
-def test_pairs_do_not_divide_by_a_matrix_that_may_be_singular():
-    singular = Pairs.of(np.ones((2, 2)))
-    with pytest.raises(ZeroDivisionError):
-        singular.solve(Pairs.of(np.eye(2)))

@@ -7,9 +7,9 @@ import pytest
 from stored_games import KINDS, stored
 
 from controller.riccati.balls import BITS, Balls, precision
-from controller.riccati.enclosure import enclosed_in_bits
+from controller.riccati.candidate import first_units
+from controller.riccati.enclosure import decided, enclosed_in_bits
 from controller.riccati.equation import equation_of
-from controller.riccati.proposal import first_units
 from controller.riccati.refusal import why_never, why_never_at, why_no_value
 from hfa import Game
 
@@ -24,7 +24,7 @@ def test_no_proof_says_that_a_game_with_a_value_has_none(kind):
     assert values
     for each in values:
         game = each.game
-        found = enclosed_in_bits(game, 2 * BITS).proved
+        found = enclosed_in_bits(decided(game, game.delta), 2 * BITS).proved
         with precision(2 * BITS):
             assert why_no_value(found.equation, found, in_bits=False) == ""
             assert why_no_value(found.equation, None, in_bits=False) == ""

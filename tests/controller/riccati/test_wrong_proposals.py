@@ -14,18 +14,13 @@ from flint import arb, arb_mat
 
 from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, precision
 from controller.riccati.equation import equation_of, users_units
-from controller.riccati.pairs import Pairs
-from controller.riccati.proof import (
-    NotProvedError,
-    lyapunov_ball,
-    prove_value,
-    stabilizing,
-)
+from controller.riccati.lyapunov import NotProvedError, lyapunov_ball
+from controller.riccati.proof import prove_control_loop, prove_prices, stabilizing
 from hfa import Game
 
 BITS = 256
-#: Of the residual and of the bounds.
-ARITHMETICS = [(Balls, Balls), (Balls, DoubleBalls), (Pairs, DoubleBalls)]
+#: Of the bounds.
+ARITHMETICS = [Balls, DoubleBalls]
 #: States z = T y of the uncoupled ones, with an inverse of integers.
 T = np.array([[1.0, 2.0], [1.0, 3.0]])
 T_INVERSE = np.array([[3.0, -2.0], [-1.0, 1.0]])
@@ -110,10 +105,9 @@ def exact_Y(equation, X):
     return solved(F.mid(), is_discrete=equation.is_discrete)
 
 
-def proposed(equation, X, Y, arithmetics):
-    """Return what X and Y prove, in the arithmetics of the residual and of the bounds."""
-    exactly, bounds = arithmetics
-    return stabilizing(equation.with_arithmetic(exactly), exactly.of(X), Y, bounds)
+def proposed(equation, X, Y, arithmetic):
+    """Return what X and Y prove, in the arithmetic of the bounds."""
+    return stabilizing(equation, Balls(X), Balls(Y), arithmetic)
 
 
 def around(found):
@@ -128,8 +122,8 @@ def contains(balls, exact):
 
 
 @pytest.mark.parametrize("name", GAMES)
-@pytest.mark.parametrize("arithmetics", ARITHMETICS)
-def test_other_invariant_subspaces_are_refused(name, arithmetics):
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+def test_other_invariant_subspaces_are_refused(name, arithmetic):
     """Other solutions X of the Riccati equation are refused, whose loops are unstable.
 
     Neither the Y of that loop, which is indefinite, nor its negative, nor the Y of the stabilizing
@@ -140,18 +134,18 @@ def test_other_invariant_subspaces_are_refused(name, arithmetics):
         equation = equation_of(game, users_units(game), Balls)
         truth = solution(list(right))
         Y = exact_Y(equation, truth)
-        assert contains(around(proposed(equation, truth, Y, arithmetics)), truth)
+        assert contains(around(proposed(equation, truth, Y, arithmetic)), truth)
         for mixed in ([wrong[0], right[1]], [right[0], wrong[1]], list(wrong)):
             X = solution(mixed)
             own = exact_Y(equation, X)
             for lie in (own, -own, Y):
                 with pytest.raises(NotProvedError):
-                    proposed(equation, X, lie, arithmetics)
+                    proposed(equation, X, lie, arithmetic)
 
 
 @pytest.mark.parametrize("name", GAMES)
-@pytest.mark.parametrize("arithmetics", ARITHMETICS)
-def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetics):
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetic):
     """However far X is changed, what is accepted contains the solution; small changes are accepted.
 
     Y is that of X or of the solution, up to 30 % off.
@@ -168,7 +162,7 @@ def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetics
             ys = exact_Y(equation, X), exact_Y(equation, truth)
             for Y, factor in product(ys, (0.7, 0.97, 1.0, 1.03, 1.3)):
                 try:
-                    found = proposed(equation, X, Y * arb(factor), arithmetics)
+                    found = proposed(equation, X, Y * arb(factor), arithmetic)
                 except NotProvedError:
                     assert size > 1e-6 or factor != 1.0
                     continue
@@ -176,7 +170,7 @@ def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetics
                 assert contains(found.gains.matrix, gains)
 
 
-@pytest.mark.parametrize("arithmetics", ARITHMETICS)
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
 @pytest.mark.parametrize(
     "game",
     [
@@ -186,7 +180,7 @@ def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetics
         in_other_states([0.5, 2.0], [0.0, 1.0], [1.0, 0.0], [0.3, 3.5], delta=1.0, dt=True),
     ],
 )
-def test_nothing_is_accepted_where_there_is_no_solution(game, arithmetics):
+def test_nothing_is_accepted_where_there_is_no_solution(game, arithmetic):
     """No proposal is accepted with the exact Y of its loop, whatever its first root.
 
     Its second root is that of the second scalar game, which has a solution.
@@ -197,11 +191,11 @@ def test_nothing_is_accepted_where_there_is_no_solution(game, arithmetics):
         for hundredths in range(0, 48, 4) if game.is_discrete else range(-100, 100, 10):
             X = solution([(hundredths, 100), (second, 1)])
             with pytest.raises(NotProvedError):
-                proposed(equation, X, exact_Y(equation, X), arithmetics)
+                proposed(equation, X, exact_Y(equation, X), arithmetic)
 
 
-@pytest.mark.parametrize("arithmetics", ARITHMETICS)
-def test_nothing_is_accepted_just_below_the_smallest_delta(arithmetics):
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
+def test_nothing_is_accepted_just_below_the_smallest_delta(arithmetic):
     """P² - (0.75 + q) P + q = 0 has the double root 0.5 at q = 0.25, and none just above."""
     game = Game([[0.5]], [[0.0]], E=[[1.0]], Q=[[0.2505]], R=[[1.0]], delta=1.0, dt=True)
     with precision(BITS):
@@ -209,10 +203,10 @@ def test_nothing_is_accepted_just_below_the_smallest_delta(arithmetics):
         for X in np.linspace(0.3, 0.49, 20):
             proposal = ball_matrix(np.array([[X]]))
             with pytest.raises(NotProvedError):
-                proposed(equation, proposal, exact_Y(equation, proposal), arithmetics)
+                proposed(equation, proposal, exact_Y(equation, proposal), arithmetic)
 
 
-@pytest.mark.parametrize("arithmetics", ARITHMETICS)
+@pytest.mark.parametrize("arithmetic", ARITHMETICS)
 @pytest.mark.parametrize(
     ("game", "roots", "control", "reason"),
     [
@@ -221,19 +215,19 @@ def test_nothing_is_accepted_just_below_the_smallest_delta(arithmetics):
             in_other_states([1.0, -1.0], [0.0, 1.0], [1.0, 0.0], [0.75, 8.0], delta=1.0),
             [(-3, 2), (2, 1)],
             [1.0, -3.0],
-            "P > 0|the loop without disturbance",
+            "the loop without disturbance",
         ),
         # In the first state, delta² - E'XE = 1 - 2 < 0: the disturbance pays.
         (
             in_other_states([0.5, 2.0], [0.0, 1.0], [1.0, 0.0], [2.5, 3.5], delta=1.0, dt=True),
             [(2, 1), (7, 1)],
             [0.5, 0.25],
-            "the disturbance pays",
+            "a player pays",
         ),
     ],
 )
 def test_a_stabilizing_solution_of_two_states_may_be_no_value(
-    game, roots, control, reason, arithmetics
+    game, roots, control, reason, arithmetic
 ):
     """X stabilizes the loop of both players, but no Y proves that it is the value.
 
@@ -243,12 +237,17 @@ def test_a_stabilizing_solution_of_two_states_may_be_no_value(
         equation = equation_of(game, users_units(game), Balls)
         X = solution(roots)
         Y_both = exact_Y(equation, X)  # of the loop of both players
-        found = proposed(equation, X, Y_both, arithmetics)
+        found = proposed(equation, X, Y_both, arithmetic)
         loop = ball_matrix(T @ np.diag(control) @ T_INVERSE)
         Y_control = solved(loop, is_discrete=game.is_discrete)
-        for Y in (None, Y_control, -Y_control, Y_both):
+        for Y in (Y_control, -Y_control, Y_both):
             with pytest.raises(NotProvedError, match=reason):
-                prove_value(found, Y)
+                prove_value(found, Balls(Y))
+
+
+def prove_value(found, Y):
+    prove_prices(found)
+    prove_control_loop(found, Y)
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])

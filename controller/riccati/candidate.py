@@ -1,0 +1,462 @@
+"""Candidate solutions of a Riccati equation, in doubles or in many bits. `proof` judges them.
+
+They are sought in states in which P is nearly 1: there, doubles have the digits that they lose in
+the user's states. LAPACK solves the equation, and Newton's method corrects X by residuals in balls.
+Where doubles do not suffice, the matrix sign function finds X in many bits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import hamiltonian
+from controller.riccati.balls import (
+    Balls,
+    DoubleBalls,
+    ball_matrix,
+    identity,
+    midpoints,
+    part,
+    symmetric,
+)
+from controller.riccati.equation import (
+    ContinuousEquation,
+    Equation,
+    StepEquation,
+    Units,
+    equation_of,
+    users_units,
+)
+from controller.riccati.free_states import states_without_cost
+from controller.riccati.lyapunov import (
+    DOUBLINGS,
+    NEWTON_STEPS,
+    FailedError,
+    half_the_bits,
+    lyapunov_in_bits,
+    lyapunov_of,
+    sign_function,
+)
+from hfa_support.matrices import balanced, spectral_radius
+
+if TYPE_CHECKING:
+    from flint import arb_mat
+
+# These choose candidates only: the proof decides.
+
+#: Exponents of entries of this size are left as they are.
+MODERATE = 12
+#: Exponents of units that differ by more from those of a candidate need another one.
+SAME = 10
+#: The states are changed until the least eigenvalue of |P| is at least this fraction of the
+#: largest, at most so often. Each change gains the digits of doubles.
+LEVEL, TURNS = 1e-3, 4
+#: A smaller fraction is not resolved by doubles, and after two changes it is that of P = 0.
+NOISE = 1e-14
+#: A candidate whose eigenvalues are above this fraction of the largest begins Newton's method.
+RESOLVED = 1e-7
+#: Largest number of corrections of a candidate in doubles.
+CORRECTIONS = 8
+#: A relative correction of X that is far below its last digit in doubles.
+SMALL = 1e-25
+#: A relative correction after which LAPACK solves the equation anew, and one after which the loop
+#: is computed anew.
+LARGE, NEAR = 0.1, 1e-6
+#: Largest number of states for which the matrix sign function is computed, which takes a second.
+MOST_STATES_IN_BITS = 40
+
+
+class Candidate(NamedTuple):
+    """Candidate solution of a Riccati equation, for `proof`.
+
+    equation: the equation, in `Balls`
+    X: (n, n), its solution
+    Y: (n, n), solution of F'Y + Y F = -1 with the loop F of both players at X, in discrete time of
+        F'Y F - Y = -1
+    """
+
+    equation: Equation[Balls]
+    X: Balls
+    Y: np.ndarray | Balls
+
+
+class Solved(NamedTuple):
+    """Equation in some states, and its stabilizing solution X in doubles, (n, n)."""
+
+    equation: Equation[DoubleBalls]
+    X: np.ndarray
+
+
+@contextmanager
+def failures() -> Iterator[None]:
+    """Raise FailedError where arithmetic fails."""
+    with np.errstate(all="ignore"):
+        try:
+            yield
+        except (np.linalg.LinAlgError, ValueError, ZeroDivisionError, OverflowError) as failure:
+            raise FailedError(str(failure)) from None
+
+
+def value_in_doubles(game: Game) -> np.ndarray:
+    """Return P, (n, n), by LAPACK, which nothing corrects or proves.
+
+    Raises FailedError.
+    """
+    with failures():
+        equation, X = _solved(game, first_units(game, game.delta), game.delta)
+        states = equation.units.states
+        return np.ldexp(X, -np.add.outer(states, states))
+
+
+def candidate_in_doubles(game: Game, delta: float, near: Units | None = None) -> Candidate:
+    """Return a candidate by LAPACK in states in which P is near 1, corrected by residuals.
+
+    near: units and states where the search begins; by default those of the Hamiltonian
+
+    Raises FailedError.
+    """
+    with failures():
+        solved = _solved(game, near or first_units(game, delta), delta)
+        for _ in range(0 if near else TURNS):
+            before, solved = solved, _in_units_of_solution(solved)
+            units = solved.equation.units
+            if np.abs(units.states - before.equation.units.states).max() <= SAME:
+                break
+            solved = _solved(game, units, delta)
+        for turn in range(TURNS):
+            change = _change_of_states(solved.X, game, NOISE if turn > 1 else 0.0)
+            if change is None:
+                break
+            units = _changed(solved.equation.units, change.root)
+            if change.X is None:
+                solved = _solved(game, units, delta)
+            else:
+                solved = Solved(equation_of(game, units, DoubleBalls, delta), change.X)
+        return _corrected(solved)
+
+
+def _solved(game: Game, units: Units, delta: float) -> Solved:
+    """Return the equation of a game in some states, and its solution by LAPACK."""
+    equation = equation_of(game, units, DoubleBalls, delta)
+    return Solved(equation, stabilizing_in_doubles(equation))
+
+
+def _in_units_of_solution(solved: Solved) -> Solved:
+    """Return an equation and its solution in units in which the diagonal of |X| is nearly 1, and so
+    are the prices of the inputs, R + B'P B.
+    """
+    equation, X = solved
+    game, delta = equation.game, equation.delta
+    sizes = np.where(states_without_cost(game), 1.0, sizes_of(X))
+    steps = -_half_exponents(sizes)
+    states = equation.units.states + steps
+    X = np.ldexp(X, np.add.outer(steps, steps))
+    price = _prices(game, np.ldexp(game.B, -states[:, None]), X)
+    units = Units(states, -_half_exponents(price), disturbance_units(game, delta))
+    return Solved(equation_of(game, units, DoubleBalls, delta), X)
+
+
+def sizes_of(X: np.ndarray) -> np.ndarray:
+    """Return s with |X_ij|² <= s_i s_j, (n,): the diagonal of X, or of |X| if X is indefinite."""
+    try:
+        np.linalg.cholesky(X)
+    except np.linalg.LinAlgError:
+        if np.isfinite(X).all():
+            values, vectors = np.linalg.eigh(X)
+            return np.asarray(vectors**2 @ np.abs(values))
+    return np.diag(X).astype(float)
+
+
+class _Change(NamedTuple):
+    """Change of the states, (n, n), after which |X| is nearly 1, and X then, if doubles know it."""
+
+    root: np.ndarray
+    X: np.ndarray | None
+
+
+def _change_of_states(X: np.ndarray, game: Game, noise: float) -> _Change | None:
+    """Return the root of |X| that changes the states, or None if X is level.
+
+    Eigenvalues that doubles do not resolve count as the largest one times eps. States without cost
+    are left as they are.
+
+    noise: eigenvalues up to this fraction of the largest may be 0
+    """
+    kept = np.flatnonzero(~states_without_cost(game))
+    places = np.ix_(kept, kept)
+    values, vectors = np.linalg.eigh(X[places])
+    sizes = np.abs(values)
+    largest, least = sizes.max(initial=0.0), sizes.min(initial=math.inf)
+    if least >= LEVEL * largest or least <= noise * largest:
+        return None
+    squares = np.maximum(sizes, np.finfo(float).eps * largest)
+    root, next_X = np.eye(len(X)), np.zeros_like(X)
+    root[places] = np.sqrt(squares)[:, None] * vectors.T
+    next_X[places] = np.diag(values / squares)
+    return _Change(root, next_X if least > RESOLVED * largest else None)
+
+
+def _changed(units: Units, root: np.ndarray) -> Units:
+    """Return units with the states root T y."""
+    step = ball_matrix(root)
+    return units._replace(T=step if units.T is None else (step * units.T).mid())
+
+
+def _corrected(solved: Solved) -> Candidate:
+    """Return a candidate about X, corrected by residuals of more digits than doubles.
+
+    Each correction Z solves F'Z + Z F + residual = 0 in doubles, with the loop F at X.
+    """
+    in_doubles, X = solved
+    equation, lyapunov = in_doubles.with_arithmetic(Balls), None
+    has_no_cost = states_without_cost(equation.game)
+    corrected, size = Balls.of(X).symmetric(), np.abs(X).max() or 1.0
+    for number in range(CORRECTIONS):
+        if lyapunov is None:
+            F = loop_in_doubles(in_doubles, corrected.midpoint)
+            lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
+        _, residual = equation.gains_and_residual(corrected)
+        correction = lyapunov.solve(-residual.midpoint)
+        correction[has_no_cost] = correction[:, has_no_cost] = 0.0
+        largest = np.abs(correction).max() / size
+        if number == 0 and not largest < LARGE:
+            corrected, lyapunov = Balls.of(stabilizing_in_doubles(in_doubles)).symmetric(), None
+            continue
+        if not largest > SMALL:
+            break
+        corrected = (corrected + Balls.of(correction)).mid()
+        if largest > NEAR:
+            lyapunov = None
+    if lyapunov is None:
+        F = loop_in_doubles(in_doubles, corrected.midpoint)
+        lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
+    return Candidate(equation, corrected, lyapunov.solve(-np.eye(len(X))))
+
+
+def stabilizing_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
+    """Return the stabilizing X, (n, n), by LAPACK, in doubles that nothing proves.
+
+    Raises FailedError, LinAlgError or ValueError.
+    """
+    if isinstance(equation, StepEquation):
+        try:
+            X = riccati_by_doubling(equation)
+        except np.linalg.LinAlgError:  # R is singular
+            X = riccati_by_deflation(equation)
+        else:  # not the stabilizing X if an unstable mode has no cost
+            if not spectral_radius(loop_in_doubles(equation, X)) < 1.0:
+                X = riccati_by_deflation(equation)
+    else:
+        assert isinstance(equation, ContinuousEquation)
+        X = riccati_by_schur_form(equation)
+    if not np.isfinite(X).all():
+        raise FailedError("the candidate is not finite")
+    has_no_cost = states_without_cost(equation.game)
+    X[has_no_cost] = X[:, has_no_cost] = 0.0
+    return X
+
+
+def loop_in_doubles(equation: Equation[DoubleBalls], X: np.ndarray) -> np.ndarray:
+    """Return the loop of both players at X, (n, n)."""
+    gains = X  # not used in continuous time
+    if isinstance(equation, StepEquation):
+        G, A = equation.G.midpoint, equation.A.midpoint
+        right = G.T @ X @ A + equation.C.midpoint.T
+        gains = np.linalg.solve(equation.W.midpoint + G.T @ X @ G, right)
+    return equation.loop(DoubleBalls.of(X), DoubleBalls.of(gains)).midpoint
+
+
+def riccati_by_schur_form(equation: ContinuousEquation[DoubleBalls]) -> np.ndarray:
+    """Return X of the stable subspace of the Hamiltonian, which [1; X] spans, (n, n)."""
+    from scipy.linalg.lapack import dgees
+
+    n = equation.n
+    H = hamiltonian(equation.free.midpoint, equation.S.midpoint, equation.cost.midpoint)
+    _, stable, _, _, basis, _, _ = dgees(_is_stable, np.asarray_chkfinite(H), sort_t=1)
+    if stable != n:
+        raise FailedError(f"the Hamiltonian has {stable} stable eigenvalues instead of {n}")
+    return _of_basis(basis[:n, :n], basis[n:, :n])
+
+
+def _of_basis(states: np.ndarray, costates: np.ndarray) -> np.ndarray:
+    """Return X, (n, n), of the subspace that the columns of [states; costates] span."""
+    X = np.linalg.solve(states.T, costates.T)
+    return (X + X.T) / 2.0
+
+
+def _is_stable(real: float, imaginary: float) -> bool:
+    """Return whether an eigenvalue of the Hamiltonian comes first in its Schur form."""
+    return real < 0.0
+
+
+def riccati_by_doubling(equation: StepEquation[DoubleBalls]) -> np.ndarray:
+    """Return X, (n, n), the limit of the value of games of 2^k steps.
+
+    Source: Anderson, International Journal of Control 28 (1978), 295-306.
+
+    Raises LinAlgError if R is singular.
+    """
+    m = equation.R.rows
+    W, C = equation.W.midpoint, equation.C.midpoint
+    G, A, Q = equation.G.midpoint, equation.A.midpoint, equation.Q.midpoint
+    F = np.linalg.solve(W[:m, :m], C[:, :m].T)
+    A, H = A - G[:, :m] @ F, Q - C[:, :m] @ F
+    S = G @ np.linalg.solve(W, G.T)
+    one = np.eye(len(A))
+    for _ in range(DOUBLINGS):
+        both = np.linalg.solve(one + S @ H, np.concatenate([A, S], 1))
+        ahead, through = both[:, : len(A)], both[:, len(A) :]
+        growth = A.T @ H @ ahead
+        A, S, H = A @ ahead, S + A @ through @ A.T, H + growth
+        S, H = (S + S.T) / 2.0, (H + H.T) / 2.0
+        if not np.abs(growth).max() > 1e-14 * np.abs(H).max():
+            return H
+    raise FailedError("the doublings do not converge")
+
+
+def riccati_by_deflation(equation: StepEquation[DoubleBalls]) -> np.ndarray:
+    """Return X of the stable subspace of the pencil, (n, n), also if R is singular.
+
+    Source: Van Dooren, SIAM Journal on Scientific and Statistical Computing 2 (1981), 121-135.
+    """
+    from scipy.linalg import ordqz
+
+    n = equation.n
+    pencil = equation.with_arithmetic(Balls)
+    assert isinstance(pencil, StepEquation)
+    L, M = map(midpoints, pencil.pencil())
+    _, _, above, below, _, basis = ordqz(L, M, sort="iuc", output="real")
+    stable = int((np.abs(above) < np.abs(below)).sum())
+    if stable != n:
+        raise FailedError(f"the pencil has {stable} stable eigenvalues instead of {n}")
+    return _of_basis(basis[:n, :n], basis[n : 2 * n, :n])
+
+
+def first_units(game: Game, delta: float) -> Units:
+    """Return units in which the Hamiltonian is balanced, or the user's if they are moderate.
+
+    Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001).
+    """
+    matrices = game.A, game.B, game.E, game.Q, game.R
+    entries = np.concatenate([matrix.ravel() for matrix in matrices])
+    exponents = np.frexp(entries[entries != 0.0])[1]
+    if np.abs(exponents).max(initial=0) <= MODERATE:
+        return users_units(game)
+    price = _prices(game, game.B, game.Q)
+    S = (game.B / np.where(price > 0.0, price, 1.0)) @ game.B.T + game.E @ game.E.T / delta**2
+    of_states, of_costates = np.split(np.log2(balanced(hamiltonian(game.A, S, game.Q))[1]), 2)
+    states = np.round(0.5 * (of_states - of_costates)).astype(int)
+    return Units(states, -_half_exponents(price), disturbance_units(game, delta))
+
+
+def _prices(game: Game, B: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Return the price of each input, the diagonal of R, in discrete time of R + α B'X B, (m,)."""
+    price = np.diag(game.R).astype(float)
+    if game.is_discrete:
+        price = price + game.discount * np.einsum("ij,ij->j", B, X @ B)
+    return price
+
+
+def disturbance_units(game: Game, delta: float) -> np.ndarray:
+    """Return units of the disturbances, (k,) integers, in which δ is nearly 1 in discrete time."""
+    exponent = math.frexp(delta)[1] if game.is_discrete and math.isfinite(delta) else 0
+    return np.full(game.E.shape[1], -exponent)
+
+
+def _half_exponents(values: np.ndarray) -> np.ndarray:
+    """Return k with 2^k nearest to the root of each positive value, and 0 for others."""
+    positive = np.where((values > 0.0) & np.isfinite(values), values, 1.0)
+    return np.round(0.5 * np.log2(positive)).astype(int)
+
+
+def corrected_in_bits(candidate: Candidate) -> Candidate:
+    """Return a candidate, corrected in the bits of `precision` as long as each residual is half the
+    last.
+
+    Raises FailedError.
+    """
+    former = candidate.equation
+    equation = equation_of(former.game, former.units, Balls, former.delta)
+    X = candidate.X
+    with failures():
+        gains, residual = equation.gains_and_residual(X)
+        F = equation.loop(X, gains).midpoint
+        solver = lyapunov_of(F, is_discrete=equation.is_discrete)
+        size_before = None
+        for _ in range(NEWTON_STEPS):
+            size = residual.mid().norm()
+            if size_before is not None and not size < 0.5 * size_before:
+                break
+            size_before = size
+            X = _without_noise(X + Balls.of(solver.solve(-residual.midpoint)), equation.game)
+            gains, residual = equation.gains_and_residual(X)
+        return _with_Y(equation, X, gains)
+
+
+def candidate_in_bits(game: Game, delta: float) -> Candidate:
+    """Return a candidate by the matrix sign function, with as many bits as `precision` gives, in
+    states in which it is near 1.
+
+    Raises FailedError.
+    """
+    if len(game.A) > MOST_STATES_IN_BITS:
+        raise FailedError("the matrix sign function takes long")
+    with failures():
+        units = first_units(game, delta)
+        equation = equation_of(game, units, Balls, delta)
+        X = _without_noise(Balls(symmetric(_of_stable_subspace(equation))), game)
+        for _ in range(TURNS):
+            change = _change_of_states(X.midpoint, game, float(half_the_bits()))
+            if change is None:
+                break
+            units = _changed(units, change.root)
+            inverse = Balls(ball_matrix(change.root).inv())
+            X = _without_noise(inverse.T @ X @ inverse, game)
+        equation = equation_of(game, units, Balls, delta)
+        return _with_Y(equation, X, equation.gains_and_residual(X)[0])
+
+
+def _without_noise(X: Balls, game: Game) -> Balls:
+    """Return the exact midpoints of the symmetric part of X, and 0 for the states without cost."""
+    places = np.flatnonzero(states_without_cost(game)).tolist()
+    matrix = symmetric(X.matrix.mid())
+    for i in places:
+        for j in range(len(game.A)):
+            matrix[i, j] = matrix[j, i] = 0
+    return Balls(matrix)
+
+
+def _with_Y(equation: Equation[Balls], X: Balls, gains: Balls) -> Candidate:
+    """Return the candidate X, whose gains are known, with Y of its loop.
+
+    Raises FailedError.
+    """
+    loop = equation.loop(X, gains).matrix.mid()
+    Y = lyapunov_in_bits(loop, identity(equation.n), is_discrete=equation.is_discrete)
+    return Candidate(equation, X, Balls(Y))
+
+
+def _of_stable_subspace(equation: Equation[Balls]) -> arb_mat:
+    """Return X = X2 X1⁻¹ of a basis [X1; X2] of the stable subspace, (n, n).
+
+    The columns of 1 - sign(M) span it, with the `half_plane_matrix` M.
+
+    Raises FailedError or ZeroDivisionError.
+    """
+    n = equation.n
+    matrix = equation.half_plane_matrix()
+    size = matrix.nrows()
+    stable = (identity(size) - sign_function(matrix)).mid()
+    dimension = sum((stable[i, i] for i in range(size)), 0 * stable[0, 0]) / 2
+    if not abs(dimension - n) < 0.5:
+        raise FailedError(f"{float(dimension):.0f} stable eigenvalues instead of {n}")
+    columns = np.random.default_rng(1).normal(size=(size, n))
+    basis = (stable * ball_matrix(columns)).mid()
+    X1, X2 = part(basis, slice(n), slice(None)), part(basis, slice(n, 2 * n), slice(None))
+    return X1.transpose().mid().solve(X2.transpose().mid()).transpose().mid()

@@ -1,0 +1,119 @@
+"""The value is that of policies under which the state goes to 0, and the weights need not be
+semidefinite.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from exact_games import exact_solution
+
+from controller import minimum_delta
+from hfa import Game, NoSolutionError, solve
+
+I2, I3 = np.eye(2), np.eye(3)
+
+
+def test_a_saddle_point_is_no_value_without_a_lower_bound_of_the_cost():
+    """P = 3 of z' = z + u + d is a saddle point with stable loops for δ² = 2 and q = -1.5, but
+    u = -1.01 z costs less than 3 z², and without disturbance the cost has no lower bound.
+    """
+    game = Game([[1.0]], [[1.0]], Q=[[-1.5]], R=[[1.0]], delta=math.sqrt(2.0))
+    for delta in (game.delta, math.inf):
+        with pytest.raises(NoSolutionError, match="cost has no lower bound"):
+            solve(game.with_delta(delta))
+    with pytest.raises(NoSolutionError, match="cost has no lower bound"):
+        minimum_delta(game)
+    bounded = Game([[1.0]], [[1.0]], Q=[[-0.75]], R=[[1.0]], delta=math.sqrt(2.0))
+    P = 2.0 * (1.0 + math.sqrt(1.0 - 0.375))  # P² / 2 - 2 P + 0.75 = 0
+    assert solve(bounded).P[0, 0] == pytest.approx(P, rel=1e-14)
+    assert minimum_delta(bounded).value == pytest.approx(1.0, rel=2e-6)
+
+
+@pytest.mark.parametrize("dt", [None, True])
+def test_indefinite_weights_have_the_value_of_many_digits(dt):
+    """P is that of 60 digits, and the first line of the report says that they are."""
+    rng = np.random.default_rng(3)
+    A, B, E = (0.4 * rng.standard_normal(shape) for shape in ((3, 3), (3, 2), (3, 1)))
+    M, N = rng.standard_normal((3, 3)), 0.3 * rng.standard_normal((3, 2))
+    Q = 0.3 * np.round(M @ M.T, 3) - 0.4 * I3
+    A = A - (0.5 * I3 if dt is None else 0.0)
+    game = Game(A, B, E=E, Q=Q, R=I2, N=N, delta=9.0, dt=dt)
+    assert np.linalg.eigvalsh(game.weights)[0] < -0.1
+    solution = solve(game)
+    exact = exact_solution(game)[0]
+    np.testing.assert_allclose(solution.P, exact, rtol=0.0, atol=1e-14 * np.abs(exact).max())
+    assert "weights indefinite" in str(solution.report()).splitlines()[0]
+
+
+def test_weights_that_are_semidefinite_up_to_rounding_prove_no_loop():
+    """Q has the eigenvalues -9.5e-7 and 6e6. The pole of A - B K is 0.98, and there is no value."""
+    low, high = 3145727.999999523, 3145728.000000477
+    A = [[4194305.6875, 4194302.3125], [-6291458.3125, -6291453.6875]]
+    game = Game(A, [[128.0], [128.0]], E=[[512.0], [512.0]], Q=[[low, high], [high, low]], R=[1.0])
+    with pytest.raises(NoSolutionError, match="gain from the disturbance is at least 1"):
+        solve(game.with_delta(1.0))
+
+
+STEP = {"A": [[0.5, 0.0], [1.0, 0.5]], "B": [[0.0], [1.0]], "Q": [0.0, 1.0], "R": [0.0]}
+
+
+def test_a_disturbance_that_the_input_cancels_costs_nothing():
+    """x2⁺ = x1 + x2 / 2 + u: the smallest delta and the L2 gain are 0."""
+    solution = solve(Game(**STEP, E=[[1.0], [0.0]], delta=2.0, dt=True))
+    assert solution.K.tolist() == [[1.0, 0.5]]
+    assert (solution.delta_min, solution.l2_gain) == (0.0, 0.0)
+
+
+def test_a_gain_that_is_not_unique_is_refused_as_such():
+    """x1² is the value with B = 1 and R = 0, of any u2."""
+    with pytest.raises(NoSolutionError, match="optimal gain is not unique"):
+        solve(Game(0.5 * I2, I2, Q=[1.0, 0.0], R=[0.0, 0.0], dt=True))
+
+
+@pytest.mark.parametrize(
+    ("dt", "A", "B"),
+    [
+        # The input reaches the mode 1 only by the last digits of B.
+        (None, [[0, 0, 1], [0, -1, 0], [1, 0, 0]], [[1 + 2**-52], [1], [-1 + 2**-53]]),
+        # The mode 1 - 2^-53, which no input reaches, is stable by the last digit.
+        (True, [[1 - 2**-53, 0, 0], [0.1, 0.9, 0.2], [0, 0, 0.5]], [[0], [1], [0.3]]),
+    ],
+)
+def test_last_digits_that_decide_are_said(dt, A, B):
+    """The solution is right for the entries as they are, and the first line says what decides."""
+    solution = solve(Game(A, B, Q=I3, R=[1.0], dt=dt))
+    assert solution.certificate.data_change > 0.1
+    assert "last digits decide" in str(solution.report()).splitlines()[0]
+
+
+def test_states_without_cost_do_not_disturb_the_digits():
+    """Stable states that no cost sees leave P and K of the others as they are, in any units."""
+    A, B = np.array([[0.9, 0.5], [-0.4, 1.1]]), np.array([[1.0], [0.2]])
+    alone = solve(Game(A, B, Q=I2, R=[1.0], dt=True))
+    below = np.array([[0.3, -0.2], [1e5, 0.7]])
+    both = np.block([[A, np.zeros((2, 2))], [below, np.array([[-0.6, -0.4], [0.4, 0.1]])]])
+    game = Game(both, np.vstack([B, [[1e6], [-3.0]]]), Q=[1.0, 1.0, 0.0, 0.0], R=[1.0], dt=True)
+    solution = solve(game)
+    np.testing.assert_allclose(solution.P[:2, :2], alone.P, rtol=1e-15)
+    assert not solution.P[2:].any()
+    assert not solution.K[:, 2:].any()
+
+
+def test_a_gain_just_above_the_smallest_delta_is_below_delta():
+    """Where a value at delta is proved, the L2 gain of the optimum is at most delta."""
+    A, B = [[0.7, 0.6], [2.25, 0.7]], [[0.7, -1.4], [1.6, 2.1]]
+    game = Game(A, B, E=[[1.9], [-0.8]], Q=0.0 * I2, R=[[2.5, -0.4], [-0.4, 0.2]])
+    near = solve(game.with_delta(minimum_delta(game).value))
+    assert near.l2_gain <= near.delta
+
+
+def test_many_states_with_few_inputs_are_solved():
+    """80 unstable states with 3 inputs, whose P has a condition number of 1e12, and the poles are
+    stable.
+    """
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((80, 80)) / math.sqrt(80.0) - 0.3 * np.eye(80)
+    solution = solve(Game(A, rng.standard_normal((80, 3)), Q=np.eye(80), R=I3))
+    assert solution.certificate.radius < 1e-16
+    assert np.linalg.eigvals(A - solution.game.B @ solution.K).real.max() < 0.0
