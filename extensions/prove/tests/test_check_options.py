@@ -40,7 +40,9 @@ CHANGED = {
     "delta": {"--delta 150": "gains"},
     "Q": {"--Q 1,1,1,1,1,1": "gains"},
     "R": {"--R 1,1,1,1,1": "gains"},
-    "sizes": {"--sizes speed=10,alpha=5,pitch=5,pitch_rate=20,dihedral=5,dihedral_rate=20,throttle=40": REFUSED},
+    "sizes": {
+        "--sizes speed=10,alpha=5,pitch=5,pitch_rate=20,dihedral=5,dihedral_rate=20,throttle=40": REFUSED
+    },
     "output": {"-o out.json": SAME},
     "json": {"--json": SAME},
     "quiet": {"--quiet": SAME},
