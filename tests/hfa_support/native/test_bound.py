@@ -1,25 +1,44 @@
-"""Functions of many rows, and sweeps computed by several threads of one process."""
+"""Functions of many rows, of one thread and of several."""
 
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
 import numpy as np
+import pytest
 
-import hfa
 from hfa_support.native.bound import RowFunction
 
 
 class _Recorded(ca.Callback):
-    """x -> 1/x, with the arguments of its evaluations in `seen`."""
+    """x -> 1/x, with the arguments of its evaluations in `seen`.
 
-    def __init__(self):
+    meanwhile: called within the first evaluation
+    """
+
+    def __init__(self, meanwhile=lambda: None):
         ca.Callback.__init__(self)
         self.seen = []
+        self.meanwhile = meanwhile
         self.construct("recorded", {})
 
     def eval(self, arguments):
         self.seen.append(float(arguments[0]))
+        if len(self.seen) == 1:
+            self.meanwhile()
         return [1.0 / arguments[0]]
+
+
+@pytest.mark.parametrize("counts", [(1,), (5, 16, 37), (300, 1800, 7)])
+def test_rows_of_any_number_have_their_own_results(counts):
+    """In blocks of one, of 16 and of 250 rows, with a last one that is not full, and by columns."""
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
+    rows = RowFunction(ca.Function("f", [x, y], [ca.vertcat(x[0] - x[1], y * x[1]), y**2]))
+    for count in counts:
+        X, Y = np.random.default_rng(count).uniform(1.0, 2.0, (2, count, 2))
+        first, second = rows(X, Y[:, :1])
+        expected = np.column_stack([X[:, 0] - X[:, 1], Y[:, 0] * X[:, 1]])
+        np.testing.assert_allclose(first, expected, rtol=1e-14)
+        np.testing.assert_allclose(second, Y[:, :1] ** 2, rtol=1e-14)
 
 
 def test_a_function_is_evaluated_at_the_given_rows_only():
@@ -30,17 +49,11 @@ def test_a_function_is_evaluated_at_the_given_rows_only():
     assert set(recorded.seen) == set(np.arange(1.0, 11.0))
 
 
-def test_concurrent_sweeps_equal_sequential_sweeps():
-    """They are equal bit by bit."""
-
-    def swept(number):
-        rng = np.random.default_rng(number)
-        angles, speeds = np.radians(rng.uniform(0.0, 20.0, 8)), rng.uniform(25.0, 75.0, 6)
-        found = hfa.sweep(hfa.aircraft(), {"dihedral": np.sort(angles), "speed": np.sort(speeds)})
-        return [
-            getattr(found, name).tobytes() for name in ("states", "inputs", "A", "B", "eigenvalues")
-        ]
-
-    alone = [swept(number) for number in range(3)]
-    with ThreadPoolExecutor(4) as threads:
-        assert list(threads.map(swept, range(3))) == alone
+def test_threads_have_their_own_memory():
+    """A call of another thread during an evaluation changes no argument or result of the first."""
+    X = np.arange(1.0, 17.0)[:, None]
+    with ThreadPoolExecutor(1) as other:
+        recorded = _Recorded(lambda: other.submit(rows, -X).result())
+        rows = RowFunction(recorded)
+        (found,) = rows(X)
+    np.testing.assert_allclose(found, 1.0 / X)

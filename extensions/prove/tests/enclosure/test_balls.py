@@ -1,13 +1,17 @@
 """Balls contain their members, and their precision is set wherever they are imported."""
 
+import math
 import subprocess
 import sys
 
 import pytest
 from flint import arb
+from proofs import FLOAT
 
+from hfa_prove.check.trims import SteadyFlight
 from hfa_prove.enclosure.balls import exact, symmetric
 from hfa_prove.enclosure.precision import PRECISION
+from hfa_prove.statements.flight import Flight
 
 
 def test_balls_contain_their_members():
@@ -17,6 +21,24 @@ def test_balls_contain_their_members():
         assert symmetric(value).contains(-3)
         assert not symmetric(value).contains(3.001)
     assert exact(0.1).rad() == 0
+
+
+def test_a_read_number_contains_its_decimal():
+    """The ball of an imposed value contains what a user wrote, in degrees too."""
+    given = [("0.1", arb("0.1"), 0.1)]
+    for hundredths in range(1, 2000, 10):
+        text = f"{hundredths / 100:.2f}"
+        given.append((text, arb(text) * arb.pi() / 180, math.radians(float(text))))
+    outside = []
+    for text, exactly, value in given:
+        parameters = {"pull": 1.0, "drag": value}
+        trims = Flight(
+            FLOAT, parameters, {"depth": 1.0, "heave": 0.0}, {}, (1.0, 2.0), {"lift": 1.0}
+        )
+        (ball,) = SteadyFlight(trims).numbers[3:4]
+        if not ball.contains(exactly):
+            outside.append(text)
+    assert outside == []
 
 
 @pytest.mark.slow
