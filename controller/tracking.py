@@ -14,7 +14,13 @@ from controller.reference import Feedforward, feedforward, late_error
 from controller.riccati.gare import Solution
 from controller.riccati.stability import stabilizes
 from hfa_aircraft.waveform import Waveform, channel, constant, stacked
-from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
+from hfa_support.errors import (
+    BadInputError,
+    is_finite,
+    refuse_unknown,
+    refuse_unless_positive,
+    shown,
+)
 from hfa_support.matrices import quadratic_forms
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector, storable
@@ -260,7 +266,9 @@ def track(
         channels = {}
         for name, value in reference.items():
             refuse_unknown("unknown state", name, linear.states)
-            channels[name] = channel(value if isinstance(value, str) else f"{value:.17g}")
+            if not isinstance(value, str):
+                value = f"{float(value):.17g}" if is_finite(value) else shown(value)
+            channels[name] = channel(value)
         reference = stacked(channels, linear.states)
     gain = solution.K if K is None else solution.game.checked_gain(K)
     return tracked(linear, solution, gain, reference, duration)

@@ -118,7 +118,7 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
     known: the known names
     """
     choices = tuple(known)
-    if name not in choices:
+    if type(name).__hash__ is None or name not in choices:  # an array is no name
         raise BadInputError(f"{what} {shown(name)}; {choice_of(str(name), choices)}")
 
 
@@ -250,8 +250,10 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
     if isinstance(values, str):
         raise BadInputError(f"{what} is {shown(values)}; give numbers, as in [1.0, 2.0]")
     try:
-        array = np.asarray(values)
-    except ValueError:  # rows that differ in length
+        array = np.asarray(
+            values.detach().cpu() if hasattr(values, "detach") else values
+        )  # PyTorch
+    except (ValueError, TypeError, RuntimeError):  # rows that differ in length; CasADi
         array = np.empty(0, dtype=object)
     # A Solution that is given for K has an attribute K.
     if array.dtype.kind not in "iuf" and hasattr(values, what):

@@ -16,7 +16,6 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.features import basis_of
-from controller.critic.labels import in_order
 from controller.critic.network.stated import NOTHING, Stated
 from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis, bases_of_size, monomials
@@ -24,6 +23,7 @@ from controller.game.q_function import q_extremum
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
+from hfa_support.labels import in_order
 from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Reported
@@ -508,7 +508,7 @@ def from_weights(
     for one step, followed by the cost V.
 
     game: the game whose solution the critic approximates
-    weights: W, (M,)
+    weights: W, (M,), also as a row or a column
     basis: the name of a basis, functions "x1**2, x1*x2" or ["x1**2", "x1*x2"], a basis, or a
         CasADi Function z (n,) -> ψ(z) (M,)
     constant: constant term of V, which is V(0) if ψ(0) = 0
@@ -524,6 +524,8 @@ def from_weights(
     [[3.0]]
     """
     weights = checked_matrix("W", weights, LARGEST_CRITIC_ENTRY, None)
+    if max(weights.shape, default=0) == weights.size:  # a row or a column
+        weights = weights.reshape(-1)
     n = len(game.A)
     if not is_finite(constant):
         raise BadInputError(f"constant is {shown(constant)}; give a finite number, V(0)")

@@ -290,7 +290,7 @@ def read_critic(
     path: str | Path,
     game: Game | None = None,
     *,
-    basis: str | None = None,
+    basis: str | list[str] | None = None,
     network: str = "",
     activation: str | None = None,
     scale: Any = None,
@@ -301,8 +301,8 @@ def read_critic(
     path: the file (.npz, .mat, .json, .csv, or a suffix that an installed package reads)
     game: the game with the states and inputs of the critic. None is allowed only for a file with a
         gain K and without units.
-    basis: basis of the weights: a name, or a list of functions; by default the basis named in the
-        file, else "quadratic"
+    basis: basis of the weights: a name, or functions "x1**2, x1*x2", also as a list; by default the
+        basis named in the file, else "quadratic"
     network: outputs of a network file and their kinds, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of the
         output. None for any other file.
@@ -323,6 +323,8 @@ def read_critic(
             )
         with prefix_errors(path):
             return Critic(single_parts(entries, PlantNames(), None)["K"])
+    if isinstance(basis, list):
+        basis = ", ".join(basis)
     return critic_in(path, game, Reading(basis, network, activation, scale, linear))
 
 
@@ -380,9 +382,12 @@ def part_by_shape(
 
     otherwise: what to do instead, if it may be P or K
     """
-    shapes = {"P": game.A.shape, "K": game.B.T.shape}
+    n, m = game.B.shape
+    shapes = {"P": (n, n), "K": (m, n)}
     fitting = [name for name, shape in shapes.items() if array.shape == shape]
-    if not fitting and max(array.shape, default=1) == array.size:
+    if m == 1 and array.shape == (n,) != (n * (n + 1) // 2,):
+        fitting = ["K"]
+    if not fitting and max(array.shape, default=1) == math.prod(array.shape):
         fitting = ["W"]
     if len(fitting) != 1:
         meaning = (

@@ -25,7 +25,7 @@ from hfa_support.errors import (
 from hfa_support.matrices import LARGEST, balanced, checked_matrix, power_of_two, shape_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue
-from hfa_support.reporting.text import matrix_table, numbered
+from hfa_support.reporting.text import matrix_records, matrix_table, numbered
 
 #: Larger entries of a critic overflow when P S P is squared, and are meaningless.
 LARGEST_CRITIC_ENTRY = 1e50
@@ -187,10 +187,11 @@ class Game(ByValue, Reported):
         if self.N.any():
             names["N"] = (states, inputs)
             cross = " + 2 z'Nu"
+        entries = {name: (*labels, getattr(self, name)) for name, labels in names.items()}
         tables = [
-            matrix_table(name, rows, columns, getattr(self, name))
-            for name, (rows, columns) in names.items()
-            if max(len(rows), len(columns)) <= _MOST
+            matrix_table(name, *labelled)
+            for name, labelled in entries.items()
+            if max(map(len, labelled[:2])) <= _MOST
         ]
         stored = (*names, "delta")
         change, time = "z'", ""
@@ -202,6 +203,7 @@ class Game(ByValue, Reported):
             f" {change} = A z + B u + E d, cost z'Qz{cross} + u'Ru - delta^2 d'd",
             parts=tables,
             data={name: getattr(self, name) for name in stored},
+            records=matrix_records(entries),
         )
 
     @property
@@ -473,13 +475,8 @@ def _with_diagonal(name: str, weights: Any) -> Any:
         raise BadInputError(
             f"{name} is the number {shown(weights)}; give a matrix, or its diagonal"
         )
-    if isinstance(weights, np.ndarray):
-        is_diagonal = weights.ndim == 1
-    else:
-        is_list = isinstance(weights, (list, tuple))
-        rows = (list, tuple, np.ndarray)
-        is_diagonal = is_list and not any(isinstance(each, rows) for each in weights[:1])
-    return np.diag(numbers_in(f"the diagonal of {name}", weights)) if is_diagonal else weights
+    matrix = numbers_in(name, weights)
+    return np.diag(matrix) if matrix.ndim == 1 else matrix
 
 
 def _checked_dt(dt: Any) -> float | bool | None:

@@ -18,6 +18,7 @@ from hfa_support.reporting.text import (
     WIDTH,
     Table,
     columns,
+    matrix_records,
     matrix_table,
     numbered,
     wrapped,
@@ -203,11 +204,15 @@ def _of_fields(result: Any) -> Report:
     held = {field.name: getattr(result, field.name) for field in fields(result) if field.repr}
     lines: list[str] = []
     matrices: list[Part] = []
+    entries: dict[str, Any] = {}
     checks: list[Part] = []
     for name, value in held.items():
         is_matrix = isinstance(value, np.ndarray) and value.ndim == 2 and value.size > 0
-        if is_matrix and max(value.shape) <= _MOST:
+        if is_matrix:
             rows, columns = (numbered("", count) for count in value.shape)
+        if is_matrix and value.dtype.kind == "f":
+            entries[name] = (rows, columns, value)
+        if is_matrix and max(value.shape) <= _MOST:
             matrices.append(matrix_table(name, rows, columns, value))
         elif isinstance(value, tuple) and value and isinstance(value[0], Check):
             checks.append(checks_block(value))
@@ -216,7 +221,8 @@ def _of_fields(result: Any) -> Report:
     kind = type(result)
     first_line = (kind.__doc__ or "").partition("\n")[0]
     title = f"{kind.__name__}: {first_line}"
-    return Report(title, ["\n".join(lines), *matrices, *checks], data=held)
+    report = Report(title, ["\n".join(lines), *matrices, *checks], data=held)
+    return replace(report, records=matrix_records(entries)) if entries else report
 
 
 def _on_one_line(value: Any) -> str:

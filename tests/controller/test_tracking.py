@@ -89,6 +89,7 @@ def test_a_ramp_is_judged_at_its_end():
         ({"x1": 1.0}, {"K": [[-1.0]]}, "A - B K has abscissa"),
         ({"x1": 1.0}, {"duration": 0.0}, "duration"),
         ({"height": 1.0}, {}, "unknown state 'height'"),
+        ({"x1": np.sin}, {}, "is no term of a signal"),
     ],
 )
 def test_wrong_arguments_are_refused(command, options, says):

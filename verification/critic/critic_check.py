@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from hfa_support.errors import (
     refuse_unless_whole,
     shown,
 )
+from hfa_support.labels import labels_of
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least
 from hfa_support.reporting.parts import Part
@@ -217,12 +218,8 @@ def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
     """
     if isinstance(given, (str, Path)):
         return critic_in(given, game, Reading(linear=linear))
-    if isinstance(given, (np.ndarray, list)):
-        array = numbers_in("critic", given)
-        n, m = game.B.shape
-        weights_shape = (n * (n + 1) // 2,)
-        if m == 1 and array.shape == (n,) != weights_shape:
-            array = array[None]  # K of a single input
+    if isinstance(given, (list, tuple)) or hasattr(given, "__array__"):
+        array: Any = given if labels_of(given) else numbers_in("critic", given)
         instead = "write hfa.from_value(game, P) or hfa.from_gain(game, K)"
         return from_parts(game, {part_by_shape(array, game, instead): array})
     if isinstance(given, (TrainingRun, Solution)):

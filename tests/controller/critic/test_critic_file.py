@@ -270,10 +270,62 @@ def test_labels_of_frames_are_matched_by_name(library):
         return package.DataArray([[3.0, 4.0]], coords={"u": ["push"], "x": columns})
 
     assert hfa.from_gain(ONE, frame(["alpha", "speed"])).K.tolist() == [[4.0, 3.0]]
-    with pytest.raises(BadInputError, match="K has the columns alpha, V; give speed, alpha"):
+    with pytest.raises(
+        BadInputError, match="K has the labels alpha, V; label each of speed, alpha"
+    ):
         hfa.from_gain(ONE, frame(["alpha", "V"]))
     if library != "polars":
         assert hfa.from_gain(ONE, frame([0, 1])).K.tolist() == [[3.0, 4.0]]
+
+
+class Tensor:
+    """What PyTorch gives for a tensor that requires a gradient."""
+
+    def __init__(self, numbers):
+        self.numbers = numbers
+
+    def __array__(self, dtype=None, copy=None):
+        raise RuntimeError("Can't call numpy() on Tensor that requires grad")
+
+    def detach(self):
+        return self
+
+    def cpu(self):
+        return self.numbers
+
+
+@pytest.mark.parametrize("kind", [Tensor, np.asarray, np.ndarray.tolist, "series", "frame"])
+def test_a_gain_is_accepted_in_each_form(kind):
+    """K is judged as a tensor, a list and a labelled array of pandas, with and without `from_gain`."""
+    exact = hfa.solve(ONE).K
+    if isinstance(kind, str):
+        pandas = pytest.importorskip("pandas")
+        row = pandas.Series(exact[0], ONE.names.states).iloc[::-1]
+        given = row if kind == "series" else row.to_frame(ONE.names.inputs[0]).T
+    else:
+        given = kind(exact)
+    assert hfa.verify(ONE, given).ok
+    assert np.array_equal(hfa.from_gain(ONE, given).K, exact)
+
+
+def test_weights_are_a_row_or_a_column_and_their_basis_a_list():
+    W = np.array([3.0, 1.0, 2.0])
+    P = hfa.from_weights(ONE, W).P
+    for given in (W[:, None], W[None]):
+        assert np.array_equal(hfa.from_weights(ONE, given).P, P)
+    np.savez("W.npz", W=W)
+    with pytest.raises(BadInputError, match="unknown input array"):
+        ONE.select(np.eye(2))
+    found = hfa.read_critic("W.npz", ONE, basis=["x1**2", "x1*x2", "x2**2"]).P
+    assert found == pytest.approx(P)
+
+
+def test_games_and_critics_are_tables_of_their_entries():
+    pytest.importorskip("pandas")
+    for result, name, column in ((ONE, "A", "speed"), (hfa.from_gain(ONE, [4.0, 3.0]), "K", "1")):
+        table = result.to_pandas()
+        entries = table[(table.matrix == name) & (table.column == column)].value
+        assert entries.tolist() == getattr(result, name)[:, 0].tolist()
 
 
 def test_h_is_read_in_the_order_that_its_file_lists():
