@@ -43,10 +43,11 @@ def lost_band(lost: int, members: int) -> tuple[float, float]:
 
     The band is that of Clopper and Pearson (1934), one-sided if no flight or every one is lost.
     """
-    from scipy.stats import binomtest
+    from scipy.special import betaincinv
 
-    side = {0: "less", members: "greater"}.get(lost, "two-sided")
-    low, high = binomtest(lost, members, alternative=side).proportion_ci(0.95)
+    tail = 0.05 if lost in (0, members) else 0.025
+    low = 0.0 if lost == 0 else betaincinv(lost, members - lost + 1, tail)
+    high = 1.0 if lost == members else betaincinv(lost + 1, members - lost, 1.0 - tail)
     return float(low), float(high)
 
 

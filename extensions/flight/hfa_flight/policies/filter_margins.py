@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from hfa_flight.air.delay import in_samples
 from hfa_flight.policies.deployment.sampled_loop import Chain, chain_margins, held_late
@@ -124,6 +123,7 @@ def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
 
 def _unknown_delay(known: KalmanFilter, gain: np.ndarray) -> float | None:
     """Return the smallest delay of all inputs, unknown to the filter, that is unstable, s."""
+    from scipy.optimize import brentq
 
     def excess(delay: float) -> Any:
         return _delayed(known, gain, delay).radius - 1.0

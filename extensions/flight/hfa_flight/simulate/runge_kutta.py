@@ -30,6 +30,29 @@ _PAUSE_LATER = 1600
 #: Largest number of these steps, about 2 s of computation.
 _MOST_STEPS = 100_000
 
+#: Coefficients of Dormand and Prince (1980): slopes within each stage, of the state after the step,
+#: of its error, and of the polynomial of Shampine (1986) in a step. Those of SciPy's RK45, whose
+#: import takes longer than a flight.
+_STAGES = (
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (44 / 45, -56 / 15, 32 / 9),
+    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+)
+_TIMES = (1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0)
+_AFTER = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
+_ERROR = (-71 / 57600, 0.0, 71 / 16695, -71 / 1920, 17253 / 339200, -22 / 525, 1 / 40)
+_POLYNOMIAL = (
+    (1.0, -8048581381 / 2820520608, 8663915743 / 2820520608, -12715105075 / 11282082432),
+    (0.0, 0.0, 0.0, 0.0),
+    (0.0, 131558114200 / 32700410799, -68118460800 / 10900136933, 87487479700 / 32700410799),
+    (0.0, -1754552775 / 470086768, 14199869525 / 1410260304, -10690763975 / 1880347072),
+    (0.0, 127303824393 / 49829197408, -318862633887 / 49829197408, 701980252875 / 199316789632),
+    (0.0, -282668133 / 205662961, 2019193451 / 616988883, -1453857185 / 822651844),
+    (0.0, 40617522 / 29380423, -110615467 / 29380423, 69997945 / 29380423),
+)
+
 
 def step_function(rate: ca.Function, nominal: np.ndarray) -> ca.Function:
     """Return the function of one step of the integration of y' = rate(t, y, held).
@@ -41,17 +64,15 @@ def step_function(rate: ca.Function, nominal: np.ndarray) -> ca.Function:
 
     nominal: nominal value of each entry of y, or 0 for one whose error is relative to itself
     """
-    from scipy.integrate import RK45
-
     t, h, before = (ca.SX.sym(name) for name in ("t", "h", "before"))
     y, held = ca.SX.sym("y", rate.numel_in(1)), ca.SX.sym("held", rate.numel_in(2))
     k = rate(t, y, held)
-    for stage in range(1, RK45.n_stages):
-        inside = y + h * ca.mtimes(k, ca.DM(RK45.A[stage, :stage]))
-        k = ca.horzcat(k, rate(t + float(RK45.C[stage]) * h, inside, held))
-    after = y + h * ca.mtimes(k, ca.DM(RK45.B))
+    for time, stage in zip(_TIMES, _STAGES, strict=True):
+        inside = y + h * ca.mtimes(k, ca.DM(stage))
+        k = ca.horzcat(k, rate(t + time * h, inside, held))
+    after = y + h * ca.mtimes(k, ca.DM(_AFTER))
     k = ca.horzcat(k, rate(t + h, after, held))
-    error = ca.fabs(h * ca.mtimes(k, ca.DM(RK45.E)))
+    error = ca.fabs(h * ca.mtimes(k, ca.DM(_ERROR)))
     size = ca.fmax(ca.fabs(y), ca.fabs(after))
     units = ca.DM(nominal)
     deviating = np.flatnonzero(nominal).tolist()
@@ -59,7 +80,7 @@ def step_function(rate: ca.Function, nominal: np.ndarray) -> ca.Function:
     allowed = TOLERANCE * (size + _SMALL * units * largest) + _ROUNDING * units
     ratio = ca.norm_2(error / (allowed + sys.float_info.min)) / math.sqrt(y.numel())
     in_units = ca.norm_2(error[deviating] / units[deviating])
-    results = (after, largest, ratio, in_units, ca.mtimes(k, ca.DM(RK45.P)))
+    results = (after, largest, ratio, in_units, ca.mtimes(k, ca.DM(_POLYNOMIAL)))
     return ca.Function("step", [t, y, held, h, before], [ca.densify(each) for each in results])
 
 
