@@ -15,8 +15,8 @@ from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
 from controller.learning.laws import learn as learn
 from controller.riccati.gare import Solution as Solution, solve as solve
-from controller.riccati.loop_margins import margins as margins
 from controller.riccati.lqr import lqr as lqr
+from controller.riccati.margins import margins as margins
 from controller.tracking import track as track
 from hfa.options.conditions import conditions as conditions
 from hfa_aircraft.loading import load_model as load_model

@@ -11,10 +11,10 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.riccati.excess import Excess, excess_of, without_bound
 from controller.riccati.gare import Solution
-from controller.riccati.margins import DiskMargin
 from hfa_support.reporting.checks import Check, at_least
 from hfa_support.reporting.results import Result, Vector, without_empty
 from hfa_support.reporting.text import Table, percent
+from trim.linear.margins import DiskMargin
 from verification.verdict import Section
 
 

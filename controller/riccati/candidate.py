@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import hamiltonian
 from controller.riccati.balls import (
     Balls,
     DoubleBalls,
@@ -44,6 +43,7 @@ from controller.riccati.lyapunov import (
     sign_function,
 )
 from hfa_support.matrices import balanced, spectral_radius
+from trim.linear.balancing import hamiltonian
 
 if TYPE_CHECKING:
     from flint import arb_mat

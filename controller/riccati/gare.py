@@ -15,8 +15,6 @@ from controller.riccati.certificate import Certificate, certificate_of
 from controller.riccati.enclosure import Enclosure, decided
 from controller.riccati.l2_gain import GainBounds
 from controller.riccati.level import Level
-from controller.riccati.loop_margins import LoopMargin, named_margins, single_margin
-from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of
 from controller.riccati.poles import Poles
 from controller.riccati.refusal import ModeError, why_never
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
@@ -26,6 +24,8 @@ from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots, without_empty
+from trim.linear.loop_margins import LoopMargin, named_margins, single_margin
+from trim.linear.margins import ClosedLoop, DiskMargin, disk_of
 
 if TYPE_CHECKING:
     import control

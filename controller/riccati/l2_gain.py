@@ -15,13 +15,13 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import DoubleBalls, ball_matrix, identity, midpoints
-from controller.riccati.bilinear import System
 from controller.riccati.candidate import stabilizing_in_doubles
 from controller.riccati.equation import equation_of, users_units
 from controller.riccati.excess import ExcessEquation
-from controller.riccati.frequency_response import peak_of, scaled_root
 from controller.riccati.lyapunov import FailedError, NotProvedError
 from hfa_support.errors import BadInputError, NoSolutionError
+from trim.linear.bilinear import System
+from trim.linear.frequency_response import peak_of, scaled_root
 
 if TYPE_CHECKING:
     from flint import acb_mat, arb_mat

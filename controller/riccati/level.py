@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.riccati.balancing import is_stable_in_doubles
 from controller.riccati.balls import (
     ATTEMPTS,
     ball_matrix,
@@ -28,9 +27,10 @@ from controller.riccati.enclosure import Enclosure, enclosed_in_bits
 from controller.riccati.free_states import disturbance_costs_nothing
 from controller.riccati.l2_gain import DisturbedLoop, GainBounds
 from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
-from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of, loop_of
 from controller.riccati.poles import Poles, poles_of
 from controller.riccati.stability import loop_with, stabilizes
+from trim.linear.balancing import is_stable_in_doubles
+from trim.linear.margins import ClosedLoop, DiskMargin, disk_of, loop_of
 
 if TYPE_CHECKING:
     from flint import arb_mat
@@ -206,7 +206,7 @@ class Level:
         closed, game = self.with_gain(K), self.enclosure.game
         if not is_stable_in_doubles(closed, is_discrete=game.is_discrete):
             return None
-        return loop_of(closed, self.inputs, -self.rows(K), game)
+        return loop_of(closed, self.inputs, -self.rows(K), game.dt)
 
 
 def _worst_loop(enclosure: Enclosure) -> arb_mat:

@@ -116,3 +116,10 @@ def test_a_delay_turns_a_leading_loop_by_more_than_half_a_turn():
     assert phases.min() > 0.0
     found = hfa.margins(linear, [[0.0, 0.0, gain]])["u1"]
     assert found.delay == pytest.approx(((np.pi + phases) / crossovers).min(), rel=1e-6)
+
+
+@pytest.mark.parametrize("k", [8e-8, 8e-12, 4.0])
+def test_large_gain_margins_keep_their_digits(k):
+    """The loop k / (s + 1)³ tolerates 8 / k times its gain."""
+    game = Game(np.diag([1.0, 1.0], 1) - np.eye(3), [[0.0], [0.0], [1.0]], Q=np.eye(3), R=[1.0])
+    assert hfa.margins(game, [[k, 0.0, 0.0]])["u1"].gain_high == pytest.approx(8.0 / k, rel=1e-9)

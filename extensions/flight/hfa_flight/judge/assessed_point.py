@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from controller.riccati.loop_margins import LoopMargin
 from hfa_aircraft.march.refinement import IntegrationError
 from hfa_flight.judge.action_effects import ActionEffect
 from hfa_flight.judge.cost_above_optimum import CostAboveOptimum
@@ -20,6 +19,7 @@ from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Delays, Margins
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.reporting.results import Result, without_empty
+from trim.linear.loop_margins import LoopMargin
 from trim.point.operating_point import OperatingPoint
 
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import hamiltonian, spectrum
-from controller.riccati.bilinear import System, in_continuous_time
 from hfa_support.errors import NoSolutionError
+from trim.linear.balancing import hamiltonian, spectrum
+from trim.linear.bilinear import System, in_continuous_time
 
 # These guide the search, and decide nothing: the gain is proved.
 

@@ -7,23 +7,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from controller.game.zero_sum import Game
-from controller.riccati.balls import BITS, ball_matrix, midpoints, precision
-from controller.riccati.frequency_grid import frequency_grid
-from controller.riccati.margins import ClosedLoop, disk_of, disk_sizes, loop_of
-from controller.riccati.poles import poles_of
-from controller.riccati.stability import loop_with, stabilizes
-from hfa_support.arguments import ArrayLike
-from hfa_support.errors import NoSolutionError
-from trim.linear.linear_model import LinearModel
+from trim.linear.frequency_grid import frequency_grid
+from trim.linear.margins import ClosedLoop, disk_of, disk_sizes
 
-#: Where M - 1/2 or M + 1/2 is below this, half of its digits are lost: a gain below this, or above
-#: its inverse, is a crossover at infinite frequency, or none.
+#: Where |M - 1/2| is below this fraction of its largest value, half of its digits may be lost: the
+#: loop gain is 0 there, up to rounding.
 ROUNDING = math.sqrt(np.finfo(float).eps)
+#: Where |M + 1/2| is below this, three of its digits may be left: the loop gain is infinite there.
+INFINITE = 1e3 * np.finfo(float).eps
 #: Largest number of alternating secant and bisection steps for a crossover.
 _ROUNDS = 17
 #: A crossover has converged if two secants agree to this relative accuracy.
@@ -66,43 +62,6 @@ class LoopMargin(NamedTuple):
             return float(20.0 * np.abs(np.log10([self.gain_low, self.gain_high])).min())
 
 
-def margins(linear: LinearModel | Game, K: ArrayLike) -> dict[str, LoopMargin]:
-    """Return the stability margins of u = -K x at each input, with the other loops closed.
-
-    linear: the linear model or the game, with A and B
-    K: (m, n)
-
-    Returns input -> `LoopMargin`.
-
-    Raises BadInputError if K is not m x n, and NoSolutionError if A - B K is not Hurwitz.
-
-    >>> import hfa
-    >>> linear = hfa.LinearModel.of([[0.0]], [[1.0]])
-    >>> round(hfa.margins(linear, [[2.0]])["u1"].phase, 4)
-    90.0
-    """
-    if isinstance(linear, Game):
-        plant, inputs = linear, linear.names.inputs
-    else:
-        n, m = linear.B.shape
-        plant, inputs = Game(linear.A, linear.B, Q=np.eye(n), R=np.eye(m)), linear.inputs
-    K = plant.checked_gain(K)
-    if not stabilizes(plant, K):
-        raise NoSolutionError(f"{_unstable(plant, K)} and no margins; give a stabilizing gain")
-    with precision(BITS):
-        closed = midpoints(loop_with(plant, ball_matrix(K)))
-    loop = loop_of(closed, plant.B, -K, plant)
-    return {name: single_margin(loop, i) for i, name in enumerate(inputs)}
-
-
-def _unstable(plant: Game, K: np.ndarray) -> str:
-    """Return a clause on the pole that is not stable."""
-    poles = poles_of(lambda _: loop_with(plant, ball_matrix(K)), is_discrete=plant.is_discrete)
-    if plant.is_discrete:
-        return f"the loop has the spectral radius {poles.spectral_radius:.4g}"
-    return f"the loop has a pole at {poles.abscissa:+.4g} 1/s"
-
-
 def named_margins(
     inputs: Sequence[str], loops: Sequence[LoopMargin]
 ) -> dict[str, dict[str, float]]:
@@ -137,20 +96,22 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     resonances = frequency_grid(loop.poles, _PER_DECADE)
     grid = np.unique(np.concatenate([zeros, between, resonances]))
 
+    below = replace(only, D=only.D - 0.5)  # M - 1/2, which is small without rounding
+
     def locus(frequencies: np.ndarray) -> np.ndarray:
-        return only.at(frequencies)[:, 0, 0]
+        return below.at(frequencies)[:, 0, 0]
 
     seen = locus(grid)
     real = _crossings(np.imag, locus, grid, seen)
-    imaginary = _crossings(np.real, locus, grid, seen)
-    at_zero, at_infinity = seen[grid == 0.0].real, only.D.ravel()
+    imaginary = _crossings(lambda values: np.real(values) + 0.5, locus, grid, seen)
+    at_zero, at_infinity = seen[grid == 0.0].real, below.D.ravel()
     real_values = np.concatenate([at_zero, real.values.real, at_infinity])
+    real_values = real_values[~_is_lost(real_values, seen)]
     frequencies = only.rate(imaginary.frequencies)
     # With M = S - I/2, a factor f on the loop reaches -1 where f = (M + 1/2) / (M - 1/2).
-    with np.errstate(divide="ignore"):
-        gains = (real_values + 0.5) / (real_values - 0.5)
-    gains = gains[(gains > ROUNDING) & (gains < 1.0 / ROUNDING)]
-    angles = np.angle((imaginary.values - 0.5) / (imaginary.values + 0.5))
+    gains = (real_values + 1.0) / real_values
+    gains = gains[gains > 0.0]
+    angles = np.angle(imaginary.values / (imaginary.values + 1.0))
     phases = np.degrees(np.abs(angles))
     return LoopMargin(
         gain_low=float(gains[gains < 1.0].max(initial=0.0)),
@@ -158,7 +119,7 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
         phase=float(phases.min(initial=math.inf)),
         crossover=float(frequencies[phases.argmin()]) if phases.size else math.nan,
         delay=float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)),
-        disk=disk_of(only, _peak_of(locus, grid)).disk,
+        disk=disk_of(only, _peak_of(lambda at: locus(at) + 0.5, grid)).disk,
     )
 
 
@@ -192,8 +153,18 @@ def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
     return unit * np.abs(zeros[np.isfinite(zeros)].imag)
 
 
+def _is_lost(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Return whether the loop gain is 0 or infinite up to rounding at values of M - 1/2.
+
+    seen: M - 1/2 at the grid
+    """
+    sizes = np.abs(values)
+    is_zero = sizes <= ROUNDING * np.abs(seen).max()
+    return np.asarray(is_zero | (np.abs(values + 1.0) < INFINITE))
+
+
 class _Crossings(NamedTuple):
-    """Frequencies at which Re M or Im M of a loop changes its sign, rad/s, (J,), and M there."""
+    """Frequencies at which Re M or Im M changes its sign, rad/s, (J,), and M - 1/2 there."""
 
     frequencies: np.ndarray
     values: np.ndarray
@@ -206,11 +177,12 @@ def _crossings(
 
     By secants and bisections in turn.
 
-    part: function M -> Re M or Im M
-    seen: M at the grid, (N,)
+    part: function M - 1/2 -> Re M or Im M
+    locus: M - 1/2
+    seen: M - 1/2 at the grid, (N,)
     """
     # If l is 0 or infinite up to rounding, rounding changes the sign of Im M.
-    is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < ROUNDING
+    is_lost = _is_lost(seen, seen)
     is_positive = part(seen) > 0.0
     changes = is_positive[1:] != is_positive[:-1]
     (where,) = np.nonzero(changes & ~(is_lost[1:] & is_lost[:-1]))
