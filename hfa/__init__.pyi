@@ -18,7 +18,7 @@ from controller.riccati.gare import Solution as Solution, solve as solve
 from controller.riccati.lqr import lqr as lqr
 from controller.riccati.margins import margins as margins
 from controller.tracking import track as track
-from hfa.options.conditions import conditions as conditions
+from hfa.options.trims import conditions as conditions
 from hfa_aircraft.loading import load_model as load_model
 from hfa_aircraft.model import Model as Model
 from hfa_aircraft.readers.derivatives.read import from_derivatives as from_derivatives

@@ -32,6 +32,17 @@ def dataset(
     return xarray.Dataset(variables, coordinates, {"model": title})
 
 
+def entry_headings(
+    model: Model, matrix: str, rows: Sequence[str], columns: Sequence[str]
+) -> list[str]:
+    """Return a heading of each entry of A or B, row by row: "A(pitch, alpha) [(rad/s)/(rad)]"."""
+    return [
+        f"{matrix}({row}, {column}) [{model.entry_unit(row, column)}]"
+        for row in rows
+        for column in columns
+    ]
+
+
 def write_netcdf(labelled: xarray.Dataset, path: str | Path) -> None:
     """Write a dataset as a NetCDF file (version 3), completely or not at all.
 

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import listed_names
-from hfa.options.command import Outcome, Request, command, picture_option
-from hfa.options.option import option
+from hfa.options.command import Outcome, Request, command, output_option, picture_option
+from hfa.options.option import option, refuse
+from hfa.options.output import ProgressLine
 from hfa.options.plants import aircraft_help
-from hfa.options.trims import GivenTrim, TrimOptions, scheduled_trim
+from hfa.options.show import provenance
+from hfa.options.trims import GivenTrim, TrimInput, TrimOptions, trim_input
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
 from trim.hfa.reports import linear_model_report
 from trim.linear.linearize import direct_disturbances
+from trim.reports.models import STORE, linear_models
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+_PURPOSE = " (of --conditions without --row: all models, also in a folder)"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,6 +37,7 @@ class LinearizeRequest(Request, TrimOptions):
         "--model": "type --aircraft",
         "--residualize": "use linear.select(residualize=NAMES) in Python",
     }
+    output: Path | None = output_option(stores=(STORE,), folder=True, purpose=_PURPOSE)
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     picture: Path | None = picture_option("Bode plots from each input to each output")
     states: tuple[str, ...] | None = option(
@@ -47,19 +57,56 @@ class LinearizeRequest(Request, TrimOptions):
     bode: bool = option("add the frequency responses at the modes")
 
 
-@command(LinearizeRequest, scheduled_trim)
-def linearize(request: LinearizeRequest, given: GivenTrim) -> Outcome:
+@command(LinearizeRequest, trim_input)
+def linearize(request: LinearizeRequest, given: TrimInput) -> Outcome:
     """Linearize exactly at a trim, and report matrices, modes and handling qualities. --bode adds
-    frequency responses. Error bands and differences from printed matrices are added where known."""
-    point = trimmed(given)
-    name_of = given.model.about.name_of
-    states = request.states and tuple(map(name_of, request.states))
-    linear = point.linearize(
-        states=states,
-        inputs=request.inputs and tuple(map(name_of, request.inputs)),
-        outputs=request.outputs and tuple(map(name_of, request.outputs)),
-        disturbances=direct_disturbances(point, states or given.model.linear),
+    frequency responses. Error bands and differences from printed matrices are added where known.
+    With --conditions and without --row, the linear models of all conditions are written."""
+    if given.rows and request.row is None:
+        return _of_conditions(request, given)
+    if request.output is not None and request.output.suffix.lower() in ("", STORE):
+        raise BadInputError(
+            f"-o {request.output} is for the linear models of --conditions FILE without --row; "
+            "write .json, .npz or .mat"
+        )
+    given.refuse_unscheduled()
+    return _of_trim(request, given.single())
+
+
+def _signals(request: LinearizeRequest, model: Model) -> dict[str, tuple[str, ...] | None]:
+    """Return the names of states, inputs and outputs that the options choose, or None for each."""
+    chosen = {kind: getattr(request, kind) for kind in ("states", "inputs", "outputs")}
+    return {
+        kind: names and tuple(map(model.about.name_of, names)) for kind, names in chosen.items()
+    }
+
+
+def _of_conditions(request: LinearizeRequest, given: TrimInput) -> Outcome:
+    """Return the outcome of many conditions: their linear models, in one file."""
+    refuse(request, ("picture", "bode"), "is of a single condition; add --row NAME, or remove it")
+    book = linear_models(
+        given.model,
+        given.asked(),
+        **_signals(request, given.model),
+        progress=ProgressLine("linearize"),
     )
+    source = given.source(given.condition, {})
+    origin = provenance(request, source).to_dict()
+    report = book.report()
+    return Outcome(
+        report=replace(report, notes=()),
+        source=source,
+        notes=report.notes,
+        write=partial(book.save, provenance=origin),
+    )
+
+
+def _of_trim(request: LinearizeRequest, given: GivenTrim) -> Outcome:
+    """Return the outcome of a single trim: its linear model."""
+    point = trimmed(given)
+    signals = _signals(request, given.model)
+    kept = signals["states"] or given.model.linear
+    linear = point.linearize(**signals, disturbances=direct_disturbances(point, kept))
     report = linear_model_report(linear, responses=request.bode)
 
     def figure() -> Figure:

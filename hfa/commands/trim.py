@@ -24,7 +24,7 @@ from hfa_support.reporting.results import Entries
 from hfa_support.reporting.rows import Row, Sheet
 from hfa_support.reporting.text import Table
 from trim.hfa.reports import trim_figure, trim_report
-from trim.point.condition import StatedValues, stated_cells
+from trim.point.condition import stated_cells
 from trim.point.solve import TrimError
 from trim.point.status import DOUBTED, NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
 from trim.reports.book import Condition, book_of, matrix_figure
@@ -233,14 +233,8 @@ def _with_name(report: Report, name: str) -> Report:
 
 def _stated(trims: TrimInput, row: ListedCondition) -> dict[str, Any]:
     """Return the cells that state a condition: name, values, free variables and limits."""
-    model, held, given = trims.model, row.values, trims
-    if trims.rows:  # otherwise a point of a grid
-        given = trims.for_row(row)
-        held = given.held()
-        if given.at is not None:
-            held = {model.schedule: given.at[0], **held}
     name = {NAME: row.name} if row.name else {}
-    return name | stated_cells(model, StatedValues(held, given.free, given.limits))
+    return name | stated_cells(trims.model, trims.stated(row))
 
 
 #: Column of the overview -> name of its figure on a sheet.

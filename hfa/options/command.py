@@ -17,16 +17,20 @@ if TYPE_CHECKING:
     from hfa_support.reporting.results import Result
 
 
-def output_option(*more: str, stores: tuple[str, ...] = (), purpose: str = "") -> Any:
+def output_option(
+    *more: str, stores: tuple[str, ...] = (), folder: bool = False, purpose: str = ""
+) -> Any:
     """Return the option -o, which names a file or store to write.
 
     more: accepted suffixes besides those of a report
     stores: accepted suffixes of stores
+    folder: whether a folder is accepted, too
     purpose: text on the additional suffixes for the help
     """
     suffixes = (*SUFFIXES, *more)
     about = f"write results: {', '.join((*suffixes, *stores))}{purpose}"
-    return option(about, "FILE", output_file(*suffixes, stores=stores), names="-o --output")
+    kind = output_file(*suffixes, folder=folder, stores=stores)
+    return option(about, "FILE", kind, names="-o --output")
 
 
 def picture_option(shows: str) -> Any:

@@ -44,7 +44,7 @@ class ListedCondition(NamedTuple):
         return {**self.hold, **self.parameters}
 
 
-def conditions(path: str | Path, model: Model) -> list[ListedCondition]:
+def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
     """Return the rows of a CSV file of conditions.
 
     The first row has names of variables, rates and parameters, each with a unit if it is not that
@@ -57,11 +57,6 @@ def conditions(path: str | Path, model: Model) -> list[ListedCondition]:
     model: model of the aircraft
 
     Raises BadInputError with the row, the column and the name of the condition for a wrong cell.
-
-    >>> import hfa
-    >>> rows = hfa.conditions("examples/uav_conditions.csv", hfa.load_model("examples/uav.toml"))
-    >>> rows[0].name, rows[0].hold["altitude"]
-    ('cruise', 100.0)
     """
     path = Path(path)
     table = _table_of(path)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from hfa.options.argument_types import each_of, option_errors, quantity, span
-from hfa.options.conditions import ListedCondition, chosen_row, conditions
+from hfa.options.conditions import ListedCondition, chosen_row, listed_conditions
 from hfa.options.option import PAPER, option
 from hfa.options.plants import AircraftOptions, aircraft_source, is_own, loaded_model
 from hfa.options.ranges import Range, array_of, single_value, value_range
@@ -17,8 +18,10 @@ from hfa_aircraft.signals import ISA
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.provenance import Change
 from trim.hfa.level_flight import CONDITIONS, load_condition
-from trim.point.condition import TrimCondition, release, usual_condition
+from trim.point.condition import StatedValues, TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
+from trim.point.solve import trim
+from trim.reports.models import AskedTrim, Conditions, linear_models
 
 #: Options of the trim condition, without the scheduling variable.
 OF_THE_TRIM = ("condition", "conditions", "free", "hold", "isa", "limit", "row", "start")
@@ -177,6 +180,33 @@ class TrimInput(NamedTuple):
         """Return the trim of a condition, of a file or of a grid."""
         return self.for_row(row).single() if self.rows else self.trim(None, row.values)
 
+    def stated(self, row: ListedCondition) -> StatedValues:
+        """Return what a condition, of a file or of a grid, and the options state."""
+        if not self.rows:
+            return StatedValues(row.values, self.free, self.limits)
+        given = self.for_row(row)
+        held = given.held()
+        if given.at is not None:
+            held = {self.model.schedule: given.at[0], **held}
+        return StatedValues(held, given.free, given.limits)
+
+    def asked(self) -> list[AskedTrim]:
+        """Return the trims of the conditions of a file.
+
+        Raises BadInputError for a variable that an option gives, too.
+        """
+        return [
+            AskedTrim(
+                row.name or str(number), self.stated(row), partial(self._found, row), row.where
+            )
+            for number, row in enumerate(self.rows, start=1)
+        ]
+
+    def _found(self, row: ListedCondition) -> OperatingPoint:
+        """Return the operating point of a condition of a file, without advice if there is none."""
+        given = self.trim_of(row)
+        return trim(given.model, given.condition, given.start)
+
     def held(self) -> dict[str, float]:
         """Return the values of --hold and --isa, of which each variable has one."""
         return {name: single_value(f"--hold {name}", each) for name, each in self.hold.items()}
@@ -191,7 +221,7 @@ class TrimInput(NamedTuple):
         parameters = self.parameters_among(hold if at is None else {**hold, model.schedule: at})
         common = self.common_condition(hold)
         return GivenTrim(
-            model=model.with_parameters(**parameters),
+            model=_with_parameters(model, tuple(parameters.items())) if parameters else model,
             condition=common.at(None if model.schedule in model.parameters else at),
             common=common,
             at=at,
@@ -248,6 +278,12 @@ class TrimInput(NamedTuple):
         return source | {"condition": condition, "flight": common.in_words()}
 
 
+@lru_cache(maxsize=16)
+def _with_parameters(model: Model, values: tuple[tuple[str, float], ...]) -> Model:
+    """Return a model with other parameters; conditions that have the same share what it caches."""
+    return model.with_parameters(**dict(values))
+
+
 def given_trim(request: TrimOptions) -> GivenTrim:
     """Return the single trim that the options define.
 
@@ -280,7 +316,7 @@ def trim_input(
     begin, start = _start(request, model)
     rows: tuple[ListedCondition, ...] = ()
     if request.conditions is not None:
-        rows = tuple(conditions(request.conditions, model))
+        rows = tuple(listed_conditions(request.conditions, model))
         if request.row is not None:
             rows = (chosen_row(rows, request.row, request.conditions),)
     elif request.row is not None:
@@ -297,6 +333,39 @@ def trim_input(
         start=start,
         rows=rows,
     )
+
+
+def conditions(model: Model, path: str | Path) -> Conditions:
+    """Return the trims and linear models of a file of conditions, a row for each condition.
+
+    model: model of the aircraft
+    path: CSV file: a row of names, then a row of values for each condition, which may hold and
+        free other variables than the other rows
+
+    A condition without a trim has the reason in `reasons`.
+
+    Raises BadInputError with the row, the column and the name of the condition for a wrong cell.
+
+    >>> import hfa
+    >>> uav = hfa.load_model("examples/uav.toml")
+    >>> book = hfa.conditions(uav, "examples/uav_conditions.csv")
+    >>> book["cruise"]["altitude"], book.A["alpha", "pitch_rate"].shape
+    (100.0, (8,))
+    """
+    rows = tuple(listed_conditions(path, model))
+    given = TrimInput(
+        model=model,
+        aircraft={"changed": {}},
+        condition=usual_condition(model),
+        free=(),
+        limits={},
+        at=None,
+        hold={},
+        begin={},
+        start=None,
+        rows=rows,
+    )
+    return linear_models(model, given.asked())
 
 
 class GivenTrims(NamedTuple):

@@ -110,11 +110,17 @@ def _mat(data: Mapping[str, Any]) -> bytes:
 
 
 def _for_matlab(data: Any) -> Any:
-    """Return data as SciPy writes them to structs, cell arrays, and arrays, of N matrices with N as
-    the last axis.
+    """Return data as SciPy writes them to structs, arrays of structs with the same fields, cell
+    arrays, and arrays, of N matrices with N as the last axis.
     """
     if isinstance(data, Mapping):
         return {_field_name(key): _for_matlab(value) for key, value in data.items()}
+    if isinstance(data, list) and data and isinstance(data[0], Mapping):
+        names = [*data[0]]
+        if names and all([*item] == names for item in data):  # an array of structs
+            structs = np.empty(len(data), dtype=[(_field_name(name), object) for name in names])
+            structs[:] = [tuple(_for_matlab(value) for value in item.values()) for item in data]
+            return structs
     if isinstance(data, list) and data and isinstance(data[0], (Mapping, str)):
         cells = np.empty(len(data), dtype=object)
         cells[:] = [_for_matlab(item) for item in data]

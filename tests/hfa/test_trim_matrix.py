@@ -13,6 +13,7 @@ from project import ROOT
 from six_dof import KNOT, SixDof, air, calibrated
 
 import hfa
+from hfa.options.conditions import listed_conditions
 
 #: The small aircraft with a largest lift coefficient, and conditions of every kind.
 STALLING = "CL_max = 1.0\n"
@@ -189,11 +190,11 @@ def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book):
         assert sheets[name]["sheet"][entry]["value"] == cells[name][entry]
         assert "results" not in sheets[name]["sheet"]
     model = hfa.load_model(str(book / "uav.toml"))
-    for row in hfa.conditions(book / "few.csv", model):
-        point = hfa.trim(model.with_parameters(**row.parameters), hold=row.hold, free=row.free)
-        assert ("stalled" in {each.name for each in point.sheet}) == (row.name == "stall")
-        found = point.sheet["L/D"].value
-        assert float(cells[row.name]["L/D"]) == pytest.approx(found, rel=1e-9)
+    trims = hfa.conditions(model, book / "few.csv")
+    for name in trims:
+        sheet = trims[name].sheet
+        assert ("stalled" in {each.name for each in sheet}) == (name == "stall")
+        assert float(cells[name]["L/D"]) == pytest.approx(sheet["L/D"].value, rel=1e-9)
 
 
 def test_a_stall_is_said_by_linearize_too(book):
@@ -311,7 +312,7 @@ REFUSED = [
     ("trim", "", "name,limit\na,5\n", "column limit is '5'; give NAME=LOW:HIGH"),
     ("trim", "--hold=speed=30", "name,speed\na,30\n", "give speed either in the file"),
     (
-        "linearize",
+        "solve",
         "",
         "name,speed\na,30\nb,35\n",
         "--row is required for 2 conditions; choose from",
@@ -398,7 +399,7 @@ def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):
     path = tmp_path / "conditions.csv"
     text = 'c.g. [%],Altitude [FL],speed [KT],mass,,\n28,30,70,30 lb,,\n,3 feet,70,"2,000 lbs",,\n,,,,,\n'
     path.write_text(text, "utf-8")
-    row, other = hfa.conditions(path, model)
+    row, other = listed_conditions(path, model)
     assert row.parameters == pytest.approx({"cg": 0.28, "mass": 30.0 * 0.45359237})
     assert other.parameters == pytest.approx({"mass": 2000.0 * 0.45359237})
     assert other.hold["altitude"] == pytest.approx(3.0 * 0.3048)

@@ -19,9 +19,9 @@ from hfa_support.rows.store import RowJob, fill_store, template_variable
 from trim.linear.modes import fastest_first
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
+from trim.point.stalls import stalled
 from trim.point.system import TrimSystem
 from trim.sweeps.points import CHUNK, STATUS, TRIMMED, parameters_at
-from trim.sweeps.stalls import stalled
 from trim.sweeps.sweep import run_points, slow_note, trimmed_words
 from trim.sweeps.sweep_arrays import arrays_of, at_limit, labels_of, limited
 from trim.sweeps.sweep_plan import SweepPlan
@@ -40,7 +40,7 @@ class SweepAttributes(StatesAndInputs, Result):
     plan: the swept variables and values.
     """
 
-    schema = "hfa.sweep-store/3"
+    schema = "hfa.sweep-store/4"
 
     plan: SweepPlan
 
@@ -132,7 +132,7 @@ def _stored_points(
     """
     rows = run_points(model, variables, values, condition, start)
     trimmed = rows["status"] == TRIMMED
-    eigenvalues = np.full(rows["states"].shape, complex(np.nan, np.nan))
+    eigenvalues = np.full(rows["A"].shape[:2], complex(np.nan, np.nan))
     eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(rows["A"][trimmed]))
     reached = at_limit(condition, rows["states"], rows["inputs"])
     parameters = parameters_at(model, variables, values)
@@ -172,7 +172,8 @@ def _template(plan: SweepPlan) -> Any:
     # Newton's method solves many points at once if there are as many equations as unknowns.
     chunk = CHUNK if system.equations.square else SLOW_CHUNK
     chunk = min(chunk, plan.count)
-    sizes = {"state": len(states), "rate": len(states), "mode": len(states), "input": len(inputs)}
+    sizes = dict.fromkeys(("linear_state", "rate", "mode"), len(model.linear))
+    sizes |= {"state": len(states), "input": len(inputs)}
     sizes["limited"] = len(limited(plan.condition))
 
     arrays = {}
@@ -195,7 +196,7 @@ def _template(plan: SweepPlan) -> Any:
     arrays["kinks"] = template_variable((_POINT,), (plan.count,), np.int16(-1), chunk, kinks)
     arrays["one_by_one"] = template_variable((_POINT,), (plan.count,), np.int8(0), chunk, slow)
 
-    coordinates: dict[str, Any] = dict(labels_of(plan.condition, rates=states))
+    coordinates: dict[str, Any] = dict(labels_of(plan.condition))
     for name, unit in zip(plan.variables, plan.units, strict=True):
         varied = {"long_name": "what is varied", "units": unit}
         coordinates[name] = template_variable((_POINT,), (plan.count,), np.nan, chunk, varied)

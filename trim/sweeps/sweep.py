@@ -43,6 +43,7 @@ from trim.point.condition import (
 from trim.point.diagnosis import beyond_limits
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
+from trim.point.stalls import stalled
 from trim.point.status import NAME, RESULTS, STALLED, UNTRIMMED, Status
 from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import (
@@ -54,10 +55,9 @@ from trim.sweeps.points import (
     parameters_at,
     trim_points,
 )
-from trim.sweeps.stalls import stalled
 from trim.sweeps.sweep_arrays import arrays_of, at_limit, labels_of, limited
 from trim.sweeps.sweep_plan import SweepPlan
-from trim.tables import draw_curves, write_netcdf
+from trim.tables import draw_curves, entry_headings, write_netcdf
 
 if TYPE_CHECKING:
     import pandas
@@ -93,7 +93,8 @@ def run_points(
     start: OperatingPoint | None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Return the results of a sweep for N of its points, name -> array.
+    """Return the results of a sweep for N of its points, name -> array, with A (N, k, k) and B
+    (N, k, m) of the k linear states.
 
     The names are those of `Points`, of the variables, and "values" and "kinks", the number of
     kinks. Two entries are mappings from the number of a point: `failures` contains the reason for a
@@ -113,7 +114,8 @@ def run_points(
         points.A,
         points.B,
     )
-    points = points._replace(A=slopes.A, B=slopes.B)
+    linear = model.state_places(model.linear)
+    points = points._replace(A=slopes.A[:, linear][:, :, linear], B=slopes.B[:, linear])
     kink_counts = np.zeros(len(values), dtype=int)
     for point, notes in slopes.notes.items():
         kink_counts[point] = len(notes)
@@ -233,7 +235,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @cached_property
     def stalled(self) -> np.ndarray:
-        """Mask of the trims beyond the largest lift, (N,): `trim.sweeps.stalls.stalled`."""
+        """Mask of the trims beyond the largest lift, (N,): `trim.point.stalls.stalled`."""
         parameters = parameters_at(self.model, self.variables, self.values)
         return stalled(self.model, self.states, self.inputs, parameters)
 
@@ -573,10 +575,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             for part in ("real", "imaginary"):
                 headings.append(f"{called} eigenvalue {part} [1/{model.time_unit}]")
         for matrix, columns in (("A", model.linear), ("B", tuple(model.inputs))):
-            for row in model.linear:
-                for column in columns:
-                    unit = model.entry_unit(row, column)
-                    headings.append(f"{matrix}({row}, {column}) [{unit}]")
+            headings += entry_headings(model, matrix, model.linear, columns)
         return headings
 
     def __len__(self) -> int:
@@ -614,18 +613,15 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             swept = {name: (name, np.array(plan.axes[name])) for name in plan.axes}
         coordinates: dict[str, Any] = {
             **swept,
-            **labels_of(plan.condition, rates=self.model.linear),
-            "linear_state": list(self.model.linear),
+            **labels_of(plan.condition),
         }
         if self.mode_names:
             coordinates["mode"] = list(self.mode_names)
         variables: dict[str, Any] = {"reason": (axes, np.array(self.reasons).reshape(plan.sizes))}
         for name, array in arrays_of(self.model).items():
             values = getattr(self, name)
-            # In memory, A has columns for the linear states alone.
-            own_axes = ("rate", "linear_state") if name == "A" else array.axes
             reshaped = values.reshape(*plan.sizes, *values.shape[1:])
-            variables[name] = ((*axes, *own_axes), reshaped, array.attributes)
+            variables[name] = ((*axes, *array.axes), reshaped, array.attributes)
         swept_points = dataset(variables, coordinates, self.model.title)
         for name, unit in zip(plan.variables, plan.units, strict=True):
             swept_points[name].attrs["units"] = unit
@@ -768,8 +764,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
             "larger steps"
         )
     model = plan.model
-    linear = model.state_places(model.linear)
-    n, m, k = len(model.states), len(model.inputs), len(linear)
+    n, m, k = len(model.states), len(model.inputs), len(model.linear)
     states, inputs = np.empty((plan.count, n)), np.empty((plan.count, m))
     A, B = np.empty((plan.count, k, k)), np.empty((plan.count, k, m))
     reasons: list[str] = []
@@ -783,8 +778,8 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
         is_trimmed = (rows["status"] == TRIMMED)[:, None]
         states[chunk] = np.where(is_trimmed, rows["states"], np.nan)
         inputs[chunk] = np.where(is_trimmed, rows["inputs"], np.nan)
-        A[chunk] = rows["A"][:, linear][:, :, linear]
-        B[chunk] = rows["B"][:, linear]
+        A[chunk] = rows["A"]
+        B[chunk] = rows["B"]
         reasons += _reasons(plan, rows)
         kinks |= {first + point: notes for point, notes in rows["kinked"].items()}
         one_by_one += int(rows["one_by_one"].sum())

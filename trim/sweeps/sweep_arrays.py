@@ -27,13 +27,14 @@ class SweepArray(NamedTuple):
 
 
 def arrays_of(model: Model) -> dict[str, SweepArray]:
-    """Return the arrays of a sweep, name -> array, with the axes that they have in a store."""
+    """Return the arrays of a sweep, name -> array. A and B are those of the linear states."""
     columns = "fastest first in a Zarr store, otherwise one mode in each column"
     return {
         "states": SweepArray(("state",), {"long_name": "X0", "units_of": "state_unit"}),
         "inputs": SweepArray(("input",), {"long_name": "U0", "units_of": "input_unit"}),
         "A": SweepArray(
-            ("rate", "state"), {"long_name": "dx'/dx", "units_of": "rate_unit / state_unit"}
+            ("rate", "linear_state"),
+            {"long_name": "dx'/dx", "units_of": "rate_unit / linear_state_unit"},
         ),
         "B": SweepArray(
             ("rate", "input"), {"long_name": "dx'/du", "units_of": "rate_unit / input_unit"}
@@ -71,13 +72,8 @@ def at_limit(condition: TrimCondition, states: np.ndarray, inputs: np.ndarray) -
     return limits.at_highest(values).astype(np.int8) - limits.at_lowest(values).astype(np.int8)
 
 
-def labels_of(
-    condition: TrimCondition, rates: tuple[str, ...]
-) -> dict[str, tuple[str, np.ndarray]]:
-    """Return the xarray coordinates of states, rates and inputs: names and units along each axis.
-
-    rates: names of the states whose rates are the rows of A and B
-    """
+def labels_of(condition: TrimCondition) -> dict[str, tuple[str, np.ndarray]]:
+    """Return the xarray coordinates of a sweep: names and units along each axis."""
     model = condition.model
     states = tuple(model.states)
     inputs = tuple(model.inputs)
@@ -85,8 +81,10 @@ def labels_of(
         "limited": ("limited", _words(limited(condition))),
         "state": ("state", _words(states)),
         "state_unit": ("state", _words(model.units(states))),
-        "rate": ("rate", _words(rates)),
-        "rate_unit": ("rate", _words(model.rate_unit(name) for name in rates)),
+        "linear_state": ("linear_state", _words(model.linear)),
+        "linear_state_unit": ("linear_state", _words(model.units(model.linear))),
+        "rate": ("rate", _words(model.linear)),
+        "rate_unit": ("rate", _words(model.rate_unit(name) for name in model.linear)),
     }
     if inputs:
         labels["input"] = ("input", _words(inputs))

@@ -1,0 +1,161 @@
+"""The linear models of a file of conditions: one object, one file, the models of single rows."""
+
+import json
+
+import control
+import numpy as np
+import pandas as pd
+import pytest
+from cli import answer, assert_refused, hfa as command
+from project import ROOT
+from scipy.io import loadmat
+
+import hfa
+
+#: Rows that hold and free different variables, of other masses; a stall, and a row without a trim.
+CONDITIONS = """name,speed,KCAS,altitude,gamma,load_factor,thrust,mass,free,limit
+cruise,35,,100,0,,,,,
+at 60 KCAS,,60,1000,0,,,,,
+turn,35,,100,,1.3,,,turn_rate,
+glide,25,,100,,,0,20,gamma,elevator=-15:15
+stall,18.5,,100,,,,,,
+weak,35,,100,,,,,,thrust=0:5
+"""
+NAMES = ("cruise", "at 60 KCAS", "turn", "glide", "stall", "weak")
+MATRICES = "ABCDE"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("models")
+    text = (ROOT / "examples/uav.toml").read_text("utf-8")
+    (path / "uav.toml").write_text(f"CL_max = 1.0\n{text}", "utf-8")
+    (path / "book.csv").write_text(CONDITIONS, "utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def words(folder):
+    return ("--aircraft", str(folder / "uav.toml"), "--conditions", str(folder / "book.csv"))
+
+
+@pytest.fixture(scope="module")
+def book(folder):
+    return hfa.conditions(hfa.load_model(str(folder / "uav.toml")), folder / "book.csv")
+
+
+def written(words, path):
+    """Write the models of all conditions, one of which has no trim (exit code 1)."""
+    run = command("linearize", *words, "-q", "-o", str(path))
+    assert (run.code, run.err) == (1, "hfa: 1 of 6 conditions have no trim\n")
+    assert run.out.startswith(
+        "Aerosonde: linear models of 5 of 6 conditions, 1 stalled, 1 without a trim\n"
+    )
+    return path
+
+
+def arrays_in(path):
+    with np.load(path) as file:
+        return dict(file)
+
+
+def test_each_file_has_the_models_of_single_rows_to_the_bit(words, book, tmp_path):
+    """JSON, MATLAB's structs, NumPy's arrays, the store and the folder have A to E of --row."""
+    xarray = pytest.importorskip("xarray")
+    as_json = json.loads(written(words, tmp_path / "a.json").read_text("utf-8"))
+    structs = loadmat(written(words, tmp_path / "a.mat"))["models"]
+    arrays = arrays_in(written(words, tmp_path / "a.npz"))
+    store = xarray.open_zarr(written(words, tmp_path / "a.zarr"))
+    files = sorted(written(words, tmp_path / "folder").iterdir())
+    assert structs.shape == (1, len(NAMES))
+    assert [model["name"] for model in as_json["models"]] == [*NAMES]
+    assert tuple(arrays["names"]) == NAMES == tuple(store.condition.values)
+    assert [file.name for file in files][1] == "02_at_60_KCAS.json"
+    for row, name in enumerate(NAMES[:-1]):
+        single = answer("linearize", *words, "--row", name)
+        in_folder = hfa.LinearModel.load(files[row])
+        assert single["states"] == as_json["states"] == arrays["states"].tolist()
+        for matrix in MATRICES:
+            given = np.array(single.get(matrix, np.zeros((8, 0))))  # no disturbances
+            for found in (
+                np.reshape(as_json["models"][row][matrix], given.shape),
+                structs[0, row][matrix],
+                arrays[matrix][row],
+                store[matrix][row].values,
+                getattr(book, matrix)[row],
+            ):
+                assert np.array_equal(found, given), (name, matrix)
+        assert np.array_equal(in_folder.A, single["A"])
+        modes = structs[0, row]["modes"][0]
+        assert [str(mode["name"][0]) for mode in modes] == [m["name"] for m in single["modes"]]
+        poles = control.ss(*(arrays[matrix][row] for matrix in "ABCD")).poles()
+        assert sorted(poles.real) == pytest.approx(sorted(arrays["eigenvalues"][row].real))
+
+
+def test_a_condition_without_a_trim_has_nan_and_its_reason(words, book, tmp_path):
+    """So have stalls their status. In Python, the point is refused with the reason."""
+    arrays = arrays_in(written(words, tmp_path / "a.npz"))
+    assert arrays["status"].tolist() == [*["trimmed"] * 4, "stalled", "no trim"]
+    assert [bool(reason) for reason in arrays["reason"]] == [False] * 5 + [True]
+    for matrix in "ABCD":
+        assert np.isnan(arrays[matrix][-1]).all()
+        assert np.isfinite(arrays[matrix][:-1]).all()
+    models = json.loads(written(words, tmp_path / "a.json").read_text("utf-8"))["models"]
+    assert models[-1]["A"][0][0] is None
+    assert "thrust at maximum 5 N" in models[-1]["reason"]
+    with pytest.raises(hfa.NoSolutionError, match=r"weak: no trim: .*thrust at maximum"):
+        book["weak"]
+    with pytest.raises(hfa.BadInputError, match="unknown condition 'cruse'"):
+        book["cruse"]
+
+
+def test_the_object_has_points_tables_and_levels(book, tmp_path):
+    """A row is an operating point, whose linear model is that of the book; the modes of the sheet
+    have the worst of its levels; tables find entries by names.
+    """
+    assert tuple(book) == NAMES
+    for row, name in enumerate(NAMES[:-1]):
+        point = book[name]
+        assert point.linearize() == book[row].linearize()
+        assert np.array_equal(point.linearize().A, book.A[row])
+        for mode in book.modes[row]:
+            family = mode.name.partition(" (")[0]
+            levels = [each.level for each in point.sheet if each.name.startswith(family)]
+            levels += [point.sheet["CAP"].level] * (
+                family == "short period" and "CAP" in point.sheet
+            )
+            worst = max((level for level in levels if level), default=None)
+            assert book.levels[row][mode.name] == worst
+    assert book["glide"]["thrust"] == 0.0
+    assert book["glide"].model.parameters["mass"].start == 20.0
+    entry = book.A["alpha", "pitch_rate"]
+    dataset = book.to_xarray()
+    selected = dataset.A.sel(rate="alpha", state="pitch_rate")
+    np.testing.assert_array_equal(selected.values, entry)
+    assert dataset.state.attrs["units"][0] == "m/s"
+    frame = book.to_pandas()
+    assert frame.loc["turn", "A(alpha, pitch_rate) [(rad/s)/(rad/s)]"] == entry[2]
+    assert frame.loc["turn", "hold load_factor"] == 1.3
+    book.save(tmp_path / "models.csv")
+    again = hfa.conditions(book.model, tmp_path / "models.csv")
+    np.testing.assert_array_equal(again.A, book.A)
+    read = pd.read_csv(tmp_path / "models.csv", index_col="name")
+    assert np.isnan(read.loc["weak", "alpha [deg]"])
+
+
+def test_states_inputs_and_outputs_are_chosen_for_all_conditions(words, tmp_path):
+    """The options of a single model hold for each; those of a single condition are refused."""
+    chosen = ("--states", "alpha,pitch_rate", "--inputs", "elevator", "--outputs", "load_factor")
+    command("linearize", *words, *chosen, "-q", "-o", str(tmp_path / "a.npz"))
+    arrays = arrays_in(tmp_path / "a.npz")
+    single = answer("linearize", *words, *chosen, "--row", "turn")
+    assert arrays["C"].shape == (6, 1, 2)
+    for matrix in "ABCD":
+        np.testing.assert_array_equal(arrays[matrix][2], single[matrix])
+    assert_refused(command("linearize", *words, "--bode"), 2, "--bode", "--row NAME")
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "a.json").write_text("{}", "utf-8")
+    refused = command("linearize", *words, "-q", "-o", str(tmp_path / "old"))
+    assert (refused.code, "old has files" in refused.err) == (2, True)
+    single = command("linearize", *words, "--row", "turn", "-o", str(tmp_path / "new"))
+    assert_refused(single, 2, "without --row")

@@ -1,0 +1,488 @@
+"""Trims and linear models of the conditions of a file, each as its row asks for."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import StatesAndInputs
+from hfa_support.errors import BadInputError, NoSolutionError, imported, refuse_unknown
+from hfa_support.files import write_text
+from hfa_support.progress import Progress
+from hfa_support.reporting.data_files import json_text, save_data
+from hfa_support.reporting.named import with_names
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Result, Stack, storable
+from hfa_support.reporting.text import Table, eigenvalue_text, shown_values, with_shown_unit
+from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import direct_disturbances
+from trim.linear.modes import Mode
+from trim.point.condition import StatedValues, stated_cells
+from trim.point.operating_point import OperatingPoint
+from trim.point.stalls import stalled
+from trim.point.status import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
+from trim.reports.handling_qualities import mode_figures
+from trim.reports.levels import DEFAULT_AIRPLANE
+from trim.reports.trimmed import Trimmed
+from trim.tables import dataset, entry_headings
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+#: Suffix of a Zarr store.
+STORE = ".zarr"
+
+
+class AskedTrim(NamedTuple):
+    """Trim that a condition asks for.
+
+    name: name of the condition, or its number in the file
+    stated: what the condition states
+    trim: function that returns the trim
+    where: file and row, for messages, or ""
+    """
+
+    name: str
+    stated: StatedValues
+    trim: Callable[[], OperatingPoint]
+    where: str = ""
+
+
+class Signals(NamedTuple):
+    """Names of the states (n), inputs (m), outputs (k) and disturbances (l) of linear models."""
+
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    disturbances: tuple[str, ...]
+
+
+#: Matrix -> kinds of its rows and columns.
+_MATRICES = {
+    "A": ("states", "states"),
+    "B": ("states", "inputs"),
+    "C": ("outputs", "states"),
+    "D": ("outputs", "inputs"),
+    "E": ("states", "disturbances"),
+    "F": ("outputs", "disturbances"),
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Conditions(StatesAndInputs, Result, Reported):
+    """Trims and linear models of N conditions, which may hold and free different variables.
+
+    conditions["cruise"] and conditions[0] are operating points, and
+    conditions.A["alpha", "pitch_rate"] has an entry of A at each condition. Signals are the same at
+    all conditions. Arrays are nan at conditions without a trim.
+
+    model: model of the aircraft as loaded.
+    asked: what the conditions ask for.
+    signals: names of the signals of the linear models.
+    points: operating point of each condition, or None without a trim.
+    linear: linear model of each condition, or None without a trim.
+    reasons: "" for a trim, otherwise the reason why there is none.
+    A: (N, n, n), B: (N, n, m), C: (N, k, n), D: (N, k, m), E: (N, n, l), F: (N, k, l).
+    """
+
+    schema = "hfa.conditions/1"
+
+    model: Model
+    asked: tuple[AskedTrim, ...]
+    signals: Signals
+    points: tuple[OperatingPoint | None, ...]
+    linear: tuple[LinearModel | None, ...]
+    reasons: tuple[str, ...]
+    A: Stack
+    B: Stack
+    C: Stack
+    D: Stack
+    E: Stack
+    F: Stack
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each condition."""
+        return tuple(each.name for each in self.asked)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states of the linear models, in order."""
+        return self.signals.states
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs of the linear models, in order."""
+        return self.signals.inputs
+
+    @cached_property
+    def status(self) -> tuple[str, ...]:
+        """Status of each condition: "trimmed", "stalled" (beyond the largest lift) or "no trim"."""
+        groups = (self.model.states, self.model.inputs, self.model.parameters)
+        x, u, p = (self._stacked((len(names),), lambda _: math.nan) for names in groups)
+        for row, point in enumerate(self.points):
+            if point is not None:
+                x[row], u[row], p[row] = point.states, point.inputs, point.model.p
+        words = np.where(stalled(self.model, x, u, p), STALLED, TRIMMED).tolist()
+        each = zip(words, self.reasons, strict=True)
+        return tuple(UNTRIMMED if reason else word for word, reason in each)
+
+    @cached_property
+    def modes(self) -> tuple[tuple[Mode, ...], ...]:
+        """Modes of each condition, fastest first; () without a trim."""
+        return tuple(() if linear is None else tuple(linear.modes) for linear in self.linear)
+
+    @cached_property
+    def levels(self) -> tuple[dict[str, int | None], ...]:
+        """Mode -> its worst level by MIL-F-8785C at each condition: 4 for none of the three, None
+        without a limit. The class is the usual one, and the category B.
+        """
+        return tuple({} if point is None else _levels(point) for point in self.points)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Notes on the trims and linear models, of which a single one is on kinks."""
+        known = [linear for linear in self.linear if linear is not None]
+        kinks = [linear.kinks for linear in known if linear.kinks]
+        notes = dict.fromkeys(note for each in known for note in each.warnings)
+        said = [note for note in notes if not any(note in each for each in kinks)]
+        if kinks:
+            said.append(f"{kinks[0][0]} ({len(kinks)} of {len(self)} conditions have a kink)")
+        return said
+
+    def __len__(self) -> int:
+        return len(self.asked)
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names of the conditions."""
+        return iter(self.names)
+
+    def keys(self) -> tuple[str, ...]:
+        """Return the names of the conditions."""
+        return self.names
+
+    def __getitem__(self, index: str | int) -> OperatingPoint:
+        """Return the operating point of a condition by name or number.
+
+        Raises BadInputError for an unknown name, IndexError for a number that does not exist, and
+        NoSolutionError, with the reason, for a condition without a trim.
+        """
+        if isinstance(index, str):
+            refuse_unknown("unknown condition", index, self.names)
+            index = self.names.index(index)
+        point = self.points[index]
+        if point is None:
+            raise NoSolutionError(f"{self.names[index]}: {self.reasons[index]}")
+        return point
+
+    def _ipython_key_completions_(self) -> tuple[str, ...]:
+        return self.names
+
+    def _stacked(self, shape: tuple[int, ...], of: Callable[[LinearModel], Any]) -> np.ndarray:
+        """Return an array of all linear models, (N, *shape)."""
+        return _stacked(self.linear, shape, of)
+
+    # Files.
+
+    def _named_signals(self) -> dict[str, Any]:
+        """Return the entries of files with the names and units of the signals."""
+        units = {
+            f"{kind.removesuffix('s')}_units": self.model.units(names)
+            for kind, names in self.signals._asdict().items()
+        }
+        return self.signals._asdict() | units
+
+    def _entries(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        models = [self._row_entries(row) for row in range(len(self))]
+        return {"dynamics": self.model.name, **self._named_signals(), "models": models}
+
+    def _row_entries(self, row: int) -> dict[str, Any]:
+        """Return what a file states about a condition."""
+        point, linear = self.points[row], self.linear[row]
+        found = math.nan if point is None else point.values
+        levels = self.levels[row]
+        return {
+            "name": self.names[row],
+            "status": self.status[row],
+            "reason": self.reasons[row],
+            "condition": self.asked[row].stated,
+            "operating_point": {
+                kind: {name: found[name] if point is not None else math.nan for name in names}
+                for kind, names in (("states", self.model.states), ("inputs", self.model.inputs))
+            },
+            **{matrix: np.asarray(getattr(self, matrix)[row]) for matrix in _MATRICES},
+            "modes": [
+                {
+                    "name": mode.name,
+                    "level": levels.get(mode.name),
+                    "eigenvalue": mode.eigenvalue,
+                    "damping": mode.damping,
+                    "frequency": mode.frequency,
+                }
+                for mode in self.modes[row]
+            ],
+            "kinks": () if linear is None else linear.kinks,
+        }
+
+    def report(self) -> Report:
+        """Return a report with the status and the eigenvalues of the modes of each condition, and
+        the reason of each that has no trim.
+        """
+        return self._report
+
+    @cached_property
+    def _report(self) -> Report:
+        """The report, which is printed and whose data are written."""
+        reasons = dict(zip(self.names, self.reasons, strict=True))
+        failed = [f"{name}: {reason}" for name, reason in reasons.items() if reason]
+        words = [f"linear models of {len(self) - len(failed)} of {len(self)} conditions"]
+        stalls = self.status.count(STALLED)
+        words += [f"{stalls} stalled"] * bool(stalls)
+        words += [f"{len(failed)} without a trim"] * bool(failed)
+        return Report(
+            title=f"{self.model.title}: {', '.join(words)}",
+            parts=(self._mode_table(), *failed),
+            data=storable(self),
+            records=self.records(),
+            notes=self.warnings,
+            failure=f"{len(failed)} of {len(self)} conditions have no trim" if failed else "",
+        )
+
+    def _mode_table(self) -> Table:
+        """Return the table of the eigenvalues of the modes of each condition."""
+        lines = []
+        for modes in self.modes:
+            texts: dict[str, list[str]] = {}  # mode, without "(fast)" -> eigenvalues
+            for mode in modes:
+                texts.setdefault(mode.name.partition(" (")[0], []).append(
+                    eigenvalue_text(mode.eigenvalue)
+                )
+            lines.append(texts)
+        names = [*dict.fromkeys(name for texts in lines for name in texts)]
+        return Table(
+            ("condition", RESULTS, *(f"{name} 1/{self.model.time_unit}" for name in names)),
+            [
+                (name, status, *(", ".join(texts.get(each, ())) for each in names))
+                for name, status, texts in zip(self.names, self.status, lines, strict=True)
+            ],
+        )
+
+    def records(self) -> Table:
+        """Return a table with a row for each condition, a file of conditions: what it asks for, the
+        result, the reason, the trim, the modes with their levels, and the entries of A and B.
+
+        Angles are in degrees, but those of A and B in radians.
+        """
+        asked = [{NAME: each.name} | stated_cells(self.model, each.stated) for each in self.asked]
+        found = [self._found_cells(row) for row in range(len(self))]
+        header = [*dict.fromkeys(heading for cells in (*asked, *found) for heading in cells)]
+        whole = [condition | result for condition, result in zip(asked, found, strict=True)]
+        rows = [tuple(cells.get(heading, "") for heading in header) for cells in whole]
+        return Table(tuple(header), rows)
+
+    def _found_cells(self, row: int) -> dict[str, Any]:
+        """Return the cells of a condition that state its trim and linear model, by heading."""
+        model, point = self.model, self.points[row]
+        cells: dict[str, Any] = {RESULTS: self.status[row], "failure": self.reasons[row]}
+        for name in (*model.states, *model.inputs):
+            unit = model.unit(name)
+            value = math.nan if point is None else point.values[name]
+            cells[with_shown_unit(name, unit)] = float(shown_values(value, unit))
+        for mode in self.modes[row]:
+            for part in ("real", "imag"):
+                heading = f"{mode.name} eigenvalue {part} [1/{model.time_unit}]"
+                cells[heading.replace("imag", "imaginary")] = getattr(mode.eigenvalue, part)
+            cells[f"{mode.name} level"] = self.levels[row].get(mode.name) or ""
+        for matrix in ("A", "B"):
+            rows, columns = (getattr(self.signals, kind) for kind in _MATRICES[matrix])
+            entries = np.asarray(getattr(self, matrix)[row]).ravel().tolist()
+            cells |= zip(entry_headings(model, matrix, rows, columns), entries, strict=True)
+        return cells
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a `pandas.DataFrame` of `records`, indexed by the names of the conditions."""
+        pandas = imported("pandas", "data frames require")
+        records = self.records()
+        return pandas.DataFrame(list(records.rows), columns=records.header).set_index(NAME)
+
+    def arrays(self) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
+        """Return name -> (axes, array) of the results, with the condition as the first axis.
+
+        They are A to F; X0, U0 and Y0; states and inputs of the trims; status and reason; and the
+        eigenvalues with the names and levels of their modes.
+        """
+        n = len(self.signals.states)
+        roots = np.full((len(self), n), complex(math.nan, math.nan))
+        names = np.full((len(self), n), "", dtype=object)
+        levels = np.full((len(self), n), math.nan)
+        for row, modes in enumerate(self.modes):
+            place = 0
+            for mode in modes:
+                for root in dict.fromkeys((mode.eigenvalue, mode.eigenvalue.conjugate())):
+                    roots[row, place], names[row, place] = root, mode.name
+                    levels[row, place] = self.levels[row].get(mode.name) or math.nan
+                    place += 1
+        arrays: dict[str, Any] = {}
+        for matrix, (rows, columns) in _MATRICES.items():
+            axes = ("rate" if rows == "states" else "output", columns.removesuffix("s"))
+            arrays[matrix] = axes, np.asarray(getattr(self, matrix))
+        model, signals = self.model, self.signals
+        vectors: dict[str, tuple[str, int, Callable[[LinearModel], Any]]] = {
+            "X0": ("state", n, lambda linear: linear.state_offsets),
+            "U0": ("input", len(signals.inputs), lambda linear: linear.input_offsets),
+            "Y0": ("output", len(signals.outputs), lambda linear: linear.output_offsets),
+            "trim_states": ("trim_state", len(model.states), lambda linear: linear.point.x),
+            "trim_inputs": ("trim_input", len(model.inputs), lambda linear: linear.point.u),
+        }
+        for name, (axis, count, of) in vectors.items():
+            arrays[name] = (axis,), self._stacked((count,), of)
+        for name, values in (
+            ("eigenvalues", roots),
+            ("mode_names", names),
+            ("mode_levels", levels),
+        ):
+            arrays[name] = ("mode",), values
+        for name, words in (("status", self.status), ("reason", self.reasons)):
+            arrays[name] = (), np.array(words, dtype=object)
+        return {name: (("condition", *axes), array) for name, (axes, array) in arrays.items()}
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return `arrays` with the names of conditions and signals, and units. Requires xarray."""
+        model = self.model
+        named = {kind.removesuffix("s"): names for kind, names in self.signals._asdict().items()}
+        named |= {"trim_state": tuple(model.states), "trim_input": tuple(model.inputs)}
+        words = partial(np.array, dtype=object)  # of any length
+        coordinates: dict[str, Any] = {
+            axis: (axis, words(names), {"units": [*model.units(names)]})
+            for axis, names in named.items()
+        }
+        coordinates |= {"condition": words(self.names), "rate": words(self.signals.states)}
+        return dataset(self.arrays(), coordinates, model.title)
+
+    def save(self, path: str | Path, provenance: Mapping[str, Any] | None = None) -> None:
+        """Write the conditions to a file or folder.
+
+        - .json, .mat: the linear models as a list, or an array of structs, `models`
+        - .npz: `arrays`, with the names and units of the signals
+        - .zarr: `to_xarray`
+        - a folder: a file of each linear model, as `LinearModel.save` writes it
+        - others: the report
+
+        provenance: provenance of the results, or None
+
+        Raises BadInputError for another suffix, and for a store or folder that has files.
+        """
+        path = Path(path)
+        suffix = path.suffix.lower()
+        origin = {"provenance": dict(provenance)} if provenance else {}
+        if suffix in ("", STORE) and path.exists() and any(path.iterdir()):
+            raise BadInputError(f"{path} has files; delete it, or choose another name")
+        if suffix == STORE:
+            attributes = {name: json_text(entry) for name, entry in origin.items()}
+            self.to_xarray().assign_attrs(attributes).to_zarr(path)
+        elif not suffix:
+            path.mkdir(exist_ok=True)
+            for row, name in enumerate(self.names, start=1):
+                plain = re.sub(r"[^\w.-]+", "_", name)
+                write_text(path / f"{row:02}_{plain}.json", json_text(self._file(row - 1) | origin))
+        elif suffix == ".npz":
+            arrays = {name: array for name, (_, array) in self.arrays().items()}
+            words = [name for name, array in arrays.items() if array.dtype == object]
+            arrays |= {name: arrays[name].astype(str) for name in words}
+            head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
+            save_data(path, storable(head) | arrays | origin, Table((), ()))
+        else:
+            self.report().with_data(origin).save(path)
+
+    def _file(self, row: int) -> dict[str, Any]:
+        """Return the content of the file of a condition: a linear model, nan without a trim."""
+        linear = self.linear[row]
+        head = {"schema": LinearModel.schema} | self._named_signals()
+        return (head if linear is None else storable(linear)) | storable(self._row_entries(row))
+
+
+def _stacked(
+    models: Sequence[LinearModel | None],
+    shape: tuple[int, ...],
+    of: Callable[[LinearModel], Any],
+) -> np.ndarray:
+    """Return an array of N linear models, (N, *shape), nan where there is none."""
+    stack = np.full((len(models), *shape), math.nan)
+    for row, linear in enumerate(models):
+        if linear is not None:
+            stack[row] = of(linear)
+    return stack
+
+
+def _levels(point: OperatingPoint) -> dict[str, int | None]:
+    """Return mode -> the worst level of its qualities, or None if the standard has no limit."""
+    worst: dict[str, int | None] = {}
+    mode = ""
+    for row in mode_figures(Trimmed(point), DEFAULT_AIRPLANE).rows:
+        if isinstance(row.value, complex):  # the eigenvalue, before the qualities of its mode
+            mode = row.name.removesuffix(" eigenvalue")
+            worst[mode] = None
+        elif row.level is not None and mode:
+            worst[mode] = max(worst[mode] or 0, row.level)
+    return worst
+
+
+def linear_models(
+    model: Model,
+    asked: Sequence[AskedTrim],
+    *,
+    states: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    progress: Progress | None = None,
+) -> Conditions:
+    """Return the trims and linear models of conditions, each as `trim` and `linearize` find it.
+
+    model: model of the aircraft as loaded
+    states, inputs, outputs: as in `linearize`, for each linear model
+    progress: called with (finished conditions, all conditions), or None
+
+    Raises BadInputError for an unknown name, and if each condition is refused.
+    """
+    points: list[OperatingPoint | None] = []
+    reasons = []
+    refused = []
+    for done, each in enumerate(asked, start=1):
+        point, reason = None, ""
+        try:
+            point = each.trim()
+        except (BadInputError, NoSolutionError) as error:
+            reason = str(error)
+            if isinstance(error, BadInputError):
+                refused.append(": ".join(filter(None, (each.where, reason))))
+        points.append(point)
+        reasons.append(reason)
+        if progress is not None:
+            progress(done, len(asked))
+    if len(refused) == len(asked):
+        raise BadInputError(refused[0])
+    kept = tuple(states or model.linear)
+    first = next((point for point in points if point is not None), None)
+    disturbances = () if first is None else direct_disturbances(first, kept)
+    signals = Signals(kept, tuple(inputs or model.inputs), tuple(outputs or kept), disturbances)
+    chosen = {"states": states, "inputs": inputs, "outputs": outputs, "disturbances": disturbances}
+    linear = tuple(None if point is None else point.linearize(**chosen) for point in points)
+    matrices = {}
+    for matrix, (rows, columns) in _MATRICES.items():
+        names = getattr(signals, rows), getattr(signals, columns)
+        shape = (len(names[0]), len(names[1]))
+        stack = _stacked(linear, shape, lambda each, matrix=matrix: getattr(each, matrix))
+        matrices[matrix] = with_names(stack, (), *names)
+    return Conditions(
+        model, tuple(asked), signals, tuple(points), linear, tuple(reasons), **matrices
+    )
