@@ -40,6 +40,7 @@ from controller.riccati.lyapunov import (
     half_the_bits,
     lyapunov_in_bits,
     lyapunov_of,
+    shape_in_doubles,
     sign_function,
 )
 from hfa_support.matrices import balanced, spectral_radius
@@ -233,10 +234,9 @@ def _corrected(solved: Solved) -> Candidate:
         corrected = (corrected + Balls.of(correction)).mid()
         if largest > NEAR:
             lyapunov = None
-    if lyapunov is None:
-        F = loop_in_doubles(in_doubles, corrected.midpoint)
-        lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
-    return Candidate(equation, corrected, lyapunov.solve(-np.eye(len(X))))
+    F = loop_in_doubles(in_doubles, corrected.midpoint)
+    Y = shape_in_doubles(F, lyapunov, is_discrete=equation.is_discrete)
+    return Candidate(equation, corrected, Y)
 
 
 def stabilizing_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:

@@ -40,11 +40,11 @@ from controller.riccati.lyapunov import (
     FailedError,
     NotProvedError,
     lyapunov_in_bits,
-    lyapunov_of,
+    shape_in_doubles,
 )
 from controller.riccati.pickled_balls import make_balls_picklable
 from controller.riccati.proof import Stabilizing, prove_control_loop, prove_prices, stabilizing
-from controller.riccati.refusal import too_large_at, why_never, why_never_at, why_no_value
+from controller.riccati.refusal import why_never, why_never_at, why_no_value
 from hfa_support.errors import NoSolutionError
 
 if TYPE_CHECKING:
@@ -190,13 +190,7 @@ def decided_at(
 
     Raises UndecidedError.
     """
-    if frequency is not None:
-        with precision(BITS):
-            units = near or first_units(game, delta)
-            equation = equation_of(game, units, Balls, delta)
-            if reason := too_large_at(equation, frequency):
-                return reason
-    for outcome in _outcomes(game, delta, near, digits=digits):
+    for outcome in _outcomes(game, delta, near, frequency, digits=digits):
         if outcome:
             return outcome
     why = f"neither a value nor that there is none is proved with {ATTEMPTS[-1]} bits"
@@ -209,7 +203,7 @@ def decided_at(
 
 
 def _outcomes(
-    game: Game, delta: float, near: Units | None, *, digits: bool
+    game: Game, delta: float, near: Units | None, frequency: float | None, *, digits: bool
 ) -> Iterator[Enclosure | str]:
     """Yield what candidates prove, with more and more bits, and what rationals decide, or ""."""
     candidate = None
@@ -218,8 +212,8 @@ def _outcomes(
             candidate = candidate_in_doubles(game, delta, near)
             yield _outcome(candidate, DoubleBalls, digits=digits, in_bits=False)
         except FailedError:
-            equation = equation_of(game, first_units(game, delta), Balls, delta)
-            yield why_no_value(equation, None, in_bits=False)
+            equation = equation_of(game, near or first_units(game, delta), Balls, delta)
+            yield why_no_value(equation, None, frequency, in_bits=False)
     for n_bits in ATTEMPTS[:2]:
         if candidate is not None:
             yield _corrected_outcome(candidate, n_bits, digits=digits)
@@ -280,8 +274,8 @@ def _outcome(
         if ball.bounds.is_disturbed:
             prove_control_loop(ball, _shape_of(ball.control_loop, ball.bounds))
     except (FailedError, NotProvedError):
-        if arithmetic is DoubleBalls and not candidate.equation.is_disturbed:
-            return ""  # rarely without a value; a determinant in balls takes longer than more bits
+        if arithmetic is DoubleBalls and ball is None:
+            return ""  # determinants in balls take longer than another proof
         return why_no_value(candidate.equation, ball, in_bits=in_bits)
     enclosure = Enclosure(ball, bits())
     if digits and not enclosure.relative_radius(with_zeros=bits() == BITS) < DIGITS:
@@ -298,8 +292,7 @@ def _shape_of(loop: Bound, equation: Equation[Bound]) -> Balls | np.ndarray:
         one = identity(equation.n)
         return Balls(lyapunov_in_bits(loop.matrix.mid(), one, is_discrete=equation.is_discrete))
     with failures():
-        solver = lyapunov_of(loop.midpoint, is_discrete=equation.is_discrete)
-        return solver.solve(-np.eye(equation.n))
+        return shape_in_doubles(loop.midpoint, is_discrete=equation.is_discrete)
 
 
 def has_semidefinite_weights(game: Game) -> bool:

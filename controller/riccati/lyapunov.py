@@ -106,6 +106,22 @@ def discounted(loop: arb_mat, game: Game) -> arb_mat:
     return loop if game.discount == 1.0 else loop * arb(game.discount).sqrt()
 
 
+def shape_in_doubles(
+    F: np.ndarray, solver: Lyapunov | None = None, *, is_discrete: bool
+) -> np.ndarray:
+    """Return Y of F'Y + Y F = -1, in discrete time of F'Y F - Y = -1, (n, n), corrected once.
+
+    solver: of nearly the same loop
+
+    Raises LinAlgError or ValueError where LAPACK fails.
+    """
+    solver = solver or lyapunov_of(F, is_discrete=is_discrete)
+    one = np.eye(len(F))
+    Y = solver.solve(-one)
+    change = F.T @ Y @ F - Y if is_discrete else F.T @ Y + Y @ F
+    return np.asarray(Y - solver.solve(change + one))
+
+
 def loop_units(F: np.ndarray) -> np.ndarray:
     """Return units of the states, exponents of two, in which a loop is balanced, (n,) integers."""
     return np.round(np.log2(balanced(F)[1])).astype(int)

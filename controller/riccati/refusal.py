@@ -43,20 +43,25 @@ class ModeError(NoSolutionError):
 
 
 def why_no_value(
-    equation: Equation[Balls], found: Stabilizing[Bound] | None, *, in_bits: bool
+    equation: Equation[Balls],
+    found: Stabilizing[Bound] | None,
+    frequency: float | None = None,
+    *,
+    in_bits: bool,
 ) -> str:
     """Return a reason, proved, why the game has no value, or "".
 
     equation: of the game, in `Balls`
     found: the ball of the stabilizing solution, None if there is no proof of one
+    frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
     in_bits: whether eigenvalues are computed in many bits, for what doubles do not see
     """
     if found is not None and (reason := _unpaid(found) or _unstable_without_disturbance(found)):
         return reason
-    for frequency in _between_eigenvalues(equation, in_bits=in_bits):
-        if reason := too_large_at(equation, frequency):
-            return reason
-    return ""
+    if frequency is not None and (reason := too_large_at(equation, frequency)):
+        return reason
+    between = _between_eigenvalues(equation, in_bits=in_bits)
+    return next(filter(None, (too_large_at(equation, each) for each in between)), "")
 
 
 def too_large_at(equation: Equation[Balls], frequency: float) -> str:
