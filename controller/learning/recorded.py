@@ -164,8 +164,8 @@ def game_of_data(
         named = {key: words(entries, key) for key in NAME_KEYS}
         names = UNNAMED._replace(origin=name, **named)
         if sizes is not None:
-            named = names.completed(n, m)
-            weights |= weights_of_sizes(sizes(named), named.states, named.inputs)
+            names = names.completed(n, m)
+            weights |= weights_of_sizes(sizes(names), names.states, names.inputs)
         for matrix in {"Q", "R"} - weights.keys():
             raise BadInputError(f"data without a plant require a cost; give {matrix} (--{matrix})")
         return Game(np.zeros((n, n)), np.zeros((n, m)), names=names, dt=dt, **weights)

@@ -17,20 +17,8 @@ from hfa_support.errors import refuse_unknown
 
 #: NumPy's functions by CasADi's names. nan stays nan, where np.fmax would return the other number.
 ON_ARRAYS = SimpleNamespace(
-    tanh=np.tanh, sin=np.sin, expm1=np.expm1, fmax=np.maximum, fmin=np.minimum
+    tanh=np.tanh, sin=np.sin, expm1=np.expm1, fmax=np.maximum, fmin=np.minimum, fabs=np.abs
 )
-
-
-def _tanh(x: Any, f: Any = ca) -> Any:
-    return f.tanh(x)
-
-
-def _sin(x: Any, f: Any = ca) -> Any:
-    return f.sin(x)
-
-
-def _relu(x: Any, f: Any = ca) -> Any:
-    return f.fmax(x, 0.0)
 
 
 def _leaky_relu(x: Any, f: Any = ca, alpha: float = 0.01) -> Any:
@@ -40,10 +28,6 @@ def _leaky_relu(x: Any, f: Any = ca, alpha: float = 0.01) -> Any:
 def _sigmoid(x: Any, f: Any = ca) -> Any:
     # 1 / (1 + exp(-x)) overflows for large -x, and its derivative is then nan.
     return 0.5 + 0.5 * f.tanh(0.5 * x)
-
-
-def _silu(x: Any, f: Any = ca) -> Any:
-    return x * _sigmoid(x, f)
 
 
 def _elu(x: Any, f: Any = ca, alpha: float = 1.0) -> Any:
@@ -67,21 +51,31 @@ def _gelu(x: Any, approximate: str = "none") -> Any:
     return 0.5 * x * (1.0 + ca.erf(x / math.sqrt(2.0)))
 
 
+def hard_sigmoid(x: Any, f: Any = ca, alpha: float = 1.0 / 6.0, beta: float = 0.5) -> Any:
+    """Return alpha x + beta limited to [0, 1]."""
+    return f.fmin(f.fmax(alpha * x + beta, 0.0), 1.0)
+
+
 #: Activations by the names of `--set activation`: those of torch's classes, in lower case.
 ACTIVATIONS: Mapping[str, Callable[..., Any]] = {
-    "tanh": _tanh,
-    "relu": _relu,
+    "tanh": lambda x, f=ca: f.tanh(x),
+    "relu": lambda x, f=ca: f.fmax(x, 0.0),
     "leaky_relu": _leaky_relu,
     "sigmoid": _sigmoid,
     "softplus": _softplus,
     "elu": _elu,
     "gelu": _gelu,
-    "silu": _silu,
+    "silu": lambda x, f=ca: x * _sigmoid(x, f),
     "selu": _selu,
-    "sin": _sin,
+    "sin": lambda x, f=ca: f.sin(x),
+    "identity": lambda x, f=ca: x,
+    "hardtanh": lambda x, f=ca: f.fmin(f.fmax(x, -1.0), 1.0),
+    "softsign": lambda x, f=ca: x / (1.0 + f.fabs(x)),
+    "hardswish": lambda x, f=ca: x * hard_sigmoid(x, f),
+    "mish": lambda x: x * ca.tanh(_softplus(x)),
 }
 #: Activations that only CasADi evaluates.
-OF_CASADI = ("softplus", "gelu")
+OF_CASADI = ("softplus", "gelu", "mish")
 
 
 def activation_named(name: str) -> str:

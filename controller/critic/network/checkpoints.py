@@ -1,105 +1,239 @@
-"""Checkpoints of rsl_rl, rl_games and CleanRL, told by the names of their tensors."""
+"""Checkpoints of other libraries, told by the names of their tensors: a table of layouts.
+
+The normalizers and boxes are those of the libraries' code: rsl_rl, rl_games, skrl, tianshou, RLlib
+and CleanRL. RLlib and tianshou map their actions to the box outside the checkpoint.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
-from controller.critic.network.stated import ActionBox, Normalizer, Stated
+from controller.critic.network.layers import has_word, is_deviation, is_of_critic
+from controller.critic.network.stated import ActionBox, Normalizer, Stated, notes_on_statistics
 
 Tensors = Mapping[str, np.ndarray]
-#: Constants of the normalizers in rsl_rl (added to the deviation) and rl_games.
-_RSL_RL_EPSILON = 1e-2
-_RL_GAMES_EPSILON, _RL_GAMES_CLIP = 1e-5, 5.0
-#: Modules of a checkpoint of rsl_rl that may contain the normalizer of the policy.
-_RSL_RL_NORMALIZERS = (
-    *("model_state_dict.actor_obs_normalizer", "obs_norm_state_dict"),
-    "actor_state_dict.obs_normalizer",
+#: Origin of a normalizer, for messages.
+_WHOSE = "of the checkpoint"
+
+
+class Running(NamedTuple):
+    """Running statistics of observations, with which a library normalizes.
+
+    mean, spread: ends of the names of their tensors
+    is_variance: whether the spread is a variance, or else a standard deviation
+    outer: number added to the standard deviation
+    inner: number added to the variance
+    clip: largest absolute normalized value
+    """
+
+    mean: str
+    spread: str
+    is_variance: bool = True
+    outer: float = 0.0
+    inner: float = 0.0
+    clip: float = np.inf
+
+
+class Layout(NamedTuple):
+    """Layout of the policies of a library.
+
+    algorithm: algorithm and library
+    head: regular expression of the name of a tensor that only this layout has. Its group `root`
+        precedes the names of the layers
+    words: words that select the layers of the policy, those that the file has, joined by +. {} is
+        the root
+    without, beside: regular expressions of names that the file must not, and must have
+    squash: as in `ActionBox`
+    has_box: whether the root has action_scale and action_bias
+    has_mean: whether the outputs are the mean, followed by as many standard deviations
+    running: statistics of the normalizer, or None
+    activation: between the layers, or None
+    """
+
+    algorithm: str
+    head: str
+    words: str
+    without: str = ""
+    beside: str = ""
+    squash: str = ""
+    has_box: bool = False
+    has_mean: bool = False
+    running: Running | None = None
+    activation: str | None = None
+
+
+_RSL_RL = Layout(
+    "PPO of rsl_rl",
+    r"(?P<root>model_state_dict\.actor)\.\d+\.weight",
+    "{}",
+    running=Running(
+        r"(model_state_dict\.actor_obs_normalizer|obs_norm_state_dict|"
+        r"actor_state_dict\.obs_normalizer)\._mean",
+        "_std",
+        is_variance=False,
+        outer=1e-2,
+    ),
 )
-#: Last layer of the actors of CleanRL: TD3 and DDPG, and SAC.
-_CLEANRL_HEADS = {"fc_mu": "TD3 or DDPG", "fc_mean": "SAC"}
+_TIANSHOU = Layout(
+    "tianshou",
+    r"(?P<root>(.*\.)?)mu\.model\.\d+\.weight",
+    "{}preprocess+{}mu",
+    beside=r"preprocess\.",
+)
+_RLLIB = Layout(
+    "RLlib",
+    r"(?P<root>(.*\.)?)pi\.net\.mlp\.\d+\.weight",
+    "{}encoder.actor_encoder+{}encoder.encoder+{}pi_encoder+{}pi",
+    beside=r"encoder\.",
+)
+_CLEANRL = Layout(
+    "TD3 or DDPG of CleanRL",
+    r"(?P<root>(.*\.)?)fc_mu\.weight",
+    "{}fc1+{}fc2+{}fc_mu",
+    beside="action_scale",
+    squash="tanh",
+    has_box=True,
+)
+_SB3 = Layout(
+    "SAC of Stable-Baselines3",
+    r"(?P<root>(.*\.)?)latent_pi\.0\.weight",
+    "{}latent_pi+{}mu",
+    beside=r"log_std\.weight",
+    squash="tanh",
+)
+#: All layouts. The first that fits is that of a file.
+LAYOUTS = (
+    _RSL_RL,
+    _SB3,
+    _SB3._replace(
+        algorithm="TD3 or DDPG of Stable-Baselines3",
+        head=r"(?P<root>(.*\.)?actor\.)mu\.0\.weight",
+        words="{}mu",
+        beside=r"critic\.qf0",
+    ),
+    _SB3._replace(
+        algorithm="PPO or A2C of Stable-Baselines3",
+        head=r"(?P<root>(.*\.)?)action_net\.weight",
+        words="{}mlp_extractor.shared_net+{}mlp_extractor.policy_net+{}action_net",
+        beside=r"mlp_extractor\.",
+        squash="",
+    ),
+    _RSL_RL._replace(head=r"(?P<root>actor_state_dict\.mlp)\.\d+\.weight"),
+    Layout(
+        "PPO of rl_games",
+        r"(?P<root>.*a2c_network\.)mu\.weight",
+        "{}actor_mlp+{}mu",
+        beside=r"\.actor_mlp\.",
+        running=Running(r".*running_mean_std\.running_mean", "running_var", inner=1e-5, clip=5.0),
+    ),
+    Layout(
+        "skrl",
+        r"(?P<root>policy)\..*",
+        "{}",
+        beside=r"_preprocessor\.running_mean|policy\.(log_std_parameter|net_container\.)",
+        running=Running(
+            r"(state|observation)_preprocessor\.running_mean",
+            "running_variance",
+            outer=1e-8,
+            clip=5.0,
+        ),
+    ),
+    _TIANSHOU._replace(algorithm="SAC of tianshou", beside=r"critic2_old\.", squash="tanh"),
+    _TIANSHOU,
+    _RLLIB._replace(algorithm="SAC of RLlib", beside="qf_encoder", squash="tanh", has_mean=True),
+    _RLLIB._replace(without=r"(.*\.)?pi\.log_std", has_mean=True),
+    _RLLIB,
+    _CLEANRL,
+    _CLEANRL._replace(
+        algorithm="SAC of CleanRL",
+        head=r"(?P<root>(.*\.)?)fc_mean\.weight",
+        words="{}fc1+{}fc2+{}fc_mean",
+    ),
+)
 
 
 def checkpoint_of(tensors: Tensors) -> tuple[dict[str, np.ndarray], Stated] | None:
-    """Return the layers in a checkpoint and what it states of its policy, or None for others."""
-    for read_layout in (_rsl_rl, _rl_games, _cleanrl):
-        checkpoint = read_layout(tensors)
-        if checkpoint is not None:
-            stated, not_layers = checkpoint
-            layers = {name: each for name, each in tensors.items() if name not in not_layers}
-            return layers, stated
+    """Return the tensors that no normalizer and box uses, and what a checkpoint states.
+
+    The result is None for a file of no known layout.
+    """
+    for layout in LAYOUTS:
+        root = _root(layout, tensors)
+        if root is None:
+            continue
+        normalizer, notes, used = _normalizer(layout.running, tensors)
+        used += _of_box(root) if layout.has_box else ()
+        others = {name: each for name, each in tensors.items() if name not in used}
+        words = words_in(layout.words.replace("{}", root), tensors)
+        return others, Stated(
+            layout.algorithm,
+            words,
+            layout.activation,
+            _box(layout, root, tensors),
+            normalizer,
+            has_mean=layout.has_mean,
+            notes=notes,
+        )
     return None
 
 
-def _find(tensors: Tensors, end: str) -> str:
-    """Return the first tensor whose name ends with a word, or ""."""
-    return next((name for name in tensors if f".{name}".endswith(f".{end}")), "")
-
-
-def _rsl_rl(tensors: Tensors) -> tuple[Stated, list[str]] | None:
-    """Return what a checkpoint of rsl_rl states, and the names of the tensors that are no layers.
-
-    Its normalizer is (o - mean) / (deviation + 0.01), in `obs_norm_state_dict` or beside the actor.
-    """
-    actor = "model_state_dict.actor"
-    is_old = any(name.startswith(f"{actor}.") for name in tensors)
-    is_new = any(name.startswith("actor_state_dict.mlp.") for name in tensors)
-    if not is_old and not is_new:
-        return None
-    actor_prefix = actor if is_old else "actor_state_dict.mlp"
-    not_layers = [
-        name
-        for name in tensors
-        if name.rpartition(".")[2] in ("std", "std_param", "log_std_param", "log_std", "count")
-        or "norm" in name
-    ]
-    normalizer = None
-    for prefix in _RSL_RL_NORMALIZERS:
-        mean, deviation = (tensors.get(f"{prefix}.{name}") for name in ("_mean", "_std"))
-        if mean is not None and deviation is not None:
-            divisor = np.ravel(deviation) + _RSL_RL_EPSILON
-            normalizer = Normalizer(np.ravel(mean), divisor**2, 0.0, np.inf, "of the checkpoint")
-    return Stated("PPO of rsl_rl", actor_prefix, normalizer=normalizer), not_layers
-
-
-def _rl_games(tensors: Tensors) -> tuple[Stated, list[str]] | None:
-    """Return what a checkpoint of rl_games states, and the names of tensors that are no layers."""
-    head = _find(tensors, "a2c_network.mu.weight")
-    if not head or not any(".actor_mlp." in name for name in tensors):
-        return None
-    mean, variance = (
-        _find(tensors, f"running_mean_std.running_{name}") for name in ("mean", "var")
+def words_in(words: str, tensors: Tensors) -> str:
+    """Return the words of "word+word" that a tensor has in its name."""
+    return "+".join(
+        word for word in words.split("+") if any(has_word(name, word) for name in tensors)
     )
-    normalizer = None
-    if mean and variance:
-        normalizer = Normalizer(
-            np.ravel(tensors[mean]),
-            np.ravel(tensors[variance]),
-            _RL_GAMES_EPSILON,
-            _RL_GAMES_CLIP,
-            "of the checkpoint",
-        )
-    not_layers = [name for name in tensors if "mean_std" in name or name.endswith("sigma")]
-    not_layers += [name for name in tensors if tensors[name].ndim == 0]
-    return Stated("PPO of rl_games", "actor_mlp+mu", normalizer=normalizer), not_layers
 
 
-def _cleanrl(tensors: Tensors) -> tuple[Stated, list[str]] | None:
-    """Return what a checkpoint of CleanRL states, and the names of the tensors that are no layers.
+def _root(layout: Layout, tensors: Tensors) -> str | None:
+    """Return what precedes the names of a layout's layers in a file, or None if it does not fit.
 
-    Its actors of TD3, DDPG and SAC return tanh(output) action_scale + action_bias.
+    A layout does not fit if its root has layers that are not its own.
     """
-    scale, bias = (_find(tensors, f"action_{name}") for name in ("scale", "bias"))
-    root = scale.removesuffix("action_scale")
-    head = next((each for each in _CLEANRL_HEADS if f"{root}{each}.weight" in tensors), "")
-    of_actor = [name.removeprefix(root) for name in tensors if name.startswith(root)]
-    known = {"fc1", "fc2", head, "fc_logstd", "action_scale", "action_bias"}
-    is_cleanrl = {name.partition(".")[0] for name in of_actor} <= known
-    if not (scale and bias and head and is_cleanrl) or np.any(tensors[scale] < 0.0):
+    heads = [found for name in tensors if (found := re.fullmatch(layout.head, name))]
+    has_others = layout.without and any(re.fullmatch(layout.without, name) for name in tensors)
+    if not heads or has_others or not any(re.search(layout.beside, name) for name in tensors):
         return None
-    middle, half = np.ravel(tensors[bias]), np.ravel(tensors[scale])
-    box = ActionBox("tanh", middle - half, middle + half)
-    words = "+".join(f"{root}{name}" for name in ("fc1", "fc2", head))
-    others = (scale, bias, f"{root}fc_logstd.weight", f"{root}fc_logstd.bias")
-    return Stated(f"{_CLEANRL_HEADS[head]} of CleanRL", words, action=box), list(others)
+    root = heads[0]["root"]
+    if layout.has_box and not {*_of_box(root)} <= tensors.keys():
+        return None
+    words = layout.words.replace("{}", root)
+    for name, each in tensors.items():
+        is_layer = each.ndim == 2 and name.startswith(root) and name.endswith("weight")
+        is_own = has_word(name, words) or is_deviation(name) or is_of_critic(name)
+        if is_layer and not is_own and (root or layout.has_box):
+            return None
+    return root
+
+
+def _normalizer(
+    running: Running | None, tensors: Tensors
+) -> tuple[Normalizer | None, tuple[str, ...], tuple[str, ...]]:
+    """Return the normalizer of a checkpoint, notes on it, and the names of its tensors."""
+    if running is None:
+        return None, (), ()
+    for name in tensors:
+        spread = name.removesuffix(name.rpartition(".")[2]) + running.spread
+        if re.fullmatch(running.mean, name) and spread in tensors:
+            mean, numbers = (np.ravel(tensors[each]).astype(float) for each in (name, spread))
+            deviation = np.sqrt(numbers) if running.is_variance else numbers
+            variance = (deviation + running.outer) ** 2
+            normalizer = Normalizer(mean, variance, running.inner, running.clip, _WHOSE)
+            return normalizer, notes_on_statistics(mean, numbers), (name, spread)
+    return None, (), ()
+
+
+def _of_box(root: str) -> tuple[str, str]:
+    """Return the names of the tensors of a box: its half-widths and its middle."""
+    return f"{root}action_scale", f"{root}action_bias"
+
+
+def _box(layout: Layout, root: str, tensors: Tensors) -> ActionBox:
+    """Return the way from the output of the network to the action."""
+    if not layout.has_box:
+        return ActionBox(layout.squash)
+    half, middle = (np.ravel(tensors[name]).astype(float) for name in _of_box(root))
+    return ActionBox(layout.squash, middle - half, middle + half)

@@ -24,14 +24,16 @@ _OF_CRITICS = frozenset(("critic", "critics", "value", "values", "target", "targ
 #: Names of critic modules. "q" alone may also be a pitch rate.
 _Q = re.compile(r"(q|qs|qf|vf|qfs)\d*(_?(net|network|function|target)s?)?\d*")
 _OF_POLICIES = re.compile(r"actor|policy|(^|[._])(pi|mu)$")
-#: Words in the names of tensors that only training uses.
-_OF_TRAINING = frozenset(("optimizer", "optimizers", "scheduler"))
+#: Names of tensors that only training uses: of optimizers, temperatures, and counts of samples.
+_OF_TRAINING = re.compile(
+    r"optimizers?|scheduler|(^|[._])(log_)?(alpha|ent_coef)$|count$|num_batches_tracked$"
+)
 _ADVICE = "export the network to ONNX with everything that acts on its inputs or outputs"
 
 
 def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
-    """Return the tensors of a checkpoint that do not belong to an optimizer."""
-    return {name: array for name, array in tensors.items() if not _words(name) & _OF_TRAINING}
+    """Return the tensors of a checkpoint that are not of its training alone."""
+    return {name: array for name, array in tensors.items() if not _OF_TRAINING.search(name.lower())}
 
 
 def layers_of(
@@ -39,7 +41,7 @@ def layers_of(
     kind: str,
     part: str,
     is_ordered: bool,
-    check: Callable[[list[Layer]], None],
+    check: Callable[[list[Layer], bool], None],
     sizes: Collection[int],
 ) -> list[Layer]:
     """Return the layers of a network in order of evaluation.
@@ -48,7 +50,8 @@ def layers_of(
     part: words that select layers by their names, joined by +. "" selects all layers; if these are
         not one network, those of the critic for "V", and the others otherwise
     is_ordered: whether the tensors are in the order of evaluation. Otherwise layers are numbered
-    check: raises BadInputError if layers are not a network that can be judged
+    check: function (layers, whether words selected them) that raises BadInputError if layers are
+        not a network that can be judged
     sizes: numbers of outputs of a selection that is proposed, () for any
 
     Raises BadInputError if the layers are not one network. It proposes words that select one, if
@@ -63,7 +66,7 @@ def layers_of(
     def network_of(chosen: Tensors, words: str) -> list[Layer]:
         """Return the layers of tensors, if these are one network that can be judged."""
         layers = _chain(chosen, words, is_ordered)
-        check(layers)
+        check(layers, bool(words))
         return layers
 
     def selected(words: str) -> Tensors:
@@ -77,11 +80,13 @@ def layers_of(
     except BadInputError as error:
         refusal = error
     of_kind = {
-        name: each for name, each in of_layers.items() if _is_of_critic(name) == (kind == "V")
+        name: each for name, each in of_layers.items() if is_of_critic(name) == (kind == "V")
     }
     if not part and 0 < len(of_kind) < len(of_layers):
-        with suppress(BadInputError):
+        try:
             return network_of(of_kind, part)
+        except BadInputError as error:
+            refusal = error
     for words in _selections(of_layers, kind):
         with suppress(BadInputError):
             outputs = network_of(selected(words), words)[-1].outputs
@@ -121,16 +126,16 @@ def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
 
     def rank(name: str) -> int:
         """Return 0 for a name of the kind, 1 for an unknown one, and 2 for another kind."""
-        is_of_critic = _is_of_critic(name)
+        is_value = is_of_critic(name)
         if kind == "V":
-            return 0 if is_of_critic else 1
+            return 0 if is_value else 1
         if _OF_POLICIES.search(name):
             return 0
-        return 2 if is_of_critic else 1
+        return 2 if is_value else 1
 
     modules = [name.partition(".")[0] for name in names]
     yield from sorted(dict.fromkeys([*names, *modules]), key=rank)
-    of_kind = [name for name in names if _is_of_critic(name) == (kind == "V")]
+    of_kind = [name for name in names if is_of_critic(name) == (kind == "V")]
     for neighbors in (of_kind, names):
         for first, last in combinations(range(len(neighbors) + 1), 2):
             yield "+".join(neighbors[first:last])
@@ -219,41 +224,20 @@ def _as_numbered(layers: list[Layer], part: str) -> list[Layer]:
 def refuse_others(others: Tensors, network_inputs: int, network_outputs: int) -> None:
     """Raise BadInputError if a tensor that is not read may act on a network.
 
-    The standard deviation of an action is accepted unless it has an entry for each input. Linear
-    layers are accepted as a separate network, unless their sizes fit before, after or in parallel
-    to this network.
+    Tensors of critics, other linear layers, and the standard deviation of an action are accepted,
+    the last unless it has an entry for each input.
 
     others: tensors of a state dict that belong to no network that is read
     network_inputs, network_outputs: number of inputs and of outputs of the network
     """
-    other_networks: dict[str, dict[str, np.ndarray]] = {}  # module -> weights of its layers
+    weights = {name for name, each in others.items() if name.endswith("weight") and each.ndim == 2}
     for name, array in others.items():
-        if name.endswith("weight") and array.ndim == 2:
-            other_networks.setdefault(_module(name), {})[name] = array
-    for name, array in others.items():
-        is_of_layer = name.endswith(("weight", "bias")) and array.ndim <= 2
-        if is_of_layer and _module(name) in other_networks:
+        if f"{name.removesuffix('bias')}weight" in weights or name in weights or is_of_critic(name):
             continue
         may_scale_inputs = array.size == network_inputs and array.size != network_outputs
         if may_scale_inputs or not is_deviation(name):
             raise BadInputError(
                 f"tensor {shortened(name)!r} {array.shape} is not a layer and may act on the "
-                f"network's inputs or outputs; {_ADVICE}"
-            )
-    for weights in other_networks.values():
-        name, first = next(iter(weights.items()))
-        last = list(weights.values())[-1]
-        inputs, outputs = first.shape[1], len(last)
-        is_value = _is_of_critic(name) and outputs == 1
-        if is_value or (is_deviation(name) and outputs == network_outputs):
-            continue
-        fits_before = outputs == network_inputs
-        fits_after = inputs == network_outputs
-        same_sizes = (inputs, outputs) == (network_inputs, network_outputs)
-        fits_in_parallel = len(weights) == 1 and same_sizes
-        if fits_before or fits_after or fits_in_parallel:
-            raise BadInputError(
-                f"tensor {shortened(name)!r} {first.shape} may be a layer that acts on the "
                 f"network's inputs or outputs; {_ADVICE}"
             )
 
@@ -267,18 +251,12 @@ def roots(tensors: Iterable[str]) -> list[str]:
     return [stem for stem in dict.fromkeys(stems) if stem]
 
 
-def _module(name: str) -> str:
-    """Return the module that contains the layer of a tensor, or the layer without a module."""
-    layer = name.rpartition(".")[0]
-    return layer.rpartition(".")[0] or layer
-
-
 def _words(name: str) -> set[str]:
     """Return the words of letters in the name of a tensor, in lower case."""
     return set(re.findall("[a-z]+", name.lower()))
 
 
-def _is_of_critic(name: str) -> bool:
+def is_of_critic(name: str) -> bool:
     """Return whether a tensor belongs by its name to a value or a Q-function."""
     is_q = any(_Q.fullmatch(module) for module in name.split("."))
     return is_q or bool(_words(name) & _OF_CRITICS)
@@ -287,7 +265,8 @@ def _is_of_critic(name: str) -> bool:
 def is_deviation(name: str) -> bool:
     """Return whether a tensor belongs to the standard deviation of a random action."""
     words = _words(name)
-    return "sigma" in name.split(".") or "logstd" in words or {"log", "std"} <= words
+    is_sigma = {"sigma", "sigma_param"} & {*name.split(".")}
+    return bool(is_sigma) or "logstd" in words or {"log", "std"} <= words
 
 
 def has_word(name: str, part: str) -> bool:

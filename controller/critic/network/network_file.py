@@ -44,7 +44,10 @@ from hfa_support.files import regular_file
 #: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
 OUTPUTS = ("V", "gradient", "policy", "V+policy")
 #: Suffixes of the files of networks.
-SUFFIXES = (".onnx", ".pkl", ".pt", ".pth", ".cleanrl_model", ".safetensors", ".zip")
+SUFFIXES = (
+    *(".onnx", ".pkl", ".pt", ".pth", ".cleanrl_model", ".safetensors", ".msgpack"),
+    ".zip",
+)
 
 #: What a policy requires whose observations are not the states.
 _DEPLOYMENT = "state its observations in a deployment file FILE.toml (docs/policy.md) and give that"
@@ -173,9 +176,22 @@ def _contents(stored: Any, *, is_ordered: bool) -> _Contents:
     if is_module(stored):
         tensors, activations = module_contents(stored)
         return _Contents(tensors, is_ordered, activations=activations)
-    flat = without_training(flattened(stored))
+    found = flattened(stored)
+    flat = without_training(_as_layers(found))
+    is_ordered = is_ordered and not any(name.endswith("kernel") for name in found)
     tensors, stated = checkpoint_of(flat) or (flat, NOTHING)
     return _Contents(tensors, is_ordered, stated)
+
+
+def _as_layers(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return tensors with the names and shapes of torch: those of flax are `Dense_0/kernel`."""
+    named = {name.replace("/", "."): each for name, each in tensors.items()}
+    return {
+        f"{name.removesuffix('kernel')}weight" if name.endswith(".kernel") else name: (
+            each.T if name.endswith(".kernel") else each
+        )
+        for name, each in named.items()
+    }
 
 
 def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> NetworkFile:
@@ -188,13 +204,16 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         parts = _with_policy(parts, stated.network)
     words = "+".join(filter(None, parts.values()))
 
-    def check(kind: str, layers: list[Layer]) -> None:
-        """Raise BadInputError if layers do not fit the plant, or others may act on them."""
+    def check(kind: str, layers: list[Layer], is_named: bool) -> None:
+        """Raise BadInputError if layers do not fit the plant, or others may act on them.
+
+        Nothing acts on layers that the user or the layout names, or on the observations of a zip.
+        """
         is_alone = bool(words) or sum(each.ndim == 2 for each in tensors.values()) == 1
         if len(layers) == 1 and is_alone and layers[0].inputs == asked.basis_size:
             return
         check_width(layers[0].inputs, asked.states, 0 if kind == "policy" else asked.inputs)
-        if stated.inputs != layers[0].inputs:  # else nothing acts on the observations
+        if not is_named and stated.inputs != layers[0].inputs:
             of_network = {layer.name for layer in layers}
             others = {
                 name: each
@@ -207,6 +226,9 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         kind: layers_of(tensors, kind, part, contents.is_ordered, partial(check, kind), asked.sizes)
         for kind, part in parts.items()
     }
+    if stated.has_mean and "policy" in networks:
+        networks["policy"], note = _of_mean(networks["policy"])
+        stated = stated._replace(notes=(*stated.notes, note))
     stated = _with_note_on_unread(stated, tensors, networks)
     on_basis = _layer_on_basis(networks, asked)
     if on_basis is not None:
@@ -222,6 +244,14 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         if of_rows is not None:
             rows[kind] = of_rows
     return NetworkFile(functions, "; ".join(chains), precision, stated, rows=rows)
+
+
+def _of_mean(layers: list[Layer]) -> tuple[list[Layer], str]:
+    """Return the layers with the first half of their outputs, the mean, and a note on the rest."""
+    *before, last = layers
+    half = last.outputs // 2
+    mean = last._replace(weight=last.weight[:half], bias=last.bias[:half])
+    return [*before, mean], f"not used: outputs {half + 1} to {last.outputs}, the deviations"
 
 
 def _with_note_on_unread(

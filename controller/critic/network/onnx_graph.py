@@ -8,14 +8,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import reduce
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from controller.critic.network.activations import ACTIVATIONS
+from controller.critic.network.activations import ACTIVATIONS, hard_sigmoid
 from controller.critic.network.pickles import BFloat16
+from controller.critic.network.stated import notes_on_statistics
 from controller.critic.network.tensors import LARGEST_NETWORK, checked_tensors, lowest
 from hfa_support.errors import BadInputError, missing_package, shortened
 from hfa_support.files import regular_file
@@ -70,10 +73,10 @@ def _sum(x: Any, axes: Any = None, keepdims: int = 1, noop_with_empty_axes: int 
     return x if is_unchanged else ca.sum2(x)
 
 
-def _mean(x: Any, axes: Any = None, keepdims: int = 1, noop_with_empty_axes: int = 0) -> Any:
+def _mean(x: Any, *axes: Any, **how: int) -> Any:
     """Return the mean of the entries of a row, with the exception of `_sum`."""
-    total = _sum(x, axes, keepdims, noop_with_empty_axes)
-    return total if total is x else total / x.numel()
+    total = _sum(x, *axes, **how)
+    return total * (total.numel() / x.numel())
 
 
 def _layer_norm(
@@ -125,8 +128,15 @@ def _same(x: Any, *_: Any, **__: Any) -> Any:
     return x
 
 
-#: Operators that only arrange numbers. The chain of a network omits them.
-_ARRANGING = ("Identity", "Flatten", "Reshape", "Squeeze", "Unsqueeze", "Transpose")
+#: Operators that only arrange numbers. The chain of a network omits them. The row of Split is cut
+#: into the widths of its results.
+_ARRANGING = ("Identity", "Flatten", "Reshape", "Squeeze", "Unsqueeze", "Transpose", "Split")
+#: Operators of graphs that are no function u(x) of one row -> what such a graph is.
+_FOREIGN = {
+    **dict.fromkeys(("Loop", "Scan", "If"), "has a loop or a branch"),
+    **dict.fromkeys(("LSTM", "GRU", "RNN"), "is recurrent"),
+    **dict.fromkeys(("ArgMax", "TopK", "Multinomial"), "chooses one of several discrete actions"),
+}
 #: Operator -> function of rows (1, k) and constants, with attributes as keywords. Axes are not
 #: examined: a result must have the shape that the ONNX package computes, and be a row.
 _OPERATORS: Mapping[str, Callable[..., Any]] = {
@@ -150,6 +160,16 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Erf": ca.erf,
     "Exp": ca.exp,
     "Sqrt": ca.sqrt,
+    "Abs": ca.fabs,
+    "Log": ca.log,
+    "Cos": ca.cos,
+    "Reciprocal": lambda a: 1.0 / a,
+    "HardSigmoid": lambda a, alpha=0.2, beta=0.5: hard_sigmoid(a, ca, alpha, beta),
+    "HardSwish": ACTIVATIONS["hardswish"],
+    "Softsign": ACTIVATIONS["softsign"],
+    "Mish": ACTIVATIONS["mish"],
+    "Min": lambda *parts: reduce(ca.fmin, parts),
+    "Max": lambda *parts: reduce(ca.fmax, parts),
     "Clip": _clip,
     "Greater": lambda a, b: a > b,  # Greater and Where are in torch's Softplus
     "Where": ca.if_else,
@@ -167,7 +187,7 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
 _OF_CONSTANTS = ("Constant",)
 #: Operators with places or axes among their arguments, which stay arrays of integers.
 _WITH_PLACES = ("ReduceSum", "ReduceMean", "Slice", "Gather", *_ARRANGING)
-_ELEMENTWISE = ("Add", "Sub", "Mul", "Div", "Pow", "Greater", "Where")
+_ELEMENTWISE = ("Add", "Sub", "Mul", "Div", "Pow", "Greater", "Where", "Min", "Max")
 
 
 class GraphFunctions(NamedTuple):
@@ -219,9 +239,20 @@ def graph_functions(
         functions[kind] = function.expand() if traced.size < FEW_WEIGHTS else function
     others = [item.name for item in model.graph.output if item.name not in chosen.values()]
     metadata = [f"metadata {each.key}" for each in model.metadata_props]
-    unused = ", ".join(others + metadata)
-    notes = (f"not used: {shortened(unused, 200)}",) if unused else ()
+    notes = _notes_on_normalizer(model.graph, traced)
+    if unused := ", ".join(others + metadata):
+        notes += (f"not used: {shortened(unused, 200)}",)
     return GraphFunctions(functions, traced.precision, traced.operators, notes)
+
+
+def _notes_on_normalizer(graph: Any, traced: _Traced) -> tuple[str, ...]:
+    """Return a note on constants 0 and 1 that a graph subtracts and divides by first."""
+    inputs = {item.name for item in graph.input}
+    for minus, over in pairwise(graph.node):
+        is_pair = (minus.op_type, over.op_type, over.input[:1]) == ("Sub", "Div", minus.output)
+        if is_pair and minus.input[0] in inputs:
+            return notes_on_statistics(*(traced.arrays[each.input[1]] for each in (minus, over)))
+    return ()
 
 
 class _Traced(NamedTuple):
@@ -266,10 +297,14 @@ def _traced(onnx: Any, model: Any, states: int, inputs: int) -> _Traced:
         arrays |= dict(zip(node.output, results, strict=True))
         precision = lowest({precision, precision_of_node})
         if any(name in rows for name in node.input):
-            (output,) = node.output
             row = operator.row([rows.get(name, arrays.get(name)) for name in node.input])
-            _refuse_shape(operator.name, arrays[output].shape, row)
-            rows[output] = row
+            widths = [arrays[name].size for name in node.output]
+            parts = (
+                ca.horzsplit(row, np.cumsum([0, *widths]).tolist()) if len(widths) > 1 else [row]
+            )
+            for output, part in zip(node.output, parts, strict=True):
+                _refuse_shape(operator.name, arrays[output].shape, part)
+                rows[output] = part
             if operator.name not in (*_ARRANGING, "Cast"):
                 operators.append(f"{operator.name} {row.numel()}")
         size += sum(result.size for result in results)
@@ -298,6 +333,11 @@ class _Operator:
         self._node = node
         is_of_onnx = node.domain in ("", "ai.onnx")
         self.name = node.op_type if is_of_onnx else f"{node.domain}.{node.op_type}"
+        if self.name in _FOREIGN:
+            raise BadInputError(
+                f"the graph {_FOREIGN[self.name]} (operator {self.name}); export a feed-forward "
+                "policy with continuous actions"
+            )
         if self.name not in (*_OPERATORS, *_OF_CONSTANTS):
             raise BadInputError(
                 f"operator {shortened(self.name)} is not supported; export a network that uses "

@@ -121,6 +121,13 @@ def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.nd
     return type(storage)(size, storage.dtype, storage, offset * storage.itemsize, strides)
 
 
+def _jax_array(make: Callable[..., Any], arguments: Any, state: Any, *_: Any) -> np.ndarray:
+    """Return an array of jax, which is pickled as one of NumPy."""
+    array: np.ndarray = make(*arguments)
+    array.__setstate__(state)
+    return array
+
+
 #: What a pickle may call -> what is called instead.
 _CALLS: dict[tuple[str, str], Callable[..., Any]] = {
     ("collections", "OrderedDict"): OrderedDict,
@@ -129,6 +136,7 @@ _CALLS: dict[tuple[str, str], Callable[..., Any]] = {
     ("torch._utils", "_rebuild_tensor_v2"): _tensor,
     ("torch._utils", "_rebuild_parameter"): lambda tensor, *_: tensor,
     ("torch.storage", "_load_from_bytes"): lambda content: torch_stream(content),
+    ("jax._src.array", "_reconstruct_array"): _jax_array,
     ("numpy", "ndarray"): lambda *_: _Array(0),
     ("numpy", "dtype"): _Kind,
 }

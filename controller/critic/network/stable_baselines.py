@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.critic.network.activations import activation_named
-from controller.critic.network.layers import has_word
+from controller.critic.network.checkpoints import Layout, words_in
 from controller.critic.network.pickles import Inert, unpickled
 from controller.critic.network.stated import ActionBox, Normalizer, Stated
 from controller.critic.network.tensors import (
@@ -43,18 +43,14 @@ from hfa_support.files import regular_file, unpacked
 from hfa_support.schema import Number
 
 
-class _Class(NamedTuple):
-    """Policy class: algorithm, words that select its tensors, activation, and default squash."""
-
-    algorithm: str
-    network: str
-    activation: str
-    squash: str
+def _layout(algorithm: str, words: str, activation: str, squash: str) -> Layout:
+    """Return the layout of a policy class, with its default activation and squash."""
+    return Layout(algorithm, "", words, squash=squash, activation=activation)
 
 
-_ON_POLICY = _Class("A2C", "shared_net+policy_net+action_net", "tanh", "")
-_SAC = _Class("SAC", "latent_pi+mu", "relu", "tanh")
-_TD3 = _Class("TD3", "actor", "relu", "tanh")
+_ON_POLICY = _layout("A2C", "shared_net+policy_net+action_net", "tanh", "")
+_SAC = _layout("SAC", "latent_pi+mu", "relu", "tanh")
+_TD3 = _layout("TD3", "actor", "relu", "tanh")
 _CLASSES = {
     "stable_baselines3.common.policies.ActorCriticPolicy": _ON_POLICY,
     "stable_baselines3.common.policies.MultiInputActorCriticPolicy": _ON_POLICY,
@@ -64,8 +60,8 @@ _CLASSES = {
     "sb3_contrib.tqc.policies.MultiInputPolicy": _SAC._replace(algorithm="TQC"),
     "stable_baselines3.td3.policies.TD3Policy": _TD3,
     "stable_baselines3.td3.policies.MultiInputPolicy": _TD3,
-    "sb3_contrib.ars.policies.ARSPolicy": _Class("ARS", "action_net", "relu", "tanh"),
-    "sb3_contrib.ars.policies.ARSLinearPolicy": _Class("ARS", "action_net", "relu", ""),
+    "sb3_contrib.ars.policies.ARSPolicy": _layout("ARS", "action_net", "relu", "tanh"),
+    "sb3_contrib.ars.policies.ARSLinearPolicy": _layout("ARS", "action_net", "relu", ""),
 }
 #: Entry of the file `data` that only this algorithm of the on-policy class has.
 _ALGORITHMS = {"clip_range": "PPO", "cg_max_steps": "TRPO"}
@@ -118,12 +114,9 @@ def _stated(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> State
     observations = _box(data, "observation_space", "observations")
     activation = settings.get("activation_fn")
     class_of_activation = str(getattr(activation, "made_of", activation)).rpartition(".")[2]
-    words = [
-        word for word in of_class.network.split("+") if any(has_word(n, word) for n in tensors)
-    ]
     return Stated(
         algorithm=_algorithm(of_class, data, settings),
-        network="+".join(words),
+        network=words_in(of_class.words, tensors),
         activation=(
             of_class.activation if activation is None else activation_named(class_of_activation)
         ),
@@ -150,7 +143,7 @@ def _settings_of(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _action_box(
-    of_class: _Class, actions: _Box, data: Mapping[str, Any], settings: Mapping[str, Any]
+    of_class: Layout, actions: _Box, data: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> ActionBox:
     """Return the way from the output of a policy's network to its action."""
     uses_sde = bool(settings.get("use_sde", data.get("use_sde", False)))
@@ -159,12 +152,12 @@ def _action_box(
         squash = "tanh" if settings["squash_output"] else ""
     if of_class.algorithm == "A2C" and squash and not uses_sde:
         squash = "linear"
-    is_clipped = of_class.network == _SAC.network and uses_sde
+    is_clipped = of_class.words == _SAC.words and uses_sde
     clip_mean = _number(settings, "clip_mean", _CLIP_MEAN) if is_clipped else 0.0
     return ActionBox(squash, actions.low, actions.high, clip_mean or math.inf)
 
 
-def _class_of(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> _Class:
+def _class_of(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Layout:
     """Return the class of a policy. Raises BadInputError for one that is not supported."""
     names = " ".join(tensors)
     if "features_extractor." in names:
@@ -186,7 +179,7 @@ def _class_of(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> _Cl
     return _CLASSES[policy_class]
 
 
-def _algorithm(of_class: _Class, data: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
+def _algorithm(of_class: Layout, data: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
     """Return the name of the algorithm that trained a policy of a class."""
     if of_class is _ON_POLICY:
         return next((name for key, name in _ALGORITHMS.items() if key in data), "A2C")

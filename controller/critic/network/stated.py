@@ -116,6 +116,7 @@ class Stated(NamedTuple):
     observations: names of the observations, () if the file has none
     inputs: number of observations, or 0 if the file does not state it
     notes: sentences on what the file contains and the policy does not use
+    has_mean: whether the outputs of the policy are the mean, followed by as many deviations
     """
 
     algorithm: str = ""
@@ -128,6 +129,14 @@ class Stated(NamedTuple):
     observations: tuple[str, ...] = ()
     inputs: int = 0
     notes: tuple[str, ...] = ()
+    has_mean: bool = False
+
+
+def notes_on_statistics(mean: np.ndarray, spread: np.ndarray) -> tuple[str, ...]:
+    """Return a note on the running statistics of a normalizer that saw no data."""
+    if np.any(mean) or np.any(spread != 1.0):
+        return ()
+    return ("the normalizer saw no data: its mean is 0 and its deviation 1",)
 
 
 #: Of a file that states nothing.

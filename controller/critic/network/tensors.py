@@ -14,7 +14,7 @@ import numpy as np
 
 from controller.critic.network.pickles import BFloat16, torch_stream, unpickled
 from hfa_support.arrays.read import arrays_of_npz
-from hfa_support.errors import BadInputError, numbers_in, shortened
+from hfa_support.errors import BadInputError, missing_package, numbers_in, shortened
 from hfa_support.files import unpacked
 
 #: Largest number of entries in a file, about three layers of 1024 x 1024.
@@ -35,18 +35,39 @@ def stored_in(content: bytes, suffix: str) -> Any:
     """Return what a file of tensors contains: nested mappings and lists of arrays and other values.
 
     content: bytes of the file
-    suffix: ".npz", ".safetensors" or ".json"; a file of any other is read as one of torch
+    suffix: ".npz", ".msgpack", ".safetensors" or ".json"; of any other, a file is one of torch
 
     Raises BadInputError for a type of numbers that is not supported, for a TorchScript program, and
     for a damaged or too large zip file; any exception for another damaged file.
     """
     if suffix == ".npz":
         return arrays_of_npz(content)
+    if suffix == ".msgpack":
+        return _flax(content)
     if suffix == ".safetensors":
         return _safetensors(content)
     if suffix == ".json":
         return {name: numbers_in(name, rows) for name, rows in json.loads(content).items()}
     return torch_content(content)
+
+
+def _flax(content: bytes) -> Any:
+    """Return what `flax.serialization` wrote: an array is an extension (shape, type, bytes)."""
+    try:
+        import msgpack
+    except ImportError as error:
+        raise missing_package("files of flax require", "msgpack") from error
+
+    def array(code: int, data: bytes) -> Any:
+        """Return an array, or None for other extensions of flax."""
+        if code != 1:
+            return None
+        shape, kind, numbers = msgpack.unpackb(data)
+        if kind == "bfloat16":
+            return BFloat16.of(np.frombuffer(numbers, "<u2")).reshape(shape)
+        return np.frombuffer(numbers, kind).reshape(shape)
+
+    return msgpack.unpackb(content, ext_hook=array, strict_map_key=False)
 
 
 def torch_content(content: bytes) -> Any:

@@ -16,11 +16,15 @@ _ADVICE = "export the network to ONNX (torch.onnx.export) and give the ONNX file
 _ACTIVATIONS: dict[str, dict[str, Any]] = {
     "ELU": {"alpha": 1.0},
     "GELU": {"approximate": "none"},
+    "Hardswish": {},
+    "Hardtanh": {"min_val": -1.0, "max_val": 1.0},
     "LeakyReLU": {"negative_slope": 0.01},
+    "Mish": {},
     "ReLU": {},
     "SELU": {},
     "SiLU": {},
     "Sigmoid": {},
+    "Softsign": {},
     "Softplus": {"beta": 1.0, "threshold": 20.0},
     "Tanh": {},
 }

@@ -19,6 +19,7 @@ from cli import hfa as hfa_command
 from network_files import safetensors_file, torch_file
 
 import hfa
+from controller.critic.network.network_file import Asked, network_in
 from hfa import BadInputError
 
 ZIPS = Path(__file__).parent / "zips"
@@ -168,25 +169,193 @@ def test_a_checkpoint_of_cleanrl_is_squashed_and_scaled(write):
     assert critic.stated.notes == ("not used: 1.fc1, 1.fc2, 1.fc3",)
 
 
-def test_normalizers_of_checkpoints_are_refused_or_absent():
-    """Checkpoints of rsl_rl and rl_games are read, and refused if they have a normalizer."""
-    names = [f"model_state_dict.{name}" for name in (*ACTOR, *VALUE)]
-    rsl_rl = chain(*names[:3]) | chain(*names[3:], widths=CRITIC)
-    rsl_rl["model_state_dict.std"] = np.ones(2)
-    path = torch_file("model_100.pt", rsl_rl)
-    u = output_of(rsl_rl, tuple(names[:3]), np.tanh)
-    assert read(path, activation="tanh").u(OBSERVED) == pytest.approx(u, rel=1e-9)
-    seen = {f"obs_norm_state_dict.{name}": np.ones((1, 3)) for name in ("_mean", "_var", "_std")}
-    said = "normalizes 3 observations of its training"
-    assert said in refusal(torch_file("normal.pt", rsl_rl | seen))
-    root = "model.a2c_network."
-    names = [f"{root}{name}" for name in ("actor_mlp.0", "actor_mlp.2", "mu")]
-    games = chain(*names) | chain(f"{root}value", widths=(4, 1)) | {f"{root}sigma": np.zeros(2)}
-    path = torch_file("last.pth", games)
-    u = output_of(games, tuple(names), np.tanh)
-    assert read(path, activation="Tanh").u(OBSERVED) == pytest.approx(u, rel=1e-9)
-    games |= {f"model.running_mean_std.running_{name}": np.ones(3) for name in ("mean", "var")}
-    assert said in refusal(torch_file("normal.pth", games))
+def layers(root, *names, **how):
+    """Return random layers of names after a root."""
+    return chain(*(f"{root}{name}" for name in names), **how)
+
+
+def mlp(root, place="mlp"):
+    """Return the two layers before the last one of RLlib."""
+    return layers(root, f"net.{place}.0", f"net.{place}.2", widths=(3, 5, 4))
+
+
+def plain(u):
+    return u
+
+
+def mean_of(u):
+    return u[:, :2]
+
+
+#: Library -> tensors of a checkpoint, layers of its policy, what follows them, its squash.
+LIBRARIES = {
+    "rsl_rl": (
+        layers("model_state_dict.", *ACTOR)
+        | layers("model_state_dict.", *VALUE, widths=CRITIC)
+        | {"model_state_dict.std": np.ones(2)},
+        [f"model_state_dict.{name}" for name in ACTOR],
+        plain,
+    ),
+    "rl_games": (
+        layers("model.a2c_network.", "actor_mlp.0", "actor_mlp.2", "mu")
+        | layers("model.a2c_network.", "value", widths=(4, 1))
+        | {"model.a2c_network.sigma": np.zeros(2)}
+        | {
+            "model.value_mean_std.running_mean": np.ones(1),
+            "model.value_mean_std.count": np.ones(()),
+        },
+        [f"model.a2c_network.{name}" for name in ("actor_mlp.0", "actor_mlp.2", "mu")],
+        plain,
+    ),
+    "skrl": (
+        layers("policy.net_container.", "0", "2", "4")
+        | {"policy.log_std_parameter": np.zeros(2)}
+        | layers("value.net_container.", "0", "2", "4", widths=CRITIC)
+        | {"value_preprocessor.running_mean": np.zeros(1)},
+        [f"policy.net_container.{place}" for place in (0, 2, 4)],
+        plain,
+    ),
+    "tianshou": (
+        {"policy.actor.sigma_param": np.zeros((2, 1))}
+        | layers(
+            "policy.actor.", "preprocess.model.model.0", "preprocess.model.model.2", "mu.model.0"
+        )
+        | layers("critic.", "preprocess.model.model.0", "last.model.0", widths=(3, 5, 1)),
+        [
+            f"policy.actor.{name}"
+            for name in ("preprocess.model.model.0", "preprocess.model.model.2", "mu.model.0")
+        ],
+        plain,
+    ),
+    "SAC of tianshou": (
+        layers("policy.actor.", "preprocess.model.model.0", "mu.model.0", widths=(3, 5, 2))
+        | layers("policy.actor.", "sigma.model.0", widths=(5, 2))
+        | layers("critic.", "preprocess.model.model.0", "last.model.0", widths=(5, 5, 1))
+        | layers("critic2_old.module.", "last.model.0", widths=(5, 1)),
+        ["policy.actor.preprocess.model.model.0", "policy.actor.mu.model.0"],
+        np.tanh,
+    ),
+    "RLlib": (
+        mlp("encoder.actor_encoder.")
+        | mlp("encoder.critic_encoder.")
+        | {"pi.log_std_clip_param_const": np.ones(1)}
+        | layers("pi.", "net.mlp.0", widths=(4, 4))
+        | layers("vf.", "net.mlp.0", widths=(4, 1)),
+        ["encoder.actor_encoder.net.mlp.0", "encoder.actor_encoder.net.mlp.2", "pi.net.mlp.0"],
+        mean_of,
+    ),
+    "RLlib, shared": (
+        mlp("encoder.encoder.")
+        | layers("pi.", "net.mlp.0", widths=(4, 2))
+        | {"pi.log_std": np.zeros(2)}
+        | layers("vf.", "net.mlp.0", widths=(4, 1)),
+        ["encoder.encoder.net.mlp.0", "encoder.encoder.net.mlp.2", "pi.net.mlp.0"],
+        plain,
+    ),
+    "SAC of RLlib": (
+        mlp("pi_encoder.")
+        | layers("qf_encoder.", "base_encoders.actions.net.mlp.0", widths=(2, 6))
+        | layers("pi.", "net.mlp.0", widths=(4, 4)),
+        ["pi_encoder.net.mlp.0", "pi_encoder.net.mlp.2", "pi.net.mlp.0"],
+        lambda u: np.tanh(mean_of(u)),
+    ),
+    "SAC of Stable-Baselines3": (
+        layers("actor.", "latent_pi.0", "latent_pi.2", "mu")
+        | layers("actor.", "log_std", widths=(4, 2))
+        | layers("critic.qf0.", "0", "2", widths=(5, 6, 1))
+        | {"log_alpha": np.zeros(1)},
+        ["actor.latent_pi.0", "actor.latent_pi.2", "actor.mu"],
+        np.tanh,
+    ),
+    "TD3 of Stable-Baselines3": (
+        layers("actor.mu.", "0", "2", "4") | layers("critic.qf0.", "0", "2", widths=(5, 6, 1)),
+        ["actor.mu.0", "actor.mu.2", "actor.mu.4"],
+        np.tanh,
+    ),
+    "PPO of Stable-Baselines3": (
+        layers("mlp_extractor.policy_net.", "0", "2", widths=(3, 5, 4))
+        | layers("mlp_extractor.value_net.", "0", "2", widths=(3, 5, 4))
+        | layers("", "action_net", widths=(4, 2))
+        | layers("", "value_net", widths=(4, 1)),
+        ["mlp_extractor.policy_net.0", "mlp_extractor.policy_net.2", "action_net"],
+        plain,
+    ),
+}
+
+
+@pytest.mark.parametrize("write", [torch_file, safetensors_file])
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_the_policy_in_a_checkpoint_is_that_of_its_library(library, write):
+    """Of all formats, without words of the user; what is not used is named."""
+    tensors, names, after = LIBRARIES[library]
+    path = write(f"a.{'pt' if write is torch_file else 'safetensors'}", tensors)
+    critic = read(path, activation="relu")
+    assert critic.u(OBSERVED) == pytest.approx(after(output_of(tensors, names, relu)), rel=1e-9)
+    assert critic.stated.algorithm
+    assert "not used" in " ".join(critic.stated.notes) or library.startswith("TD3")
+
+
+#: Library -> names of the mean and the spread of its normalizer, and the divisor of a spread.
+NORMALIZERS = {
+    "rsl_rl": ("obs_norm_state_dict._mean", "obs_norm_state_dict._std", lambda s: s + 1e-2),
+    "rl_games": (
+        "model.running_mean_std.running_mean",
+        "model.running_mean_std.running_var",
+        lambda s: np.sqrt(s + 1e-5),
+    ),
+    "skrl": (
+        "observation_preprocessor.running_mean",
+        "observation_preprocessor.running_variance",
+        lambda s: np.sqrt(s) + 1e-8,
+    ),
+}
+
+
+@pytest.mark.parametrize("library", NORMALIZERS)
+def test_the_normalizer_in_a_checkpoint_is_that_of_its_library(library):
+    """A policy of the states is refused behind it; one that saw no data is said."""
+    tensors, *_ = LIBRARIES[library]
+    mean, spread, divisor = NORMALIZERS[library]
+    for numbers in (np.array([4.0, 0.25, 9.0]), np.ones(3)):
+        of_normalizer = {mean: numbers - 1.0, spread: numbers}
+        path = torch_file("a.pt", tensors | of_normalizer)
+        found = network_in(path, Asked(3, "policy=", "tanh", sizes=(2,))).stated
+        assert found.normalizer.mean == pytest.approx(numbers - 1.0)
+        assert found.normalizer.deviation == pytest.approx(divisor(numbers), rel=1e-12)
+        assert ("saw no data" in " ".join(found.notes)) == (numbers[0] == 1.0)
+        assert "normalizes 3 observations of its training" in refusal(path, activation="tanh")
+
+
+@pytest.mark.parametrize("suffix", ["npz", "pkl", "msgpack"])
+def test_layers_of_flax_are_read(suffix):
+    """Kernels are transposed weights, and layers in the order of their numbers."""
+    names = ("Dense_0", "Dense_2", "Dense_10")
+    tensors = chain(*names)
+    kernels = {f"params/{name}/kernel": tensors[f"{name}.weight"].T for name in names}
+    kernels |= {f"params/{name}/bias": tensors[f"{name}.bias"] for name in names}
+    path = f"flax.{suffix}"
+    nested = {}
+    for name, each in sorted(kernels.items()):
+        _, layer, part = name.split("/")
+        nested.setdefault(layer, {})[part] = each
+    if suffix == "npz":
+        np.savez(path, **kernels)
+    elif suffix == "pkl":
+        Path(path).write_bytes(pickle.dumps({"params": nested}))
+    else:
+        msgpack = pytest.importorskip("msgpack")
+        packed = {
+            layer: {
+                part: msgpack.ExtType(
+                    1, msgpack.packb((each.shape, "float64", each.tobytes()), use_bin_type=True)
+                )
+                for part, each in of_layer.items()
+            }
+            for layer, of_layer in nested.items()
+        }
+        Path(path).write_bytes(msgpack.packb({"params": packed}))
+    critic = read(path, activation="relu")
+    assert critic.u(OBSERVED) == pytest.approx(output_of(tensors, names, relu), rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["float16", "bfloat16"])

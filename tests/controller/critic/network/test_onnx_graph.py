@@ -97,8 +97,12 @@ REFUSED = {
         6,
     ),
     **{
-        name: (f"operator {name} is not supported; export", [(name, "x", "y")], _SINGLES, 6)
-        for name in ("Loop", "Dropout")
+        name: (said, [(name, "x", "y")], _SINGLES, 6)
+        for name, said in {
+            "Dropout": "operator Dropout is not supported; export",
+            "Loop": "the graph has a loop or a branch (operator Loop)",
+            "ArgMax": "chooses one of several discrete actions",
+        }.items()
     },
     "attribute": (
         "operator Tanh is not supported as",
@@ -157,7 +161,8 @@ def test_without_onnx_only_onnx_files_are_refused(monkeypatch):
 #: Operators of x alone, some with attributes.
 _UNARY = [
     *((name, {}) for name in ("Neg", "Tanh", "Relu", "LeakyRelu", "Sigmoid", "Softplus", "Elu")),
-    *((name, {}) for name in ("Selu", "Gelu", "Sin", "Erf", "Exp", "Identity")),
+    *((name, {}) for name in ("Selu", "Gelu", "Sin", "Erf", "Exp", "Identity", "Abs", "Cos")),
+    *((name, {}) for name in ("Softsign", "HardSwish", "HardSigmoid", "Mish")),
     ("Elu", {"alpha": 0.7}),
     ("Selu", {"alpha": 1.5, "gamma": 1.1}),
     ("LeakyRelu", {"alpha": 0.2}),
@@ -171,7 +176,7 @@ _WEIGHTS = RNG.normal(size=(6, 4)).astype("float32")
 #: Graphs with one operator each, compared with ONNX Runtime: nodes, constants, outputs.
 GRAPHS = {
     **{f"{name} {how or ''}": ([(name, "x", "y", how)], {}, 6) for name, how in _UNARY},
-    **{name: ([(name, "x c", "y")], _FIRST, 6) for name in ("Add", "Sub", "Mul", "Div")},
+    **{name: ([(name, "x c", "y")], _FIRST, 6) for name in ("Add", "Sub", "Mul", "Div", "Min")},
     "Where": (
         [("Greater", "x c", "b"), ("Where", "b two x", "y")],
         _FIRST | {"two": np.float32(2)},
@@ -230,6 +235,14 @@ GRAPHS = {
         {"none": np.zeros(0, "int64")},
         6,
     ),
+    "Max of three": ([("Max", "x c two", "y")], _FIRST | {"two": np.float32(2)}, 6),
+    "Split": (
+        [("Split", "x widths", "a b", {"axis": 1}), ("Tanh", "b", "y")],
+        {"widths": np.array([2, 4])},
+        4,
+    ),
+    "Reciprocal": ([("Exp", "x", "a"), ("Reciprocal", "a", "y")], {}, 6),
+    "Log": ([("Exp", "x", "a"), ("Add", "a one", "b"), ("Log", "b", "y")], {}, 6),
     "Clip above": ([("Clip", "x low", "y")], {"low": np.float32(-0.5)}, 6),
 }
 
@@ -282,6 +295,15 @@ def test_metadata_of_a_file_are_named_as_not_applied():
     critic = read("scaled.onnx")
     assert critic.stated.notes == ("not used: metadata action_scale",)
     assert float(critic.value(np.ones(6))) == 21.0
+
+
+def test_a_normalizer_of_no_data_is_said():
+    """Of (x - 0) / 1 before the layers, and not of another mean."""
+    nodes = [("Sub", "x mean", "c"), ("Div", "c std", "n"), ("MatMul", "n W", "y")]
+    for mean, told in ((np.zeros(6), 1), (np.ones(6), 0)):
+        constants = {"mean": mean, "std": np.ones(6), "W": np.ones((6, 5))}
+        critic = read(onnx_file("normal.onnx", nodes, constants, outputs=5), network="policy=")
+        assert len(critic.stated.notes) == told
 
 
 def several_outputs(names):

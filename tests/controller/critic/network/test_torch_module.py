@@ -109,6 +109,10 @@ def _above(x, below):
 ACTIVATIONS = {
     "ELU": lambda x: _above(x, np.expm1(x)),
     "GELU": lambda x: x * ndtr(x),
+    "Hardswish": lambda x: x * np.clip(x / 6.0 + 0.5, 0.0, 1.0),
+    "Hardtanh": lambda x: np.clip(x, -1.0, 1.0),
+    "Mish": lambda x: x * np.tanh(np.log1p(np.exp(x))),
+    "Softsign": lambda x: x / (1.0 + np.abs(x)),
     "LeakyReLU": lambda x: _above(x, 0.01 * x),
     "ReLU": lambda x: _above(x, 0.0 * x),
     "SELU": lambda x: 1.0507009873554805 * _above(x, 1.6732632423543772 * np.expm1(x)),
@@ -124,6 +128,7 @@ def test_each_activation_is_that_of_torch(kind):
     """Policies of Sequentials are those of the formulas in torch's documentation."""
     defaults = {"ELU": {"alpha": 1.0}, "GELU": {"approximate": "none"}}
     defaults |= {
+        "Hardtanh": {"min_val": -1.0, "max_val": 1.0},
         "LeakyReLU": {"negative_slope": 0.01},
         "Softplus": {"beta": 1.0, "threshold": 20.0},
     }

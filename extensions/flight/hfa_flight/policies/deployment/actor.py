@@ -150,7 +150,7 @@ def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
     squash = wanted.policy.get("squash")
     low, high = stated.low, stated.high
     if low is None or high is None:
-        action = listed._replace(squash="tanh" if squash else "")
+        action = listed._replace(squash=stated.squash or ("tanh" if squash else ""))
     else:
         action = stated
         if squash is not None and squash != bool(stated.squash):
