@@ -551,7 +551,7 @@ class Model(Reported):
         Raises BadInputError, whose message completes a sentence that begins with the name, if the
         unit is another quantity's.
         """
-        full_angle, angle = self.signal(name).full, conversion_factor(unit, "rad")
+        full_angle, angle = self.signal(name).full, conversion_factor(unit, "deg")
         if full_angle and angle is not None:
             return angle / full_angle
         declared = self.unit(name)
@@ -693,7 +693,7 @@ class Model(Reported):
         which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
         advice = f"give at {which} {self.describe(name, limit)}"
         if signal.full:
-            advice += f", or an angle: {name}={math.degrees(signal.full):g}deg"
+            advice += f", or an angle: {name}={signal.full:g}deg"
         return f"{name} is {self.describe(name, value)}; {advice}"
 
     @cached_property

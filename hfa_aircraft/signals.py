@@ -24,7 +24,7 @@ class Signal(NamedTuple):
     rate: typical magnitude of a state's rate, by default the nominal in 1 s (`Model.rate_scale`)
     omitted_dynamics: note on dynamics between an input and the motion that the equations omit
     assumed: whether min and max are assumptions of a reader, which the aircraft's data do not state
-    full: angle of what a lever without a unit moves, at the value 1 of the lever, rad; 0 if unknown
+    full: angle of what a lever without a unit moves, at the value 1 of the lever, deg; 0 if unknown
 
     >>> import hfa
     >>> hfa.Signal("ft/s", nominal=100.0, min=0.0).max

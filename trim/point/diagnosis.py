@@ -165,7 +165,8 @@ def explanation(model: Model, condition: TrimCondition) -> str:
         return ""
     posed = TrimProblem(model, condition)
     equations, unknowns = posed.count
-    if equations > unknowns and not condition.imposed.keys().isdisjoint(model.inputs):
+    held = condition.imposed.keys() - model.trim.keys()
+    if equations > unknowns and not held.isdisjoint(model.inputs):
         return ""
 
     def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:

@@ -102,7 +102,9 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
     for name, label in labels.items():
         full = model.signals[name].full if name in model.signals else 0.0
         if full:  # the angle of a lever, whose value is a share
-            rows.append(Row(f"{label} angle", entries[name].value * full, "rad", rare=True))
+            rows.append(
+                Row(f"{label} angle", entries[name].value * math.radians(full), "rad", rare=True)
+            )
     if entries.keys() & _ENTRIES.keys() or "alpha" in trimmed.roles:
         rows += [Lacking(label, "") for label in _missing_labels(entries)]
     return rows
@@ -131,8 +133,7 @@ def _lever_angle(model: Model, name: str, value: Any) -> str:
     signal = model.signals.get(name)
     if signal is None or not signal.full:
         return ""
-    full = math.degrees(signal.full)
-    return f"{digits(value * full)} of {digits(full)} deg"
+    return f"{digits(value * signal.full)} of {digits(signal.full)} deg"
 
 
 def holds_inertias(trimmed: Trimmed) -> bool:

@@ -7,10 +7,7 @@ Any other element is refused.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable, Iterator
-from copy import copy
-from dataclasses import replace
 from functools import lru_cache
 from itertools import groupby
 from pathlib import Path
@@ -37,14 +34,20 @@ _TEXT = {
 _IDLE = (
     *("fcs/", "gear/", "ground/", "ic/", "systems/", "simulation/randomseed"),
     *("simulation/jsbsim-debug", "simulation/terminate", "simulation/pause"),
-    *("propulsion/active_engine", "propulsion/starter_cmd"),
-    "propulsion/engine/starter-norm",
+    *("propulsion/active_engine", "propulsion/starter_cmd", "propulsion/engine/starter-norm"),
+    *("propulsion/engine/cooling-factor", "propulsion/engine/engtemp-c"),
+    *("propulsion/engine/itt-c", "atmosphere/randomseed", "atmosphere/turb-gain"),
+    *("atmosphere/turb-rate", "atmosphere/turb-rhythmicity", "atmosphere/turbulence/milspec/"),
+    *("position/terrain-elevation", "inertia/print-mass-properties", "simulation/write-state-file"),
 )
 #: JSBSim's properties that are 0 until a file or a pilot sets them.
 _STORED = ("fcs/", "gear/tailhook", "gear/wing-fold")
 #: JSBSim's properties that a file may set without effect, and the reason.
 _NOTED = {
-    "propulsion/tank/external-flow-rate-pps": "without effect, as tank contents are constant",
+    **dict.fromkeys(
+        ("propulsion/tank/external-flow-rate-pps", "propulsion/refuel", "propulsion/fuel_"),
+        "without effect, as tank contents are constant",
+    ),
     "simulation/integrator/": "without effect, as the motion is never stopped",
 }
 #: Why a file that sets a read-only property has no effect.
@@ -54,9 +57,15 @@ _OF_FILTERS = "?filters=states after the aircraft's name makes these states"
 _NEVER = "these are omitted, also with ?filters=states"
 _SET_TWICE = "set here and by the pilot; earlier components read the pilot's value"
 _CONSTANT = (
-    "these commands of the file are constant; ?inputs=NAME,NAME after the aircraft's name makes "
-    "them inputs"
+    "nothing in the files sets these constants, which --hold NAME=VALUE does; ?inputs=NAME after "
+    "the aircraft's name makes one an input"
 )
+_COMMAND = (
+    "nothing in the files sets these commands; --free NAME solves for one, --hold NAME=VALUE sets "
+    "it"
+)
+_FROZEN = "nothing in the files sets these, and loops depend on them: they keep their values"
+_NO_BURN = "omitted: fuel burn, so tank contents are constant"
 _NO_FORCE = "as no force in flight depends on them"
 _NOT_READ = "as JSBSim ignores them too"
 
@@ -68,12 +77,10 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
     affects the forces.
     """
     reached = equations.properties
-    notes = _notes_on_writers(equations)
-    _refuse_unset_internal(equations)
-    for unset, where in reached.unset.items():
-        notes.append(Note("these properties are never set and are 0", unset, where))
-    for name in constant_commands(parts, equations):
-        notes.append(Note(_CONSTANT, shortened(name), equations.declared[name]))
+    notes = _notes_on_writers(parts, equations)
+    notes += _notes_on_constants(parts, equations)
+    if any(file.feeds and file.kind != "electric_engine" for file in parts.engines):
+        notes.append(Note(_NO_BURN, rank=MOTION))
     for component, what, is_always in reached.left_out.values():
         name = shortened(component.attributes.get("name", ""))
         subject = f"<{component.name}> {name}: {what}"
@@ -89,27 +96,26 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
     return notes
 
 
-def constant_commands(parts: Parts, equations: Equations) -> list[str]:
-    """Return the commands that a <property> of the files declares, that nothing sets, and on which
-    a force depends.
+def _notes_on_constants(parts: Parts, equations: Equations) -> list[Note]:
+    """Return notes on the properties that nothing sets and on which a force or an output depends.
 
-    Programs around JSBSim set such commands, for example an autopilot.
+    Raises BadInputError for one that JSBSim itself would compute.
     """
-    properties = equations.properties
-    names = [
-        name
-        for name in equations.declared
-        if name in properties.names_read
-        and properties.writer(name) is None
-        and re.search("cmd|command", name.rsplit("/", 1)[-1])
-    ]
-    if not names:
-        return []
-    with_inputs = copy(parts)
-    with_inputs.choices = replace(parts.choices, inputs=(*parts.choices.inputs, *names))
-    as_inputs = Equations(with_inputs)
-    used = as_inputs.used_inputs()
-    return [name for name in names if as_inputs.chosen[name] in used]
+    properties, used, notes = equations.properties, equations.used_symbols(), []
+    for full_name, (symbol, start, where) in properties.constants.items():
+        if full_name in properties.frozen:
+            notes.append(Note(_FROZEN, f"{shortened(full_name)} ({start:g})", where))
+        if symbol.element_hash() not in used:
+            continue
+        is_stored = full_name.startswith(_STORED) and not of_component(full_name)
+        if access(full_name, parts.thrusters) and not is_stored:
+            raise BadInputError(
+                f"{where}: {shortened(full_name)} is a property that JSBSim computes internally, "
+                "which is not supported; use another property"
+            )
+        statement = _COMMAND if equations.constants[full_name] in equations.inputs else _CONSTANT
+        notes.append(Note(statement, f"{shortened(full_name)} ({start:g})", where))
+    return notes
 
 
 @lru_cache
@@ -144,8 +150,9 @@ def _reason_to_omit(parent: Element, child: Element) -> str:
         return ""
     if name in KINDS or name in ("function", "table", "t") or parent.name == "channel":
         return _NO_FORCE  # it sets properties that are not read
-    if parent.name in ("table", "t") and not any(each.taken for each in parent.children):
-        return _NO_FORCE  # tables of engines are read by name
+    is_named = parent.name in ("function", "table", "t")
+    if is_named and not any(each.taken for each in parent.children):
+        return _NO_FORCE  # those of engines are read by name
     if any(other.name == name and other.taken for other in parent.children):
         return _NOT_READ if name not in _REPEATED else _NO_FORCE
     known = _elements().get(parent.name)
@@ -199,17 +206,7 @@ def _first_of(numbers: list[int]) -> str:
 _MOST = 12
 
 
-def _refuse_unset_internal(equations: Equations) -> None:
-    """Raise BadInputError if a force depends on a property that JSBSim itself would compute."""
-    for name, where in equations.properties.unset.items():
-        if access(name) and (of_component(name) or not name.startswith(_STORED)):
-            raise BadInputError(
-                f"{where}: {shortened(name)} is a property that JSBSim computes internally, which "
-                "is not supported; use another property"
-            )
-
-
-def _notes_on_writers(equations: Equations) -> list[Note]:
+def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
     """Return notes on built-in JSBSim properties that the files set.
 
     The notes concern pilot commands that the files also set, and settings without effect. Raises
@@ -218,7 +215,7 @@ def _notes_on_writers(equations: Equations) -> list[Note]:
     properties = equations.properties
     notes = []
     for name, writers in properties.writers().items():
-        rights = access(name)
+        rights = access(name, parts.thrusters)
         in_files = [writer for writer in writers if writer.is_of_file]
         if not rights or not in_files:
             continue
@@ -239,7 +236,7 @@ def _notes_on_writers(equations: Equations) -> list[Note]:
         elif not (name in properties.names_read or unnumbered.startswith(_IDLE)):
             raise _refusal(
                 in_files[-1],
-                f"{shortened(name)} is a built-in JSBSim property that cannot be set",
+                f"{shortened(name)} moves a force in JSBSim and cannot be set here",
             )
         if "-cmd-norm" in name and name in properties.names_read and len(writers) > len(in_files):
             notes.append(Note(_SET_TWICE, shortened(name), in_files[-1].where))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator
 from functools import cached_property, partial
 from itertools import product
@@ -66,6 +67,10 @@ _COMMANDS = {
     "elevator": "fcs/elevator-cmd-norm",
     "rudder": "fcs/rudder-cmd-norm",
 }
+#: Rate -> command that changes it.
+_TURNED_BY = {"roll_rate": "aileron", "pitch_rate": "elevator", "yaw_rate": "rudder"}
+#: Name of a command, which programs around JSBSim set.
+_COMMAND = re.compile("(cmd|command)[^/]*$")
 #: Levers with constant positions, by default 0. A gear position of 1 means down.
 LEVERS = {
     "flap": "fcs/flap-cmd-norm",
@@ -103,6 +108,8 @@ class Equations:
         #: Property that the user made an input -> name of the input.
         self.chosen: dict[str, str] = {}
         self.starts: dict[str, float] = {}
+        #: Property that nothing sets -> name of the parameter or input.
+        self.constants: dict[str, str] = {}
         #: Property that a <property> of the files declares -> file and line.
         self.declared: dict[str, str] = {}
         self.replaced_commands: list[ca.SX] = []
@@ -140,6 +147,7 @@ class Equations:
         self._set_rates_and_outputs(x, aerodynamics.loads(), external)
         self._add_filters()
         self._solve_rates_of_angles()
+        self._name_constants()
         self._refuse_wind()
         self._remove_time()
         if (
@@ -402,11 +410,14 @@ class Equations:
         """
         value = element.as_number(element.attributes.get("value", "0"))
         full_name = canonical(element.text)
-        rights = access(full_name)
+        rights = access(full_name, self.parts.thrusters)
         if not rights:
             self.declared[full_name] = element.where
         if full_name in self.chosen:
             self.starts.setdefault(self.chosen[full_name], value)
+        elif _COMMAND.search(full_name) and not (rights or self.properties.is_known(full_name)):
+            self.properties.define_constant(full_name, value, element.where)
+            return
         if rights == "R":
             raise element.error(
                 f"{shortened(element.text)} is a read-only JSBSim property; remove this <property>"
@@ -510,6 +521,8 @@ class Equations:
             "dynamic_pressure": ca.SX(motion.pressure_head),
             "reference_area": ca.SX(self.parts.wings.area),
             "reference_chord": ca.SX(self.parts.wings.chord),
+            "ground_speed": self.properties.read("velocities/vg-fps", ""),
+            "track": self.properties.read("flight-path/psi-gt-rad", ""),
         }
         for file, effect in zip(self.parts.engines, self.effects, strict=True):
             if effect.power is not None:
@@ -550,6 +563,27 @@ class Equations:
             )
             angle_rates = angle_rates - step / determinant
         self._substitute(symbols, angle_rates)
+
+    def _name_constants(self) -> None:
+        """Make properties that nothing sets parameters, and inputs where they are the only commands
+        about an axis.
+        """
+        constants, used = self.properties.constants, self.used_inputs()
+        axes = [axis for axis, command in _TURNED_BY.items() if command not in used]
+        turning = ca.vertcat(*(self.rates[axis] for axis in axes))
+        for full_name, constant in constants.items():
+            if full_name in self.properties.frozen:
+                self._substitute(constant.symbol, ca.SX(constant.start))
+            taken = (*self.states, *self.inputs, *self.parameters, *self.outputs)
+            name = identifier(full_name, "constant", taken)
+            self.constants[full_name] = name
+            self.starts[name] = constant.start
+            one = ca.SX(1.0)
+            in_control = full_name in self.properties.in_control
+            if axes and in_control and ca.sparsify(ca.jtimes(turning, constant.symbol, one)).nnz():
+                self.inputs[name] = PilotInput(constant.symbol, limits=(-math.inf, math.inf))
+            else:
+                self.parameters[name] = constant.symbol
 
     def _refuse_wind(self) -> None:
         """Raise BadInputError if the files set a wind, a gust or turbulence by a component."""

@@ -1,13 +1,15 @@
 """Catalog of JSBSim's built-in properties, from `properties.json`.
 
 `python -m hfa_jsbsim.catalog` of commit 3367509be wrote this file from the package jsbsim. It lists
-the properties of small test aircraft with engines of all kinds, whose files define no properties.
+the properties of small test aircraft with engines of all kinds, whose files define no properties. A
+property of some engines has their kinds and thrusters after its access rights.
 """
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ from typing import Any
 DATA = Path(__file__).with_name("properties.json")
 #: Number of an engine, tank or wheel in a name.
 _NUMBER = re.compile(r"\[\d+\]")
+_OF_ENGINE = re.compile(r"propulsion/engine(?:\[(\d+)\])?/")
 #: Suffixes of names that JSBSim defines for components: failures, and whether a limit is reached.
 _OF_COMPONENTS = (
     *("/malfunction/fail_zero", "/malfunction/fail_hardover", "/malfunction/fail_stuck"),
@@ -25,19 +28,26 @@ _OF_COMPONENTS = (
 
 @lru_cache
 def _properties() -> dict[str, str]:
-    """Return name of a built-in property -> its access rights, "R", "RW" or "W"."""
+    """Return name of a built-in property -> its access rights and the kinds of its engines."""
     data: dict[str, Any] = json.loads(DATA.read_text())
     return data["properties"]
 
 
-def access(name: str) -> str:
-    """Return the access rights "R", "RW" or "W" of a built-in JSBSim property, "" for other names.
+def access(name: str, engines: Sequence[tuple[str, str]]) -> str:
+    """Return the access rights "R", "RW" or "W" of a built-in JSBSim property, "" for other names
+    and for properties that the engine with this number does not have.
 
-    Numbers of engines, tanks and wheels in the name are ignored.
+    engines: kind and thruster of each engine
     """
     if of_component(name):
         return "RW"
-    return _properties().get(without_numbers(name), "")
+    rights, *kinds = _properties().get(without_numbers(name), "").split() or [""]
+    engine = _OF_ENGINE.match(name)
+    if engine is None:
+        return rights
+    own = engines[int(engine[1] or 0) :][:1]
+    has_it = own and (not kinds or not {*kinds}.isdisjoint(own[0]))
+    return rights if has_it else ""
 
 
 def of_component(name: str) -> bool:

@@ -325,9 +325,16 @@ def _switch(component: Element, properties: Properties) -> Any:
                 "attribute value, or remove the <test>"
             )
         holds = _holds(test, properties)
-        if is_constant(holds) and not bool(float(holds)):
+        at_start = properties.at_start(holds)
+        if is_constant(holds) and not at_start:
             continue
-        of_test = properties.value(test.attributes["value"], test)
+        try:
+            of_test = properties.value(test.attributes["value"], test)
+        except LoopError:
+            if at_start != 0.0:
+                raise
+            properties.freeze(holds)
+            continue
         value = of_test if is_constant(holds) else ca.if_else(holds, of_test, value)
     return value
 

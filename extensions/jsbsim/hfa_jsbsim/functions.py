@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import reduce
@@ -83,6 +84,8 @@ def _any_true(*values: Any) -> Any:
 
 #: Smallest magnitude that is true in a condition.
 _SMALLEST_TRUE = 1e-9
+#: A number in the data of a table.
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 #: Largest number of arguments of an operation without a limit.
 _MANY = 9999
 #: Operation -> its function, and the least and greatest number of arguments.
@@ -113,6 +116,7 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "floor": (ca.floor, 1, 1),
     "ceil": (ca.ceil, 1, 1),
     "integer": (_integer, 1, 1),
+    "fraction": (lambda value: value - _integer(value), 1, 1),
     "sign": (lambda value: ca.if_else(value < 0, -1.0, 1.0), 1, 1),  # 0 counts as positive
     "toradians": (lambda value: value * (math.pi / 180.0), 1, 1),
     "todegrees": (lambda value: value * (180.0 / math.pi), 1, 1),
@@ -303,18 +307,14 @@ def _rows(data: Element) -> Table:
     """
     rows = []
     for line, text in data.lines:
-        if "_" in text:
+        # As in C++, a number ends where the next character cannot continue it: 0.870.87 are two.
+        words = _NUMBER.findall(text)
+        if "".join(words) != "".join(text.split()):
             raise data.error_at(
                 line,
                 f"{shortened(text)!r} is not a row of numbers; give numbers separated by spaces",
             )
-        try:
-            rows.append([float(word) for word in text.split()])
-        except ValueError as error:
-            raise data.error_at(
-                line,
-                f"{shortened(text)!r} is not a row of numbers; give numbers separated by spaces",
-            ) from error
+        rows.append([float(word) for word in words])
         if not all(map(math.isfinite, rows[-1])):
             raise data.error_at(
                 line,

@@ -85,6 +85,11 @@ class Parts:
             for number, mount in enumerate(mounts)
         ]
 
+    @property
+    def thrusters(self) -> list[tuple[str, str]]:
+        """Kind and thruster of each engine."""
+        return [(file.kind, file.thruster.name) for file in self.engines]
+
     def section(self, name: str) -> Element | None:
         """Return the first section of this name, or None."""
         return next((part for part in self.sections if part.name == name), None)

@@ -26,7 +26,7 @@ from hfa_jsbsim.engines import (
 )
 from hfa_jsbsim.piston import piston_power
 from hfa_jsbsim.propeller import propeller_effect
-from hfa_jsbsim.properties import Writer
+from hfa_jsbsim.properties import BEFORE_ALL, Writer
 
 #: Properties that engines set, except the speeds of their shafts.
 _COMPUTED = (
@@ -86,7 +86,8 @@ def add_engine(file: EngineFile, aircraft: HostAircraft) -> Writer:
         full_name = file.full_name(name)
         if properties.writer(full_name) is None:
             properties.add_writer(full_name, Writer(partial(part, name), file.mount.where))
-    properties.define(file.full_name("set-running"), running(file, aircraft))
+    set_running = Writer(partial(running, file, aircraft), file.mount.where, BEFORE_ALL)
+    properties.add_writer(file.full_name("set-running"), set_running)
     properties.define_initial(file.full_name("reverser-angle-rad"), 0.0)
     for axis, place in zip("xyz", file.location, strict=True):
         properties.define_initial(file.full_name(f"{axis}-position"), place)

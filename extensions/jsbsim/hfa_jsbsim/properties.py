@@ -85,6 +85,18 @@ class FilterState:
     writer: Writer | None = None
 
 
+class Constant(NamedTuple):
+    """Property that nothing in the files sets.
+
+    symbol, start: its symbol, and its value in the files, 0 if they give none
+    where: file and line that reads or declares it
+    """
+
+    symbol: ca.SX
+    start: float
+    where: str
+
+
 class LeftOut(NamedTuple):
     """Dynamics of a component of the control system that are omitted.
 
@@ -100,8 +112,9 @@ class LeftOut(NamedTuple):
 class Properties:
     """All properties of an aircraft.
 
-    unset: property that is read but never set -> file and line where it is first read. As in JSBSim
-        its value is 0.
+    constants: property that nothing sets -> its symbol and value.
+    frozen: those of them on which a loop depends, which keep their value.
+    in_control: those of them that components of the control system read.
     notes: notes for the user.
     interpolate: interpolation of tables.
     centered: whether a value that depends on itself reads 0 for itself, instead of raising
@@ -121,7 +134,9 @@ class Properties:
         self.names_read: set[str] = set()
         self.ranges: dict[str, tuple[float, float]] = {}
         self.left_out: dict[str, LeftOut] = {}
-        self.unset: dict[str, str] = {}
+        self.constants: dict[str, Constant] = {}
+        self.frozen: set[str] = set()
+        self.in_control: set[str] = set()
         self.notes: list[Note] = []
         self.interpolate = Interpolator()
         self._writers: dict[str, list[Writer]] = {}
@@ -140,6 +155,27 @@ class Properties:
     def define_initial(self, name: str, value: float) -> None:
         """Set the value that a property has if nothing else sets it."""
         self._initial[canonical(name)] = value
+
+    def define_constant(self, name: str, start: float, where: str) -> None:
+        """Give a property a new symbol, which it has if nothing else sets it."""
+        key = canonical(name)
+        self.constants[key] = Constant(ca.SX.sym(key), start, where)
+        self._initial[key] = self.constants[key].symbol
+
+    def at_start(self, value: Any) -> float | None:
+        """Return a value with all constants at their values in the files, or None if it varies."""
+        constants = self.constants.values()
+        symbols, starts = ([each[k] for each in constants] for k in (0, 1))
+        number = ca.substitute(ca.SX(value), ca.vertcat(*symbols), ca.SX(starts))
+        return float(number) if number.is_constant() else None
+
+    def freeze(self, value: Any) -> None:
+        """Keep the constants in a value at their values in the files."""
+        self.frozen |= {
+            name
+            for name, each in self.constants.items()
+            if ca.depends_on(ca.SX(value), each.symbol)
+        }
 
     def add_writer(self, name: str, writer: Writer) -> None:
         """Add a writer of a property. The value is computed when the property is first read."""
@@ -220,7 +256,9 @@ class Properties:
                             where, f"the property {shortened(key)} depends on all forces"
                         )
                 elif not _ON_GROUND.fullmatch(key):
-                    self.unset.setdefault(key, where)
+                    self.define_constant(key, 0.0, where)
+            if key in self.constants and any(each.component for each in self._running):
+                self.in_control.add(key)
             return self._initial.get(key, 0.0)
         before = [writer for writer in writers if writer.order < self._order]
         return self.value_of(before[-1] if before else writers[-1], key, where)

@@ -21,7 +21,7 @@ from hfa_aircraft.rigid.aircraft import DEVIATION, GRAVITY, coordinated
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
 from hfa_aircraft.rigid.motion import STATES, inertia_doubt
 from hfa_aircraft.signals import ISA, Signal
-from hfa_jsbsim.accounting import constant_commands, notes_on_omitted
+from hfa_jsbsim.accounting import notes_on_omitted
 from hfa_jsbsim.aircraft import GUSTS, LEVERS, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
@@ -283,7 +283,7 @@ class _Declaration:
                     explain,
                     self.parts,
                     (*self.inputs,),
-                    constant_commands(self.parts, self.equations),
+                    self._commands(),
                 ),
             ),
         )
@@ -296,8 +296,44 @@ class _Declaration:
         x = [signal.start for signal in self._states().values()]
         values = configuration(x, [0.0] * len(self.inputs), p)
         xx, yy, zz, xz = (values[name][0] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
-        doubt = inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
-        return (doubt,) if doubt else ()
+        doubts = [inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])]
+        doubts.append(self._doubt_of_throttle(x, p))
+        return tuple(filter(None, doubts))
+
+    def _doubt_of_throttle(self, x: list[float], p: list[float]) -> str:
+        """Return a sentence if no thrust changes with the throttles at start values x and p, with
+        the constant of the files that stops the engines.
+        """
+        throttles = self._throttles()
+        if not throttles:
+            return ""
+
+        def is_moved(values: list[float]) -> bool:
+            ends = [
+                [1.0 * high if name in throttles else 0.0 for name in self.inputs]
+                for high in (False, True)
+            ]
+            idle, full = (self._still(x, u, values)[0].full() for u in ends)
+            return bool((idle != full).any())
+
+        if is_moved(p):
+            return ""
+        commands = self.equations.constants
+        for full_name, name in commands.items():
+            if name in self.parameters:
+                changed = [
+                    1.0 - value if name == each else value
+                    for each, value in zip(self.parameters, p, strict=True)
+                ]
+                if is_moved(changed):
+                    start = self.equations.starts[name]
+                    return (
+                        f"the throttle moves no thrust because {full_name} is {start:g}: --hold "
+                        f"{full_name}={1.0 - start:g}"
+                    )
+        dry = next((file.dry_of for file in self.parts.engines if file.dry_of), "")
+        why = f" because the {dry} tanks are empty" if dry else ""
+        return f"the throttle moves no thrust at the start values{why}"
 
     def _configuration(self) -> Callable[..., dict[str, tuple[float, str]]]:
         """Return the function (x, u, p) -> mass, center of gravity, inertias, sizes with units."""
@@ -340,7 +376,7 @@ class _Declaration:
 
     def _own_aliases(self) -> dict[str, str]:
         """Return JSBSim's name -> signal, of tanks, point masses, wind and chosen inputs."""
-        names = dict(self.equations.chosen)
+        names = self.equations.chosen | self.equations.constants
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             names[f"atmosphere/wind-{axis}-fps"] = name
         for number in range(len(self.parts.tanks)):
@@ -467,7 +503,7 @@ class _Declaration:
         return signals
 
     def _angle_at_full(self, lever: str) -> float:
-        """Return the position of what a lever moves at its value 1, rad, or 0 if the files have no
+        """Return the position of what a lever moves at its value 1, deg, or 0 if the files have no
         position in degrees that is proportional to the lever alone.
         """
         properties, symbol = self.equations.properties, self.parameters[lever]
@@ -478,7 +514,7 @@ class _Declaration:
         if position.has_free():
             return 0.0
         at_half, at_full = (float(position(value)) for value in (0.5, 1.0))
-        return math.radians(at_full) if at_full > 0.0 and 2.0 * at_half == at_full else 0.0
+        return at_full if at_full > 0.0 and 2.0 * at_half == at_full else 0.0
 
     def _outputs(self) -> dict[str, Signal]:
         """Return the signals of the outputs, by name."""
@@ -497,6 +533,8 @@ class _Declaration:
             "dynamic_pressure": Signal("lbf/ft^2", 100.0),
             "reference_area": Signal("ft^2"),
             "reference_chord": Signal("ft"),
+            "ground_speed": Signal("ft/s", 100.0),
+            "track": Signal("rad", 0.1),
             **dict.fromkeys(self._spool_errors(), Signal("%", 10.0)),
             **dict.fromkeys(self._positions(), Signal("rad", 0.1)),
             **dict.fromkeys(self._splits(), Signal("1", 0.5)),
@@ -595,7 +633,11 @@ class _Declaration:
         parameters = dict(equations.parameters)
         kept_parameters = [parameters.pop(name) for name in self.parameters]
         left_out = [*inputs.values(), *parameters.values()]
-        constants = [1.0 if name.startswith("engine") else 0.0 for name in (*inputs, *parameters)]
+        usual = self.equations.starts
+        constants = [
+            1.0 if name.startswith("engine") else usual.get(name, 0.0)
+            for name in (*inputs, *parameters)
+        ]
         zeros = [*equations.rate_symbols, *equations.replaced_commands]
         left_out += zeros
         constants += [0.0] * len(zeros)
@@ -622,7 +664,14 @@ class _Declaration:
             imposed |= dict.fromkeys(self._splits(), 0.0)
         if {"aileron", "rudder"} <= set(self.inputs):
             imposed["beta"] = 0.0
+        starts = self.equations.starts
+        imposed |= {name: starts[name] for name in self._commands().values()}
         return imposed | dict.fromkeys(self._spool_errors(), 0.0)
+
+    def _commands(self) -> dict[str, str]:
+        """Return the constants of the files that are inputs, which the default trim imposes."""
+        constants = self.equations.constants
+        return {full_name: name for full_name, name in constants.items() if name in self.inputs}
 
     def _positions(self) -> Iterator[str]:
         """Yield the names of outputs that are positions of surfaces moved by pilot commands."""

@@ -17,6 +17,8 @@ from hfa_jsbsim.parts import Parts
 Solve = Callable[[Mapping[str, float], tuple[str, ...]], Mapping[str, float] | None]
 #: Angles of attack at which the greatest lift is searched.
 _ANGLES = np.radians(np.arange(-4.0, 40.5, 0.5))
+#: Largest number of commands in a sentence.
+_MOST = 3
 _AIRSPEEDS = {"speed", *AIRSPEEDS}
 #: Least unbalanced force that is reported, relative to the weight, and least angular acceleration,
 #: rad/s².
@@ -26,7 +28,7 @@ _SOME = 1e-6
 def explain(
     parts: Parts,
     inputs: Sequence[str],
-    constant: Sequence[str],
+    commands: Mapping[str, str],
     imposed: Mapping[str, float],
     solve: Solve,
 ) -> str:
@@ -36,16 +38,21 @@ def explain(
 
     parts: content of the aircraft's files.
     inputs: names of the aircraft's inputs.
-    constant: commands of the files that nothing sets.
+    commands: property of the files that nothing sets -> input.
     imposed: name -> value imposed by the trim condition.
     solve: function (held, free) -> values by name, or None. It solves the same condition with the
         values `held` imposed and the equations `free` dropped.
     """
-    advice = [f"?inputs={','.join(constant)} makes constant commands inputs"] if constant else []
-    if not inputs:
+    held = [name for name, own in commands.items() if own in imposed]
+    advice = [f"--free {' or '.join(held[:_MOST])} solves for a command that no file sets"] * bool(
+        held
+    )
+    if not set(inputs) - {*commands.values()}:
         return "; ".join(["no input of the pilot changes a force or a moment", *advice])
     throttles = [name for name in inputs if name.startswith("throttle") and name not in imposed]
     reasons = [*_of_thrust(parts, throttles, solve), *of_engine_files(parts)]
+    if not (reasons or "elevator" in inputs or {*commands.values()} - {*imposed}):
+        reasons = ["no input changes pitch_rate"]
     reasons = reasons or [*_of_lift(throttles, imposed, solve)] or [*_of_moment(solve)]
     return "; ".join([*reasons, *advice])
 

@@ -62,17 +62,19 @@ DECLARED = glider(
 
 
 def test_declared_commands_become_inputs(tmp_path):
-    """With ?inputs=, a command that the file declares is an input, and the trim uses it.
+    """A command that nothing sets is an input that a trim imposes, and solves for if it is free.
 
-    Both names of the input are accepted. Without the option, a note names the command, which keeps
-    its value.
+    Both names of the input are accepted. With ?inputs= it is free.
     """
     path = written(tmp_path, DECLARED)
     alone = load_model(path)
-    assert "elevon_cmd" not in alone.inputs
+    assert alone.trim["elevon_cmd"] == -0.1
     (note,) = [note for note in alone.about.notes if "fcs/elevon-cmd" in note]
-    assert "?inputs=" in note
+    assert "--free" in note
     assert "idle-cmd" not in note
+    assert_refused(run("trim", "--aircraft", path), 1, "no input changes pitch_rate; --free fcs/el")
+    freed = run("trim", "--aircraft", path, "--free", "fcs/elevon-cmd", "--hold", "speed=120")
+    assert "elevon_cmd -0." in freed.out
     model = load_model(f"{path}?inputs=fcs/elevon-cmd")
     assert not [note for note in model.about.notes if "fcs/elevon-cmd" in note]
     assert model.inputs["elevon_cmd"].start == -0.1
@@ -81,10 +83,6 @@ def test_declared_commands_become_inputs(tmp_path):
     usual = model_of(tmp_path, glider())
     other = trim(usual, hold={"speed": 120.0})
     assert point.inputs.elevon_cmd == pytest.approx(other.inputs.elevator, rel=1e-9)
-    x = list(point.states)
-    at_start = [-0.1 if name == "elevon_cmd" else 0.0 for name in model.inputs]
-    still = alone.rates_at(x, [0.0 for _ in alone.inputs])
-    assert model.rates_at(x, at_start)["pitch_rate"] == pytest.approx(still["pitch_rate"])
 
 
 @pytest.mark.parametrize(
@@ -100,13 +98,6 @@ def test_wrong_inputs_are_refused(query, fault, tmp_path):
     """Properties without effect, unknown properties and the pilot's commands are refused."""
     with pytest.raises(BadInputError, match=fault):
         load_model(f"{written(tmp_path, DECLARED)}?{query}")
-
-
-@pytest.mark.slow
-def test_a_missing_trim_names_the_constant_commands(tmp_path):
-    """The reason for a missing trim names the option that makes the command an input."""
-    result = run("trim", "--aircraft", written(tmp_path, DECLARED))
-    assert_refused(result, 1, "?inputs=fcs/elevon-cmd")
 
 
 @pytest.mark.parametrize(
@@ -229,13 +220,68 @@ def test_xml_entities_are_replaced_by_text(tmp_path):
     )
 
 
-def test_a_property_never_set_is_zero_and_listed(tmp_path):
-    """A note lists a property that is read but never set, and states that it is 0."""
-    model = model_of(tmp_path, glider(LIFT + REST + force("SIDE", slope(1.0, "sim/gust"))))
-    notes = [note for note in model.about.notes if "sim/gust" in note]
-    assert re.search(
-        r"these properties are never set and are 0: .*glider.xml: \d+ sim/gust", notes[0]
+#: A system that sets a property of JSBSim to another one of no aircraft.
+SETS = (
+    '<system name="s"> <channel name="c"> <pure_gain name="s/c"> <input>sim/in</input>'
+    " <gain>1</gain> <output>{}</output> </pure_gain> </channel> </system>"
+)
+
+
+def test_a_property_that_nothing_sets_is_a_constant(tmp_path):
+    """It is 0 as in JSBSim, noted by its name, by which --hold sets it."""
+    path = written(tmp_path, glider(LIFT + REST + force("SIDE", slope(2.0, "sim/gust"))))
+    model = load_model(path)
+    assert any(re.search(r"--hold.*glider.xml: \d+ sim/gust", each) for each in model.about.notes)
+    assert model.about.aliases["sim/gust"] == "gust"
+    x, u = [120.0, 0.1, *[0.0] * 7, 1000.0], [0.0] * 3
+    still, pushed = (model.with_parameters(gust=value).rates_at(x, u)["beta"] for value in (0, 1))
+    assert still == pytest.approx(load_model(written(tmp_path, glider())).rates_at(x, u)["beta"])
+    # SIDE = 2 q S, where the lift coefficient at 0.1 rad is 0.5
+    outputs = model.outputs_at(x, u)
+    side_to_momentum = outputs["lift_to_weight"] * 32.174049 / 0.5 * 2.0 / 120.0
+    assert pushed - still == pytest.approx(side_to_momentum, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("propulsion/engine/friction-hp", ""),  # there is no engine
+        ("propulsion/engine[3]/n1", ""),
+        ("atmosphere/turb-rate", ""),
+        ("simulation/gravity-model", "moves a force in JSBSim"),
+    ],
+)
+def test_only_what_moves_a_force_may_not_be_set(tmp_path, name, said):
+    """A property of JSBSim that the aircraft does not have, or that moves no force, may be set."""
+    path = written(tmp_path, glider(more=SETS.format(name)))
+    if said:
+        with pytest.raises(BadInputError, match=rf"glider.xml:\d+: {name} {said}"):
+            load_model(path)
+    else:
+        assert load_model(path).rates_at([120.0, 0.1, *[0.0] * 7, 1000.0], [0.0] * 3)
+
+
+def test_a_constant_whose_loop_is_off_keeps_its_value(tmp_path):
+    """An autopilot that a property switches off is no loop, and no value of it may switch it on."""
+    switch = (
+        '<switch name="s"> <default value="fcs/elevator-cmd-norm"/> <test value="fcs/s">'
+        " sim/on == 1 </test> <output>fcs/elevator-pos-rad</output> </switch>"
     )
+    model = model_of(tmp_path, with_elevator(switch))
+    assert model.inputs["elevator"].unit == "1"
+    assert "on" not in model.parameters
+    assert any("sim/on" in note for note in model.about.notes)
+
+
+def test_a_number_ends_where_the_next_begins(tmp_path):
+    """As JSBSim reads them, 0.87.5 are two numbers of a table."""
+    of_lift = force("LIFT", TABLE.format("\n0 .1\n0.87.5\n"))
+    x, u = [120.0, 0.435, *[0.0] * 7, 1000.0], [0.0] * 3
+    ratios = [
+        model_of(tmp_path, glider(each + REST)).outputs_at(x, u)["lift_to_weight"]
+        for each in (of_lift, force("LIFT", "<v>0.3</v>"))
+    ]
+    assert ratios[0] == pytest.approx(ratios[1], rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -331,8 +377,8 @@ def test_the_sign_of_the_inertia_product_is_read(tmp_path):
     assert [rates[1]["roll_rate"], rates[1]["yaw_rate"]] == pytest.approx(expected.tolist())
 
 
-def test_advice_on_inputs_leads_to_a_model(tmp_path):
-    """The list of ?inputs= in a note has only commands that move a force, and is accepted."""
+def test_a_command_that_moves_no_force_is_not_noted(tmp_path):
+    """A note has only commands that move a force, and each of them can be an input."""
     damper = (
         '<channel name="damper"> <pure_gain name="idle"> <input>fcs/dead-cmd</input>'
         " <gain>0</gain> <output>fcs/idle</output> </pure_gain> <summer name='live'>"
@@ -345,7 +391,10 @@ def test_advice_on_inputs_leads_to_a_model(tmp_path):
         "PITCH", slope(-1.0, "fcs/live"), slope(-1.0, "aero/alpha-rad"), length="cbarw-ft"
     )
     path = written(tmp_path, glider(LIFT + REST.replace(PITCH, pitch), control=control))
-    (note,) = [note for note in load_model(path).about.notes if "?inputs=" in note]
+    model = load_model(path)
+    assert "live_cmd" in model.inputs
+    assert "dead_cmd" not in {**model.inputs, **model.parameters}
+    (note,) = [note for note in model.about.notes if "--free" in note]
     assert "fcs/live-cmd" in note
     assert "fcs/dead-cmd" not in note
     assert "live_cmd" in load_model(f"{path}?inputs=fcs/live-cmd").inputs
