@@ -1,4 +1,4 @@
-"""Doubts about a trim: what data in wrong units, with wrong signs or with contradictions cause."""
+"""Warnings about a trim: what wrong units and signs, or contradictions in data, cause."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from hfa_aircraft.matrices import LINEAR
 from hfa_aircraft.model import altitudes
+from hfa_aircraft.readers.derivatives.published import unusual
 from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import ROUNDING
@@ -18,6 +19,8 @@ from trim.point.solve import trim
 from trim.reports.configuration import configuration_of, holds_inertias, inertias_doubt
 from trim.reports.trimmed import Trimmed, named_value_text, value_text
 
+#: Lift coefficients at which wings begin to stall are larger.
+_STALLING = 0.7
 #: Largest usual angle of attack, deg.
 _STEEPEST = 60.0
 #: Outputs that are 0 without air.
@@ -72,8 +75,10 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
         number = identity.compared(trimmed)
         if number < identity.least or number > identity.most:
             yield identity.says.format(number)
-    is_known = {"beta", "r", "speed"} <= {*roles} and trimmed.point.ok and not trimmed.fault
-    if is_known and _is_unstable_in_yaw(trimmed):
+    is_known = trimmed.point.ok and not trimmed.fault
+    if is_known and (doubt := _unusual_slope(trimmed)):
+        yield doubt
+    if is_known and {"beta", "r", "speed"} <= {*roles} and _is_unstable_in_yaw(trimmed):
         yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
 
 
@@ -194,19 +199,63 @@ def _weight_by_mass(trimmed: Trimmed) -> float:
 
 
 def _density_ratio(trimmed: Trimmed) -> float:
-    """Return the density of dynamic pressure and speed, relative to standard air there, or at sea
-    level for a model without an altitude.
+    """Return the density of dynamic pressure and speed, relative to standard air there. A model
+    without an altitude flies at sea level or above.
     """
     names = altitudes(trimmed.model)
     altitude = _value_in(trimmed, names[0], "m") if names else 0.0
     density = 2.0 * _value_in(trimmed, "dynamic_pressure", "N/m^2") / _speed(trimmed) ** 2
-    return density / float(air_at(altitude, "si").density)
+    ratio = density / float(air_at(altitude, "si").density)
+    return ratio if names else max(1.0, ratio)
 
 
 def _temperature(trimmed: Trimmed) -> float:
     """Return the temperature of speed and Mach number, K."""
     mach = _value_in(trimmed, "mach", "1") or math.nan
     return (_speed(trimmed) / mach) ** 2 / (HEAT_RATIO * GAS_CONSTANT)
+
+
+def _slope_in(trimmed: Trimmed, row: str, column: str, unit: str) -> float:
+    """Return the derivative of a rate per second, or of an output, over a state, in a unit.
+
+    row: role of a state, an altitude, or an output
+    column: role of a state
+    """
+    name, by = trimmed.roles.get(row, row), trimmed.roles.get(column, "")
+    if trimmed.fault or not by or name not in trimmed.values:
+        return math.nan
+    slopes = trimmed.slopes
+    factor = conversion_factor(trimmed.unit(name), unit) or math.nan
+    place = slopes.states.index(by)
+    if name in slopes.states:
+        return float(slopes.A[slopes.states.index(name), place]) * factor * trimmed.per_second
+    if name not in slopes.outputs:
+        return math.nan
+    return float(slopes.outputs[name].by_states[place]) * factor
+
+
+def _turning(row: str) -> Callable[[Trimmed], float]:
+    """Return the function of a trim to the derivative of an angle's rate over the pitch rate."""
+    # In a coherent model the rate has the unit of the angle over time.
+    return lambda trimmed: _slope_in(trimmed, row, "q", "rad") / trimmed.per_second
+
+
+def _climbing(trimmed: Trimmed) -> float:
+    """Return the change of the rate of altitude with the pitch angle, per speed."""
+    names = altitudes(trimmed.model)
+    return _slope_in(trimmed, names[0], "theta", "m") / _speed(trimmed) if names else math.nan
+
+
+def _unusual_slope(trimmed: Trimmed) -> str:
+    """Return a sentence if CL_alpha is none of an aircraft, or "". Near a stall, any is less."""
+    area = _value_in(trimmed, "reference_area", "m^2") * _value_in(
+        trimmed, "dynamic_pressure", "N/m^2"
+    )
+    slope = _slope_in(trimmed, "lift", "alpha", "N") / (area or math.nan)
+    is_stalling = _value_in(trimmed, "lift", "N") / (area or math.nan) > _STALLING
+    if (is_stalling and slope < 1.0) or LINEAR in trimmed.point.model.about.notes:
+        return ""
+    return unusual("CL_alpha", slope)
 
 
 def _difference_of_static_margins(trimmed: Trimmed) -> float:
@@ -249,9 +298,26 @@ _IDENTITIES = (
         "the weight is {:.3g} times mass and gravity; check them and their units",
     ),
     _Identity(
-        _density_ratio, 0.5, 2.0,
+        _density_ratio, 0.7, 1.4,
         "dynamic pressure and speed are those of {:.3g} times the standard density; check them and "
         "their units",
+    ),
+    _Identity(
+        _turning("theta"), 0.0, 2.0,
+        "the rate of the pitch angle is {:.3g} times the pitch rate; check their units and signs",
+    ),
+    _Identity(
+        _turning("alpha"), 0.0, 2.0,
+        "the rate of alpha changes by {:.3g} times the pitch rate; check their units and signs",
+    ),
+    _Identity(
+        _climbing, 0.2, 2.0,
+        "the rate of altitude changes with the pitch angle by {:.3g} times the speed; check their "
+        "signs and units",
+    ),
+    _Identity(
+        lambda trimmed: _slope_in(trimmed, "gamma", "theta", "rad"), 0.2, 3.0,
+        "gamma changes by {:.3g} times the pitch angle; check its sign and unit",
     ),
     _Identity(
         _temperature, 150.0, 350.0,

@@ -25,7 +25,7 @@ from trim.point.solve import trim
 from trim.reports.search import Search, search_of
 
 #: Outputs whose derivatives are figures.
-_SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust")
+_SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust", "gamma")
 #: Names of the output or input with the thrust; the first that a model declares is used.
 _THRUST = ("thrust_force", "thrust")
 #: Number of angles of attack at which the largest lift is searched, and its accuracy, rad.

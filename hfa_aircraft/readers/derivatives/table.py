@@ -55,6 +55,7 @@ _TEXTS: dict[str, tuple[str, ...] | None] = {
     "per": ("rad", "deg"),
     "axes": ("body", "stability"),
     "dimensional": DIVIDED,
+    "checked": None,
     **dict.fromkeys(WORDS),
 }
 #: The table in messages, if it is a dictionary.
@@ -79,6 +80,7 @@ class Table:
     center: center of gravity in the axes of a stability file and unit of length, or None.
     mach: Mach number of a stability file, or None.
     words: flap and gear in the words of the table, name -> text.
+    checked: names of entries that are right, though no published aircraft has such values.
     doubts: sentences on a stability file that contradicts itself.
     """
 
@@ -95,6 +97,7 @@ class Table:
     center: tuple[tuple[float, ...], str] | None = None
     mach: float | None = None
     words: Mapping[str, str] = field(default_factory=dict)
+    checked: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
 
     def unit(self, name: str) -> str:
@@ -253,7 +256,19 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Tabl
         axes=axes,
         notes=tuple(_notes(values, derivatives)),
         words={key: texts[key] for key in WORDS if texts[key]},
+        checked=_checked_names(texts["checked"], entries),
     )
+
+
+def _checked_names(text: str, entries: Mapping[str, Entry]) -> tuple[str, ...]:
+    """Return the names of entries in a text. Raises BadInputError for a name of none."""
+    names = tuple(text.replace(",", " ").split())
+    for name in names:
+        if name not in entries:
+            raise entries["checked"].error(
+                f"checked names {shown(name)}, which is no entry; remove it"
+            )
+    return names
 
 
 class _Numbers(NamedTuple):

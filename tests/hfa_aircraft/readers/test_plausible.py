@@ -6,6 +6,7 @@ import pytest
 from project import ROOT
 
 import hfa
+from hfa import BadInputError
 
 
 def changed(**values):
@@ -14,7 +15,7 @@ def changed(**values):
     flat = {}
     for name, value in table.items():
         flat |= value if isinstance(value, dict) else {name: value}
-    return flat | values
+    return {name: value for name, value in (flat | values).items() if value is not None}
 
 
 DEGREE = 3.141592653589793 / 180.0
@@ -55,6 +56,22 @@ MISTAKES = {
     "Iyy 23.7 times too large": ({"Iyy": 1.135 * 23.73}, "principal"),
     "Izz in slug ft^2 taken as kg m^2": ({"Izz": 1.759 * 0.7376 / 1.2}, "Izz"),
     "Ixz above the inertias": ({"Ixz": 1.19}, "principal"),
+    "no roll damping": ({"Cl_p": None}, "Cl_p missing"),
+    "no dihedral effect": ({"Cl_beta": None}, "Cl_beta missing"),
+    "no moment of the elevator": ({"Cm_elevator": None}, "Cm_elevator missing"),
+    "aileron per degree": ({"Cl_aileron": 0.08 * DEGREE}, "Cl_aileron"),
+    "rudder per degree": ({"Cn_rudder": -0.032 * DEGREE}, "Cn_rudder"),
+    "sign of the lift of the elevator": ({"checked": ""}, "CL_elevator"),
+    "sign of the lag of the downwash": ({"Cm_alphadot": 3.0}, "Cm_alphadot"),
+    "sign of the thrust by speed": ({"CT_u": 0.14}, "CT_u"),
+    "sign of the drag by alpha": ({"CD_CL2": None, "CD_alpha": -0.045}, "CD_alpha"),
+    "yaw damping ten times": ({"Cn_r": -3.5}, "Cn_r"),
+    "dihedral effect ten times": ({"Cl_beta": -1.2}, "Cl_beta"),
+    "induced drag ten times": ({"CD_CL2": 0.232}, "CD_CL2"),
+    "yaw damping, ten times that of its fin": ({"Cn_r": -0.7, "Cn_beta": 0.05}, "Cn_r / Cn_beta"),
+    "thrust of twice the weight": ({"thrust": [0.0, 265.0]}, "thrust"),
+    "Iyy and Izz exchanged": ({"Iyy": 1.759, "Izz": 1.135}, "(Izz - Iyy) / Ixx"),
+    "density of another altitude": ({"altitude": 9000.0, "alpha": "2 deg"}, "altitude"),
 }  # fmt: skip
 #: The mistakes of which `--hold` can make the same.
 HELD = ("Cm_alpha", "Cm_q", "Cl_p", "Cn_r", "CY_beta", "Ixx", "Iyy", "Izz", "Ixz", "mass")
@@ -69,16 +86,22 @@ def test_a_planted_mistake_is_doubted(mistake):
     values, word = MISTAKES[mistake]
     doubts = hfa.from_derivatives(changed(**values)).doubts
     assert any(word in doubt for doubt in doubts)
-    if {*values} <= {*HELD}:
+    if {*values} <= {*HELD} and None not in values.values():
         held = hfa.from_derivatives(changed()).with_parameters(**values)
         assert held.doubts == doubts
         assert held.with_parameters(**{name: changed()[name] for name in values}).doubts == ()
 
 
 @pytest.mark.parametrize("name", ["uav.toml", "cessna182.toml", "glider.toml"])
-def test_right_tables_are_not_doubted(name):
-    """Neither own tables of the examples nor one with a file of AVL are doubted."""
+def test_right_tables_have_no_warning(name):
+    """Neither own tables of the examples nor one with a file of AVL have one."""
     assert hfa.load_model(f"{ROOT}/examples/{name}").doubts == ()
+
+
+def test_only_an_entry_is_checked():
+    """A name that the table does not have is refused."""
+    with pytest.raises(BadInputError, match="checked names 'Cl_x', which is no entry"):
+        hfa.from_derivatives(changed(checked="CL_elevator, Cl_x"))
 
 
 #: Line of glider.st -> its mistake, and a word of the doubt.

@@ -9,22 +9,31 @@ import hfa
 from hfa_aircraft import in_si
 
 UAV = hfa.load_model(f"{ROOT}/examples/uav.toml")
-#: Output -> factor of a mistake, and a word of its doubt.
-MISTAKES = {
-    "weight": (1.0 / 32.174, "load factor"),
-    "lift": (32.174, "load factor"),
-    "dynamic_pressure": (1.0 / 47.88, "density"),
-    "mach": (3.28, "Mach number"),
-    "pitching_moment": (-1.0, "static margins"),
-}
+#: Output or rate, factor of a mistake, and a word of its warning.
+MISTAKES = (
+    ("weight", 1.0 / 32.174, "load factor"),
+    ("lift", 32.174, "load factor"),
+    ("dynamic_pressure", 1.0 / 47.88, "density"),
+    ("dynamic_pressure", 2.0, "density"),
+    ("mach", 3.28, "Mach number"),
+    ("pitching_moment", -1.0, "static margins"),
+    ("reference_area", 1.0 / 10.76, "CL_alpha"),
+    ("gamma", -1.0, "gamma changes by -1 times"),
+    ("altitude", -1.0, "rate of altitude"),
+    ("altitude", 3.28, "rate of altitude"),
+    ("pitch", 57.3, "rate of the pitch angle is 57.3 times"),
+    ("alpha", 57.3, "rate of alpha"),
+)
 
 
 def altered(name, factor):
-    """Return the aircraft with an output multiplied by a factor."""
+    """Return the aircraft with an output or a rate multiplied by a factor."""
 
     def equations(x, u, p, w):
-        rates, outputs = UAV.equations(x, u, p, w)
-        return rates, {**outputs, name: factor * outputs[name]}
+        rates, outputs = map(dict, UAV.equations(x, u, p, w))
+        changed = rates if name in rates else outputs
+        changed[name] *= factor
+        return rates, outputs
 
     return replace(UAV, equations=equations)
 
@@ -34,9 +43,9 @@ def first_lines(model):
     return " ".join(hfa.trim(model).report().title.split())
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_an_output_that_contradicts_others_is_doubted(name):
-    factor, word = MISTAKES[name]
+@pytest.mark.parametrize(("name", "factor", "word"), MISTAKES)
+def test_what_contradicts_others_has_a_warning(name, factor, word):
+    """Wrong units and signs of outputs and rates are named, of every kind of aircraft."""
     title = first_lines(altered(name, factor))
     assert "Check:" in title
     assert word in title
@@ -45,7 +54,7 @@ def test_an_output_that_contradicts_others_is_doubted(name):
 @pytest.mark.parametrize("units", [lambda model: model, in_si], ids=["declared", "si"])
 def test_outputs_are_compared_in_the_same_units(units):
     """An aircraft in SI units has the doubt of its lift, and none without a mistake."""
-    assert "load factor" in first_lines(units(altered("lift", MISTAKES["lift"][0])))
+    assert "load factor" in first_lines(units(altered("lift", 32.174)))
     assert "Check:" not in first_lines(units(UAV))
 
 

@@ -1,0 +1,121 @@
+"""Usual values of dimensionless numbers of aircraft: those of the aircraft in `published.csv`."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.resources import files
+from typing import NamedTuple
+
+from hfa_support.units import STANDARD_GRAVITY
+
+#: Value of an entry of a table that may be missing (nan), in consistent units.
+Values = Callable[[str], float]
+#: Factor beyond the published values. With it, 1 % of the figures of an aircraft of the table are
+#: outside those of the others.
+_BEYOND = 1.5
+_DEGREE = math.degrees(1.0)
+
+
+def _ratio(one: str, other: str) -> Callable[[Values], float]:
+    """Return the function from entries to the ratio of two of them."""
+    return lambda of: of(one) / (of(other) or math.nan)
+
+
+def _radius(moment: str) -> Callable[[Values], float]:
+    """Return the function from entries to the radius of gyration of a moment of inertia, in spans.
+
+    The radius is nan for a moment that is not positive, which `inertia_doubt` names.
+    """
+    return lambda of: math.sqrt(max(of(moment), 0.0) / of("mass")) / of("span") or math.nan
+
+
+def _drag(of: Values) -> float:
+    """Return the drag coefficient at the condition of the derivatives."""
+    induced = of("CD_CL2")
+    return of("CD_0") + (0.0 if math.isnan(induced) else induced) * of("CL_0") ** 2
+
+
+def _induced(of: Values) -> float:
+    """Return 1/e of C_D = C_D0 + C_L² / (pi e aspect ratio), of CD_CL2 or of CD_alpha."""
+    slope = of("CD_CL2")
+    if math.isnan(slope):
+        slope = of("CD_alpha") / (2.0 * of("CL_0") * of("CL_alpha") or math.nan)
+    return slope * math.pi * of("span") ** 2 / of("wing_area")
+
+
+#: Figures that are entries themselves.
+_ENTRIES = (
+    *("CL_alpha", "CL_elevator", "Cm_q", "Cm_alphadot", "Cm_elevator", "CY_beta", "Cl_beta"),
+    *("Cl_p", "Cl_aileron", "Cn_beta", "Cn_r", "Cn_rudder"),
+)
+_RATIOS = ("Cn_beta / CY_beta", "Cl_beta / Cl_p", "Cn_r / Cn_beta")
+_RATIOS_OF_CONTROLS = ("Cl_aileron / Cl_p", "Cn_r / Cn_rudder")
+#: Figure -> its value from the entries; nan if it is unknown.
+FIGURES: Mapping[str, Callable[[Values], float]] = {
+    "span^2 / wing_area (aspect ratio)": lambda of: of("span") ** 2 / of("wing_area"),
+    "chord * span / wing_area": lambda of: of("chord") * of("span") / of("wing_area"),
+    **{f"sqrt({name} / mass) / span": _radius(name) for name in ("Ixx", "Iyy", "Izz")},
+    "(Izz - Iyy) / Ixx": lambda of: (of("Izz") - of("Iyy")) / (of("Ixx") or math.nan),
+    "thrust / weight": lambda of: of("thrust") / (of("mass") * of("gravity")),
+    "CD_0 + CD_CL2 CL_0^2": _drag,
+    **{name: (lambda of, name=name: of(name)) for name in _ENTRIES},
+    "-Cm_alpha / CL_alpha (static margin)": lambda of: -_ratio("Cm_alpha", "CL_alpha")(of),
+    "CD_CL2 or CD_alpha / (2 CL_0 CL_alpha), times pi aspect ratio": _induced,
+    "CT_u / (CD_0 + CD_CL2 CL_0^2)": lambda of: of("CT_u") / (_drag(of) or math.nan),
+    **{text: _ratio(*text.split(" / ")) for text in (*_RATIOS, *_RATIOS_OF_CONTROLS)},
+}
+
+
+class Usual(NamedTuple):
+    """Lowest and highest value of a figure of published aircraft."""
+
+    low: float
+    high: float
+
+    def has(self, value: float) -> bool:
+        """Return whether a value is at most `_BEYOND` times beyond the published ones, or nan."""
+        low = self.low * _BEYOND if self.low < 0.0 else self.low / _BEYOND
+        high = self.high * _BEYOND if self.high > 0.0 else self.high / _BEYOND
+        return not (value < low or value > high)
+
+
+@cache
+def usual(figure: str) -> Usual:
+    """Return the lowest and highest value of a figure among the published aircraft."""
+    values = [FIGURES[figure](of) for of in _published()]
+    known = [value for value in values if math.isfinite(value)]
+    return Usual(min(known), max(known))
+
+
+@cache
+def _published() -> list[Values]:
+    """Return the entries of each published aircraft."""
+    text = files(__package__).joinpath("published.csv").read_text("utf-8")
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    rows = [{**row, "gravity": STANDARD_GRAVITY} for row in csv.DictReader(lines)]
+    return [lambda name, row=row: float(row.get(name) or math.nan) for row in rows]
+
+
+def unusual(figure: str, value: float) -> str:
+    """Return a sentence if the value of a figure is outside those of published aircraft, or "".
+
+    The sentence has the value, the published ones, and the sign or unit that would be usual.
+    """
+    published = usual(figure)
+    if published.has(value):
+        return ""
+    low, high = published
+    says = f"{figure} is {value:.3g}, of published aircraft {low:.3g} to {high:.3g}"
+    is_entry = figure in _ENTRIES
+    if published.has(-value):
+        return f"{says}; {'its' if is_entry else 'a'} sign may be wrong" + (
+            "" if is_entry else ", or entries are exchanged"
+        )
+    if is_entry:
+        for factor, unit in ((_DEGREE, "deg"), (1.0 / _DEGREE, "rad")):
+            if published.has(factor * value):
+                return f"{says}; it may be given per {unit} (a factor of 57.3)"
+    return f"{says}; check it"
