@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,77 +13,115 @@ from controller.critic.critic import Critic
 from controller.riccati.excess import Excess, excess_of, without_bound
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, at_least
-from hfa_support.reporting.results import Result, Vector, without_empty
+from hfa_support.reporting.parts import Part
+from hfa_support.reporting.results import without_empty
 from hfa_support.reporting.text import Table, percent
 from trim.linear.margins import DiskMargin
-from verification.verdict import Section
 
 
-@dataclass(frozen=True)
-class GradedLoop(Result):
-    """Cost, L2 gain and distance to instability of u = -K z, and those of the optimum.
-
-    worst: upper bound of the largest cost above the optimum over all initial states, percent; inf
-        without a bound
-    mean: mean over initial states with the same optimal cost, percent
-    at: initial state with the largest excess, at the edge of the box, (n,), or None without one
-    gain, exact_gain: L2 gain, which must be below delta
-    distance, exact_distance: smallest change of A - B K that gives an undamped mode, relative to
-        the norm of A - B K in balanced units; 0 for an unstable loop
+class _Robustness(NamedTuple):
+    """L2 gain of a loop, smallest change of A - B K that gives an undamped mode, relative to the
+    norm of A - B K in balanced units, and disk margin at all inputs, None for an unstable loop.
     """
 
-    worst: float
-    mean: float
-    at: Vector | None
     gain: float
-    exact_gain: float
     distance: float
-    exact_distance: float
-
-    def _entries(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
-        return {
-            "cost_lost_worst_percent": self.worst,
-            "cost_lost_mean_percent": self.mean,
-            "l2_gain": self.gain,
-            "l2_gain_exact": self.exact_gain,
-            "distance_to_instability": self.distance,
-            "distance_to_instability_exact": self.exact_distance,
-        } | without_empty(worst_initial_state=self.at)
+    margin: DiskMargin | None
 
 
-class LinearLoop(NamedTuple):
-    """Verdict on the linear loop u = -K z of a critic.
+@dataclass(frozen=True, eq=False)
+class LinearLoop:
+    """Linear loop u = -K z of a critic, and its section of the report, computed where it is shown.
 
-    checks: stability, and in continuous time the L2 gain.
-    excess: cost above the optimum, enclosed.
-    section: section of the report, with the cost, gain and margins.
+    exact: solution of the game
+    critic: the critic
+    excess: cost above the optimum, enclosed
+    is_exact: whether the critic equals the exact solution, which is then not shown beside it
     """
 
-    checks: list[Check]
+    exact: Solution
+    critic: Critic
     excess: Excess
-    section: Section
+    is_exact: bool
+
+    @cached_property
+    def gain(self) -> float:
+        """L2 gain, at most 1e-6 too large; inf for an unstable loop."""
+        return self.exact.level.l2_gain(self.critic.K).high if self.excess.is_stable else math.inf
+
+    @cached_property
+    def checks(self) -> list[Check]:
+        """Checks that A - B K is stable and its L2 gain below delta, unless delta is inf or K is
+        not finite; in discrete time, √α (A - B K) must be stable too, or the cost is infinite.
+        """
+        checks = _stability_checks(self)
+        delta = self.exact.game.delta
+        if math.isfinite(delta) and self.critic.is_finite:
+            reason = f"the closed loop has an L2 gain of {self.gain:.4g}, not below delta"
+            # The cost has a bound if and only if the gain is below delta.
+            has_bound = self.excess.matrix is not None
+            checks.append(_proved_check("l2_gain", self.gain, delta, has_bound, reason, "gain"))
+        return checks
+
+    @cached_property
+    def robustness(self) -> dict[str, _Robustness]:
+        """Robustness of the loop, "learned", and of another optimum, "exact"."""
+        exact, level, K = self.exact, self.exact.level, self.critic.K
+        found = _Robustness(self.gain, 0.0, None)
+        if self.excess.is_stable:
+            found = _Robustness(self.gain, level.distance(K), level.disk_margin(K))
+        if self.is_exact:
+            return {"learned": found}
+        best = _Robustness(exact.l2_gain, level.distance(exact.K), exact.disk_margin)
+        return {"learned": found, "exact": best}
+
+    @cached_property
+    def part(self) -> Part:
+        """Table and lines of the report."""
+        excess, shown = self.excess, self.robustness.values()
+        zeros = ["0"] * (len(shown) - 1)
+        rows = [
+            ("% above the optimum, worst case", _percent(excess, excess.high), *zeros),
+            ("% above the optimum, mean over cases", _percent(excess, excess.mean), *zeros),
+            ("L2 gain", *(f"{loop.gain:.4g}" for loop in shown)),
+            ("distance to instability", *(f"{loop.distance:.3g}" for loop in shown)),
+            ("margin of all inputs, disk", *(_margin(loop, "disk") for loop in shown)),
+            ("margin of all inputs, gain", *(_margin(loop, "gain") for loop in shown)),
+            ("margin of all inputs, phase, deg", *(_margin(loop, "phase") for loop in shown)),
+        ]
+        table = Table(("linear loop with the worst disturbance", *self.robustness), rows)
+        return (table, *_state_lines(self.exact, excess))
+
+    @cached_property
+    def data(self) -> dict[str, Any]:
+        """Entries of the verdict's file, name -> value; those of another optimum end in _exact."""
+        excess, game = self.excess, self.exact.game
+        graded: dict[str, Any] = {
+            "cost_lost_worst_percent": 100.0 * excess.high,
+            "cost_lost_mean_percent": 100.0 * excess.mean,
+        }
+        margins = {}
+        for whose, loop in self.robustness.items():
+            end = "_exact" if whose == "exact" else ""
+            graded |= {f"l2_gain{end}": loop.gain, f"distance_to_instability{end}": loop.distance}
+            margins[f"disk_margin{end}"] = loop.margin.disk if loop.margin else math.nan
+        if _has_worst(excess):
+            graded["worst_initial_state"] = excess.worst
+        return margins | without_empty(
+            graded=graded,
+            discount=game.discount if game.is_discrete else None,
+            dt=None if game.dt is True else game.dt,
+        )
 
 
 def linear_loop(exact: Solution, critic: Critic, box: np.ndarray, is_exact: bool) -> LinearLoop:
-    """Return the verdict on the loop u = -K z.
-
-    A - B K must be stable, and its L2 gain must be below delta, unless delta is inf or K is not
-    finite. In discrete time, √α (A - B K) must be stable too, otherwise the cost is infinite.
+    """Return the loop u = -K z.
 
     box: half-widths of the box of states, (n,)
-    is_exact: whether the critic equals the exact solution, for the texts
     """
-    game, K = exact.game, critic.K
-    excess = excess_of(game, K, box) if critic.is_finite else without_bound(game)
-    graded = _graded_loop(exact, critic, excess)
-    checks = _stability_checks(exact, critic, excess, is_exact)
-    if math.isfinite(game.delta) and critic.is_finite:
-        reason = f"the closed loop has an L2 gain of {graded.gain:.4g}, not below delta"
-        # The cost has a bound if and only if the gain is below delta.
-        has_bound = excess.matrix is not None
-        checks.append(_proved_check("l2_gain", graded.gain, game.delta, has_bound, reason, "gain"))
-    return LinearLoop(checks, excess, _loop_section(exact, K, excess, graded))
+    game = exact.game
+    excess = excess_of(game, critic.K, box) if critic.is_finite else without_bound(game)
+    return LinearLoop(exact, critic, excess, is_exact)
 
 
 def _proved_check(name: str, value: float, limit: float, ok: bool, reason: str, kind: str) -> Check:
@@ -90,15 +129,10 @@ def _proved_check(name: str, value: float, limit: float, ok: bool, reason: str, 
     return Check(name, value, limit, ok, "" if ok else reason, "<", kind)
 
 
-def _stability_checks(
-    exact: Solution, critic: Critic, excess: Excess, is_exact: bool
-) -> list[Check]:
-    """Return the checks that A - B K is stable, and in discrete time of a finite cost.
-
-    is_exact: whether K is that of the exact solution
-    """
-    game = exact.game
-    poles = exact.level.poles(critic.K)
+def _stability_checks(loop: LinearLoop) -> list[Check]:
+    """Return the checks that A - B K is stable, and in discrete time of a finite cost."""
+    game, excess = loop.exact.game, loop.excess
+    poles = loop.exact.level.poles(loop.critic.K)
     if not game.is_discrete:
         value = poles.abscissa
         unstable = f"A - B K is not Hurwitz (abscissa {value:+.3g} 1/s)"
@@ -106,7 +140,7 @@ def _stability_checks(
         return [_proved_check(name, value, 0.0, excess.is_stable, unstable, "stability")]
     value = poles.spectral_radius
     unstable = f"A - B K has the spectral radius {value:.7g}"
-    if is_exact:
+    if loop.is_exact:
         why = "the exact solution of this discounted problem does not stabilize either"
         unstable = f"{unstable}: {why}"
     discounted = math.sqrt(game.discount) * value
@@ -116,45 +150,6 @@ def _stability_checks(
         _proved_check("control_loop_radius", value, 1.0, excess.is_stable, unstable, "stability"),
         _proved_check(name, discounted, 1.0, excess.is_summable, infinite, "cost"),
     ]
-
-
-def _graded_loop(exact: Solution, critic: Critic, excess: Excess) -> GradedLoop:
-    """Return cost, L2 gain and distance to instability of a loop, and those of the optimum."""
-    is_stable = excess.is_stable
-    return GradedLoop(
-        worst=100.0 * excess.high,
-        mean=100.0 * excess.mean,
-        at=excess.worst if _has_worst(excess) else None,
-        gain=exact.level.l2_gain(critic.K).high if is_stable else math.inf,
-        exact_gain=exact.l2_gain,
-        distance=exact.level.distance(critic.K) if is_stable else 0.0,
-        exact_distance=exact.level.distance(exact.K),
-    )
-
-
-def _loop_section(exact: Solution, K: np.ndarray, excess: Excess, graded: GradedLoop) -> Section:
-    """Return the section with cost, gain, distance to instability and margins of a loop."""
-    game = exact.game
-    learned = exact.level.disk_margin(K) if excess.is_stable else None
-    best = exact.disk_margin
-    rows = [
-        ("% above the optimum, worst case", _percent(excess, excess.high), "0"),
-        ("% above the optimum, mean over cases", _percent(excess, excess.mean), "0"),
-        ("L2 gain", f"{graded.gain:.4g}", f"{graded.exact_gain:.4g}"),
-        ("distance to instability", f"{graded.distance:.3g}", f"{graded.exact_distance:.3g}"),
-        ("margin of all inputs, disk", _margin(learned, "disk"), _margin(best, "disk")),
-        ("margin of all inputs, gain", _margin(learned, "gain"), _margin(best, "gain")),
-        ("margin of all inputs, phase, deg", _margin(learned, "phase"), _margin(best, "phase")),
-    ]
-    data = without_empty(
-        graded=graded,
-        disk_margin=math.nan if learned is None else learned.disk,
-        disk_margin_exact=math.nan if best is None else best.disk,
-        discount=game.discount if game.is_discrete else None,
-        dt=None if game.dt is True else game.dt,
-    )
-    table = Table(("linear loop with the worst disturbance", "learned", "exact"), rows)
-    return Section((table, *_state_lines(exact, excess)), data)
 
 
 def _state_lines(exact: Solution, excess: Excess) -> list[str]:
@@ -210,6 +205,6 @@ def _percent(excess: Excess, ratio: float) -> str:
     return "0" if excess.is_optimal else percent(100.0 * ratio, 3).removesuffix(" %")
 
 
-def _margin(margin: DiskMargin | None, name: str) -> str:
+def _margin(loop: _Robustness, name: str) -> str:
     """Return a number of a disk margin as text, "-" without one."""
-    return "-" if margin is None else f"{getattr(margin, name):.4g}"
+    return f"{getattr(loop.margin, name):.4g}" if loop.margin else "-"

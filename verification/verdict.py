@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from hfa_support.reporting.results import Result, storable, without_empty
 from verification.box import Box
 from verification.nonlinear_game import GRADES, NonlinearComparison
 
+if TYPE_CHECKING:
+    from verification.linear_checks import LinearLoop
+
 #: Cost above the optimum, percent, with which the cost is the same double as the optimum.
 OPTIMAL = 100.0 * SAME_DOUBLE
 #: Largest cost above the optimum, percent, of a critic with grade "near".
@@ -31,9 +34,9 @@ class Section(NamedTuple):
 
     part: text or table of the report
     data: entries that the part adds to the data of the verdict:
-      - graded: cost above the optimum, L2 gain, distance to instability (`GradedLoop`); with a
-        limit of the cost, also the limit and the verdict on the cost
-      - disk_margin, disk_margin_exact: of K, and of the exact gain
+      - graded: cost above the optimum, L2 gain, distance to instability; with a limit of the cost,
+        also the limit and the verdict on the cost
+      - disk_margin, disk_margin_exact: of K, and of another exact gain
       - discount, dt: discount factor of a step; sampling time of a sampled plant, s
       - box: box of states in which V and the policies are compared
       - network: of a critic that is not quadratic, its outputs, V(0), the largest errors found in
@@ -81,7 +84,7 @@ class Verdict(Checked, Result, Reported):
     box: Box
     flights: int | None = None
     searched: int = 0
-    sections: tuple[Section, ...] = ()
+    sections: tuple[Section | LinearLoop, ...] = ()
     nonlinear: NonlinearComparison | None = None
     excess: Excess | None = None
 

@@ -29,7 +29,7 @@ from hfa_support.reporting.parts import Part
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import LIMIT, critic_errors, is_gain_right
-from verification.linear_checks import linear_loop, value_check
+from verification.linear_checks import LinearLoop, linear_loop, value_check
 from verification.plant import nonlinear_plant
 from verification.verdict import Section, Verdict, explained
 
@@ -129,7 +129,10 @@ def verify(
     checks = [*errors, *loop.checks]
     if judged.P is not None and judged.is_finite:
         checks.append(value_check(exact, judged.P, widths, limit))
-    sections = [Section((f"Box of states: {in_box.about}",), {"box": in_box}), loop.section]
+    sections: list[Section | LinearLoop] = [
+        Section((f"Box of states: {in_box.about}",), {"box": in_box}),
+        loop,
+    ]
     if findings is not None:
         errors = [*errors, *findings.errors]
         checks += findings.checks
