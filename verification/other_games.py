@@ -22,8 +22,10 @@ _GRID = np.linspace(-3.0, 3.0, 37) * math.log(10.0)
 MOST_STATES = 16
 #: Accuracy of the logarithm of the number, with which P and K are right within the usual limit.
 _ACCURACY = 1e-9
-#: Largest number of steps; they converge quadratically. Change of the logarithm that gives slopes.
+#: Largest number of steps, which converge quadratically; parts of a step that are tried; change of
+#: the logarithm that gives slopes.
 _STEPS = 20
+_PARTS = (1.0, 0.5, 0.25, 0.125)
 _DIFFERENCE = 1e-6
 
 
@@ -176,11 +178,14 @@ def _nearest(family: Family, of: str, given: np.ndarray, sizes: np.ndarray) -> O
         with np.errstate(all="ignore"):  # a slope of inf or 0 ends the search
             slope = (errors_at(place + _DIFFERENCE) - now) / _DIFFERENCE
             step = np.clip(-np.vdot(slope, now) / np.vdot(slope, slope), -most, most)
-        while size(after := errors_at(place + step)) >= size(now) and abs(step) > _ACCURACY:
-            step /= 2.0
         if not abs(step) > _ACCURACY:
             break
-        place, now = place + step, after
+        for part in _PARTS:
+            if size(after := errors_at(place + part * step)) < size(now):
+                break
+        else:
+            break
+        place, now = place + part * step, after
     with suppress(NoSolutionError, BadInputError):
         nearest = getattr(solve(game_at(place)), of)
         return OtherGame(family.says(family.middle * math.exp(place)), nearest)
