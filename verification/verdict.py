@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, storable, without_empty
 from verification.box import Box
 from verification.nonlinear_game import GRADES, NonlinearComparison
-
-if TYPE_CHECKING:
-    from verification.linear_checks import LinearLoop
 
 #: Cost above the optimum, percent, with which the cost is the same double as the optimum.
 OPTIMAL = 100.0 * SAME_DOUBLE
@@ -62,7 +59,7 @@ class Verdict(Checked, Result, Reported):
         computed without simulations.
     searched: number of states at which errors in the box were searched for, or 0 if the errors are
         bounds.
-    sections: further findings.
+    sections: further findings, each with the `part` and the `data` of a `Section`.
     nonlinear: comparison of a critic that is not quadratic with the nonlinear game, or None.
     excess: enclosed cost of a quadratic critic above the optimum, or None.
 
@@ -84,7 +81,7 @@ class Verdict(Checked, Result, Reported):
     box: Box
     flights: int | None = None
     searched: int = 0
-    sections: tuple[Section | LinearLoop, ...] = ()
+    sections: tuple[Any, ...] = ()
     nonlinear: NonlinearComparison | None = None
     excess: Excess | None = None
 
