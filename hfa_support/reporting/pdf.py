@@ -21,6 +21,7 @@ from reportlab.platypus import (
     Spacer,
     Table as Grid,
 )
+from reportlab.platypus.tableofcontents import TableOfContents
 
 from hfa_support.errors import printable
 from hfa_support.files import written_whole
@@ -61,10 +62,11 @@ def write_pdf(report: Contents, path: Path) -> None:
     """
     register_fonts()
     stream = io.BytesIO()
-    document = BaseDocTemplate(
+    document = _Document(
         stream,
         pageTemplates=[*map(_page_template, _PAGES)],
         title=printable(report.title.partition("\n")[0]),
+        author=printable(report.head.get("document", "")),
         creator="hfa",
         invariant=True,  # equal results give equal files
     )
@@ -72,10 +74,22 @@ def write_pdf(report: Contents, path: Path) -> None:
 
     class Numbered(_NumberedPages):
         footer = printable(", ".join(filter(None, names)))
+        issued = report.head.get("issued", "")
 
-    document.build([*_story(report, 0)], canvasmaker=Numbered)
+    build = document.multiBuild if report.is_book else document.build  # twice for page numbers
+    build([*_story(report, 0)], canvasmaker=Numbered)
     with written_whole(path) as file:
         file.write(stream.getvalue())
+
+
+class _Document(BaseDocTemplate):
+    """Document whose contents have the page of each report."""
+
+    def afterFlowable(self, flowable: Flowable) -> None:
+        """Add a nested report to the contents, without what follows its name."""
+        if isinstance(flowable, _Entry) and flowable.level:
+            name = flowable.title.partition(": ")[0]
+            self.notify("TOCEntry", (0, name, self.page, flowable.anchor or None))
 
 
 def _page_template(name: str) -> PageTemplate:
@@ -94,9 +108,13 @@ class _NumberedPages(Canvas):
     """Canvas that keeps its pages until it can number them, "3 of 14"."""
 
     footer = ""
+    issued = ""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
+        if self.issued:  # the date of the document, "2026-11-30", in place of that of ReportLab
+            day = *map(int, self.issued.split("-")), 0, 0, 0
+            self._doc._timeStamp.YMDhms = day
         self.pages: list[dict[str, Any]] = []
 
     def showPage(self) -> None:
@@ -213,6 +231,11 @@ def _book(
         yield Grid(signed, [_LABEL, *[columns] * len(BLANKS)], heights, style=bold)
         yield Spacer(0.0, 12.0)
     yield from _small(notes)
+    if head:
+        style = paragraph("").style
+        contents = TableOfContents(dotsMinLevel=0, levelStyles=[style])
+        yield Spacer(0.0, 12.0)
+        yield contents
     if parts:
         yield NextPageTemplate("landscape")
         if head:

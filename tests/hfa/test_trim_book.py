@@ -55,7 +55,9 @@ def test_the_cover_says_what_the_book_is_of(pages):
         "aircraftAerosonde(derivatives)",
         "uav.toml(SHA-256",
         "book.csv(SHA-256",
-        "mass13.5kgasloadedissued2023-11-14",
+        "mass13.5kgasloadedairplaneclassI(",
+        "flightphasecategoryBatmosphereU.S.Standard1976",
+        "stalled1stalldoubted2plantednotrim3tooslowissued2023-11-14",
         "1of4conditionsaretrimmed,1stalled,1doubted,1withoutatrim",
         "authorcheckedapproved",
         "signature",
@@ -64,11 +66,14 @@ def test_the_cover_says_what_the_book_is_of(pages):
 
 
 def test_the_matrix_has_all_conditions_and_what_is_said_of_them(pages):
-    """Rows have the used share of the travel, and the reason of a stall, doubt or failure."""
+    """Rows have the used share of the travel, numbers with the decimals of their column, what some
+    condition sets, and the reason of a stall, doubt or failure.
+    """
     matrix = pages[1]
     for number, name in enumerate(("stall", "planted", "tooslow", "climb"), start=1):
         assert f"{number}{name}" in matrix
-    assert "60(100%)" in matrix
+    for text in ("60.00(100%)", "18.85(31%)", "Ixz[kgm^2]", "1.1900"):
+        assert text in matrix
     for said in ("stalled", "STALLED:CL", "principalmoment", "giveavaluebetween", "notrim"):
         assert said in matrix
 

@@ -67,6 +67,9 @@ def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(file, variable, v
     assert [float(cells.pop(each)) for each in imposed] == [value]
     assert [records.pop(each, value) for each in imposed] == [value]
     del cells["about"]
+    named = point.sheet["worst level"].note
+    assert cells.pop("qualities of the worst level") == named
+    assert records.pop("qualities of the worst level") == named
     for row in point.sheet:
         entry = data.pop(row.name)
         stored = complex(*entry["value"]) if isinstance(row.value, complex) else entry["value"]

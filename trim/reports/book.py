@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import cycle
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
@@ -22,7 +22,6 @@ from hfa_support.reporting.text import (
     shown_values,
     with_shown_unit,
 )
-from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import RESULTS, TRIMMED
 from trim.reports.configuration import PARAMETER_OF_ENTRY, Quantity, configuration_of
@@ -83,14 +82,23 @@ def book_of(
     conditions = [_numbered(number, count, each) for number, each in enumerate(conditions, start=1)]
     sheets = [each.report for each in conditions if each.point is not None]
     name = subject(model)
+    loaded = [
+        {} if each.point is None else configuration_of(Trimmed(each.point)) for each in conditions
+    ]
     drawn = partial(matrix_figure, conditions)
     figure = Picture("conditions.png", f"{name} at {count} conditions", drawn)
     has_curves = bool(_panels(conditions))
     return replace(
         overview,
         title=f"{name}, {count} conditions\n{overview.title}",
-        parts=[_matrix(conditions), *([figure] if has_curves else []), *sheets],
-        head={"aircraft": name, **head, **_loading(conditions)},
+        parts=[_matrix(conditions, loaded), *([figure] if has_curves else []), *sheets],
+        head={
+            "aircraft": name,
+            **head,
+            **_loading(conditions, loaded),
+            **_standards(conditions, model),
+            **_not_trimmed(conditions),
+        },
     )
 
 
@@ -106,18 +114,20 @@ def _numbered(number: int, count: int, condition: Condition) -> Condition:
 # The cover
 
 
-def _loading(conditions: Sequence[Condition]) -> dict[str, str]:
+def _loading(
+    conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]]
+) -> dict[str, str]:
     """Return label -> text of the mass and the center of gravity: as the aircraft was loaded, and
     over the conditions.
+
+    loaded: configuration of each condition, {} without a trim
     """
-    points = [condition.point for condition in conditions if condition.point is not None]
-    configurations = [configuration_of(Trimmed(point)) for point in points]
     texts = {}
     for name, label in _LOADED.items():
         known = [
-            (point, configuration[name])
-            for point, configuration in zip(points, configurations, strict=True)
-            if name in configuration
+            (condition.point, configuration[name])
+            for condition, configuration in zip(conditions, loaded, strict=True)
+            if condition.point is not None and name in configuration
         ]
         if known:
             texts[label] = _loading_text(name, known)
@@ -157,7 +167,63 @@ def _as_loaded(point: OperatingPoint, name: str, value: float) -> float | None:
     return value if parameter in point.model.parameters or not changed else None
 
 
+def _standards(conditions: Sequence[Condition], model: Model) -> dict[str, str]:
+    """Return label -> text of the class and category of the levels, and of the atmosphere."""
+    texts: dict[str, dict[str, None]] = {}  # label -> texts, each once
+    for row in (row for condition in conditions for row in condition.report.sheet):
+        if row.name in ("airplane class", "flight phase category"):
+            note = f" ({row.note})" if row.note else ""
+            texts.setdefault(row.name, {})[f"{row.value}{note}"] = None
+    atmosphere = {"atmosphere": model.about.atmosphere} if model.about.atmosphere else {}
+    return {label: "; ".join(each) for label, each in texts.items()} | atmosphere
+
+
+def _not_trimmed(conditions: Sequence[Condition]) -> dict[str, str]:
+    """Return result -> conditions with this result, of those that are not plainly trimmed."""
+    named: dict[str, list[str]] = {}
+    for number, each in enumerate(conditions, start=1):
+        if each.result != TRIMMED:
+            named.setdefault(each.result, []).append(f"{number} {each.name}".rstrip())
+    return {result: ", ".join(names) for result, names in named.items()}
+
+
 # The matrix
+
+
+class _Number(NamedTuple):
+    """Number of a cell, which is printed with the same decimals as the others of its column.
+
+    value: number, in `unit`
+    share: used share of the travel, percent, or nan
+    tone: color of the cell, a key of `TONES`, or ""
+    count: significant digits of the largest number of the column
+    """
+
+    value: float
+    unit: str
+    share: float = math.nan
+    tone: str = ""
+    count: int = 4
+
+
+def _column(cells: Sequence[Any]) -> list[str]:
+    """Return the cells of a column, numbers with the same decimals."""
+    numbers = [cell for cell in cells if isinstance(cell, _Number)]
+    shown = [float(shown_values(number.value, number.unit)) for number in numbers]
+    largest = max(map(abs, shown), default=0.0)
+    before_point = math.floor(math.log10(largest)) + 1 if largest else 0
+    decimals = max(0, numbers[0].count - before_point) if largest else 0
+    while decimals and all(round(each, decimals) == round(each, decimals - 1) for each in shown):
+        decimals -= 1  # no zeros at the end of all
+    texts = iter([f"{each:z.{decimals}f}" for each in shown])
+    found = []
+    for cell in cells:
+        text = next(texts) if isinstance(cell, _Number) else cell
+        if isinstance(cell, _Number):
+            is_used = math.isfinite(cell.share) and float(text) != 0.0
+            text = Cell(f"{text} ({cell.share:.0f} %)" if is_used else text, cell.tone)
+        found.append(text)
+    return found
 
 
 def _used_controls(conditions: Sequence[Condition]) -> list[str]:
@@ -174,21 +240,69 @@ def _used_controls(conditions: Sequence[Condition]) -> list[str]:
     return [*filter(is_used, points[0].model.inputs)]
 
 
-def _matrix(conditions: Sequence[Condition]) -> tuple[Table | str, ...]:
-    """Return the table of conditions, with sentences on those that are not plainly trimmed."""
+def _matrix(
+    conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]]
+) -> tuple[Table | str, ...]:
+    """Return the table of conditions, with sentences on those that are not plainly trimmed.
+
+    loaded: configuration of each condition, {} without a trim
+    """
     controls = _used_controls(conditions)
-    entries = []
+    set_names = _configuration_names(conditions, loaded)
+    entries: list[dict[str, Any]] = []
     notes = []
     for number, condition in enumerate(conditions, start=1):
         called = f"{number} {condition.name}".rstrip()
-        entries.append({**_name_cells(condition, called), **_figure_cells(condition, controls)})
+        entries.append(
+            {
+                **_name_cells(condition, called),
+                **_configuration_cells(condition.point, loaded[number - 1], set_names),
+                **_figure_cells(condition, controls),
+            }
+        )
         values = {row.name: str(row.value) for row in condition.report.sheet}
         sentences = [values[name] for name in _SAID if name in values]
         if sentences:
             notes.append(f"{called}: {'; '.join(sentences)}")
     header = tuple(dict.fromkeys(name for entry in entries for name in entry))
-    table = Table(header, [tuple(entry.get(name, "") for name in header) for entry in entries])
-    return table, *notes
+    columns = [_column([entry.get(name, "") for entry in entries]) for name in header]
+    return Table(header, [*zip(*columns, strict=True)]), *notes
+
+
+def _configuration_names(
+    conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]]
+) -> list[str]:
+    """Return mass, center of gravity, flap, gear and parameters that a condition sets, or that are
+    not the same in all conditions.
+    """
+    points = [condition.point for condition in conditions if condition.point is not None]
+    changed = {name for point in points for name in point.model.changed}
+    names = []
+    for name in (*_LOADED, "flap", "gear"):
+        values = {configuration[name] for configuration in loaded if name in configuration}
+        parameter = PARAMETER_OF_ENTRY.get(name, name)
+        if values and (len(values) > 1 or parameter in changed):
+            names.append(name)
+        changed.discard(parameter)
+    order = [*points[0].model.parameters] if points else []
+    return [*names, *sorted(changed, key=order.index)]
+
+
+def _configuration_cells(
+    point: OperatingPoint | None, configuration: Mapping[str, Quantity], names: Sequence[str]
+) -> dict[str, Any]:
+    """Return the cells with the configuration of a condition, by heading."""
+    if point is None:
+        return {}
+    cells: dict[str, Any] = {}
+    for name in names:
+        if name in configuration:
+            value, unit = configuration[name]
+        else:
+            value, unit = point.model.parameters[name].start, point.model.unit(name)
+        heading = with_shown_unit(_LOADED.get(name, name), unit)
+        cells[heading] = value if isinstance(value, str) else _Number(value, unit, count=5)
+    return cells
 
 
 def _name_cells(condition: Condition, called: str) -> dict[str, str]:
@@ -203,34 +317,31 @@ def _name_cells(condition: Condition, called: str) -> dict[str, str]:
     }
 
 
-def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, str]:
+def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, Any]:
     """Return the cells with alpha, the controls, and key figures of a trim, by heading."""
     point = condition.point
     if point is None:
         return {}
-    cells: dict[str, str] = {}
+    cells: dict[str, Any] = {}
     alpha = Trimmed(point).roles.get("alpha")
     if alpha:
         margin = point.margins[alpha]
-        cells[with_shown_unit(alpha, margin.unit)] = Cell(short_number(margin.value, margin.unit))
+        cells[with_shown_unit(alpha, margin.unit)] = _Number(margin.value, margin.unit)
     for name in controls:
         margin = point.margins[name]
-        cells[with_shown_unit(name, margin.unit)] = _control_cell(margin)
+        cells[with_shown_unit(name, margin.unit)] = _Number(
+            margin.value, margin.unit, 100.0 * margin.used, "bad" if margin.at_limit else ""
+        )
     rows = {row.name: row for row in condition.report.sheet}
     for heading, name in _KEY_FIGURES.items():
         if name in rows:
-            _name, value, unit, _note = rows[name].cells()
-            tone = "bad" if name == "worst level" and value != "1" else ""
-            cells[f"{heading} [{unit}]" if unit else heading] = Cell(value, tone)
+            row = rows[name]
+            if name == "worst level":
+                tone = "bad" if row.value != 1 else ""
+                cells[heading] = Cell(f"{row.value} {row.note}".rstrip(), tone)
+            else:
+                cells[with_shown_unit(heading, row.unit)] = _Number(row.value, row.unit)
     return cells
-
-
-def _control_cell(margin: Margin) -> Cell:
-    """Return the value of a control with the used share of its travel: "-1.37 (5 %)"."""
-    text = short_number(margin.value, margin.unit)
-    if math.isfinite(margin.used) and text != "0":
-        text = f"{text} ({100.0 * margin.used:.0f} %)"
-    return Cell(text, "bad" if margin.at_limit else "")
 
 
 # The figure

@@ -40,8 +40,9 @@ def matrix(asked: Sequence[Mapping[str, Any]], sheets: Sequence[Sheet]) -> Table
     headings = [*dict.fromkeys(heading for cells in asked for heading in cells)]
     last = [each for each in (FREE, LIMIT) if each in headings]
     headings = [each for each in headings if each not in last] + last
+    worst = [{row.name: row.note for row in sheet}.get("worst level", "") for sheet in sheets]
     rows = [
-        (*(cells.get(heading, "") for heading in headings), result_of(sheet), *row)
-        for cells, sheet, row in zip(asked, sheets, found.rows, strict=True)
+        (*(cells.get(heading, "") for heading in headings), result_of(sheet), *row, qualities)
+        for cells, sheet, row, qualities in zip(asked, sheets, found.rows, worst, strict=True)
     ]
-    return Table((*headings, RESULTS, *found.header), rows)
+    return Table((*headings, RESULTS, *found.header, "qualities of the worst level"), rows)

@@ -87,13 +87,15 @@ def book(count):
 def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path):
     """A page of the matrix has one header and at least three rows, each sheet a page of its own.
 
-    The cover has lines to sign, and the pages of sheets have the document.
+    The cover has lines to sign and the pages of the sheets, which have the document.
     """
     texts = pages(book(count), tmp_path)
     assert not lost(book(count), "".join(texts))
     sheets = min(count, 2)
     assert "signature" in texts[0]
-    assert "condition0" not in texts[0]
+    for index in range(sheets):  # the contents
+        page = len(texts) - sheets + index + 1
+        assert f".{page}condition{index}" in texts[0]
     for index, text in enumerate(texts[-sheets:]):
         assert f"condition{index}:level" in text
         assert "12,B" in text
