@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 import hfa
 from hfa import Model, Signal
+from hfa_support.reporting.text import percent
 
 #: No search for a proof, and few flights.
 QUICK = 3
@@ -102,6 +103,7 @@ def test_a_policy_that_is_right_at_the_trim_only_is_flown():
     right, exact_policy = judged(expansion, game, linear, ca.vertcat(0.0, 0.0), z)
     flown = right.nonlinear.flown
     assert right.ok
+    assert "flights cost at most 0 % more than by the exact policy" in " ".join(str(right).split())
     a, b = flown.half_widths
     for size, lost in ((-1.0, False), (1.0, True)):
         change = ca.vertcat(size * (z[0] / a) ** 9, size * (z[1] / b) ** 9)
@@ -114,6 +116,8 @@ def test_a_policy_that_is_right_at_the_trim_only_is_flown():
             costs = [flight_cost(game, each, flown.worst) for each in (policy, exact_policy)]
             assert flown.excess == pytest.approx(costs[0] / costs[1] - 1.0, rel=1e-2)
             assert flown.excess > 0.05
+            text = " ".join(str(verdict).split())
+            assert f"8 flights cost at most {percent(100.0 * flown.excess, up=True)} more" in text
 
 
 def flight_cost(game, policy, start):

@@ -132,9 +132,16 @@ def test_a_planted_mistake_fails_and_is_named(make, exact, plant, words):
     ],
 )
 def test_another_mistake_fails_without_a_reason(critic):
-    """Another root, the value of another plant, and zeros fail, and no reason is given."""
+    """Another root, the value of another plant, and zeros fail, and no reason is given.
+
+    The report says what to compare, as that on an exact critic and on a named mistake does not.
+    """
     verdict = verify(TWO_INPUTS, critic(TWO_INPUTS))
     assert (verdict.ok, verdict.reason) == (False, "")
+    assert "Compare signs, units and order" in str(verdict)
+    for factor in (1.0, 2.0):
+        explained = verify(TWO_INPUTS, from_gain(TWO_INPUTS, factor * gain(TWO_INPUTS)))
+        assert "Compare signs" not in str(explained)
 
 
 SAMPLED = TWO_INPUTS.sampled(0.02, 0.99)
