@@ -36,7 +36,6 @@ REFUSED = {
     "track": lambda: hfa.track(LINEAR, EXACT, {"x1": 1.0}),
     "expand": lambda: hfa.expand(LINEAR, EXACT, 3),
     "Expansion": lambda: hfa.expand(LINEAR, EXACT, 3),
-    "record": lambda: controller.record(GAME, np.eye(2)),
     "random_pool": lambda: controller.random_pool(GAME, 9, 0),
 }
 pytestmark = pytest.mark.usefixtures("folder")

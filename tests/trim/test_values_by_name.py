@@ -60,9 +60,7 @@ def test_a_sweep_is_a_sequence_of_linear_models():
 
 
 def test_results_become_tables_of_pandas():
-    """Trims, solutions and verdicts are converted to pandas tables, not a game, which has none. A
-    verdict can be plotted.
-    """
+    """Trims, games, solutions and verdicts are converted to pandas tables. A verdict can be plotted."""
     linear = _linear()
     frame = linear.point.to_pandas()
     assert frame.loc[0, "alpha [deg]"] == pytest.approx(
@@ -72,8 +70,8 @@ def test_results_become_tables_of_pandas():
     solution = hfa.solve(game)
     verdict = hfa.verify(game, hfa.from_value(game, solution.P))
     entries = 6 * 6 + 5 * 6  # of P and K
-    with pytest.raises(hfa.BadInputError, match="Game has no table"):
-        game.to_pandas()
+    table = game.to_pandas().set_index(["matrix", "row", "column"])["value"]
+    assert table["A", "alpha", "pitch_rate"] == game.A[1, 3]
     assert len(solution.to_pandas()) == len(verdict.to_pandas()) == entries
     assert {"P learned", "P exact"} <= {axes.get_title() for axes in verdict.plot()}
     pyplot.close("all")
