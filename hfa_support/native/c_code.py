@@ -156,5 +156,7 @@ def _call(callee: str, operands: Sequence[str], targets: Sequence[int], real: st
     """
     values = ", ".join(operands)
     count = len(targets)
-    stores = " ".join(f"w{each} = y[{place}];" for place, each in enumerate(targets) if each >= 0)
-    return f"{{ const {real} x[] = {{{values}}}; {real} y[{count}]; {callee}(x, y); {stores} }}"
+    stores = " ".join(f"w{each} = out[{place}];" for place, each in enumerate(targets) if each >= 0)
+    return (
+        f"{{ const {real} in[] = {{{values}}}; {real} out[{count}]; {callee}(in, out); {stores} }}"
+    )

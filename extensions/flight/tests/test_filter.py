@@ -82,12 +82,17 @@ def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
     A[:6, 7:] = np.outer(columns[1], across)
     A[6, 6] = -1.0 / seconds
     A[7:, 7:] = [[0.0, 1.0], [-1.0 / seconds**2, -2.0 / seconds]]
-    driven = np.diag([*(np.array(list(found.drift.values())) ** 2), 1.0, 0.0, 1.0])
+    drift = np.diag([*(np.array(list(found.drift.values())) ** 2), 0.0, 0.0, 0.0])
+    air = np.diag([0.0] * 6 + [1.0, 0.0, 1.0])
     times = np.linspace(0.0, dt, 201)
-    parts = np.array([expm(A * t) @ driven @ expm(A * t).T for t in times])
     weights = np.ones(201)
     weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
-    Q = np.einsum("t,tij->ij", weights, parts) * dt / 600.0
+    of_drift, of_air = (
+        np.einsum("t,tij->ij", weights, [expm(A * t) @ driven @ expm(A * t).T for t in times])
+        for driven in (drift, air)
+    )
+    of_air[:6], of_air[:, :6] = 0.0, 0.0  # winds are held in a sample
+    Q = (of_drift + of_air) * dt / 600.0
     Phi, R = expm(A * dt), np.diag(np.array(list(NOISE.values())) ** 2)
     P = np.zeros((9, 9))
     for _ in range(4000):
@@ -157,76 +162,111 @@ def test_flights_are_those_of_the_linear_covariance(point, gain, linear):
 
 
 class Recursion:
-    """Own filter: the used values one after the other, covariances by Joseph's form. G without
-    samples of no value gives the gains, each at most as in the stationary filter; P is the gate.
+    """Own extended filter: the used values one after the other, covariances by Joseph's form. G goes
+    on as if values were used in samples without one, and gives the gains; P is the gate. It begins in
+    air of which the turbulence is known, and commands fade in over a second.
     """
 
     def __init__(self, known):
-        self.known, self.x = known, np.zeros(len(known.Phi))
-        self.P, self.G, self.largest = known.P, known.P, []
-        P, R = known.P, np.diag(known.R)
-        for c, r in zip(known.C, R, strict=True):
-            L = P @ c / (c @ P @ c + r)
-            self.largest.append(c @ L)
-            P = self.after(P, L, c, r)
-        self.trim = np.array([known.point[name] for name in known.sensors])
-        self.in_a_row = self.samples = self.left_out = 0
-        self.last = np.full(len(known.sensors), np.nan)
+        self.known, self.x, self.P, self.G = known, np.zeros(9), known.P, known.P
+        self.share = self.in_a_row = self.samples = self.left_out = 0
+        self.last, self.trim = (
+            np.full(6, np.nan),
+            known.point.x[known.point.model.state_places(known.states)],
+        )
         self.is_doubtful = True
+        A, N = known.Phi[6:, 6:], known.air[6:, 6:]
+        self.climate = solve_discrete_lyapunov(A, N)
+        model = known.point.model
+        X, u, w = (ca.SX.sym("x", size) for size in (7, 5, 2))
+        names = [
+            known.winds.index(name) if name in known.winds else None for name in model.disturbances
+        ]
+        winds = [0.0 if place is None else w[place] for place in names]
+        vectors = [ca.vertsplit(each) for each in (X, u, ca.SX(ca.DM(model.p)))]
+        rates = model.layout.expressions(vectors, (), winds)[0]
+        self.rates = ca.Function("rates", [X, u, w], [rates])
+        slopes = [ca.jacobian(rates, X), ca.jacobian(rates, w)]
+        self.slopes = ca.Function("slopes", [X, u, w], slopes)
 
     @staticmethod
     def after(P, L, c, r):
         kept = np.eye(len(P)) - np.outer(L, c)
         return kept @ P @ kept.T + r * np.outer(L, L)
 
-    def seen(self, y):
-        """Return y with the speed without what the predicted updraft adds to it."""
-        V, alpha, pitch = (y + self.trim)[:3]
-        winds = self.known.W @ self.x[len(self.known.states) :]
-        winds = np.clip(winds, -self.known.strongest, self.known.strongest)
-        of = dict(zip(self.known.winds, winds, strict=True))
-        path, w = pitch - alpha, of.get("updraft", 0.0)
-        return np.append(np.hypot(V * np.cos(path), V * np.sin(path) - w) - self.trim[0], y[1:])
+    def winds(self):
+        return np.clip(self.known.W @ self.x[6:], -self.known.strongest, self.known.strongest)
+
+    def seen(self):
+        """Return what a policy sees: the speed along the horizontal path, and alpha in the air."""
+        V, alpha, pitch = (self.x[:6] + self.trim)[:3]
+        headwind, updraft = self.winds()
+        forward, up = V * np.cos(pitch - alpha), V * np.sin(pitch - alpha)
+        in_air = pitch - np.arctan2(up - updraft, forward + headwind)
+        return np.hstack([forward - self.trim[0], in_air - self.trim[1], self.x[2:6]])
+
+    def predict(self, u):
+        """Move the estimate by a sample, one Runge-Kutta step with winds that stay."""
+        known, rows, w = self.known, [0, 1, 3, 4, 5, 6], self.winds()
+        X, U = known.point.x, known.point.u + u
+        X[rows] += self.x[:6]
+        A_x, A_w = (each.full() for each in self.slopes(X, U, w))
+        A_w = A_w * (np.abs(w) < known.strongest)
+        A = np.zeros((9, 9))
+        A[:6, :6], A[:6, 6:], A[6:, 6:] = (
+            A_x[np.ix_(rows, rows)],
+            A_w[rows] @ known.W,
+            known.A[6:, 6:],
+        )
+
+        def rate(X):
+            return self.rates(X, U, w).full().ravel()
+
+        k1 = rate(X)
+        k2 = rate(X + 0.005 * k1)
+        k3 = rate(X + 0.005 * k2)
+        X = X + 0.01 / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(X + 0.01 * k3))
+        Phi = expm(0.01 * A)
+        self.x = np.append((X - known.point.x)[rows], Phi[6:, 6:] @ self.x[6:])
+        self.P, self.G = (Phi @ each @ Phi.T + known.Q for each in (self.P, self.G))
 
     def __call__(self, y, u_of):
         C, R = self.known.C, self.known.R
-        y = y - self.trim
-        away = np.abs(y - C @ self.x)
+        away = np.abs(y - self.trim - C @ self.x)
         finite = np.isfinite(y) & (y != self.last)
         self.last = np.where(np.isfinite(y), y, self.last)
-        used = finite & (away <= 8.0 * np.sqrt(np.diag(C @ self.P @ C.T + R)))
-        seen = self.seen(y) if used[:3].all() else y
+        size = 8.0 if self.samples else 4.0
+        used = finite & (away <= size * np.sqrt(np.diag(C @ self.P @ C.T + R)))
         impossible = finite & ~used
         if impossible.any():
             self.in_a_row += 1
         elif finite.any():
             self.in_a_row = 0
         most = self.in_a_row >= 10 and 2 * impossible.sum() > finite.sum()
-        gains = []
-        for j, (c, r) in enumerate(zip(C, np.diag(R), strict=True)):
-            L = self.G @ c / (c @ self.G @ c + r)
-            gains.append(L * min(1.0, self.largest[j] / (c @ L)))
-            if used[j] or not used.any():
-                self.G = self.after(self.G, gains[j], c, r)
         begins = impossible.any() and (self.is_doubtful or most)
         self.is_doubtful = not self.samples and impossible.any()
         if begins:
-            self.in_a_row, rows = 0, np.flatnonzero(C[finite].any(axis=0))
-            self.x, self.P = self.x.copy(), self.P.copy()
-            self.x[rows] = seen[finite]
+            self.in_a_row, self.share = 0, 0.0
+            self.x, self.P = np.append(self.x[:6], np.zeros(3)), self.P.copy()
+            self.x[:6][finite] = (y - self.trim)[finite]
+            rows = [*np.flatnonzero(finite), 6, 7, 8]
             self.P[rows], self.P[:, rows] = 0.0, 0.0
-            self.P[rows, rows] = np.diag(R)[finite]
+            self.P[:6, :6][finite, finite] = np.diag(R)[finite]
+            self.P[6:, 6:] = self.climate
+            self.G = self.P
         else:
+            self.share = min(self.share + 0.01, 1.0) if self.samples else 1.0
             self.left_out += not used.all()
-            for j in np.flatnonzero(used):
-                self.x = self.x + gains[j] * (seen[j] - C[j] @ self.x)
-                self.P = self.after(self.P, gains[j], C[j], R[j, j])
+            for j in range(6):
+                L = self.G @ C[j] / (C[j] @ self.G @ C[j] + R[j, j])
+                if used[j] or not used.any():
+                    self.G = self.after(self.G, L, C[j], R[j, j])
+                if used[j]:
+                    self.x = self.x + L * (y[j] - self.trim[j] - C[j] @ self.x)
+                    self.P = self.after(self.P, L, C[j], R[j, j])
         self.samples += 1
-        u = u_of(self.x)
-        self.x = self.known.Phi @ self.x + self.known.Gamma @ u
-        self.P, self.G = (
-            self.known.Phi @ each @ self.known.Phi.T + self.known.Q for each in (self.P, self.G)
-        )
+        u = u_of(self.seen(), self.share)
+        self.predict(u)
         return u
 
 
@@ -250,27 +290,43 @@ def samples_of(known, random):
 
 
 def test_a_filter_uses_the_values_that_a_sample_has(point, known, gain):
-    """Gain and gate follow missing and impossible values as in an own recursion; it begins anew at
-    the first sample and where most values are impossible. The speed is seen without the updraft.
+    """Gain and gate follow missing, frozen and impossible values as in an own recursion; it begins at
+    the first sample and where most values are impossible, and commands are then faded in. The gain
+    sees the speed along the path and alpha in the air.
     """
     limits = [(signal.min, signal.max) for signal in point.model.inputs.values()]
     lowest, highest = np.array(limits).T - point.u
 
-    def command(x):
-        return np.clip(-gain @ x[:6], lowest, highest)
+    def command(seen, share):
+        return np.clip(-share * gain @ seen, lowest, highest)
 
     policy, own = known.policy(gain), Recursion(known)
     for number, y in enumerate(samples_of(known, np.random.default_rng(2))):
         U = policy(0.01 * number, y)
-        np.testing.assert_allclose(U - point.u, own(y, command), rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(U - point.u, own(y, command), rtol=1e-4, atol=1e-5)
         estimate = [policy.estimate[name] - point[name] for name in known.states]
-        np.testing.assert_allclose(estimate, own.x[:6], rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(estimate, own.x[:6], rtol=1e-4, atol=1e-5)
     assert policy.unused == own.left_out > 50
 
 
+def test_commands_fade_in_only_where_the_beginning_is_unknown(point, known, gain):
+    """A flight begins at known states: at .05 rad of pitch its first command is far from the trim.
+    After a reset, the first command at this value is that of the trim, and a later one is not.
+    """
+    start = np.zeros(7)
+    start[list(point.model.states).index("pitch")] = 0.05
+    policy, scenario = known.policy(gain).in_scenario(Scenario(0.02, initial=start))
+    flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
+    assert np.abs(flight.inputs[0] - point.u).max() > 0.3
+    policy.reset()
+    first, *_, last = (policy(0.0, {"pitch": point["pitch"] + 0.05 + 1e-9 * n}) for n in range(9))
+    np.testing.assert_array_equal(first, point.u)
+    assert 0.01 < np.abs(last - point.u).max() < 0.1
+
+
 def test_an_estimate_returns_after_minutes_without_a_sample():
-    """After 300 s without a measurement, the estimate of an unstable pendulum is finite. With
-    measurements of the trim, it converges to the trim.
+    """After 300 s without a measurement, the estimate of an unstable pendulum is that it hangs. With
+    measurements that show otherwise, it begins at these.
     """
     model = hfa.load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     linear = hfa.trim(model).linearize()
@@ -279,11 +335,11 @@ def test_an_estimate_returns_after_minutes_without_a_sample():
     policy(0.0, [0.01, 0.0])
     for _ in range(3000):
         policy(0.0, [np.nan, np.nan])
-    assert 0.1 < abs(policy.estimate["angle"]) < np.inf
-    for sample in range(1, 51):
-        policy(0.0, [1e-9 * sample, 1e-9 * sample])  # a value that repeats is frozen
-    assert policy.unused == 3000
-    assert policy.estimate["angle"] == pytest.approx(0.0, abs=1e-3)
+    assert policy.estimate["angle"] == pytest.approx(np.pi, abs=1e-6)
+    for sample in range(10):
+        policy(0.0, [1e-9 * sample, 0.1 + 1e-9 * sample])  # a value that repeats is frozen
+    assert policy.unused == 3009
+    assert policy.estimate["angle"] == pytest.approx(0.01, abs=0.002)
 
 
 def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
@@ -292,9 +348,9 @@ def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
     """
     policy = known.policy(gain)
     y = np.array([point[name] for name in known.sensors])
-    U = policy(0.0, dict(zip(known.sensors, y + innovations_of(known), strict=True)))
-    x = known.L @ innovations_of(known)
-    np.testing.assert_allclose(U, point.u - gain @ x[:6], rtol=1e-12)
+    small = 1e-4 * innovations_of(known)
+    U = policy(0.0, dict(zip(known.sensors, y + small, strict=True)))
+    np.testing.assert_allclose(U, point.u - gain @ known.sight @ known.L @ small, rtol=1e-6)
     others = copy.copy(policy), pickle.loads(pickle.dumps(policy))
     kept = policy.estimate
     later = [other(0.01, y) for other in others]
@@ -308,7 +364,7 @@ def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
     elevator = list(point.model.inputs).index("elevator_center")
     assert limits.min <= strong[elevator] <= limits.max
     critic = known.policy(hfa.from_gain(hfa.paper.published_game(linear), gain))
-    np.testing.assert_allclose(critic(0.0, y + innovations_of(known)), U)
+    np.testing.assert_allclose(critic(0.0, y + small), U)
 
 
 @pytest.mark.parametrize(("delay", "samples"), [(0.03, 4), (0.025, 3)])
@@ -320,19 +376,20 @@ def test_a_delay_is_known_to_the_filter(point, linear, gain, delay, samples):
     late, _ = known.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=delay))
     late.reset()
     y = np.array([point[name] for name in known.sensors])
-    U = late(0.0, y + innovations_of(known))
+    small = 1e-4 * innovations_of(known)
+    U = late(0.0, y + small)
     for sample in range(1, samples):
         late(0.01 * sample, np.full(6, np.nan))  # nan: no measurement
     A, B = np.array(linear.A), np.array(linear.B)
     # The estimate is that at the next sample, 0.01 s * samples.
     moved = expm(np.block([[A, B], [np.zeros((5, 11))]]) * (0.01 * samples - delay))
-    x = expm(A * delay) @ known.L @ innovations_of(known)
+    x = expm(A * delay) @ known.L @ small
     x = moved[:6, :6] @ x + moved[:6, 6:] @ (U - point.u)
+    trim = [point[name] for name in linear.states]
+    found = np.array(list(late.estimate.values())) - trim
+    np.testing.assert_allclose(found, x, rtol=1e-3, atol=1e-4 * np.abs(x).max())
     np.testing.assert_allclose(
-        list(late.estimate.values()), [point[name] for name in linear.states] + x, rtol=1e-9
-    )
-    np.testing.assert_allclose(
-        U, point.u - gain @ expm(A * delay) @ known.L @ innovations_of(known), rtol=1e-9
+        U - point.u, -gain @ expm(A * delay) @ known.L @ small, rtol=1e-3, atol=1e-9
     )
 
 
@@ -423,7 +480,7 @@ def test_a_law_that_plans_knows_what_the_air_along_the_path_adds_in_a_sample(
     point, known, headwind
 ):
     """Two seconds of an own flight in a steady wind, without noise: the shift of the pitch rate is
-    that of an own sample of the same states with the wind and without.
+    that of an own sample of the same states with the wind, and without from the seen states.
     """
     law = Watching("watching", point, 0.01)
     policy, model = known.policy(law), point.model
@@ -441,10 +498,13 @@ def test_a_law_that_plans_knows_what_the_air_along_the_path_adds_in_a_sample(
     for _ in range(200):
         policy(0.0, X[model.state_places(known.sensors)])
         before, X = X, sample_later(X, headwind)
+    V, path = before[0], before[3] - before[1]
+    forward, up = V * np.cos(path), V * np.sin(path)
+    before[:2] = forward, before[3] - np.arctan2(up, forward + headwind)
     rate = list(model.states).index("pitch_rate")
     added = (X - sample_later(before, 0.0))[rate]
-    assert abs(added) > 0.001
-    assert law.following[-1].shift[rate] == pytest.approx(added, rel=0.02)
+    assert abs(added) > 1e-4
+    assert law.following[-1].shift[rate] == pytest.approx(added, rel=0.1)
 
 
 def test_a_deployment_file_names_its_filter(folder):
@@ -528,7 +588,7 @@ def test_margins_of_a_filters_loop_are_where_it_is_unstable(angle):
     K = np.array(hfa.solve(hfa.paper.published_game(linear)).K)
     known = hfa.filter(linear, NOISE, AIR)
     found = known.policy(K).margins
-    gain = np.hstack([K, np.zeros((5, 3))])
+    gain = K @ known.sight
     kept = np.eye(9) - known.L @ known.C
     both = np.zeros((14, 14))
     both[:9] = np.hstack([known.A, known.B])

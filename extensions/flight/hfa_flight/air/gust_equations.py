@@ -171,35 +171,55 @@ def in_gusts(model: Model) -> Model:
     )
 
 
-def relative_to_crossing_air(
-    model: Model, values: Mapping[str, Any], winds: Mapping[str, Any]
+def seen_in_air(
+    model: Model, values: Mapping[str, Any], trim: Mapping[str, float], winds: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return state -> value relative to the air across the path, of the speed and the flow angles.
+    """Return state -> value that a policy sees in moving air, of the speed and the flow angles.
 
-    The air across the path are the updraft and the gust to the right, in level axes. Air along the
-    path is left out. The result is empty if the model has no speed, alpha and pitch as states, or
-    no such wind.
+    The flow angles are relative to the air, as a vane measures them. The speed is the component of
+    the velocity over the ground along the path of the trim. It lacks the w²/2V that an updraft w
+    adds to the speed of a path that follows it, and the w²/2V that it adds to the airspeed of one
+    that does not: a fast gain reacts to either. The result is empty if the model has no speed,
+    alpha and pitch as states, and without winds.
 
     values: state -> value over the ground, as number or expression, of all states
+    trim: state -> value at the trim
     winds: disturbance of `in_gusts(model)` -> value
     """
     states = _standard_states(model)
-    if not {"speed", "alpha", "pitch"} <= set(states):
+    if not winds or not {"speed", "alpha", "pitch"} <= set(states):
         return {}
-    across = {name: winds[ADDED[name]] for name in ("v", "w") if ADDED[name] in winds}
-    if "beta" not in states:
-        across.pop("v", None)
-    if not across:
-        return {}
-    speed_unit = model.unit(states["speed"].name)
-    disturbances = in_gusts(model).disturbances
-    air = [0.0, 0.0, 0.0]  # forward, to the right and down, in the unit of the speed
-    for component, wind in across.items():
-        factor = conversion_factor(disturbances[ADDED[component]].unit, speed_unit) or 1.0
-        air["uvw".index(component)] = _SIGN.get(component, 1.0) * factor * wind
     motion = {name: values[state.name] * state.size for name, state in states.items()}
-    flow = _flow(_velocity(motion) - _in_body_axes(air, motion))
+    at_trim = {name: trim[state.name] * state.size for name, state in states.items()}
+    velocity = _velocity(motion)
+    air = _air_of(model, heading_of(model, trim), winds)
+    flow = _flow(velocity - _in_body_axes(air, motion))
+    path = _in_level_axes(_velocity(at_trim), at_trim)
+    flow["speed"] = ca.dot(_in_level_axes(velocity, motion), path / ca.norm_2(path))
     return {states[name].name: flow[name] / states[name].size for name in flow if name in states}
+
+
+def heading_of(model: Model, trim: Mapping[str, float]) -> float:
+    """Return the heading of a trim, state -> value, in rad; 0 without a state yaw."""
+    if "yaw" not in model.states:
+        return 0.0
+    return trim["yaw"] * (conversion_factor(model.unit("yaw"), "rad") or 1.0)
+
+
+def _air_of(model: Model, heading: float, winds: Mapping[str, Any]) -> list[Any]:
+    """Return the velocity (u, v, w) of the air, in the unit of the speed.
+
+    winds: disturbance of `in_gusts(model)` -> value
+    """
+    speed_unit = model.unit(state_of(model, "speed"))
+    disturbances = in_gusts(model).disturbances
+    air: list[Any] = [0.0, 0.0, 0.0]
+    taken = taken_components(model, heading)
+    for place, component in enumerate("uvw"):
+        for name, factor in taken.get(component, {}).items():
+            size = conversion_factor(disturbances[name].unit, speed_unit) or 1.0
+            air[place] += factor * size * winds.get(name, 0.0)
+    return air
 
 
 def _velocity(motion: Mapping[str, Any]) -> Any:
@@ -211,14 +231,24 @@ def _velocity(motion: Mapping[str, Any]) -> Any:
 
 
 def _in_body_axes(air: Sequence[Any], motion: Mapping[str, Any]) -> Any:
-    """Return the velocity of the air in body axes, (3,). An angle that is not a state is 0.
+    """Return the velocity of the air in body axes, (3,).
 
     air: velocity forward along the heading, to the right and down, in level axes
     motion: standard name of a state -> its value
     """
-    heading = 0.0  # `air` is already along the heading
-    to_level_axes = rotation(motion.get("roll", 0.0), motion.get("pitch", 0.0), heading)
-    return ca.mtimes(to_level_axes.T, ca.vertcat(*air))
+    return ca.mtimes(_to_level_axes(motion).T, ca.vertcat(*air))
+
+
+def _in_level_axes(velocity: Any, motion: Mapping[str, Any]) -> Any:
+    """Return a velocity in body axes, (3,), in level axes along the heading."""
+    return ca.mtimes(_to_level_axes(motion), velocity)
+
+
+def _to_level_axes(motion: Mapping[str, Any]) -> Any:
+    """Return the rotation from body axes to level axes along the heading. An angle that is not a
+    state is 0.
+    """
+    return rotation(motion.get("roll", 0.0), motion.get("pitch", 0.0), 0.0)
 
 
 def _flow(velocity: Any) -> dict[str, Any]:

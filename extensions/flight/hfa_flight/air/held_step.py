@@ -75,37 +75,44 @@ def fastest_mode(point: OperatingPoint, half_widths: np.ndarray) -> float:
 
 
 @lru_cache(maxsize=16)
-def step_of_integration(
-    layout: Layout, linear: tuple[str, ...], winds: tuple[str, ...]
-) -> ca.Function:
-    """Return the function [X; U; push; p; h] -> X after h seconds, one Runge-Kutta step of order 4.
-
-    X' = f(X, U, p, w) + d with (d, w) = push.
+def rate_in_push(layout: Layout, linear: tuple[str, ...], winds: tuple[str, ...]) -> ca.Function:
+    """Return the function [X; U; push; p] -> X' = f(X, U, p, w) + d with (d, w) = push.
 
     linear: states to whose rates d is added
     winds: disturbances w
     """
-    states = layout.names.states
-    inputs = layout.names.inputs
-    parameters = layout.names.parameters
-    sizes = (len(states), len(inputs), len(linear) + len(winds), len(parameters))
+    names = layout.names
+    pushes = len(linear) + len(winds)
+    sizes = (len(names.states), len(names.inputs), pushes, len(names.parameters))
     vectors = zip(("X", "U", "push", "p"), sizes, strict=True)
     X, U, push, p = (ca.SX.sym(name, size) for name, size in vectors)
     every_wind = None
     if winds:
         wind = dict(zip(winds, ca.vertsplit(push)[len(linear) :], strict=True))
-        every_wind = [wind.get(name, 0.0) for name in layout.names.disturbances]
+        every_wind = [wind.get(name, 0.0) for name in names.disturbances]
     unpushed, _ = layout.expressions([components(vector) for vector in (X, U, p)], (), every_wind)
     rates = [
         rate + (push[linear.index(name)] if name in linear else 0.0)
-        for name, rate in zip(states, ca.vertsplit(unpushed), strict=True)
+        for name, rate in zip(names.states, ca.vertsplit(unpushed), strict=True)
     ]
-    arguments = ca.vertcat(X, U, push, p)
     column = ca.densify(ca.vertcat(*rates))
-    rate_of = ca.Function("rate", [arguments], [column], {"cse": True, "never_inline": True})
-    h = ca.SX.sym("h")
-    after = rk4(lambda X, _: rate_of(ca.vertcat(X, U, push, p)), X, h)
-    return ca.Function("step", [ca.vertcat(X, U, push, p, h)], [after], {"never_inline": True})
+    return ca.Function("rate", [ca.vertcat(X, U, push, p)], [column], {"cse": True})
+
+
+@lru_cache(maxsize=16)
+def step_of_integration(
+    layout: Layout, linear: tuple[str, ...], winds: tuple[str, ...]
+) -> ca.Function:
+    """Return the function [X; U; push; p; h] -> X after h seconds, one Runge-Kutta step of order 4.
+
+    The rates are those of `rate_in_push`.
+    """
+    inlined = rate_in_push(layout, linear, winds)
+    n, arguments = len(layout.names.states), inlined.sx_in()
+    rate = ca.Function("rate", arguments, inlined.call(arguments), {"never_inline": True})
+    x, rest, h = (ca.SX.sym("x", size) for size in (n, rate.numel_in() - n, 1))
+    after = rk4(lambda x, _: rate(ca.vertcat(x, rest)), x, h)
+    return ca.Function("step", [ca.vertcat(x, rest, h)], [after], {"never_inline": True})
 
 
 def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...]) -> ca.Function:

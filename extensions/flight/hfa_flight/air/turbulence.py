@@ -19,6 +19,7 @@ from hfa.options.argument_types import option_errors, positive
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import (
     ADDED,
+    heading_of,
     kind_of_signal,
     missing_states,
     taken_components,
@@ -186,10 +187,7 @@ class Turbulence:
         feet: length of a foot in the model's unit
         """
         model = point.model
-        heading = 0.0
-        if "yaw" in model.states:
-            heading = point.values["yaw"] * (conversion_factor(model.unit("yaw"), "rad") or 1.0)
-        taken = taken_components(model, heading)
+        taken = taken_components(model, heading_of(model, point.values))
         if self.span is None:
             taken = {name: taken[name] for name in taken if name in "uvw"}
         # `factors` gives lengths per s, which differ from the unit of a speed in knots.

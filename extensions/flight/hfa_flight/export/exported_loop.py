@@ -18,7 +18,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.actuators import ActuatorBank
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.export.filter_c import filter_sample
-from hfa_flight.policies.estimate import memory_size
+from hfa_flight.policies.estimate import known_start, memory_size
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
@@ -127,9 +127,11 @@ def _sampled(policy: FilteredPolicy, y: ca.SX, w: ca.SX, v: ca.SX) -> Sampled:
     w, v: symbols of the winds, and of the noise and the held commands
     """
     sensors = policy.filter.sensors
-    memory = ca.SX.sym("memory", memory_size(policy.filter))
+    memory = ca.SX.sym("memory", memory_size(policy.filter))  # zero before the first sample
     measured = y[policy.point.model.state_places(sensors)] + v[: len(sensors)]
-    results = filter_sample(policy).call([memory, measured])
+    known = policy.filter
+    before = ca.if_else(memory[len(known.Phi) + 1] == 0, ca.DM(known_start(known)), memory)
+    results = filter_sample(policy).call([before, measured])
     function = ca.Function("sample", [y, ca.vertcat(w, v), memory], results)
     return Sampled(function, policy.dt, tuple(policy.point.u.tolist()))
 

@@ -1,9 +1,10 @@
 """Estimate of a Kalman filter over one sample, as CasADi expressions.
 
-Flights, exported C and FMUs evaluate these expressions. Two covariances are carried through the
-samples: that of the errors, for the gate, and one from which the gains follow. A fast policy that
-learns a large error within one sample leaves its limits, even if what it learns is true. Therefore
-an estimate returns after missing values as fast as the stationary filter, and no faster.
+The filter is extended: the nonlinear aircraft in the estimated winds predicts, with slopes at the
+estimate. Flights, exported C and FMUs evaluate these expressions. Two covariances are carried
+through the samples: that of the errors, for the gate, and one from which the gains follow. The
+latter goes on as if values were used while there are none: a fast policy that learns at once what
+has happened leaves its limits.
 """
 
 from __future__ import annotations
@@ -13,18 +14,21 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_flight.air.held_step import held_step, parts_of_a_sample
+from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.held_step import parts_of_a_sample, rate_in_push, step_of_integration
 from hfa_flight.policies.kalman import KalmanFilter
 
 #: A value is impossible if its innovation is beyond this number of its standard deviations.
 IMPOSSIBLE = 8.0
+#: The same at a first sample that may be in flight; one start at the trim in 2,600 passes for one.
+AWAY = 4.0
 #: After this number of samples in a row with impossible values, the estimate begins anew if most
 #: of them are impossible.
 LOST = 10
 #: Largest magnitude of a finite value: CasADi has no function of that name.
 _FINITE = 1e300
-#: Variance of a predicted state, in that of the stationary filter, above which the prediction
-#: stands still: of the next estimate it is a millionth, and rounding of P another 1e-10.
+#: Variance of a predicted state of the aircraft, in that of the stationary filter, above which the
+#: prediction stands still: of the next estimate it is a millionth, and rounding of P another 1e-10.
 _UNKNOWN = 1e6
 
 
@@ -35,7 +39,9 @@ class Estimate(NamedTuple):
     P: covariance of their errors, (n, n)
     G: covariance from which the gains follow, (n, n): P without the samples that have no value
     missed: number of samples in a row with impossible values, (1,)
-    begun: 0 before the first sample, 1 after a first one with an impossible value, 2 later, (1,)
+    begun: 0 before the first sample, 1 after a first one away from the trim, 2 later, (1,)
+    share: share of the policy's command that acts, (1,): an estimate that begins in flight fades
+        commands in. Before the first sample, that with which it would begin.
     last: last finite value of each sensor, (p,)
     """
 
@@ -44,13 +50,14 @@ class Estimate(NamedTuple):
     G: ca.SX
     missed: ca.SX
     begun: ca.SX
+    share: ca.SX
     last: ca.SX
 
     def packed(self) -> ca.SX:
         """Return the memory of the filter, (memory_size,)."""
         pairs = _lower_triangle(self.x.numel())
         entries = [covariance[i, j] for covariance in (self.P, self.G) for i, j in pairs]
-        return ca.vertcat(self.x, self.missed, self.begun, self.last, *entries)
+        return ca.vertcat(self.x, self.missed, self.begun, self.share, self.last, *entries)
 
 
 def _lower_triangle(n: int) -> list[tuple[int, int]]:
@@ -60,18 +67,27 @@ def _lower_triangle(n: int) -> list[tuple[int, int]]:
 
 
 def memory_size(known: KalmanFilter) -> int:
-    """Return the number of entries of the memory: x, two counts, p values, triangles of P and G."""
+    """Return the number of entries of the memory: x, two counts, the share of the command, p
+    values, lower triangles of P and G.
+    """
     n = len(known.Phi)
-    return n + 2 + len(known.sensors) + n * (n + 1)
+    return n + 3 + len(known.sensors) + n * (n + 1)
+
+
+def known_start(known: KalmanFilter) -> np.ndarray:
+    """Return the memory before the first sample of a flight whose beginning is known: the commands
+    act at once. Zero is that of a flight whose beginning is not.
+    """
+    return np.eye(1, memory_size(known), len(known.Phi) + 2).ravel()
 
 
 def unpacked(known: KalmanFilter, memory: ca.SX) -> Estimate:
     """Return the estimate in a memory, with the stationary P and G before the first sample."""
     n = len(known.Phi)
-    ends = [0, n, n + 1, n + 2, n + 2 + len(known.sensors), memory.numel()]
-    x, missed, begun, last, entries = ca.vertsplit(memory, ends)
+    ends = [0, n, n + 1, n + 2, n + 3, n + 3 + len(known.sensors), memory.numel()]
+    x, missed, begun, share, last, entries = ca.vertsplit(memory, ends)
     P, G = (_symmetric(known.P, begun, each) for each in ca.vertsplit(entries, n * (n + 1) // 2))
-    return Estimate(x, P, G, missed, begun, last)
+    return Estimate(x, P, G, missed, begun, share, last)
 
 
 def _symmetric(stationary: np.ndarray, begun: ca.SX, triangle: ca.SX) -> ca.SX:
@@ -91,38 +107,38 @@ class Updated(NamedTuple):
     is_left_out: ca.SX
 
 
-def updated(
-    known: KalmanFilter, before: Estimate, y: ca.SX, *, is_extended: bool = False
-) -> Updated:
+def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> Updated:
     """Return the estimate with the measured deviations y, (p,).
 
     A value that is not finite is missing, and so is one that equals the last one to the bit: it is
     frozen. A missing or impossible value is left out. The estimate begins at the values that are
     given if one is impossible at the first sample, or then at the second, because the first was, or
-    most are at the end of LOST such samples in a row.
-    With the linear model, a value corrects its own state at most as in the stationary filter, and
-    a measured speed is taken without what the predicted wind across the path adds to it, if all
-    values on which this depends are used.
+    most are at the end of LOST such samples in a row. Unless the beginning of a flight is known, it
+    is in flight if a first value is AWAY from the trim: of the air only the turbulence is then
+    known, and commands are faded in.
 
-    is_extended: whether the nonlinear model predicts the states
+    fade: time in which commands are faded in, s
     """
     gate = _gate(known, before, y)
-    seen = y
-    if not is_extended:
-        seen = y - _added_speed(known, y, winds_in(known, before.x), gate.is_used)
-    x, P, G = _corrected_by_values(known, before, seen, gate.is_used, is_extended=is_extended)
+    x, P, G = _corrected_by_values(known, before, y, gate.is_used)
+    is_first, is_settled = before.begun == 0, before.begun == 2
     impossible, given = sum(gate.is_impossible, ca.SX(0)), sum(gate.is_given, ca.SX(0))
     missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(given > 0, 0, before.missed))
     is_lost = ca.logic_and(missed >= LOST, 2 * impossible > given)
-    begins = ca.logic_and(impossible > 0, ca.logic_or(before.begun < 2, is_lost))
-    new_x, new_P = _at_values(known, before, seen, gate.is_given)
-    x, P = ca.if_else(begins, new_x, x), ca.if_else(begins, new_P, P)
-    begun = ca.if_else(ca.logic_and(before.begun == 0, impossible > 0), 1, 2)
-    last = ca.if_else(ca.fabs(y) <= _FINITE, y, before.last)
-    G = P if is_extended else G
-    estimate = Estimate(x, P, G, ca.if_else(begins, 0, missed), begun, last)
-    left_out = ca.if_else(begins, 0, sum(gate.is_used) < len(known.sensors))
-    return Updated(estimate, left_out)
+    begins = ca.logic_and(impossible > 0, ca.logic_or(ca.logic_not(is_settled), is_lost))
+    new_x, new_P = _at_values(known, before, y, gate.is_given)
+    fading = ca.if_else(is_settled, 0.0, before.share) if fade else 1.0
+    faded = ca.fmin(before.share + known.dt / fade, 1.0) if fade else 1.0
+    estimate = Estimate(
+        x=ca.if_else(begins, new_x, x),
+        P=ca.if_else(begins, new_P, P),
+        G=ca.if_else(begins, new_P, G),
+        missed=ca.if_else(begins, 0, missed),
+        begun=ca.if_else(ca.logic_and(is_first, impossible > 0), 1, 2),
+        share=ca.if_else(begins, fading, ca.if_else(is_first, 1.0, faded)),
+        last=ca.if_else(ca.fabs(y) <= _FINITE, y, before.last),
+    )
+    return Updated(estimate, ca.if_else(begins, 0, sum(gate.is_used) < len(known.sensors)))
 
 
 class _Gate(NamedTuple):
@@ -136,12 +152,13 @@ class _Gate(NamedTuple):
 def _gate(known: KalmanFilter, before: Estimate, y: ca.SX) -> _Gate:
     """Return which of the measured deviations y, (p,), are used."""
     gate = _Gate([], [], [])
+    farthest = ca.if_else(ca.logic_and(before.begun == 0, before.share == 0), AWAY, IMPOSSIBLE)
     for place, (row, variance) in enumerate(_rows_and_variances(known)):
         deviation = ca.sqrt(before.P[row, row] + variance)
         innovation = ca.fabs(y[place] - before.x[row])
         is_new = ca.logic_or(before.begun == 0, y[place] != before.last[place])
         is_given = ca.logic_and(is_new, innovation <= _FINITE)  # false for NaN
-        is_used = ca.logic_and(is_given, innovation <= IMPOSSIBLE * deviation)
+        is_used = ca.logic_and(is_given, innovation <= farthest * deviation)
         gate.is_given.append(is_given)
         gate.is_used.append(is_used)
         gate.is_impossible.append(ca.logic_and(is_given, ca.logic_not(is_used)))
@@ -155,35 +172,21 @@ def _rows_and_variances(known: KalmanFilter) -> list[tuple[int, float]]:
 
 
 def _corrected_by_values(
-    known: KalmanFilter, before: Estimate, y: ca.SX, is_used: list[ca.SX], *, is_extended: bool
+    known: KalmanFilter, before: Estimate, y: ca.SX, is_used: list[ca.SX]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return x, P and G after the measured values that are used, one after the other.
 
-    Without any, G follows as if all were used, so that gains do not grow; that of an extended
-    filter is P.
+    Without any, G follows as if all were used.
     """
-    x, P, G = before.x, before.P, before.P if is_extended else before.G
-    is_blind = ca.logic_not(ca.logic_or(sum(is_used, ca.SX(0)) > 0, is_extended))
-    rows_and_variances = _rows_and_variances(known)
-    largest = [np.inf] * len(rows_and_variances) if is_extended else _own_gains(known)
-    for place, (row, variance) in enumerate(rows_and_variances):
+    x, P, G = before.x, before.P, before.G
+    is_blind = sum(is_used, ca.SX(0)) == 0
+    for place, (row, variance) in enumerate(_rows_and_variances(known)):
         used = is_used[place]
-        own_gain = G[row, row] / (G[row, row] + variance)
-        gain = ca.fmin(1.0, largest[place] / own_gain) / (G[row, row] + variance) * G[:, row]
+        gain = G[:, row] / (G[row, row] + variance)
         x = x + gain * ca.if_else(used, y[place] - x[row], 0.0)
         P = _corrected(P, used * gain, row, variance)
         G = _corrected(G, ca.logic_or(used, is_blind) * gain, row, variance)
     return x, P, G
-
-
-def _own_gains(known: KalmanFilter) -> list[float]:
-    """Return by how much each value corrects its own state in the stationary filter, in turn."""
-    P, gains = ca.SX(ca.DM(known.P)), []
-    for row, variance in _rows_and_variances(known):
-        gain = P[:, row] / (P[row, row] + variance)
-        gains.append(float(gain[row]))
-        P = _corrected(P, gain, row, variance)
-    return gains
 
 
 def _corrected(P: ca.SX, gain: ca.SX, row: int, variance: float) -> ca.SX:
@@ -205,8 +208,18 @@ def _mirrored(covariance: ca.SX) -> ca.SX:
 def _at_values(
     known: KalmanFilter, before: Estimate, y: ca.SX, is_given: list[ca.SX]
 ) -> tuple[ca.SX, ca.SX]:
-    """Return x and P of an estimate that begins at the values that are given."""
+    """Return x and P of an estimate that begins at the values that are given. Other states keep
+    theirs, and in flight the air is that of the stationary turbulence.
+    """
+    air, in_flight = (
+        slice(len(known.states), None),
+        ca.logic_or(before.begun == 2, before.share == 0),
+    )
     x, P = ca.SX(before.x), ca.SX(before.P)
+    x[air] = 0.0
+    P[:, air] = ca.if_else(in_flight, 0.0, P[:, air])
+    P[air, :] = P[:, air].T
+    P[air, air] = ca.if_else(in_flight, known.climate, before.P[air, air])
     for place, (row, variance) in enumerate(_rows_and_variances(known)):
         given = is_given[place]
         x[row] = ca.if_else(given, y[place], x[row])
@@ -216,68 +229,65 @@ def _at_values(
     return x, P
 
 
-def winds_in(known: KalmanFilter, x: ca.SX) -> ca.SX:
-    """Return the winds of some states (n,), within 4 standard deviations, (w,)."""
-    winds = ca.mtimes(ca.DM(known.W), x[len(known.states) :])
-    return ca.fmin(ca.fmax(winds, -ca.DM(known.strongest)), ca.DM(known.strongest))
+def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX) -> Estimate:
+    """Return the estimate that is predicted for the next sample, with Φ P Φ' + Q and Φ G Φ' + Q.
 
-
-def _added_speed(known: KalmanFilter, y: ca.SX, winds: ca.SX, is_used: list[ca.SX]) -> ca.SX:
-    """Return what winds across the path add to the measured values, of the speed alone, (p,), or
-    zero if a value on which it depends is not used.
-    """
-    added, of_sensors = known.added_speed(), ca.SX(y.numel(), 1)
-    if added is None:
-        return of_sensors
-    z, is_complete = ca.SX(len(known.states), 1), ca.SX(1)
-    for row in added.needed:
-        sensor = known.sensors.index(known.states[row])
-        z[row] = y[sensor]
-        is_complete = ca.logic_and(is_complete, is_used[sensor])
-    speed = known.sensors.index(known.states[added.row])
-    of_sensors[speed] = ca.if_else(is_complete, added.of(z, winds), 0.0)
-    return of_sensors
-
-
-def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX | ca.DM) -> Estimate:
-    """Return the estimate that is predicted for the next sample.
-
-    If a variance of the predicted P is too large, nothing is known: the states and P stay as they
-    are. G stays if one of its own is.
+    If a predicted state is not finite or a variance of P too large, nothing is known: the states
+    and P stay as they are. G stays if one of its own is too large.
 
     x: predicted states, (n,)
     Phi: their derivatives by the states of the estimate, (n, n)
     """
-    P, is_known = _predicted_covariance(known, now.P, Phi)
-    G, _ = _predicted_covariance(known, now.G, Phi)
+    is_finite = ca.sumsqr(x) <= _FINITE
+    P, is_known = _predicted_covariance(known, now.P, Phi, is_finite)
+    G, _ = _predicted_covariance(known, now.G, Phi, is_finite)
     return now._replace(x=ca.if_else(is_known, x, now.x), P=P, G=G)
 
 
-def _predicted_covariance(known: KalmanFilter, P: ca.SX, Phi: ca.SX | ca.DM) -> tuple[ca.SX, ca.SX]:
-    """Return Φ P Φ' + Q and 1, or P and 0 if a variance of the former is too large."""
-    later = _mirrored(ca.mtimes(ca.mtimes(Phi, P), Phi.T) + known.Q)
-    is_known = ca.SX(1)
-    for place, variance in enumerate(np.diag(known.P).tolist()):
-        is_known = ca.logic_and(is_known, later[place, place] <= _UNKNOWN * variance)
+def _predicted_covariance(
+    known: KalmanFilter, P: ca.SX, Phi: ca.SX, is_finite: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Return Φ P Φ' + Q and 1, or P and 0 if a variance is too large, or a state not finite."""
+    later, is_known = _mirrored(ca.mtimes(ca.mtimes(Phi, P), Phi.T) + known.Q), is_finite
+    for place in range(len(known.states)):
+        limit = _UNKNOWN * float(known.P[place, place])
+        is_known = ca.logic_and(is_known, later[place, place] <= limit)
     return ca.if_else(is_known, later, P), is_known
 
 
-def extended_step(known: KalmanFilter, Phi: np.ndarray, seconds: float) -> ca.Function:
+def extended_step(known: KalmanFilter, seconds: float) -> ca.Function:
     """Return (x, u) -> (x after some seconds, slopes by x (n, n)) of the nonlinear aircraft in the
     winds of x, with held inputs.
 
-    Phi: linear model of these seconds, which moves the states of the air
+    The slopes are exp(J seconds) to the fourth power in each step, J those of the rates at x.
     """
-    point, n, k = known.point, len(known.Phi), len(known.states)
-    model = point.model
-    steps = parts_of_a_sample([point], seconds)
-    moved = held_step(model, seconds, steps, known.winds)
-    x, u = ca.MX.sym("x", n), ca.MX.sym("u", len(model.inputs))
-    chosen = ca.DM(np.eye(len(point.x))[:, model.state_places(known.states)])
-    z, of_air = ca.vertsplit(x, [0, k, n]) if n > k else (x, ca.MX(0, 1))
-    limit = ca.DM(known.strongest)
-    winds = ca.fmin(ca.fmax(ca.mtimes(ca.DM(known.W), of_air), -limit), limit)
-    push = ca.vertcat(ca.DM.zeros(k), winds)
-    X, _ = moved(point.x + ca.mtimes(chosen, z), point.u + u, push, model.p)
-    after = ca.vertcat(ca.mtimes(chosen.T, X - point.x), ca.mtimes(ca.DM(Phi[k:, k:]), of_air))
-    return ca.Function("extended", [x, u], [after, ca.densify(ca.jacobian(after, x))])
+    point, model, k = known.point, known.point.model, len(known.states)
+    layout, rows = (
+        (in_gusts(model) if known.winds else model).layout,
+        model.state_places(known.states),
+    )
+    x, u = ca.SX.sym("x", len(known.Phi)), ca.SX.sym("u", len(model.inputs))
+    X = ca.SX(ca.DM(point.x))
+    X[rows] += x[:k]
+    rest = ca.vertcat(point.u + u, ca.SX(k, 1), known.winds_at(x), model.p)
+    rate = rate_in_push(layout, model.linear, known.winds)
+    rates = rate(ca.densify(ca.vertcat(X, rest)))[rows]
+    parts = parts_of_a_sample([point], seconds)
+    J = ca.jacobian(ca.vertcat(rates, ca.DM(known.A[k:, k:]) @ x[k:]), x) * (seconds / parts)
+    step = step_of_integration(layout, model.linear, known.winds)
+    Phi = part = _exponential(J)
+    for _ in range(parts - 1):
+        Phi = ca.mtimes(part, Phi)
+    for _ in range(parts):
+        X = step(ca.densify(ca.vertcat(X, rest, seconds / parts)))
+    after = ca.vertcat((X - point.x)[rows], ca.mtimes(Phi[k:, k:], x[k:]))
+    return ca.Function("extended", [x, u], [after, Phi])
+
+
+def _exponential(A: ca.SX) -> ca.SX:
+    """Return exp(A) to the fourth power of A."""
+    exponential = term = ca.SX.eye(A.shape[0])
+    for power in range(1, 5):
+        term = ca.mtimes(term, A) / power
+        exponential = exponential + term
+    return exponential

@@ -8,7 +8,7 @@ from typing import Any
 
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.turbulence import Turbulence
-from hfa_flight.policies.filtered_policy import FilteredPolicy
+from hfa_flight.policies.filtered_policy import FADE, FilteredPolicy
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import Policy
@@ -16,21 +16,24 @@ from trim.linear.linear_model import LinearModel
 
 
 class Filter(KalmanFilter):
-    """Stationary Kalman filter that policies may stand behind."""
+    """Kalman filter that policies may stand behind."""
 
-    def policy(self, law: Any) -> FilteredPolicy:
+    def policy(self, law: Any, *, fade: float = FADE) -> FilteredPolicy:
         """Return the policy U = law(estimate), sampled and saturated at the control limits.
 
         The result is a policy: `policy(t, y) -> U`, `reset()`, and an argument of `hfa.fly`.
 
         law: a gain K, a critic, a solution, a deployment or another policy that `hfa.fly` accepts
+        fade: time in which commands are faded in where the filter is switched on in flight, s;
+            longer for a fast gain in moving air
 
-        Raises BadInputError for a policy without feedback, or with another sample time.
+        Raises BadInputError for a policy without feedback, or with another sample time, and for a
+        negative fade.
         """
         sampled = Scenario(tick=self.dt, step=self.dt, duration=self.dt)
         if not isinstance(law, Policy):
             law, _ = policy_and_scenario(law, self.point, sampled)
-        return FilteredPolicy.behind(self, law)
+        return FilteredPolicy.behind(self, law, fade)
 
 
 def filter(  # the field's word
@@ -41,7 +44,8 @@ def filter(  # the field's word
     *,
     drift: Mapping[str, float] = MappingProxyType({}),
 ) -> Filter:
-    """Return the stationary Kalman filter of an aircraft near a trim.
+    """Return the Kalman filter of an aircraft near a trim: the stationary one, from which the
+    extended one of a flight begins.
 
       x⁺ = Φ x + Γ u + w,  y = C x + n,  P = Φ (P - P C'(C P C' + R)⁻¹ C P) Φ' + Q
 

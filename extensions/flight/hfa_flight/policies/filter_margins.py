@@ -58,14 +58,13 @@ class FilterMargins(Result):
 
 
 def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
-    """Return the margins of the loop of a gain u = -K x̂ behind a filter.
+    """Return the margins of the loop of a gain behind a filter, as `KalmanFilter.loop`.
 
     K: (m, k)
 
     Raises BadInputError for a gain with which the loop is not stable.
     """
-    n, k = len(known.Phi), len(known.states)
-    gain = np.hstack([K, np.zeros((len(K), n - k))])
+    n, gain = len(known.Phi), K @ known.sight
     predicting = known.Phi - known.Gamma @ gain
     correcting = np.eye(n) - known.L @ known.C
     loop = _delayed(known, gain, 0.0)

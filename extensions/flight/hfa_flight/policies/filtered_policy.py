@@ -16,17 +16,15 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.delay import acting_commands, in_samples
 from hfa_flight.air.scenario import Scenario
-from hfa_flight.policies.crossing_air import seen_from_air
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
-from hfa_flight.policies.deployment.sampled_loop import held
 from hfa_flight.policies.estimate import (
     extended_step,
+    known_start,
     memory_size,
     propagated,
     unpacked,
     updated,
-    winds_in,
 )
 from hfa_flight.policies.filter_margins import FilterMargins, margins_of
 from hfa_flight.policies.kalman import KalmanFilter
@@ -37,6 +35,8 @@ from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.results import storable
 from trim.point.operating_point import OperatingPoint
 
+#: Default time in which commands are faded in, s.
+FADE = 1.0
 #: Function (number of the sample, deviations of all states, what is known of the next sample by a
 #: law that plans) -> deviations of the inputs.
 _Law = Callable[[int, np.ndarray, NextSample | None], np.ndarray]
@@ -67,6 +67,7 @@ class _Estimated(NamedTuple):
     x: deviations of all states when the command acts, (n,)
     following: what is known of the next sample, of a law that plans
     is_left_out: whether a value of the sample is not used
+    share: share of the command that acts
     """
 
     memory: np.ndarray
@@ -74,6 +75,7 @@ class _Estimated(NamedTuple):
     x: np.ndarray
     following: NextSample | None
     is_left_out: bool
+    share: float
 
 
 class _Prediction(NamedTuple):
@@ -83,20 +85,10 @@ class _Prediction(NamedTuple):
     Phi: np.ndarray
 
 
-class _Models(NamedTuple):
-    """Models of a part of a sample with held inputs: x⁺ = Φ x + Γ u, and (x, u) -> (x⁺, slopes) of
-    an extended filter, or None.
-    """
-
-    Phi: np.ndarray
-    Gamma: np.ndarray
-    nonlinear: BoundFunction | None
-
-
 class _Functions(NamedTuple):
-    """Functions of a filter: (memory, y) -> (memory, whether a value is left out), (memory, x, Φ)
-    -> memory of the next sample, x -> linear states as seen from the air across the path, and
-    memory -> standard deviations of the linear states.
+    """Functions of a filter: (memory, y) -> (memory, whether a value is left out, share of the
+    command that acts), (memory, x, Φ) -> memory of the next sample, x -> linear states that a
+    policy sees, and memory -> standard deviations of the linear states.
     """
 
     updated: BoundFunction
@@ -105,19 +97,19 @@ class _Functions(NamedTuple):
     deviations: BoundFunction
 
 
-def _functions_of(known: KalmanFilter, is_extended: bool) -> _Functions:
+def _functions_of(known: KalmanFilter, fade: float) -> _Functions:
     """Return the functions of a filter."""
     n, k = len(known.Phi), len(known.states)
     memory, y = ca.SX.sym("memory", memory_size(known)), ca.SX.sym("y", len(known.sensors))
     x, Phi = ca.SX.sym("x", n), ca.SX.sym("Phi", n, n)
     before = unpacked(known, memory)
-    now = updated(known, before, y, is_extended=is_extended)
+    now = updated(known, before, y, fade)
     later = propagated(known, before, x, Phi)
-    seen = seen_from_air(known.point, known.states, known.winds, x[:k], winds_in(known, x))
+    shares = [now.is_left_out, now.estimate.share]
     return _Functions(
-        _bound("updated", [memory, y], [now.estimate.packed(), now.is_left_out]),
+        _bound("updated", [memory, y], [now.estimate.packed(), *shares]),
         _bound("propagated", [memory, x, Phi], [later.packed()]),
-        _bound("seen", [x], [seen]),
+        _bound("seen", [x], [known.seen(x)]),
         _bound("deviations", [memory], [ca.sqrt(ca.diag(before.P)[:k])]),
     )
 
@@ -132,39 +124,42 @@ def _bound(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> BoundFunc
 class FilteredPolicy(SampledPolicy):
     """Policy U = sat(law(x̂)) of the estimate x̂ of a Kalman filter.
 
-    A measured value that is not finite, that equals the last one to the bit (it is frozen), or with
-    an innovation beyond 8 standard deviations is left out, and the covariance is carried on: gain
-    and gate follow the values that are there. After missing values, each value corrects its state
-    at most as in the stationary filter, except behind a law that plans: a fast gain leaves its
-    limits where it learns a large error at once. If one is impossible at the first sample, or most
-    are at the end of ten such samples in a row, the estimate begins at the measured values. With a
-    delay the law acts on the state predicted over the commands under way; a deployment with a delay
-    of its own acts on the estimate of its sample.
+    The filter is extended: the nonlinear model predicts, with slopes at the estimate. A measured
+    value that is not finite, that equals the last one to the bit (it is frozen), or with an
+    innovation beyond 8 standard deviations is left out, and the covariance is carried on: gain and
+    gate follow the values that are there. Without any value the gains do not grow, because a fast
+    policy leaves its limits where it learns a large error at once.
 
-    A fast gain on the ground speed is unstable in an updraft w, which adds w²/2V to it. Therefore a
-    measured speed is taken without what the predicted wind across the path adds to it, unless a
-    value on which this depends is left out.
+    If a value is away from the trim at the first sample after `reset`, or most are impossible at
+    the end of ten such samples in a row, the estimate begins at the measured values, in air of
+    which the turbulence is known, and commands are faded in. With a delay the law acts on the state
+    predicted over the commands under way; a deployment with a delay of its own acts on the estimate
+    of its sample.
 
-    Behind a law that plans, the filter is extended: the nonlinear model predicts, with slopes at
-    the estimate. Such a law sees speed and flow angles relative to the air across the path, in
-    which the equations are those of still air, and is told how far the air along the path moves the
-    states in a sample.
+    The law sees flow angles relative to the air, as a vane measures them, and the component of the
+    speed over the ground along the path of the trim: without what an updraft adds. A law that plans
+    is told how far the air along the path moves the states in a sample.
 
     filter: the filter
     law: the policy behind it
+    fade: time in which commands are faded in where the estimate begins in flight, s
     ahead: time from a sample for which the state is predicted before the law, s
     """
 
     filter: KalmanFilter
     law: Policy
+    fade: float
     ahead: float = field(default=0.0, kw_only=True)
     _memory: _Memory = field(init=False)
 
     @classmethod
-    def behind(cls, known: KalmanFilter, law: Policy) -> Self:
+    def behind(cls, known: KalmanFilter, law: Policy, fade: float = FADE) -> Self:
         """Return the policy of a filter's estimate.
 
-        Raises BadInputError for a policy without feedback, or with another sample time.
+        fade: time in which commands are faded in where the estimate begins in flight, s
+
+        Raises BadInputError for a policy without feedback, or with another sample time, and for a
+        wrong fade.
         """
         if isinstance(law, FilteredPolicy):
             raise BadInputError(
@@ -173,6 +168,8 @@ class FilteredPolicy(SampledPolicy):
         if isinstance(law, OpenLoop):
             raise BadInputError("a policy without feedback needs no filter; give a policy")
         law.refuse_other_sizes(known.point)
+        if not 0.0 <= fade < math.inf:
+            raise BadInputError(f"fade is {fade!r}; give a time of at least 0 s")
         own = own_sample_time(law, known.dt)
         if isinstance(law, SampledPolicy):
             law = replace(law, tick=known.dt)
@@ -183,7 +180,7 @@ class FilteredPolicy(SampledPolicy):
             )
         identity = {"filter": storable(known), **law.identity}
         name = f"{law.name} behind a filter"
-        return cls(name, known.point, known.dt, known, law, identity=identity)
+        return cls(name, known.point, known.dt, known, law, fade, identity=identity)
 
     def __post_init__(self) -> None:
         """Begin at the trim."""
@@ -191,7 +188,9 @@ class FilteredPolicy(SampledPolicy):
         self.reset()
 
     def reset(self) -> None:
-        """Forget the samples of an earlier flight: the estimate is the trim."""
+        """Forget the samples before: the next one is the first, at the trim or, if a value is away
+        from it, in flight.
+        """
         object.__setattr__(self, "_memory", self._memory_at_trim())
 
     def begin(self, X: Any, following: NextSample | None = None) -> None:
@@ -202,6 +201,7 @@ class FilteredPolicy(SampledPolicy):
         """
         self.reset()
         memory = self._memory
+        memory.estimate = known_start(self.filter)
         memory.law = self._prepared_law()
         if isinstance(self.law, SampledPolicy):
             rows = self.point.model.state_places(self.filter.sensors)
@@ -221,11 +221,6 @@ class FilteredPolicy(SampledPolicy):
         late = in_samples(self.delay, self.dt).whole
         inputs_at_trim = [np.zeros(len(self.point.u)) for _ in range(late + 1)]
         return _Memory(np.zeros(memory_size(self.filter)), inputs_at_trim)
-
-    @property
-    def is_extended(self) -> bool:
-        """Whether the nonlinear model predicts the states, for a law that plans on it."""
-        return isinstance(self.law, SampledPolicy) and self.law.plans
 
     def __call__(self, t: float, y: Any) -> np.ndarray:
         """Return the inputs U (m,) from the measured values of one sample, absolute.
@@ -267,6 +262,7 @@ class FilteredPolicy(SampledPolicy):
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,)."""
         self._begin_flight()
         memory = self._memory
+        memory.estimate = known_start(self.filter)
         if memory.law is None:
             memory.law = self._prepared_law()
         rows = self.point.model.state_places(self.filter.sensors)
@@ -287,8 +283,9 @@ class FilteredPolicy(SampledPolicy):
             memory.law = self._prepared_law()
         estimated = self._estimated(memory, y)
         limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
-        command = memory.law(memory.samples, estimated.x, estimated.following) + self.point.u
-        u = np.clip(command, limits.lowest, limits.highest) - self.point.u
+        command = memory.law(memory.samples, estimated.x, estimated.following)
+        U = self.point.u + estimated.share * command
+        u = np.clip(U, limits.lowest, limits.highest) - self.point.u
         memory.waiting.append(u)
         predicted = self._predicted(estimated.states, memory.waiting, self.dt)
         memory.estimate = self._next_memory(estimated.memory, predicted)
@@ -299,16 +296,15 @@ class FilteredPolicy(SampledPolicy):
 
     def _estimated(self, memory: _Memory, y: np.ndarray) -> _Estimated:
         """Return the estimate at a sample from measured deviations, (p,)."""
-        updated, is_left_out = self._functions.updated.at(memory.estimate, y)
+        updated, is_left_out, share = self._functions.updated.at(memory.estimate, y)
         states = updated[: len(self.filter.Phi)]
         still = np.zeros(len(self.point.u))
         ahead = self._predicted(states, [*memory.waiting, still], self.ahead).x
-        following = None
-        if self.is_extended:
-            (ahead,) = self._functions.seen.at(ahead)
-            following = self._following(memory, updated)
-        x = self._of_all_states(ahead[: len(self.filter.states)])
-        return _Estimated(updated, states, x, following, bool(is_left_out[0]))
+        (seen,) = self._functions.seen.at(ahead)
+        plans = isinstance(self.law, SampledPolicy) and self.law.plans
+        following = self._following(memory, updated) if plans else None
+        x = self._of_all_states(seen)
+        return _Estimated(updated, states, x, following, bool(is_left_out[0]), float(share[0]))
 
     def _following(self, memory: _Memory, updated: np.ndarray) -> NextSample:
         """Return what is known of the next sample, if the last command is held.
@@ -373,35 +369,27 @@ class FilteredPolicy(SampledPolicy):
         x: states of the filter, (n,)
         u: deviations of the acting inputs from the trim, (m,)
         """
-        models = self._models(seconds)
-        linear = _Prediction(models.Phi @ x + models.Gamma @ u, models.Phi)
-        if models.nonlinear is None:
-            return linear
-        after, slopes = models.nonlinear.at(x, u)
-        extended = _Prediction(after, slopes.reshape(len(x), -1, order="F"))
-        return extended if all(np.isfinite(each).all() for each in extended) else linear
+        after, slopes = self._model(seconds).at(x, u)
+        return _Prediction(after, slopes.reshape(len(x), -1, order="F"))
 
-    def _models(self, seconds: float) -> _Models:
-        """Return the models of some seconds with held inputs, at most a sample."""
+    def _model(self, seconds: float) -> BoundFunction:
+        """Return the function (x, u) -> (x, slopes) after some seconds, at most a sample."""
         key = round(seconds / self.dt, 6)
-        if key not in self._models_of_shares:
-            known = self.filter
-            matrices = (known.Phi, known.Gamma) if key == 1.0 else held(known.A, known.B, seconds)
-            nonlinear = None
-            if self.is_extended:
-                nonlinear = BoundFunction(extended_step(known, matrices[0], seconds))
-            self._models_of_shares[key] = _Models(*matrices, nonlinear)
-        return self._models_of_shares[key]
+        if key not in self._model_of_share:
+            step = extended_step(self.filter, seconds)
+            arguments = step.sx_in()
+            self._model_of_share[key] = _bound("extended", arguments, step.call(arguments))
+        return self._model_of_share[key]
 
     @cached_property
-    def _models_of_shares(self) -> dict[float, _Models]:
-        """Share of a sample -> its models."""
+    def _model_of_share(self) -> dict[float, BoundFunction]:
+        """Share of a sample -> model of this time."""
         return {}
 
     @cached_property
     def _functions(self) -> _Functions:
         """Functions of the filter, made at the first sample."""
-        return _functions_of(self.filter, self.is_extended)
+        return _functions_of(self.filter, self.fade)
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
         """Return the policy and the scenario with ticks that divide samples and delays.
@@ -451,7 +439,8 @@ class FilteredPolicy(SampledPolicy):
     def texts(self) -> list[str]:
         """Return sentences on the filter and on its loop."""
         margins = self.margins
-        return [self.filter.text(), *([] if margins is None else [margins.text()])]
+        fading = f"Switched on in flight, commands are faded in over {self.fade:g} s (fade)."
+        return [self.filter.text(), *([] if margins is None else [margins.text()]), fading]
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: those of its law, and the filter."""
@@ -472,7 +461,7 @@ class FilteredPolicy(SampledPolicy):
         """Return the fields, without functions that are made at the next sample."""
         memory = replace(self._memory, law=None, waiting=[*self._memory.waiting])
         fields = {**self.__dict__, "_memory": memory}
-        for made in ("_models_of_shares", "_functions", "_sample"):
+        for made in ("_model_of_share", "_functions", "_sample"):
             fields.pop(made, None)
         return fields
 
@@ -527,13 +516,12 @@ def sample_of(policy: FilteredPolicy, t: ca.SX, memory: ca.SX, y: ca.SX) -> tupl
     y: measured deviations from the trim, (p,)
     """
     known, point = policy.filter, policy.point
-    now, is_left_out = updated(known, unpacked(known, memory), y)
+    now, is_left_out = updated(known, unpacked(known, memory), y, policy.fade)
     limits = Limits.of(point.model, tuple(point.model.inputs))
     held = ca.DM(policy.law.held_inputs(0, 0.0))
-    u = command_of(policy.law, t, now.x[: len(known.states)], held)
+    u = now.share * command_of(policy.law, t, known.seen(now.x), held)
     u = ca.fmin(ca.fmax(u, ca.DM(limits.lowest - point.u)), ca.DM(limits.highest - point.u))
-    moved = ca.DM(known.Phi) @ now.x + ca.DM(known.Gamma) @ u
-    later = propagated(known, now, moved, ca.sparsify(ca.DM(known.Phi)))
+    later = propagated(known, now, *extended_step(known, known.dt)(now.x, u))
     return u, later.packed(), is_left_out
 
 

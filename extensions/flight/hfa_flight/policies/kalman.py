@@ -10,9 +10,9 @@ from typing import Any, NamedTuple, Self
 import casadi as ca
 import numpy as np
 
-from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.gust_equations import in_gusts, seen_in_air
+from hfa_flight.air.names import state_of
 from hfa_flight.air.turbulence import AirFilter, Turbulence, held_noise, turbulence_of
-from hfa_flight.policies.crossing_air import AddedSpeed, added_speed
 from hfa_flight.policies.deployment.sampled_loop import held
 from hfa_support.errors import (
     BadInputError,
@@ -79,7 +79,9 @@ class KalmanFilter(Result):
     A, B: model in continuous time, x' = A x + B u, (n, n), (n, m).
     Phi, Gamma, C: model of a sample, (n, n), (n, m), (p, n).
     Q, R: covariance of the disturbances in a sample, and of the noise.
-    air: part of Q that is due to turbulence.
+    air: part of Q that is due to turbulence, of the states of the air alone: winds are held in a
+        sample. What they add to the aircraft depends on its states, and a fast gain leaves its
+        limits in severe turbulence where Q has it as at the trim.
     P: covariance of the error of the predicted states x.
     L: gain, (n, p).
     residual: residual of the Riccati equation of P, relative to P, in balanced units.
@@ -161,8 +163,11 @@ class KalmanFilter(Result):
         C = plant.C * plant.scale / sigma[:, None]
         unobservable = _unobservable(plant, A, C, tuple(drift), tuple(noise))
         units = np.outer(plant.scale, plant.scale)
-        balanced_Phi, air = held_noise(A, plant.noise / units, dt)
-        _, drifted = held_noise(A, np.diag((plant.drift / plant.scale) ** 2), dt)
+        balanced_Phi, drifted = held_noise(A, np.diag((plant.drift / plant.scale) ** 2), dt)
+        air, held_air = np.zeros_like(A), slice(len(drift), None)
+        if turbulence is not None:
+            of_air = (each[held_air, held_air] for each in (A, plant.noise / units))
+            _, air[held_air, held_air] = held_noise(*of_air, dt)
         Q = air + drifted
         Q = 0.5 * (Q + Q.T)
         P, L, residual = _stationary(balanced_Phi, C, Q)
@@ -212,8 +217,42 @@ class KalmanFilter(Result):
         P = self.P - self.L @ self.C @ self.P
         return dict(zip(self.states, np.sqrt(np.diag(P)).tolist(), strict=False))
 
+    @cached_property
+    def climate(self) -> np.ndarray:
+        """Stationary covariance of the states of the air, (n - k, n - k)."""
+        from scipy.linalg import solve_discrete_lyapunov
+
+        air = slice(len(self.states), None)
+        return np.asarray(solve_discrete_lyapunov(self.Phi[air, air], self.air[air, air]))
+
+    def winds_at(self, x: ca.SX) -> ca.SX:
+        """Return the winds of some states (n,), within 4 standard deviations, (w,)."""
+        winds, strongest = ca.mtimes(ca.DM(self.W), x[len(self.states) :]), ca.DM(self.strongest)
+        return ca.fmin(ca.fmax(winds, -strongest), strongest)
+
+    def seen(self, x: ca.SX) -> ca.SX:
+        """Return the deviations of the linear states, (k,), that a policy sees at some states
+        (n,), as `seen_in_air`.
+        """
+        trim = self.point.states._asdict()
+        seen = dict(zip(self.states, ca.vertsplit(x[: len(self.states)]), strict=True))
+        over_ground = {name: trim[name] + seen.get(name, 0.0) for name in trim}
+        winds = (
+            dict(zip(self.winds, ca.vertsplit(self.winds_at(x)), strict=True)) if self.winds else {}
+        )
+        in_air = seen_in_air(self.point.model, over_ground, trim, winds)
+        seen |= {name: in_air[name] - trim[name] for name in in_air if name in seen}
+        return ca.vertcat(*seen.values())
+
+    @cached_property
+    def sight(self) -> np.ndarray:
+        """Derivatives of `seen` by x at the trim, (k, n): the identity, and those by the air."""
+        x = ca.SX.sym("x", len(self.Phi))
+        slopes = ca.Function("sight", [x], [ca.densify(ca.jacobian(self.seen(x), x))])
+        return np.asarray(slopes(0.0))
+
     def loop(self, K: np.ndarray) -> _Loop:
-        """Return the loop of a gain u = -K x̂ and this filter.
+        """Return the loop of a gain u = -K (what is seen at x̂) and this filter.
 
         The states are those of aircraft and air, x, and the errors of their prediction, x - x⁻.
 
@@ -221,7 +260,7 @@ class KalmanFilter(Result):
         """
         Phi, Gamma, C, L = self.Phi, self.Gamma, self.C, self.L
         n, k = len(Phi), len(self.states)
-        gain = np.hstack([K, np.zeros((len(K), n - k))])
+        gain = K @ self.sight
         kept = np.eye(n) - L @ C
         F = np.block([[Phi - Gamma @ gain, Gamma @ gain @ kept], [np.zeros((n, n)), Phi @ kept]])
         of_noise = np.vstack([-Gamma @ gain @ L, -Phi @ L])
@@ -232,22 +271,16 @@ class KalmanFilter(Result):
         feed = gain @ L @ self.R @ L.T @ gain.T
         return _Loop(F, N, outputs, feed, *self._second_order())
 
-    def added_speed(self) -> AddedSpeed | None:
-        """Return the part of the speed that is quadratic in the winds, as `crossing_air` does."""
-        return added_speed(self.point, self.states, self.winds, self.sensors)
-
     def _second_order(self) -> tuple[int, np.ndarray]:
-        """Return the row of the speed, and the second derivatives by x of what winds across the
-        path add to it, (n, n).
+        """Return the row of the speed, and the second derivatives by x of what the speed over the
+        ground has more than the seen one, (n, n).
         """
-        n, k = len(self.Phi), len(self.states)
-        added = self.added_speed()
-        if added is None:
+        n, speed = len(self.Phi), state_of(self.point.model, "speed")
+        if speed not in self.states:
             return 0, np.zeros((n, n))
-        x = ca.SX.sym("x", n)
-        speed = added.of(x[:k], ca.DM(self.W) @ x[k:])
-        hessian = ca.Function("hessian", [x], [ca.densify(ca.hessian(speed, x)[0])])
-        return added.row, hessian(0.0).full()
+        x, row = ca.SX.sym("x", n), self.states.index(speed)
+        hessian = ca.hessian((x[: len(self.states)] - self.seen(x))[row], x)[0]
+        return row, ca.Function("hessian", [x], [ca.densify(hessian)])(0.0).full()
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -284,7 +317,7 @@ class _Loop(NamedTuple):
     outputs: matrix from s to the linear states and inputs
     feed: covariance of the inputs by the noise of the same sample
     speed: row of the speed in the outputs
-    H: second derivatives by x of what winds across the path add to the speed, (n, n)
+    H: second derivatives by x of what the speed over the ground has more than the seen one, (n, n)
     """
 
     F: np.ndarray
