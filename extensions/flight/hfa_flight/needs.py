@@ -39,9 +39,9 @@ def is_enough(count: int, flights: int, share: float) -> bool:
 
 
 def lost_band(lost: int, members: int) -> tuple[float, float]:
-    """Return the ends of the 95 % band of the probability that a flight is lost.
+    """Return the ends of the 95 % band of the probability that a flight does not stay inside.
 
-    The band is that of Clopper and Pearson (1934), one-sided if no flight or every one is lost.
+    The band is that of Clopper and Pearson (1934), one-sided if none or every one does not.
     """
     from scipy.special import betaincinv
 
@@ -51,19 +51,21 @@ def lost_band(lost: int, members: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def band_text(lost: int, members: int) -> str:
+def band_text(lost: int, members: int, verb: str) -> str:
     """Return `lost_band` with its confidence of 95 % as text, such as "27.2 to 72.9 %, 95 %".
 
-    The upper end is rounded up. Without lost flights, the text is "fewer than" this end.
+    The upper end is rounded up. If all stay, the text is "fewer than" this end.
+
+    verb: what the others do, such as "leave"
     """
     low, high = (100.0 * end for end in lost_band(lost, members))
     if not lost:
-        return f"fewer than {percent(high, up=True)} lost (95 %)"
+        return f"fewer than {percent(high, up=True)} {verb} (95 %)"
     return f"{low:.3g} to {percent(high, 3, up=True)}, 95 %"
 
 
 def is_refuted(lost: int, flights: int, share: float) -> bool:
-    """Return whether so many lost flights contradict a share, beyond their 95 % band."""
+    """Return whether so many flights outside contradict a share, beyond their 95 % band."""
     return lost_band(lost, flights)[0] > 1.0 - share
 
 

@@ -646,7 +646,7 @@ def test_the_band_of_lost_flights_is_that_of_the_binomial(lost):
         assert binom.sf(lost - 1, 5, low) == pytest.approx(tail)
     if lost < 5:
         assert binom.cdf(lost, 5, high) == pytest.approx(tail)
-    end = "%, 95 %" if lost else "% lost (95 %)"
+    end = "%, 95 %" if lost else "% leave (95 %)"
     printed = float(told.title.splitlines()[0].partition(f" {end}")[0].split()[-1])
     assert 100.0 * high <= printed < 100.0 * high + 1.0
 

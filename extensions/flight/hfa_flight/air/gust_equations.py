@@ -135,7 +135,9 @@ def undeclared(model: Model, disturbance: str, what: str) -> str:
     what: subject that requires the disturbance, such as "a gust"
     """
     kind = kind_of_signal(model, disturbance)
-    change = f"rename its {kind} {disturbance}" if kind else "declare this disturbance"
+    change = f'declare it by disturbances={{"{disturbance}": Signal(unit)}}'
+    if kind:
+        change = f"rename its {kind} {disturbance}"
     return f"{model.name} declares no disturbance {disturbance}, which {what} requires; {change}"
 
 

@@ -136,7 +136,7 @@ class Episode:
         self._state = np.zeros((1, sum(flight.sizes) + 1))
         self._held = np.zeros((1, sum(flight.held_sizes) + 2 * n + 1))
         self._observed = np.zeros((1, self.deployed.observe.numel_out(0)))
-        self._outcome = np.zeros((1, 3))  # reward, lost, over
+        self._outcome = np.zeros((1, 3))  # reward, left, over
         self._name_parts()
         written = (self._state, self._outcome, self._observed)
         self._fly = _bound(self._code, (self._state, self._held), written)
@@ -278,8 +278,8 @@ class Episode:
         if self._turbulence is not None:
             self._winds[:] = self._winds_of_samples[self._done]
         self._fly()
-        reward, lost, over = self._outcome[0].tolist()
-        return reward, lost > 0.0, over > 0.0
+        reward, left, over = self._outcome[0].tolist()
+        return reward, left > 0.0, over > 0.0
 
     @property
     def _done(self) -> int:
@@ -390,11 +390,11 @@ def _outcome(size: int, n: int) -> ca.Function:
     kept = ca.if_else(is_number, after, before)
     lowest, highest = kept[size - 2 * n : size - n], kept[size - n :]
     inside = (is_within(extreme, limits[:n], limits[n:]) for extreme in (lowest, highest))
-    lost = ca.logic_not(ca.logic_and(is_number, ca.logic_and(*inside)))
+    left = ca.logic_not(ca.logic_and(is_number, ca.logic_and(*inside)))
     later = ca.fmax(remaining - 1.0, 0.0)
     paid = ca.if_else(all_finite(cost), cost, _DEAREST)
-    reward = -paid - ca.if_else(lost, later * (paid + price), 0.0)
-    outcome = ca.vertcat(reward, lost, later <= 0.0)
+    reward = -paid - ca.if_else(left, later * (paid + price), 0.0)
+    outcome = ca.vertcat(reward, left, later <= 0.0)
     arguments = [before, after, cost, remaining, limits, price]
     return ca.Function("outcome", arguments, [kept, later, outcome])
 

@@ -145,12 +145,12 @@ class AircraftEnvironment(gymnasium.Env):
             raise BadInputError("step: no episode is under way; call reset() first")
         if type(action) is not np.ndarray or action.dtype.kind != "f":
             action = numbers_in("the action", action)
-        reward, lost, over = self.episode.advance(action)
-        self._under_way = not (lost or over)
+        reward, left, over = self.episode.advance(action)
+        self._under_way = not (left or over)
         info = self._info()
-        if lost:
+        if left:
             info["left"] = self.episode.left()
-        return self._observation(), reward, lost, over, info
+        return self._observation(), reward, left, over, info
 
     def render(self) -> None:
         """Raise BadInputError, which states how to draw a flight."""

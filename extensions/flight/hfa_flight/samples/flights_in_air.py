@@ -54,7 +54,7 @@ class FlightsInAir(Reported):
         return list(dict.fromkeys(self.plan.point.warnings))
 
     def report(self) -> Report:
-        """Return the report: flights lost with the 95 % band of their probability, quantiles."""
+        """Return the report: flights that leave, the 95 % band of their share, and quantiles."""
         return member_report(self.plan, self.flown, self.where, self.uncontrolled)
 
 

@@ -37,7 +37,7 @@ Flown = Mapping[str, np.ndarray]
 
 
 def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flown | None) -> Report:
-    """Return the report of a Monte Carlo plan: flights lost, and quantiles of the results.
+    """Return the report of a Monte Carlo plan: flights that leave, and quantiles of the results.
 
     The quantiles are over the flights inside the envelope.
 
@@ -79,13 +79,15 @@ def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flow
 
 
 def _verdict(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> str:
-    """Return the first line: flights within limits, and the share that is lost."""
+    """Return the first line: flights within limits, and the share of the others."""
     within, members = outcomes["within_limits"], plan.members
     has_envelope = is_limited(plan.envelope)
     if any(outcomes["exceeded"].values()) or any(outcomes["limit_cycle"].values()):
-        stay = "stay within limits"
+        stay, verb = "stay within limits", "do not"
+    elif has_envelope:
+        stay, verb = "stay inside", "leave"
     else:
-        stay = "stay inside" if has_envelope else "do not diverge"
+        stay, verb = "do not diverge", "diverge"
     line = (
         f"{verdict_text(outcomes['ok'])}: {within} of {members} flights of "
         f"{plan.scenario.duration:g} s {stay}{_air_text(plan.scenario)}{need_text(plan.share)}"
@@ -93,12 +95,12 @@ def _verdict(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> str:
     lost = members - within
     if not has_envelope:
         line = f"{line}; {NO_LIMIT}"
-    band = "" if _all_same(plan) else band_text(lost, members)
+    band = "" if _all_same(plan) else band_text(lost, members, verb)
     if not lost:
         return f"{line}; {band}" if band else line
     left = {name: count for name, count in outcomes["left"].items() if count}
     by = f" by {next(iter(left)) if len(left) == 1 else _listed(left)}" if left else ""
-    return f"{line}; {lost} lost{by}" + (f" ({band})" if band else "")
+    return f"{line}; {lost} {verb}{by}" + (f" ({band})" if band else "")
 
 
 def _far_text(far: Mapping[str, Mapping[str, float]]) -> str:
@@ -120,7 +122,7 @@ def _far_above(plan: MonteCarlo, figures: Mapping[str, Any]) -> dict[str, dict[s
     """Return state -> "linear" or "no_control" -> ratio of its rms to that one, if above `_FAR`.
 
     "linear" is the linear prediction. "no_control" is compared in moving air only, if no flight
-    without control is lost.
+    without control leaves.
 
     figures: as returned by `_rms_figures`
     """
@@ -243,7 +245,7 @@ def _rows(outcomes: Mapping[str, Any]) -> tuple[Row, ...]:
         rows += [Row(f"{name} {signal}", count) for signal, count in counts if count]
     if "uncontrolled_lost" in outcomes:
         rows.append(
-            Row("lost without control", outcomes["uncontrolled_lost"], note="of the same flights")
+            Row("leave without control", outcomes["uncontrolled_lost"], note="of the same flights")
         )
     return tuple(rows)
 
