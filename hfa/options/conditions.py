@@ -251,7 +251,7 @@ def _condition(
         if name in values:
             raise BadInputError(f"{where}: {name} is both free and held; clear one of its cells")
         try:
-            model.refuse_unheld("the unknown variable", name)
+            model.refuse_unheld("the unknown variable", name, tuple(model.parameters))
         except BadInputError as error:
             raise BadInputError(f"{where}, column {FREE} has {error}") from error
     parameters = {name: value for name, value in values.items() if name in model.parameters}

@@ -19,6 +19,7 @@ from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.provenance import Change
 from trim.hfa.level_flight import CONDITIONS, load_condition
 from trim.point.condition import StatedValues, TrimCondition, release, usual_condition
+from trim.point.freed import freed_parameters
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.reports.models import AskedTrim, Conditions, linear_models
@@ -289,14 +290,17 @@ def given_trim(request: TrimOptions) -> GivenTrim:
 
     Raises BadInputError for an unknown name, an invalid value, or options that contradict.
     """
-    return trim_input(request).single()
+    return _with_held_parameters(trim_input(request).single())
 
 
-def scheduled_trim(request: TrimOptions) -> GivenTrim:
-    """Return the single trim that the options define; the paper's aircraft requires --dihedral."""
-    asked = trim_input(request)
-    asked.refuse_unscheduled()
-    return asked.single()
+def _with_held_parameters(given: GivenTrim) -> GivenTrim:
+    """Return a given trim. Raises BadInputError if it sets a parameter free."""
+    for name in freed_parameters(given.condition):
+        raise BadInputError(
+            f"{name} is a parameter, which only `hfa trim` and `hfa linearize` set free; find its "
+            f"value there, and give --hold {name}=VALUE"
+        )
+    return given
 
 
 def trim_input(
@@ -388,7 +392,7 @@ def given_trims(request: SeveralTrims, most: int) -> GivenTrims:
     """
     given = trim_input(request)
     if given.rows:
-        single = given.single()
+        single = _with_held_parameters(given.single())
         return GivenTrims([single], single.source)
     hold = given.held()
     values = (
@@ -396,7 +400,7 @@ def given_trims(request: SeveralTrims, most: int) -> GivenTrims:
         if given.at is None
         else array_of(f"--{at_name(given.model)}", given.at, most).tolist()
     )
-    trims = [given.trim(value, hold) for value in values]
+    trims = [_with_held_parameters(given.trim(value, hold)) for value in values]
     return GivenTrims(trims, given.source(trims[0].common, given.parameters_among(hold)))
 
 

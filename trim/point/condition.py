@@ -35,7 +35,8 @@ class TrimCondition:
         not listed is not balanced.
     limits: name -> (lowest, highest), instead of the model's limits
     begin: variable -> initial value of the search
-    freed: variables that were set free by name: a trim never keeps them at their start values
+    freed: variables and parameters that were set free by name: a trim never keeps them at their
+        start values
     name: name of a condition from a file
 
     In `at` and `release`, the name of a rate is the name of its state with the suffix _dot.
@@ -299,8 +300,8 @@ def release(
     """Return a condition with some variables set free, others held, and limits changed.
 
     condition: the original condition
-    free: variables to set free. The search begins at the previously imposed value, or at the first
-        value of a table. A rate (speed_dot) that is set free is not balanced.
+    free: variables and parameters to set free. The search begins at the previously imposed value,
+        or at the first value of a table. A rate (speed_dot) that is set free is not balanced.
     hold: name -> imposed value; None for none
     limits: name -> (lowest, highest); None for no change of the limits
 
@@ -308,13 +309,17 @@ def release(
     `TrimCondition` does.
     """
     hold = hold or {}
-    for name in (*free, *hold):
-        condition.model.refuse_unheld("unknown trim variable", name)
+    model = condition.model
+    for name in free:
+        model.refuse_unheld("unknown trim variable", name, tuple(model.parameters))
+    for name in hold:
+        model.refuse_unheld("unknown trim variable", name)
     for name in free:
         if name in hold:
             raise BadInputError(
                 f"{name} is both free and held; free or hold the variable, not both"
             )
+    unknowns = (*model.variables, *model.parameters)
     values, held_rates = _values_and_rates(condition.model, hold)
     rates = {name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free}
     imposed = condition.model.without_alternatives(condition.imposed, values) | values
@@ -329,7 +334,7 @@ def release(
         imposed=imposed,
         limits={**condition.limits, **(limits or {})},
         begin=begin,
-        freed=(*condition.freed, *(name for name in free if name in condition.model.variables)),
+        freed=(*condition.freed, *(name for name in free if name in unknowns)),
     )
 
 

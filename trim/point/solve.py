@@ -5,12 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from trim.point.condition import TrimCondition, refuse_other_units, release, usual_condition
+from trim.point.freed import freed_parameters, with_found_parameters, with_parameters_as_inputs
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import SearchEnd, TrimProblem
 from trim.point.status import Status
@@ -86,7 +88,8 @@ def trim(
         the declared initial values
     hold: variable, output, airspeed (kcas) or rate (speed_dot) -> imposed value, a number in the
         units of the model or text with a unit, such as "250 kt" or "FL200"; None for none
-    free: variables to set free; a rate (h_dot) that is set free is not balanced
+    free: variables and parameters to set free; a rate (h_dot) that is set free is not balanced. A
+        parameter such as cg has the value found in `point.model`
     at: value of the scheduling variable, added to `hold`; None if not given
     held: further values of `hold`, as keyword arguments: speed=100.0
 
@@ -114,6 +117,8 @@ def trim(
     if isinstance(start, Mapping):
         for name in start:
             refuse_unknown("start names the unknown variable", name, model.variables)
+    if freed_parameters(condition):
+        return _trim_of_parameters(model, condition, start)
     begin = start.values if isinstance(start, OperatingPoint) else start
     problem = TrimProblem(model, condition, begin)
     try:
@@ -125,6 +130,21 @@ def trim(
         raise BadInputError(
             f"the equations overflow or divide by zero; use other values or parameters ({error})"
         ) from error
+
+
+def _trim_of_parameters(
+    model: Model, condition: TrimCondition, start: OperatingPoint | Mapping[str, float] | None
+) -> OperatingPoint:
+    """Return the trim of a condition that sets parameters free, at the parameters that it needs."""
+    names = freed_parameters(condition)
+    wide = with_parameters_as_inputs(model, names)
+    others = tuple(name for name in condition.freed if name not in names)
+    try:
+        point = trim(wide, replace(condition, model=wide, freed=others), start)
+    except TrimError as error:
+        attempt = with_found_parameters(error.attempt, model, condition)
+        raise TrimError(str(error), attempt, error.required) from error
+    return with_found_parameters(point, model, condition)
 
 
 def _unknowns_of(problem: TrimProblem) -> np.ndarray | None:

@@ -19,6 +19,7 @@ from hfa_support.reporting.text import (
     shown_value,
 )
 from trim.linear.modes import Mode
+from trim.point.freed import freed_parameters
 from trim.point.margins import Margin
 from trim.point.status import BALANCE
 from trim.reports.doubts import doubts_of
@@ -143,6 +144,8 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
     else:
         yield from (named_value_text(point, name) for name in [*imposed][:_MOST_VALUES])
     if condition is not None:
+        for name in freed_parameters(condition):
+            yield f"{name} {value_text(model, name, model.parameters[name].start)}"
         for name, rate in condition.rates.items():
             if rate:
                 yield f"{name}_dot {value_text(model, f'{name}_dot', rate)}"

@@ -25,7 +25,9 @@ def asked_of(point: OperatingPoint) -> dict[str, Any]:
     """Return the cells that state the condition of a point: values, free variables, limits."""
     model = point.model
     stated = stated_values(point.trim_problem.asked)
-    changed = {name: model.parameters[name].start for name in model.changed}
+    changed = {
+        name: model.parameters[name].start for name in model.changed if name not in stated.free
+    }
     return stated_cells(model, stated._replace(held={**stated.held, **changed}))
 
 

@@ -16,6 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.reporting.results import without_empty
 from trim.point.condition import TrimCondition, stated_cells, stated_values, usual_condition
+from trim.point.freed import freed_parameters
 from trim.point.operating_point import OperatingPoint, beyond_range
 from trim.sweeps.points import condition_at
 
@@ -84,6 +85,8 @@ class SweepPlan:
         model = self.model
         if self.condition is None:
             vars(self)["condition"] = usual_condition(model)
+        for name in freed_parameters(self.condition):
+            raise BadInputError(f"a sweep does not free the parameter {name}; hold values of it")
         if not self.axes:
             choices = ", ".join((*model.holdable, *model.parameters))
             raise BadInputError(f"no variable is swept; choose from {choices}")

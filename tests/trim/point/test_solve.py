@@ -1,7 +1,10 @@
 """Trims: balance of all equations, imposed values, and causes of failed trims."""
 
+import math
+
 import numpy as np
 import pytest
+from project import ROOT
 from random_points import INPUT_SCALES, RATE_SCALES
 
 import hfa
@@ -218,3 +221,29 @@ def test_an_equilibrium_with_nothing_free_is_its_own_trim():
     point = trim(model, TrimCondition(model, {"x": 1.0, "v": 0.0, "force": 2.0}))
     assert point.ok
     assert (point["x"], point["force"], point.residual) == (1.0, 2.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("aircraft", "parameter", "held", "value"),
+    [
+        ("examples/glider.toml", "cg", "elevator", math.radians(-15.0)),
+        ("examples/f16.py:F16", "xcg", "elevator", -5.0),
+        ("examples/uav.toml", "mass", "thrust", 25.0),
+        ("", "panel_mass", "throttle", 45.0),
+    ],
+)
+def test_a_parameter_is_set_free(aircraft, parameter, held, value):
+    """The trim of the aircraft with the parameter found has the value that was held, and so has the
+    trim that begins elsewhere; a sweep and a game refuse to free it.
+    """
+    model = hfa.load_model(f"{ROOT}/{aircraft}") if aircraft else hfa.aircraft()
+    found = hfa.trim(model, free=parameter, hold={held: value})
+    assert found[held] == value
+    number = found.model.parameters[parameter].start
+    assert number != model.parameters[parameter].start
+    again = hfa.trim(model.with_parameters(**{parameter: number}))
+    assert again[held] == pytest.approx(value, rel=1e-7)
+    assert f"{parameter} " in found.report().title
+    assert pytest.approx(again.linearize().A, rel=1e-6, abs=1e-9) == found.linearize().A
+    with pytest.raises(hfa.BadInputError, match=f"does not free the parameter {parameter}"):
+        hfa.sweep(model, {held: [value]}, condition=found.trim_problem.asked)

@@ -1,0 +1,68 @@
+"""Trims that solve for parameters, such as the center of gravity at a limit of the elevator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
+from hfa_support.errors import BadInputError
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import OperatingPoint
+from trim.point.problem import TrimProblem
+
+
+def freed_parameters(condition: TrimCondition) -> tuple[str, ...]:
+    """Return the parameters that a condition sets free."""
+    return tuple(name for name in condition.freed if name in condition.model.parameters)
+
+
+@lru_cache(maxsize=16)
+def with_parameters_as_inputs(model: Model, names: tuple[str, ...]) -> Model:
+    """Return the model with some of its parameters as inputs, which a trim may solve for."""
+    inputs, parameters = record(tuple(model.inputs)), record(tuple(model.parameters))
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        """Return rates by state, and outputs by name."""
+        own_u = inputs(*(getattr(u, name) for name in model.inputs))
+        own_p = parameters(*(getattr(u if name in names else p, name) for name in model.parameters))
+        return model.equations(x, own_u, own_p, w)
+
+    def begin(imposed: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the initial values that the model computes."""
+        loaded = {name: model.parameters[name].start for name in names}
+        return model.trimming.initial({**loaded, **imposed})
+
+    trimming = replace(model.trimming, begin=model.trimming.begin and begin)
+    declared = {name: each for name, each in model.source.declared.items() if name not in names}
+    return replace(
+        model,
+        inputs={**model.inputs, **{name: model.parameters[name] for name in names}},
+        parameters={name: each for name, each in model.parameters.items() if name not in names},
+        equations=equations,
+        trimming=trimming,
+        source=replace(model.source, declared=declared),
+    )
+
+
+def with_found_parameters(
+    point: OperatingPoint, model: Model, condition: TrimCondition
+) -> OperatingPoint:
+    """Return a point of `with_parameters_as_inputs` as one of the model with the parameters found.
+
+    condition: condition of the trim, which sets the parameters free
+    """
+    found = {name: point[name] for name in freed_parameters(condition)}
+    fixed = model.with_parameters(**found)
+    problem = None
+    with suppress(BadInputError):  # of a failed trim
+        kept = () if point.found_by is None else point.found_by.kept
+        problem = TrimProblem(fixed, condition, point.values, kept)
+    inputs = record(tuple(model.inputs))(*(point[name] for name in model.inputs))
+    found_point = replace(point, inputs=inputs, model=fixed, found_by=problem)
+    vars(found_point)["_undetermined"] = point._undetermined  # of the problem that was solved
+    return found_point
