@@ -132,7 +132,7 @@ class RecordedGame:
                     after = self.evaluated(P, problem)
                 except np.linalg.LinAlgError:  # a number is not finite
                     return None
-            last, step = step, float(np.linalg.norm(after - P) / np.linalg.norm(after))
+                last, step = step, float(np.linalg.norm(after - P) / np.linalg.norm(after))
             P = after
             if not np.isfinite(step):
                 return None

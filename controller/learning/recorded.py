@@ -18,6 +18,7 @@ from hfa_aircraft.readers.matrices_file import NAME_KEYS, found_in, sample_time,
 from hfa_support.arrays.csv_file import columns_of
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shortened
+from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.units import conversion_factor
 
 #: Suffix of the columns of the ends of transitions -> name of their matrix.
@@ -76,9 +77,12 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
     """Return the matrices of a table, by the names of its columns."""
     columns: dict[str, _Column] = {}
     for label, values in entries.items():
-        if np.ndim(values) == 1 and not words(entries, label):
-            ((name, unit),) = re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", label.strip(), re.DOTALL)
-            columns[name] = _Column(unit, numbers_in(name, values))
+        if words(entries, label):
+            continue
+        ((name, unit),) = re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", label.strip(), re.DOTALL)
+        columns[name] = _Column(unit, np.ravel(numbers_in(name, values)))
+    if len({len(column.values) for column in columns.values()}) > 1:
+        raise BadInputError("the columns differ in length; give x and u, or columns of one length")
     ends = {end for end in _ENDS for name in columns if name.endswith(end)}
     by_ends = [name for name in columns if any(f"{name}{end}" in columns for end in _ENDS)]
     others = [name for name in columns if name not in by_ends and not name.endswith(tuple(_ENDS))]
@@ -222,23 +226,15 @@ class _Source:
         """Return a matrix (N, columns) of finite numbers, of episodes (e, N, columns) too."""
         if key not in self.entries:
             raise BadInputError(f"there is no {key}{found_in(self.entries)}; add it")
-        values = numbers_in(key, self.entries[key])
-        if values.ndim == 1 or (values.ndim == 2 and 1 in values.shape and columns == 1):
+        values = checked_matrix(key, self.entries[key], LARGEST, None)
+        if values.ndim < 2:
             values = values.reshape(-1, 1)
-        if values.ndim not in (2, 3) or (columns and values.shape[-1] != columns):
-            hint = ", a row for each sample" if values.shape[0] == columns else ""
+        if values.ndim > 3 or not values.size or columns not in (0, values.shape[-1]):
             raise BadInputError(
-                f"{key} has {values.shape[-1]} columns; the game has {columns}{hint}"
-                if values.ndim in (2, 3)
-                else f"{key} has {values.ndim} dimensions; give samples x signals"
+                f"{key} is {shape_text(values.shape)}; give a row for each sample, with"
+                f" {columns or 'its'} columns"
             )
-        flat = values.reshape(-1, values.shape[-1])
-        for row, column in np.argwhere(~np.isfinite(flat))[:1]:
-            raise BadInputError(
-                f"row {row + 1} of {key} has {flat[row, column]} in column {column + 1}; remove "
-                "the row"
-            )
-        return flat
+        return values.reshape(-1, values.shape[-1])
 
     def _signals(
         self, key: str, names: tuple[str, ...], units: tuple[str, ...]
@@ -295,7 +291,7 @@ class _Source:
         if len(shape) == 3:
             starts[:: shape[1]] = True
         if "episode" in self.entries:
-            labels = np.ravel(np.asarray(self.entries["episode"]))
+            labels = np.ravel(numbers_in("episode", self.entries["episode"]))
             if len(labels) != count:
                 raise BadInputError(
                     f"episode has {len(labels)} entries, x has {count} rows; give one for each"

@@ -115,6 +115,14 @@ LAYOUTS = (
         words="{}mu",
         beside=r"critic\.qf0",
     ),
+    _RSL_RL,
+    _SB3,
+    _SB3._replace(
+        algorithm="TD3 or DDPG of Stable-Baselines3",
+        head=r"(?P<root>(.*\.)?actor\.)mu\.0\.weight",
+        words="{}mu",
+        beside=r"critic\.qf0",
+    ),
     _SB3._replace(
         algorithm="PPO or A2C of Stable-Baselines3",
         head=r"(?P<root>(.*\.)?)action_net\.weight",

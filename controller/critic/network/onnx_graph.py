@@ -250,7 +250,8 @@ def _notes_on_normalizer(graph: Any, traced: _Traced) -> tuple[str, ...]:
     inputs = {item.name for item in graph.input}
     for minus, over in pairwise(graph.node):
         is_pair = (minus.op_type, over.op_type, over.input[:1]) == ("Sub", "Div", minus.output)
-        if is_pair and minus.input[0] in inputs:
+        constants = {minus.input[-1], over.input[-1]} - traced.rows.keys()
+        if is_pair and minus.input[0] in inputs and len(constants) == 2:
             return notes_on_statistics(*(traced.arrays[each.input[1]] for each in (minus, over)))
     return ()
 
@@ -454,7 +455,11 @@ def _inputs_of(
     A single input is z, or [z u] of a Q function. Two inputs are z and u of a Q function. Raises
     BadInputError for other inputs.
     """
-    shapes = _shapes_in(graph, constants)
+    shapes = {
+        item.name: [axis.dim_value for axis in item.type.tensor_type.shape.dim]  # 0 if it is open
+        for item in graph.input
+        if item.name not in constants
+    }
     if len(shapes) not in (1, 2) or not graph.output:
         raise BadInputError(
             f"the graph has {len(shapes)} inputs and {len(graph.output)} outputs; give a graph "
@@ -463,7 +468,11 @@ def _inputs_of(
         )
     one_row_shapes: dict[str, tuple[int, ...]] = {}
     for (name, shape), width in zip(shapes.items(), (state_count, input_count), strict=False):
-        _refuse_rows(name, shape)
+        if len(shape) not in (1, 2) or (len(shape) == 2 and shape[0] > 1):
+            raise BadInputError(
+                f"input {shortened(name)!r} of the graph has the shape {shape}; export the network "
+                "for one row per input"
+            )
         columns = shape[-1] or width  # an open dimension has the width of the plant
         if len(shapes) == 1:
             check_width(columns, state_count, input_count)
@@ -475,24 +484,6 @@ def _inputs_of(
             )
         one_row_shapes[name] = (columns,) if len(shape) == 1 else (1, columns)
     return one_row_shapes
-
-
-def _shapes_in(graph: Any, constants: set[str]) -> dict[str, list[int]]:
-    """Return the shape of each input of a graph as stored, by name, with 0 for open dimensions."""
-    return {
-        item.name: [axis.dim_value for axis in item.type.tensor_type.shape.dim]
-        for item in graph.input
-        if item.name not in constants
-    }
-
-
-def _refuse_rows(name: str, shape: list[int]) -> None:
-    """Raise BadInputError unless an input of a graph is a vector or accepts one row."""
-    if len(shape) not in (1, 2) or (len(shape) == 2 and shape[0] > 1):
-        raise BadInputError(
-            f"input {shortened(name)!r} of the graph has the shape {shape}; export the network "
-            "for one row per input"
-        )
 
 
 def check_width(width: int, states: int, inputs: int) -> None:

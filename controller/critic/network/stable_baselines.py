@@ -246,12 +246,10 @@ def _stored(data: Mapping[str, Any], name: str) -> Any:
     return entry
 
 
-def _number(entries: Mapping[str, Any], name: str, usual: float) -> float:
-    """Return a nonnegative number among the entries, or `usual` if it is missing."""
-    entry = entries.get(name)
-    if entry is None:
-        return usual
-    number = Number(0.0).of(entry)
+def _number(entries: Mapping[str, Any], name: str, usual: float | None = None) -> float:
+    """Return a nonnegative number among the entries, or `usual` without it."""
+    entry = entries.get(name, usual)
+    number = Number(0.0).of(entry.item() if isinstance(entry, np.generic) else entry)
     if number is None:
         raise BadInputError(f"{name} is {shown(entry)}; give {Number(0.0)}")
     return number
@@ -270,46 +268,40 @@ class _Box(NamedTuple):
 
 
 def _box(data: Mapping[str, Any], name: str, what: str) -> _Box:
-    """Return the Box in an entry of the zip, or its dictionary of Boxes as one."""
+    """Return the Box in an entry of the zip, or its dictionary of observations as one Box.
+
+    Raises BadInputError for another space than Boxes of vectors.
+    """
     space = _stored(data, name)
     parts = getattr(space, "spaces", None)
-    if not (isinstance(parts, dict) and what == "observations"):
-        return _Box(*_ends(space, what))
-    ends = {key: _ends(each, f"{what} {shortened(str(key))}") for key, each in parts.items()}
-    names = [
-        f"{key}[{place}]" if len(low) > 1 else str(key)
-        for key, (low, _) in ends.items()
-        for place in range(len(low))
-    ]
-    low, high = (np.concatenate(each) for each in zip(*ends.values(), strict=True))
-    return _Box(low, high, tuple(names))
-
-
-def _ends(space: Any, what: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest and highest values of a space that is a Box of vectors, (k,) each."""
-    kind = getattr(space, "made_of", type(space).__name__).rpartition(".")[2]
-    low = getattr(space, "low", None)
-    high = getattr(space, "high", None)
-    if kind == "Discrete" and what == "actions":
-        raise BadInputError(
-            f"the policy chooses one of {getattr(space, 'n', 'several')} discrete actions, as that "
-            "of DQN always does, and is no input u(x); train a policy with a Box of actions"
-        )
-    if not (isinstance(low, np.ndarray) and isinstance(high, np.ndarray)):
-        raise BadInputError(
-            f"the space of the {what} is a {shortened(kind)}, but only a Box is "
-            "supported; train a policy with a Box"
-        )
-    if low.ndim != 1 or low.shape != high.shape:
-        raise BadInputError(
-            f"the Box of the {what} has {low.ndim} axes, but only one is supported; train a policy "
-            "with a flat Box"
-        )
-    if not np.all(low <= high):
-        raise BadInputError(
-            f"the Box of the {what} has a lower limit above the upper limit; save the model again"
-        )
-    return np.array(low, dtype=float), np.array(high, dtype=float)
+    parts = parts if isinstance(parts, dict) and what == "observations" else {"": space}
+    low, high, names = [], [], []
+    for key, part in parts.items():
+        kind = getattr(part, "made_of", type(part).__name__).rpartition(".")[2]
+        if kind == "Discrete" and what == "actions":
+            raise BadInputError(
+                f"the policy chooses one of {getattr(part, 'n', 'several')} discrete actions, as "
+                "that of DQN does, and is no input u(x); train a policy with a Box of actions"
+            )
+        ends = [getattr(part, end, None) for end in ("low", "high")]
+        if not all(isinstance(end, np.ndarray) for end in ends):
+            raise BadInputError(
+                f"the space of the {what} {shortened(str(key))} is a {shortened(kind)}, but only a "
+                "Box is supported; train a policy with a Box"
+            )
+        if ends[0].shape != ends[1].shape or ends[0].ndim != 1 or np.any(ends[0] > ends[1]):
+            raise BadInputError(
+                f"the Box of the {what} has {ends[0].ndim} axes or has a lower limit above the "
+                "upper limit; train a policy with a flat Box"
+            )
+        low.append(ends[0])
+        high.append(ends[1])
+        count = len(ends[0])
+        names += [f"{key}[{place}]" if count > 1 else str(key) for place in range(count)]
+    return _Box(
+        *(np.concatenate(each).astype(float) for each in (low, high)),
+        tuple(names) if space not in parts.values() else (),
+    )
 
 
 def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
@@ -335,7 +327,7 @@ def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
             )
             for name in ("mean", "var")
         )
-        epsilon, clip = (_number_in(name, vars(stored)) for name in ("epsilon", "clip_obs"))
+        epsilon, clip = (_number(vars(stored), name) for name in ("epsilon", "clip_obs"))
         count = running_means[0].get("count")
         seen = int(count) if isinstance(count, (int, float)) else 0
         return Normalizer(mean, variance, epsilon, clip, Path(path).name), seen
@@ -358,13 +350,3 @@ def _statistics(stored: Inert) -> list[dict[str, Any]]:
             "the deployment file, 0 and 1 where nothing is normalized"
         )
     return [vars(running[name]) for name in names]
-
-
-def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
-    """Return a number among the attributes of a stored VecNormalize object."""
-    numbers = numbers_in(f"{name} of the VecNormalize object", attributes.get(name))
-    if numbers.size != 1:
-        raise BadInputError(
-            f"{name} of the VecNormalize object is not one number; save the normalizer again"
-        )
-    return float(numbers.item())

@@ -208,9 +208,11 @@ TIMES = {"x": X, "u": U, "time": 0.1 * np.arange(61)}
 PROBED = trajectory(STEPS, 60)
 #: Data -> words of the refusal; a pair has another game.
 REFUSED = {
-    "x has 2 columns; the game has 3": recorded(STEPS) | {"x": np.ones((80, 2))},
-    "a row for each sample": recorded(STEPS) | {"x": np.ones((3, 80))},
-    "row 17 of u has nan": spoiled("u", np.nan),
+    "x is 80 x 2; give a row for each sample, with 3": recorded(STEPS) | {"x": np.ones((80, 2))},
+    "x is 3 x 80; give a row": recorded(STEPS) | {"x": np.ones((3, 80))},
+    "x is 0 x 3": recorded(STEPS) | {"x": np.ones((0, 3))},
+    "u[16][0] is nan": spoiled("u", np.nan),
+    "the columns differ in length": {"a": np.ones(3), "b": np.ones(4)},
     "have 1 transitions; record at least 6": recorded(STEPS, 1),
     "have 0 transitions": {"x": np.ones((1, 3)), "u": np.ones((1, 2))},
     "time goes back at row 4": TIMES | {"time": 0.1 * np.r_[:3, 2:60]},

@@ -272,14 +272,6 @@ LIBRARIES = {
         ["actor.mu.0", "actor.mu.2", "actor.mu.4"],
         np.tanh,
     ),
-    "PPO of Stable-Baselines3": (
-        layers("mlp_extractor.policy_net.", "0", "2", widths=(3, 5, 4))
-        | layers("mlp_extractor.value_net.", "0", "2", widths=(3, 5, 4))
-        | layers("", "action_net", widths=(4, 2))
-        | layers("", "value_net", widths=(4, 1)),
-        ["mlp_extractor.policy_net.0", "mlp_extractor.policy_net.2", "action_net"],
-        plain,
-    ),
 }
 
 
