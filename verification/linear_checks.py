@@ -120,7 +120,7 @@ def linear_loop(exact: Solution, critic: Critic, box: np.ndarray, is_exact: bool
     box: half-widths of the box of states, (n,)
     """
     game = exact.game
-    excess = excess_of(game, critic.K, box) if critic.is_finite else without_bound(game)
+    excess = excess_of(exact.enclosure, critic.K, box) if critic.is_finite else without_bound(game)
     return LinearLoop(exact, critic, excess, is_exact)
 
 

@@ -115,10 +115,13 @@ def value_in_doubles(game: Game) -> np.ndarray:
         return np.ldexp(X, -np.add.outer(states, states))
 
 
-def candidate_in_doubles(game: Game, delta: float, near: Units | None = None) -> Candidate:
+def candidate_in_doubles(
+    game: Game, delta: float, near: Units | None = None, turns: int = TURNS
+) -> Candidate:
     """Return a candidate by LAPACK in states in which P is near 1, corrected by residuals.
 
     near: units and states where the search begins; by default those of the Hamiltonian
+    turns: largest number of changes of the states
 
     Raises FailedError.
     """
@@ -130,7 +133,7 @@ def candidate_in_doubles(game: Game, delta: float, near: Units | None = None) ->
             if np.abs(units.states - before.equation.units.states).max() <= SAME:
                 break
             solved = _solved(game, units, delta)
-        for turn in range(TURNS):
+        for turn in range(turns):
             change = _change_of_states(solved.X, game, NOISE if turn > 1 else 0.0)
             if change is None:
                 break

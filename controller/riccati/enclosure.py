@@ -111,19 +111,17 @@ class Enclosure:
     @cached_property
     def L(self) -> arb_mat:
         """L of the worst disturbance d = L z, (k, n); 0 without a disturbance."""
-        equation = self.proved.equation
-        game, units = equation.game, equation.units
+        equation, units = self.proved.equation, self.units
         with precision(self.bits):
             if not equation.is_disturbed:
-                return ball_matrix(np.zeros(game.E.T.shape))
-            if not equation.is_discrete:
-                return ball_matrix(game.E).transpose() * self.P * equation.w
-            # (δ² - E'P E) L = E'P (A - B K) keeps the digits of a small L.
+                return ball_matrix(np.zeros(self.game.E.T.shape))
             P = self.proved.P_in_balls
             price = equation.disturbance_price(P)
-            assert price is not None
-            ahead = P @ equation.control_loop(P, Balls.of(self.proved.gains))
-            L = price.matrix.solve((equation.E.T @ ahead).matrix)
+            if price is None:
+                L = (equation.E.T @ P).times(equation.w).matrix
+            else:  # (δ² - E'P E) L = E'P (A - B K) keeps the digits of a small L.
+                ahead = P @ equation.control_loop(P, self.proved.gains)
+                L = price.matrix.solve((equation.E.T @ ahead).matrix)
             return scaled_balls(units.gain(L), units.disturbances, -units.states)
 
     def relative_radius(self, *, with_zeros: bool) -> float:
@@ -270,9 +268,7 @@ def _outcome(
     ball = None
     try:
         ball = stabilizing(candidate.equation, candidate.X, candidate.Y, arithmetic)
-        prove_prices(ball)
-        if ball.bounds.is_disturbed:
-            prove_control_loop(ball, _shape_of(ball.control_loop, ball.bounds))
+        prove_value(ball)
     except (FailedError, NotProvedError):
         if arithmetic is DoubleBalls and ball is None:
             return ""  # determinants in balls take longer than another proof
@@ -281,6 +277,26 @@ def _outcome(
     if digits and not enclosure.relative_radius(with_zeros=bits() == BITS) < DIGITS:
         return ""
     return enclosure
+
+
+def proved_ball(candidate: Candidate, arithmetic: type[Bound]) -> Stabilizing[Bound]:
+    """Return the ball of a value that a candidate proves, where there is one without disturbance.
+
+    Raises FailedError or NotProvedError.
+    """
+    ball = stabilizing(candidate.equation, candidate.X, candidate.Y, arithmetic)
+    prove_value(ball)
+    return ball
+
+
+def prove_value(ball: Stabilizing[Any]) -> None:
+    """Prove that the players pay and that the loop without disturbance is stable.
+
+    Raises FailedError or NotProvedError.
+    """
+    prove_prices(ball)
+    if ball.bounds.is_disturbed:
+        prove_control_loop(ball, _shape_of(ball.control_loop, ball.bounds))
 
 
 def _shape_of(loop: Bound, equation: Equation[Bound]) -> Balls | np.ndarray:

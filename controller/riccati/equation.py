@@ -101,13 +101,14 @@ class Entries:
     def of(cls, game: Game, units: Units) -> Entries:
         """Return the matrices of a game in exact units."""
         z, u, d, T = units
+        exact = getattr(game, "balls", game)  # of a game about balls
         entries = cls(
-            scaled(game.A, -z, z),
-            scaled(game.B, -z, u),
-            scaled(game.E, -z, d),
-            _symmetric_weights(game.Q, z),
-            _symmetric_weights(game.R, u),
-            scaled(game.N, z, u),
+            scaled(exact.A, -z, z),
+            scaled(exact.B, -z, u),
+            scaled(exact.E, -z, d),
+            _symmetric_weights(exact.Q, z),
+            _symmetric_weights(exact.R, u),
+            scaled(exact.N, z, u),
         )
         return entries if T is None else entries.in_states(T)
 
@@ -286,10 +287,10 @@ class _Evaluated(NamedTuple, Generic[Matrix]):
     residual: Matrix
 
 
-def _symmetric_weights(weights: np.ndarray, units: np.ndarray) -> np.ndarray | arb_mat:
+def _symmetric_weights(weights: np.ndarray | arb_mat, units: np.ndarray) -> np.ndarray | arb_mat:
     """Return the exact symmetric part of Q or R in exact units."""
     exact = scaled(weights, units, units)
-    if np.array_equal(weights, weights.T):
+    if isinstance(weights, np.ndarray) and np.array_equal(weights, weights.T):
         return exact
     return symmetric_part(_balls(exact))
 

@@ -10,8 +10,8 @@ and in discrete time, with √α A, √α B and √α E in place of A, B and E, 
 
   F'D F - D + Δ'(R + B'P B) Δ + M'(V - E'D E)⁻¹ M = 0,  M = E'D F - E'P B Δ,  V = δ² I - E'P E.
 
-It exists if the L2 gain of the policy is below δ. Without disturbance, the last term is 0, and the
-equation is a Lyapunov equation. The policy costs up to sup z'D z / z'P z above the optimum.
+It is the value of a loop (`disturbed_loop`), which exists if the L2 gain of the policy is below δ.
+The policy costs up to sup z'D z / z'P z above the optimum.
 
 Sources: Kleinman, IEEE Transactions on Automatic Control 13 (1968), 114-115; Basar and Bernhard,
 H-infinity Optimal Control, Theorem 4.11.
@@ -29,30 +29,20 @@ from controller.game.zero_sum import Game
 from controller.riccati.balls import (
     ATTEMPTS,
     ROUNDOFF,
-    Balls,
     ball_matrix,
     identity,
     is_positive_definite,
     midpoints,
-    norm,
     precision,
     scaled_balls,
     symmetric,
     symmetric_part,
 )
-from controller.riccati.enclosure import Enclosure, decided, enclosed_in_bits
-from controller.riccati.equation import Sensitivity
+from controller.riccati.disturbed_loop import LoopValue
+from controller.riccati.enclosure import Enclosure, enclosed_in_bits
 from controller.riccati.free_states import FreeStates, free_states
-from controller.riccati.lyapunov import (
-    FailedError,
-    NotProvedError,
-    change_along,
-    loop_units,
-    lyapunov_enclosure,
-    lyapunov_in_bits,
-    stability_of,
-)
-from controller.riccati.proof import proved_zeta
+from controller.riccati.level import Level
+from controller.riccati.lyapunov import FailedError, NotProvedError, discounted, stability_of
 from controller.riccati.stability import discounted_loop, loop_with
 
 if TYPE_CHECKING:
@@ -64,10 +54,6 @@ WIDTH = 1e-6
 SAME_DOUBLE = ROUNDOFF
 #: Steps in which an upper bound is sought above the estimate, as powers of ten.
 _ABOVE = range(-12, -5)
-#: Largest number of Newton steps; they converge quadratically, from below.
-_NEWTON_STEPS = 60
-#: The number of digits doubles in each step: after one that is as small, the next is the last.
-_LAST_STEP = 2.0**-40
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,14 +98,14 @@ class Excess:
         return self.high <= SAME_DOUBLE
 
 
-def excess_of(game: Game, K: np.ndarray, box: np.ndarray) -> Excess:
-    """Return the cost of u = -K z above the optimum of a game that has a value.
+def excess_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Excess:
+    """Return the cost of u = -K z above the optimum of a game.
 
+    enclosure: of the solution of the game
     K: (m, n)
     box: half-widths of the box of states, (n,)
     """
-    enclosure = decided(game, game.delta, digits=False)
-    assert not isinstance(enclosure, str)
+    game = enclosure.game
     excess = without_bound(game)
     for bits in ATTEMPTS:
         with precision(bits):
@@ -151,36 +137,17 @@ def without_bound(game: Game, *, is_stable: bool = False, is_summable: bool = Fa
     )
 
 
-class _Solved(NamedTuple):
-    """Enclosed solution of the equation of D, which exists if the excess has a bound.
-
-    D: (n, n), balls
-    gain: M, (k, n), of the worst disturbance of the policy, minus that of the optimum, balls
-    """
-
-    D: arb_mat
-    gain: arb_mat
-
-
 class _Policy:
-    """A policy u = -K z of a game, and the matrices of its excess as balls, in the user's units.
+    """A policy u = -K z of a game, in balls in the user's units.
 
-    A, B, E: times √α, in continuous time 1
-    P, K_exact, L: of the exact solution
+    level: states in which P is nearly 1
     """
 
     def __init__(self, enclosure: Enclosure, K: np.ndarray) -> None:
-        from flint import arb
-
-        game = enclosure.game
-        root = arb(game.discount).sqrt()
-        self.game = game
-        self.is_discrete = game.is_discrete
-        self.A, self.B, self.E = (ball_matrix(M) * root for M in (game.A, game.B, game.E))
-        self.R = symmetric_part(ball_matrix(game.R))
-        self.P, self.K_exact, self.L = enclosure.P, enclosure.K, enclosure.L
+        self.enclosure = enclosure
+        self.game = enclosure.game
+        self.level = Level(enclosure)
         self.K = ball_matrix(K)
-        self.is_disturbed = math.isfinite(game.delta) and bool(game.E.any())
 
     def excess(self, box: np.ndarray) -> Excess:
         """Return the excess over the box of states, known or not.
@@ -192,208 +159,84 @@ class _Policy:
         box: half-widths, (n,)
         """
         game = self.game
-        loops = loop_with(game, self.K), self.A - self.B * self.K
-        is_stable, is_summable = (
-            stability_of(loop, is_discrete=game.is_discrete) is True for loop in loops
-        )
+        loop = loop_with(game, self.K)
+        is_summable = stability_of(discounted(loop, game), is_discrete=game.is_discrete) is True
+        is_stable = is_summable
+        if game.discount != 1.0:
+            is_stable = stability_of(loop, is_discrete=game.is_discrete) is True
         excess = without_bound(game, is_stable=is_stable, is_summable=is_summable)
         solved = self._solved(self.K) if is_summable else None
         if solved is None:
             return excess
-        excess = replace(
-            excess, matrix=midpoints(solved.D), disturbance_gain=midpoints(solved.gain)
-        )
-        free = None if is_positive_definite(self.P) else free_states(game)
+        excess = replace(excess, matrix=midpoints(solved.D), disturbance_gain=midpoints(solved.L))
+        free = None if is_positive_definite(self.enclosure.P) else free_states(game)
         if free is None:
-            return _with_ratio(excess, solved.D, self.P, [], box)
+            return _with_ratio(excess, solved.D, self.enclosure.P, [], box)
         error = free.error_of(self.K)
         if error.is_wrong:
             costs = _costs_at(solved.D, free, box)
             excess = replace(excess, from_free=costs.largest, free_state=costs.state)
-            if not costs.most <= SAME_DOUBLE * float(np.diag(midpoints(self.P)) @ box**2):
+            if not costs.most <= SAME_DOUBLE * float(np.diag(midpoints(self.enclosure.P)) @ box**2):
                 return replace(excess, worst=costs.state)
         without_error = self._solved(error.without_error)
         if without_error is None:
             return excess
-        return _with_ratio(excess, without_error.D, self.P, free.pivots, box)
+        return _with_ratio(excess, without_error.D, self.enclosure.P, free.pivots, box)
 
-    def _solved(self, K: arb_mat) -> _Solved | None:
-        """Return the solution of the equation of D for u = -K z, or None if it is not proved."""
-        error = K - self.K_exact
-        price = self.R
-        loop = self.A - self.B * K
-        if self.is_discrete:
-            price = price + self.B.transpose() * self.P * self.B
-        charge = error.transpose() * price * error
-        if not self.is_disturbed:
-            D = lyapunov_enclosure(loop, charge, is_discrete=self.is_discrete)
-            return None if D is None else _Solved(D, 0 * self.L)
+    def _solved(self, K: arb_mat) -> LoopValue | None:
+        """Return D and the gain of the worst disturbance, minus that of the optimum, for u = -K z,
+        or None if they are not proved.
+
+        The disturbance L* z + W⁻¹(v + M z) with W W' = V and W M = -E'P B Δ leaves the cost C + M'M
+        of the loop and -v'v. In continuous time, V = δ² and M = 0.
+        """
+        from flint import arb
+
+        game, optimum = self.game, self.enclosure
+        A, B, E = (discounted(ball_matrix(M), game) for M in (game.A, game.B, game.E))
+        error = K - optimum.K
+        price, F = symmetric_part(ball_matrix(game.R)), A - B * K
+        if game.is_discrete:
+            price = price + B.transpose() * optimum.P * B
+        charge, delta = error.transpose() * price * error, math.inf
+        moved, inverse_root = 0 * optimum.L, identity(E.ncols())
+        if math.isfinite(game.delta):
+            slack, delta = inverse_root * arb(game.delta) ** 2, 1.0
+            if game.is_discrete:
+                slack = slack - E.transpose() * optimum.P * E
+            root = _cholesky(slack)
+            if root is None:
+                return None
+            inverse_root = root.inv()
+            if game.is_discrete:
+                moved = -inverse_root * (E.transpose() * optimum.P * B * error)
+            F = F + E * optimum.L
+            E = E * inverse_root.transpose()
+            F, charge = F + E * moved, charge + moved.transpose() * moved
+        loop = self.level.in_new_states(F, E, charge)
         try:
-            return self._equation(loop, charge, error).solved()
+            D, L = loop.value(delta)
         except (FailedError, NotProvedError, ZeroDivisionError):
             return None
-
-    def _equation(self, loop: arb_mat, charge: arb_mat, error: arb_mat) -> ExcessEquation:
-        """Return the equation of D of a policy that differs from the optimum by an error.
-
-        loop: A - B K, (n, n)
-        charge: Δ'R Δ, in discrete time Δ'(R + B'P B) Δ, of the error Δ = K - K*, (n, n)
-        error: Δ, (m, n)
-        """
-        from flint import arb
-
-        k = self.E.ncols()
-        slack = identity(k) * arb(self.game.delta) ** 2
-        F = loop + self.E * self.L
-        if not self.is_discrete:
-            return ExcessEquation(F, self.E, charge, None, slack)
-        valued = self.E.transpose() * self.P
-        crossed = -(valued * self.B * error)
-        return ExcessEquation(F, self.E, charge, crossed, slack - valued * self.E)
+        units = optimum.units
+        D = scaled_balls(units.value(D), -units.states, -units.states)
+        L = scaled_balls(units.gain(L), 0 * units.disturbances, -units.states)
+        return LoopValue(D, inverse_root.transpose() * (L + moved))
 
 
-@dataclass(frozen=True)
-class ExcessEquation:
-    """Riccati equation of the excess z'D z, under disturbances that differ by v from the optimum.
-
-    In continuous time, F'D + D F + C + D E V⁻¹ E'D = 0. In discrete time, with the `slack` of D,
-
-      F'D F - D + C + M'(V - E'D E) M = 0,  M = (V - E'D E)⁻¹ (E'D F + crossed).
-
-    F, E, C: loop (n, n), (n, k) and charge of the error of the gain, (n, n)
-    crossed: -E'P B Δ, (k, n), in discrete time; None in continuous time
-    V: δ² I, in discrete time δ² I - E'P E, (k, k)
-    """
-
-    F: arb_mat
-    E: arb_mat
-    C: arb_mat
-    crossed: arb_mat | None
-    V: arb_mat
-
-    @property
-    def is_discrete(self) -> bool:
-        """Whether the equation is that of discrete time."""
-        return self.crossed is not None
-
-    def gain(self, D: arb_mat) -> arb_mat:
-        """Return M, (k, n), of the worst v = M z for D."""
-        E_D = self.E.transpose() * D
-        if self.crossed is None:
-            return self.V.solve(E_D)
-        return self.slack(D).solve(E_D * self.F + self.crossed)
-
-    def slack(self, D: arb_mat) -> arb_mat:
-        """Return V - E'D E, (k, k), in continuous time V."""
-        return self.V - self.E.transpose() * D * self.E if self.is_discrete else self.V
-
-    def sensitivity(self, slack: arb_mat, loop: Balls) -> Sensitivity:
-        """Return bounds of the change of the loop F + E M where D is changed by Z.
-
-        In continuous time, the change is E V⁻¹ E'Z. In discrete time, with the slack S of D, it is
-        E (S - E'Z E)⁻¹ E'Z (F + E M), and |(S - E'Z E)⁻¹| <= 2 |S⁻¹| if |S⁻¹| |E|² |Z| <= 1/2.
-
-        loop: F + E M at D, (n, n)
-        """
-        from flint import arb
-
-        through = Balls(slack).inverse_norm() * norm(self.E) ** 2
-        if not self.is_discrete:
-            return Sensitivity(through, arb(0), arb(0))
-        return Sensitivity(2 * through * loop.norm(), arb(0), through)
-
-    def residual(self, D: arb_mat, gain: arb_mat) -> arb_mat:
-        """Return the left side of the equation at D, (n, n).
-
-        gain: M of D
-        """
-        change = change_along(Balls(self.F), Balls(D), is_discrete=self.is_discrete).matrix
-        return change + self.C + gain.transpose() * self.slack(D) * gain
-
-    def solved(self, start: arb_mat | None = None) -> _Solved:
-        """Return D and its gain, enclosed in units in which the loop is balanced.
-
-        start: (n, n), from which the search for D begins; by default 0
-
-        Raises FailedError, NotProvedError or ZeroDivisionError.
-        """
-        units = loop_units(midpoints(self.F))
-        zero = np.zeros(self.E.ncols(), dtype=int)
-        crossed = None if self.crossed is None else scaled_balls(self.crossed, zero, units)
-        scaled = ExcessEquation(
-            scaled_balls(self.F, -units, units),
-            scaled_balls(self.E, -units, zero),
-            scaled_balls(self.C, units, units),
-            crossed,
-            self.V,
-        )
-        zeros = 0 * self.F
-        D, Y = scaled.proposal(zeros if start is None else scaled_balls(start, units, units))
-        D = scaled_balls(excess_ball(scaled, D, Y), -units, -units)
-        return _Solved(D, self.gain(D))
-
-    def proposal(self, D: arb_mat) -> tuple[arb_mat, arb_mat]:
-        """Return D, (n, n), by Newton's method, and Y of its loop.
-
-        From 0, D increases to the solution. Without a solution, the loop becomes unstable.
-
-        D: where the search begins, (n, n)
-
-        Raises FailedError.
-        """
-        for _ in range(_NEWTON_STEPS):
-            gain = self.gain(D)
-            loop = (self.F + self.E * gain).mid()
-            if not _looks_stable(loop, is_discrete=self.is_discrete):
-                raise FailedError("the excess has no bound")
-            residual = self.residual(D, gain).mid()
-            step = lyapunov_in_bits(loop, residual, is_discrete=self.is_discrete)
-            D = symmetric(D + step)
-            if norm(step) <= norm(D) * _LAST_STEP:
-                break
-        gain = self.gain(D)
-        loop = (self.F + self.E * gain).mid()
-        step = lyapunov_in_bits(loop, self.residual(D, gain).mid(), is_discrete=self.is_discrete)
-        one = identity(self.F.nrows())
-        return symmetric(D + step), lyapunov_in_bits(loop, one, is_discrete=self.is_discrete)
-
-
-def excess_ball(equation: ExcessEquation, D: arb_mat, Y: arb_mat) -> arb_mat:
-    """Return the ball about D that is proved to contain the stabilizing solution.
-
-    The proof is that of `controller.riccati.proof`: with the loop F of both players at D,
-    Z = D* - D solves F'Z + Z F + r + q(Z) = 0, q(Z) = Z E V⁻¹ E'Z.
-
-    D: (n, n), proposed solution; only the midpoint of its symmetric part counts
-    Y: (n, n), proposed solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, likewise
-
-    Raises NotProvedError if the proposal does not prove it.
-    """
-    D, Y = symmetric(D), symmetric(Y)
-    gain = equation.gain(D)
-    loop = Balls(equation.F + equation.E * gain)
-    slack = equation.slack(D)
-    if not is_positive_definite(slack):
-        raise NotProvedError("the disturbance pays")
-    zeta = proved_zeta(
-        loop,
-        Balls(Y),
-        norm(equation.residual(D, gain)),
-        equation.sensitivity(slack, loop),
-        is_discrete=equation.is_discrete,
-    )
-    spread = [(zeta * Y[i, i]).sqrt().upper() for i in range(Y.nrows())]
-    return Balls.around(D, spread).matrix
-
-
-def _looks_stable(loop: arb_mat, *, is_discrete: bool) -> bool:
-    """Return whether the eigenvalues of a loop in doubles may be stable.
-
-    It ends a search that finds nothing, and decides nothing.
-    """
-    poles = np.linalg.eigvals(midpoints(loop))
-    margin = 1.0 - np.abs(poles).max() if is_discrete else -poles.real.max()
-    return bool(margin > -1e-3 * np.abs(poles).max())
+def _cholesky(matrix: arb_mat) -> arb_mat | None:
+    """Return W, lower triangular, with W W' = M, (k, k), or None unless M is proved positive."""
+    k = matrix.nrows()
+    W = (0 * matrix).tolist()
+    for j in range(k):
+        pivot = matrix[j, j] - sum(W[j][i] ** 2 for i in range(j))
+        if not pivot > 0:
+            return None
+        W[j][j] = pivot.sqrt()
+        for row in range(j + 1, k):
+            inner = sum(W[row][i] * W[j][i] for i in range(j))
+            W[row][j] = (matrix[row, j] - inner) / W[j][j]
+    return ball_matrix(W)
 
 
 class _Costs(NamedTuple):

@@ -23,10 +23,11 @@ from controller.riccati.balls import (
     scaled_balls,
     symmetric_part,
 )
+from controller.riccati.disturbed_loop import DisturbedLoop
 from controller.riccati.enclosure import Enclosure, enclosed_in_bits
 from controller.riccati.free_states import disturbance_costs_nothing
-from controller.riccati.l2_gain import DisturbedLoop, GainBounds
-from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
+from controller.riccati.l2_gain import GainBounds, gain_of
+from controller.riccati.lyapunov import FailedError, NotProvedError, discounted, loop_units
 from controller.riccati.poles import Poles, poles_of
 from controller.riccati.stability import loop_with, stabilizes
 from trim.linear.balancing import is_stable_in_doubles
@@ -78,31 +79,30 @@ class Level:
 
     def _in_new_states(self, loop: arb_mat) -> arb_mat:
         """Return a loop of the user's states, (n, n), in the new states."""
-        return self.to_level * scaled_balls(loop, -self._powers, self._powers) * self.from_level
+        return self._columns(self._rows(loop))
+
+    def _columns(self, matrix: arb_mat) -> arb_mat:
+        """Return T M, (n, k): a matrix M of columns in the user's states, such as B."""
+        return self.to_level * scaled_balls(matrix, -self._powers, _zeros(matrix.ncols()))
+
+    def _rows(self, matrix: arb_mat) -> arb_mat:
+        """Return M T⁻¹, (k, n): a matrix M of rows that multiply the user's states, such as K."""
+        return scaled_balls(matrix, _zeros(matrix.nrows()), self._powers) * self.from_level
 
     @cached_property
     def inputs(self) -> np.ndarray:
         """B in the new states, (n, m)."""
         return self.columns(self.enclosure.game.B)
 
-    @cached_property
-    def disturbances(self) -> np.ndarray:
-        """E in the new states, (n, k)."""
-        return self.columns(self.enclosure.game.E)
-
     def columns(self, matrix: np.ndarray) -> np.ndarray:
-        """Return T M, (n, k): a matrix M of columns in the user's states, such as B."""
-        no_powers = np.zeros(matrix.shape[1], dtype=int)
+        """Return columns of the user's states in the new states, rounded."""
         with precision(self.enclosure.bits):
-            in_units = scaled_balls(ball_matrix(matrix), -self._powers, no_powers)
-            return midpoints(self.to_level * in_units)
+            return midpoints(self._columns(ball_matrix(matrix)))
 
     def rows(self, matrix: arb_mat) -> np.ndarray:
-        """Return M T⁻¹, (k, n): a matrix M of rows that multiply the user's states, such as K."""
-        no_powers = np.zeros(matrix.nrows(), dtype=int)
+        """Return rows that multiply the user's states for the new states, rounded."""
         with precision(self.enclosure.bits):
-            in_units = scaled_balls(matrix, no_powers, self._powers)
-            return midpoints(in_units * self.from_level)
+            return midpoints(self._rows(matrix))
 
     def poles(self, K: np.ndarray | None = None) -> Poles:
         """Return the enclosed eigenvalues of A - B K, by default of the optimal gain.
@@ -142,7 +142,7 @@ class Level:
         for bits in ATTEMPTS[:2]:
             with precision(bits), suppress(FailedError, NotProvedError):
                 gain = enclosed_in_bits(self.enclosure, bits).K if K is None else ball_matrix(K)
-                bounds = self._disturbed(gain).gain()
+                bounds = gain_of(self._disturbed(gain))
                 best = min(best, bounds, key=lambda bounds: bounds.high)
             if best.is_narrow:
                 break
@@ -154,18 +154,18 @@ class Level:
 
         K: (m, n), balls in the user's units
         """
-        from flint import arb
-
-        game, powers = self.enclosure.game, self._powers
-        from_level, root = self.to_level.inv(), arb(game.discount).sqrt()
-        no_powers = np.zeros(game.E.shape[1], dtype=int)
-        E = self.to_level * scaled_balls(ball_matrix(game.E), -powers, no_powers)
+        game = self.enclosure.game
         Q, N, R = map(ball_matrix, (game.Q, game.N, game.R))
         crossed = N * K
         cost = Q + K.transpose() * R * K - crossed - crossed.transpose()
-        C = from_level.transpose() * scaled_balls(cost, powers, powers) * from_level
-        F = self.to_level * scaled_balls(loop_with(game, K), -powers, powers) * from_level
-        return DisturbedLoop(F * root, E * root, symmetric_part(C), game.is_discrete)
+        F, E = (discounted(each, game) for each in (loop_with(game, K), ball_matrix(game.E)))
+        return self.in_new_states(F, E, cost)
+
+    def in_new_states(self, F: arb_mat, E: arb_mat, cost: arb_mat) -> DisturbedLoop:
+        """Return a loop of the user's states, its disturbances and its cost in the new states."""
+        C = symmetric_part(self._rows(self._rows(cost).transpose()))
+        is_discrete = self.enclosure.game.is_discrete
+        return DisturbedLoop(self._in_new_states(F), self._columns(E), C, is_discrete)
 
     def distance(self, K: np.ndarray) -> float:
         """Return the smallest change of A - B K that gives an undamped mode, relative to its norm.
@@ -185,7 +185,7 @@ class Level:
             units = loop_units(midpoints(loop))
             balanced_loop, one = scaled_balls(loop, -units, units), identity(len(units))
             size = float(np.linalg.norm(midpoints(balanced_loop), 2))
-            gain = DisturbedLoop(balanced_loop, one, one, game.is_discrete).gain()
+            gain = gain_of(DisturbedLoop(balanced_loop, one, one, game.is_discrete))
         return 1.0 / (gain.high * size) if size else 0.0
 
     def disk_margin(self, K: np.ndarray) -> DiskMargin | None:
@@ -207,6 +207,11 @@ class Level:
         if not is_stable_in_doubles(closed, is_discrete=game.is_discrete):
             return None
         return loop_of(closed, self.inputs, -self.rows(K), game.dt)
+
+
+def _zeros(size: int) -> np.ndarray:
+    """Return exponents of the user's units."""
+    return np.zeros(size, dtype=int)
 
 
 def _worst_loop(enclosure: Enclosure) -> arb_mat:

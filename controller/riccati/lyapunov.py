@@ -14,6 +14,7 @@ from controller.riccati.balls import (
     BallMatrix,
     Balls,
     BoundMatrix,
+    DoubleBalls,
     ball_matrix,
     bits,
     identity,
@@ -333,6 +334,13 @@ def stability_of(loop: arb_mat, *, is_discrete: bool) -> bool | None:
 
     units = loop_units(midpoints(loop))
     F, one = scaled_balls(loop, -units, units), identity(loop.nrows())
+    in_doubles = DoubleBalls.of(F)
+    try:
+        Y = shape_in_doubles(in_doubles.midpoint, is_discrete=is_discrete)
+    except (np.linalg.LinAlgError, ValueError):
+        Y = np.zeros(in_doubles.midpoint.shape)
+    if proves_stable(in_doubles, symmetric_in(DoubleBalls, Y), is_discrete=is_discrete):
+        return True
     is_stable = _by_shape(F, is_discrete=is_discrete)
     if is_stable is not None:
         return is_stable

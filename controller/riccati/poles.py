@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 #: Largest number of corrections of proposed eigenvectors; each doubles their digits.
 CORRECTIONS = 4
+#: A radius, relative to the size of the loop, that needs no correction.
+SMALL = 2.0**-105
 
 
 class Poles(NamedTuple):
@@ -106,6 +108,8 @@ def _in_eigenvectors(F: arb_mat) -> Similar:
     vectors = np.linalg.eig(midpoints(F))[1]
     similar = Similar.of(F, acb_mat(n, n, [complex(entry) for entry in vectors.ravel()]))
     for _ in range(CORRECTIONS):
+        if similar.largest_radius <= SMALL * float(norm(F)):
+            break
         corrected = Similar.of(F, similar.corrected())
         if not corrected.largest_radius < 0.5 * similar.largest_radius:
             break

@@ -11,14 +11,9 @@ from game_samples import game_models
 from stored_games import in_units, stored
 
 from controller.riccati.balls import ball_matrix, precision
-from controller.riccati.excess import (
-    ExcessEquation,
-    excess_ball,
-    excess_of,
-    ratio_bounds,
-    stability_of,
-)
-from controller.riccati.proof import NotProvedError
+from controller.riccati.disturbed_loop import DisturbedLoop
+from controller.riccati.excess import excess_of, ratio_bounds
+from controller.riccati.lyapunov import FailedError, NotProvedError, stability_of
 from hfa import Game, from_gain, solve, verify
 
 GAME = game_models()["published-15"]
@@ -26,7 +21,7 @@ EXACT = solve(GAME)
 
 
 def judged(game, K):
-    return excess_of(game, np.asarray(K, dtype=float), box=np.ones(len(game.A)))
+    return excess_of(solve(game).enclosure, np.asarray(K, dtype=float), box=np.ones(len(game.A)))
 
 
 def graded(game, K):
@@ -209,79 +204,69 @@ def test_an_excess_does_not_depend_on_units(kind, number):
     game = stored(kind, number).game.with_delta(math.inf)
     other, units = in_units(game, np.random.default_rng(number), base=10.0, most=3)
     K = 1.01 * solve(game).K
-    first = excess_of(game, K, box=np.ones(len(game.A)))
-    second = excess_of(other, K * units.u[:, None] / units.z, box=units.z)
+    first = excess_of(solve(game).enclosure, K, box=np.ones(len(game.A)))
+    second = excess_of(solve(other).enclosure, K * units.u[:, None] / units.z, box=units.z)
     assert second.high == pytest.approx(first.high, rel=1e-6)
     if math.isfinite(first.mean):
         assert second.mean == pytest.approx(first.mean, rel=1e-6)
 
 
-# The checker: wrong proposals.
+# Values of loops.
 
-#: Equations with one state and the root D in closed form: F, E, C, crossed, V and D.
+#: Loops with one state: F, E, C, δ and the root D in closed form.
 SCALAR = {
     # -2 D + 3/2 + D² / 2 = 0: 1 and 3
-    "continuous": ((-1.0, 1.0, 1.5, None, 2.0), 1.0),
-    # the same at a hundredth of the speed
-    "slow": ((-0.01, 1.0, 0.015, None, 200.0), 1.0),
-    # D = D/4 + C + (D/2 + 1/4)² / (4 - D) with D = 1: C = 9/16
-    "discrete": ((0.5, 1.0, 0.5625, 0.25, 4.0), 1.0),
+    "continuous": (-1.0, 1.0, 1.5, math.sqrt(2.0), 1.0),
+    # the same at a hundredth of the speed, in other units of the cost
+    "slow": (-0.01, 1e-11, 1.5e18, math.sqrt(2.0), 1e20),
+    # D = D/4 + C + (D/2)² / (4 - D) with D = 1: C = 2/3
+    "discrete": (0.5, 1.0, 2.0 / 3.0, 2.0, 1.0),
 }
 
 
-def scalar(time):
-    numbers, root = SCALAR[time]
-    matrices = (None if each is None else ball_matrix(np.array([[each]])) for each in numbers)
-    return ExcessEquation(*matrices), root
+def scalar_loop(time, charge=1.0, radius=0.0):
+    F, E, C, delta, root = SCALAR[time]
+    balls = (ball_matrix(np.array([[each]])) for each in (F, E, C * charge))
+    F, E, C = balls
+    C = C + ball_matrix([[arb(0, radius)]]) * C
+    return DisturbedLoop(F, E, C, time == "discrete"), delta, root
 
 
 @pytest.mark.parametrize("time", SCALAR)
-@pytest.mark.parametrize("factor", [-1.0, 0.5, 0.8, 1.0, 1.2])
-def test_an_accepted_excess_contains_the_root(time, factor):
-    """It contains the root however wrong D and Y are; small errors are accepted.
-
-    The other root, and an indefinite Y, are refused.
-    """
-    sizes = (0.0, 1e-12, 1e-6, 1e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 2.0)
-    with precision(256):
-        equation, root = scalar(time)
-        for error in (sign * size for size in sizes for sign in (-1.0, 1.0)):
-            D = ball_matrix(np.array([[root + error]]))
-            try:
-                F = (equation.F + equation.E * equation.gain(D))[0, 0]
-                exact = 1 / (1 - F**2) if time == "discrete" else -1 / (2 * F)
-                found = excess_ball(equation, D, ball_matrix([[exact * factor]]))
-            except (NotProvedError, ZeroDivisionError):
-                assert abs(error) > 1e-3 or abs(factor - 1.0) > 0.1
-                continue
-            assert factor > 0.0
-            assert found[0, 0].contains(arb(root))
+@pytest.mark.parametrize("radius", [0.0, 1e-12, 1e-3])
+def test_the_value_of_a_loop_contains_the_root(time, radius):
+    """It contains the roots of all costs in a ball, and its radius is at most ten of them."""
+    with precision(128):
+        loop, delta, root = scalar_loop(time, radius=radius)
+        D = loop.value(delta).D[0, 0]
+        assert D.contains(arb(root)) or abs(D - root) < 1e-15 * root
+        assert D.rad() < (1e-25 if radius == 0.0 else 10.0 * radius) * root
+        for end in (-0.99, 0.99):
+            moved = scalar_loop(time, charge=1.0 + end * radius)[0].value(delta).D[0, 0]
+            assert radius == 0.0 or D.contains(moved.mid())
 
 
-@pytest.mark.parametrize("time", SCALAR)
-@pytest.mark.parametrize("more", [1.001, 1.1, 2.0])
-def test_an_equation_without_a_solution_is_refused(time, more):
-    """No D is accepted if the constant term C is above the largest one that has a solution."""
-    F, E, C, crossed, V = SCALAR[time][0]
-    grid = np.linspace(0.0, V, 4001)[1:-1]
-    if time == "discrete":
-        left = F**2 * grid - grid + (F * grid + crossed) ** 2 / (V - grid)
-    else:
-        left = 2.0 * F * grid + grid**2 / V
-    too_large = -more * left.min()
-    assert too_large > C
-    with precision(256):
-        balls = (
-            None if each is None else ball_matrix(np.array([[each]]))
-            for each in (F, E, too_large, crossed, V)
+@pytest.mark.parametrize(("time", "most"), [("continuous", 4.0 / 3.0), ("discrete", 1.5)])
+def test_a_loop_whose_gain_is_delta_or_larger_has_no_value(time, most):
+    """The largest C with a root is 2 = 4/3 1.5, and 1 = 3/2 2/3."""
+    with precision(128):
+        for factor in (1.0 + 1e-9, 1.001, 2.0):
+            loop, delta, _ = scalar_loop(time, charge=most * factor)
+            with pytest.raises((NotProvedError, FailedError)):
+                loop.value(delta)
+        loop, delta, _ = scalar_loop(time, charge=most * (1.0 - 1e-6))
+        loop.value(delta)
+
+
+@pytest.mark.parametrize("is_discrete", [False, True])
+def test_an_unstable_loop_has_no_value(is_discrete):
+    with precision(128):
+        loop = DisturbedLoop(
+            *(ball_matrix(np.array([[each]])) for each in (1.5, 0.1, 1.0)), is_discrete
         )
-        equation = ExcessEquation(*balls)
-        for root in np.linspace(0.01, 0.99 * V, 200):
-            D = ball_matrix(np.array([[root]]))
-            loop = (equation.F + equation.E * equation.gain(D))[0, 0]
-            exact = 1 / (1 - loop**2) if time == "discrete" else -1 / (2 * loop)
-            with pytest.raises(NotProvedError):
-                excess_ball(equation, D, ball_matrix([[exact]]))
+        for delta in (10.0, math.inf):
+            with pytest.raises((NotProvedError, FailedError)):
+                loop.value(delta)
 
 
 def test_bounds_of_a_ratio_hold_whatever_is_proposed():
