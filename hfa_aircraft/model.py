@@ -336,13 +336,11 @@ class Model(Reported):
 
     def state_places(self, names: Iterable[str]) -> list[int]:
         """Return the indices of the named states among all states."""
-        states = list(self.states)
-        return [states.index(name) for name in names]
+        return _places("state", self.states, names)
 
     def input_places(self, names: Iterable[str]) -> list[int]:
         """Return the indices of the named inputs among all inputs."""
-        inputs = list(self.inputs)
-        return [inputs.index(name) for name in names]
+        return _places("input", self.inputs, names)
 
     @cached_property
     def holdable(self) -> tuple[str, ...]:
@@ -517,6 +515,7 @@ class Model(Reported):
         A model whose units contain no time may have any unit of time. There it is the largest
         change of the rate due to a nominal change of one state or input, at the start values.
         """
+        refuse_unknown("unknown state", name, self.states)
         state = self.states[name]
         if state.rate:
             return state.rate
@@ -716,6 +715,8 @@ class Model(Reported):
         outputs: names of outputs or states, by default all outputs
         """
         chosen = tuple(self.outputs if outputs is None else outputs)
+        for name in chosen:
+            refuse_unknown("unknown output", name, (*self.outputs, *self.states))
         return linearized(self.layout, chosen, ())
 
     def at(
@@ -731,10 +732,7 @@ class Model(Reported):
         Raises BadInputError for vectors of another length and as `linearized` does, and
         NotFiniteError if a result is not finite.
         """
-        for vector, values, names in (("x", x, self.states), ("u", u, self.inputs)):
-            shape = numbers_in(vector, values).shape
-            if shape != (len(names),):
-                raise BadInputError(f"{vector} has shape {shape}; give {len(names)} numbers")
+        self._refuse_vectors(x, u)
         for name in outputs:
             if name not in self.states and name not in self.outputs:
                 refuse_unknown("unknown output", name, (*self.outputs, *self.states))
@@ -780,6 +778,9 @@ class Model(Reported):
         u: input, (m,)
         names: names of outputs, by default all
         """
+        self._refuse_vectors(x, u)
+        for name in names or ():
+            refuse_unknown("unknown output", name, self.outputs)
         _, outputs = self._numbers_at(x, u)
         return {name: float(outputs[name]) for name in (self.outputs if names is None else names)}
 
@@ -790,8 +791,16 @@ class Model(Reported):
         x: state, (n,)
         u: input, (m,)
         """
+        self._refuse_vectors(x, u)
         rates, _ = self._numbers_at(x, u)
         return {name: float(rates[name]) for name in self.states}
+
+    def _refuse_vectors(self, x: Any, u: Any) -> None:
+        """Raise BadInputError unless x is (n,) and u (m,)."""
+        for vector, values, names in (("x", x, self.states), ("u", u, self.inputs)):
+            shape = numbers_in(vector, values).shape
+            if shape != (len(names),):
+                raise BadInputError(f"{vector} has shape {shape}; give {len(names)} numbers")
 
     def _numbers_at(
         self, x: Sequence[float], u: Sequence[float]
@@ -808,6 +817,14 @@ class Model(Reported):
             f, y = self.functions()(*numbers)[:2]
             rates = dict(zip(self.states, ca.vertsplit(f), strict=True))
             return rates, dict(zip(self.outputs, components(y), strict=True))
+
+
+def _places(kind: str, names: Iterable[str], chosen: Iterable[str]) -> list[int]:
+    """Return the indices of chosen names. Raises BadInputError for an unknown one."""
+    place = {name: number for number, name in enumerate(names)}
+    for name in chosen:
+        refuse_unknown(f"unknown {kind}", name, place)
+    return [place[name] for name in chosen]
 
 
 def _is_identifier(name: Any) -> bool:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 _LONGEST = 60
 _LONGEST_LINE = 1000
+#: Beginnings of the names of the project's modules.
+OWN = ("hfa", "controller.", "trim.", "verification.")
 
 
 class BadInputError(ValueError):
@@ -318,8 +320,7 @@ def on_one_line(message: str) -> str:
 
 def warn(text: str) -> None:
     """Issue a warning at the nearest caller outside the packages of the project."""
-    packages = ("hfa", "controller.", "trim.", "verification.")
     level = 1
-    while sys._getframe(level).f_globals.get("__name__", "").startswith(packages):
+    while sys._getframe(level).f_globals.get("__name__", "").startswith(OWN):
         level += 1
     warnings.warn(text, stacklevel=level + 1)

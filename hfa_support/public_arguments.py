@@ -15,8 +15,12 @@ from itertools import chain
 from types import EllipsisType, FunctionType, UnionType
 from typing import Any, NamedTuple, get_args, get_origin
 
-from hfa_support.errors import BadInputError
+import numpy as np
 
+from hfa_support.errors import OWN, BadInputError, numbers_in
+
+#: Names of arrays in annotations.
+_ARRAYS = {"ArrayLike", "np.ndarray"}
 #: Attributes of arrays, of numbers and of sequences, which no text has in common.
 _NUMBERS = ("__array__", "__float__", "__iter__")
 #: Name in an annotation -> whether a type of arguments is of this kind.
@@ -75,28 +79,58 @@ class _Alternative(NamedTuple):
 
 
 def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Callable[..., Any]:
-    """Return a public function that refuses arguments of another kind than its annotations state.
+    """Return a public function or method that refuses arguments of another kind than its
+    annotations state, and whose results have such methods.
 
-    Only the kind is checked here: the function checks shapes, units and signs.
+    Only callers outside of the project are checked, and only the kind, and whether arrays are real:
+    the function checks shapes, units and signs.
 
     makers: name of a class -> advice on how an object of this class is made, or ""
 
     The returned function raises BadInputError for an argument of another kind.
     """
-    parameters = inspect.signature(function).parameters
-    accepted: dict[str, set[type]] = {name: set() for name in parameters}
+    accepted: dict[str, set[Any]] = {}
 
     @wraps(function)
     def called(*args: Any, **options: Any) -> Any:
+        if sys._getframe(1).f_globals.get("__name__", "").startswith(OWN):
+            return function(*args, **options)
+        if not accepted:
+            accepted.update({name: set() for name in inspect.signature(function).parameters})
         for name, value in chain(zip(accepted, args, strict=False), options.items()):
-            if name in accepted and type(value) not in accepted[name]:
-                annotation = str(parameters[name].annotation)
-                _check(name, value, annotation, function, makers)
-                if not isinstance(value, Collection):  # which may have other elements next time
-                    accepted[name].add(type(value))
-        return function(*args, **options)
+            # An array has elements of its type, other collections any; those of a text are texts.
+            kind = value.dtype if type(value) is np.ndarray else type(value)
+            if name in accepted and kind not in accepted[name]:
+                _check(name, value, function.__annotations__.get(name, "Any"), function, makers)
+                if kind is not type(value) or not isinstance(value, Collection) or kind is str:
+                    accepted[name].add(kind)
+        made = function(*args, **options)
+        if type(made) not in _with_checks:
+            check_methods(type(made), makers)
+        return made
 
     return called
+
+
+def check_methods(kind: type, makers: Callable[[str], str]) -> None:
+    """Let the public methods of a class of the project check their arguments (`checked`), once."""
+    for base in kind.__mro__:
+        if base in _with_checks:
+            continue
+        _with_checks.add(base)
+        if not base.__module__.startswith(OWN):
+            continue
+        for name, member in [*vars(base).items()]:
+            if name.startswith("_"):
+                continue
+            if isinstance(member, FunctionType):
+                setattr(base, name, checked(member, makers))
+            elif isinstance(member, staticmethod | classmethod):
+                setattr(base, name, type(member)(checked(member.__func__, makers)))
+
+
+#: Classes whose methods check their arguments.
+_with_checks: set[type] = set()
 
 
 def check_fields(made: Any) -> None:
@@ -119,7 +153,10 @@ def _check(
     makers: as in `checked`
     """
     kinds = _alternatives(annotation)
-    if any(kind.accepts(value, owner.__module__) for kind in kinds):
+    accepting = {kind.name for kind in kinds if kind.accepts(value, owner.__module__)}
+    if accepting and accepting <= _ARRAYS and not hasattr(value, "loc"):  # of pandas
+        numbers_in(name, value)
+    if accepting:
         return
     known = " or ".join(kind.word for kind in kinds if kind.name != "None")
     how = "".join(f"; {text}" for text in (makers(kind.name) for kind in kinds) if text)

@@ -59,14 +59,17 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         if not name_there:
             return module
         found = getattr(module, name_there)
-        return public_function(found) if isinstance(found, FunctionType) else found
+        return with_checks(found) if isinstance(found, FunctionType | type) else found
 
     @cache
-    def public_function(function: FunctionType) -> Callable[..., Any]:
-        """Return the function with a check of the kinds of its arguments."""
-        from hfa_support.public_arguments import checked
+    def with_checks(found: Any) -> Any:
+        """Return a function or class that checks the kinds of its arguments, or of its methods'."""
+        from hfa_support.public_arguments import check_methods, checked
 
-        return checked(function, makers)
+        if isinstance(found, FunctionType):
+            return checked(found, makers)
+        check_methods(found, makers)
+        return found
 
     def makers(kind: str) -> str:
         """Return which public functions make an object of a class, or ""."""

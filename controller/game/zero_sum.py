@@ -293,6 +293,9 @@ class Game(ByValue, Reported):
 
         P: (n, n)
         """
+        if np.shape(P) != self.A.shape:
+            n = len(self.A)
+            raise BadInputError(f"P is {shape_text(np.shape(P))}; give {n} x {n}, states x states")
         if not self.is_discrete:
             return self.R_inverse_B_transposed @ P + self.F, self.E.T @ P / self.delta**2
         m = len(self.R)

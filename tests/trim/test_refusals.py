@@ -116,7 +116,7 @@ CALLS = {
     "pitch cannot be residualized": lambda _: linear().select(residualize=("pitch",)),
     "the model has no inputs, so no Bode plot exists": lambda _: bode(inputs=()),
     "no chosen input affects any chosen output": lambda _: bode(inputs=("thrust",)),
-    "unknown input 3; choose from throttle": lambda _: linear().select(inputs=3),
+    "inputs is of type int; give a list of texts": lambda _: linear().select(inputs=3),
     "state alpha is both kept and residualized": lambda _: linear().select(
         states=("speed", "alpha"), residualize=("alpha",)
     ),

@@ -283,7 +283,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return (
             model.rate_scale(equation)
             if equation in model.states
-            else model.signals[equation].nominal
+            else model.signal(equation).nominal
         )
 
     def equation_unit(self, equation: str) -> str:
