@@ -38,6 +38,34 @@ def test_an_argument_of_another_kind_is_refused_by_name(function, parameter):
         getattr(hfa, function)(**{parameter: Other()})
 
 
+#: Results whose methods are public.
+MODEL = hfa.aircraft()
+RESULTS = (MODEL, hfa.trim(MODEL), hfa.trim(MODEL).linearize(), GAME, hfa.solve(GAME))
+
+
+def methods():
+    """Yield the methods of results with each of their parameters that does not accept anything."""
+    for result in RESULTS:
+        for name in dir(type(result)):
+            method = inspect.getattr_static(result, name)
+            if name.startswith("_") or not inspect.isfunction(method):
+                continue
+            for parameter in [*inspect.signature(method).parameters.values()][1:]:
+                if parameter.kind != parameter.VAR_KEYWORD and parameter.annotation != "Any":
+                    yield pytest.param(getattr(result, name), parameter, id=f"{name}-{parameter}")
+
+
+@pytest.mark.parametrize(("method", "parameter"), methods())
+def test_an_argument_of_another_kind_is_refused_by_methods(method, parameter):
+    """Every method of a public class refuses an object of another kind by the parameter's name."""
+    of_others = {
+        name: other.default if other.default is not other.empty else Other()
+        for name, other in inspect.signature(method).parameters.items()
+    }
+    with pytest.raises(hfa.BadInputError, match=f"^{method.__name__}: .* is of type Other; give"):
+        method(**of_others | {parameter.name: Other()})
+
+
 def flown_with(weights):
     """Fly the paper's aircraft with a cost."""
     model = hfa.aircraft()
@@ -61,6 +89,13 @@ def flown_with(weights):
         (lambda: flown_with([1]), "give the two matrices Q, R"),
         (lambda: flown_with([np.eye(2), np.eye(5)]), "Q is 2 x 2; give 6 x 6"),
         (lambda: hfa.margins(np.eye(2), np.eye(2)), "LinearModel"),
+        (lambda: MODEL.rates_at([1.0, "a"], [1.0]), "x does not consist of"),
+        (lambda: MODEL.rates_at([1.0], [1.0]), "x has shape"),
+        (lambda: MODEL.outputs_at(*POINT, ["no such"]), "unknown output 'no such'"),
+        (lambda: MODEL.state_places(["no such"]), "unknown state 'no such'"),
+        (lambda: MODEL.rate_scale("no such"), "unknown state 'no such'"),
+        (lambda: GAME.gain(np.eye(3)), "P is 3 x 3; give 2 x 2"),
+        (lambda: GAME.gain([[1, "a"], [2, 3]]), "P does not consist of"),
         (lambda: controller.random_pool(GAME, True, 1), "count is of type bool; give a whole"),
         (lambda: controller.random_pool(GAME, np.eye(2), 1), "count is of type ndarray"),
     ],
