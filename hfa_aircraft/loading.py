@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from shlex import quote
 from typing import Any, Protocol
 
 from hfa_aircraft.local_sources import fingerprint
@@ -132,7 +133,7 @@ def _of_parameter_file(path: str, changed_by: tuple[str, ...]) -> Model:
                 _refuse_unnamed(base)
         raise BadInputError(
             f"{path} changes parameters of {shown(base)}, which is code, and a data file "
-            f"executes none; give --aircraft {base} --parameters {path}"
+            f"executes none; give --aircraft {quote(base)} --parameters {quote(str(path))}"
         )
     files = (*changed_by, path)
     is_circle = resolved(base) in map(resolved, files)

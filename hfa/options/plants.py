@@ -7,6 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.argument_types import one_of
@@ -39,7 +40,7 @@ def _parameters_help() -> str:
 def _parameter_file(text: str) -> str:
     """Return the name or path of --parameters. Raises BadInputError for NAME=VALUE."""
     if "=" in text and not Path(text).exists():
-        raise BadInputError(f"is {text}, not a file; a parameter is set by --hold {text}")
+        raise BadInputError(f"is {text}, not a file; a parameter is set by --hold {quote(text)}")
     return text
 
 

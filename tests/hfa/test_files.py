@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import hfa, leaves
+from project import ROOT
 from scipy.io import loadmat
 
 import hfa as toolchain
@@ -158,3 +159,14 @@ def test_a_result_is_written_as_its_report(suffix, opening):
         assert file.read_bytes().startswith(opening)
         if suffix != "pdf":
             assert "phugoid" in file.read_text("utf-8")
+
+
+def test_advice_and_names_with_blanks_can_be_typed_and_read(folder):
+    """Paths with blanks are quoted in advice, and the name of an aircraft stands on one line."""
+    Path("a b.toml").write_text("aircraft = 'my plane.py:X'")
+    with pytest.raises(toolchain.BadInputError, match=r"'my plane\.py:X' --parameters 'a b\.toml'"):
+        toolchain.load_model("a b.toml")
+    text = (ROOT / "examples/uav.toml").read_text("utf-8")
+    Path("uav.toml").write_text(text.replace('name = "Aerosonde"', 'name = "Aero\\nsonde"'))
+    title = toolchain.trim(toolchain.load_model("uav.toml")).report().title
+    assert title.startswith("Aero sonde (derivatives) trimmed: level")

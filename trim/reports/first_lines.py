@@ -9,6 +9,7 @@ from typing import Any
 
 from hfa_aircraft.model import Model, altitudes
 from hfa_aircraft.signals import ISA, Signal
+from hfa_support.errors import printable
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import (
     WIDTH,
@@ -113,7 +114,7 @@ def changing_lines(trimmed: Trimmed) -> list[str]:
 
 def subject(model: Model) -> str:
     """Return the name of an aircraft and of its equations: "HFA (published)"."""
-    name, equations = model.subject, model.about.equations
+    name, equations = printable(model.subject), model.about.equations
     return f"{name} ({equations})" if equations and equations not in name else name
 
 

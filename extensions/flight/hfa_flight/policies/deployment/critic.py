@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from shlex import quote
 
 import casadi as ca
 import numpy as np
@@ -54,7 +55,8 @@ def _critic(path: str | Path, deployment: Deployment, game: Game, reading: Readi
         )
     deployed = Deployed(deployment, linear.point.model)
     _refuse_other_inputs(deployed, game)
-    by_flights = f"type hfa assess {path}, with the same aircraft and trim, to judge it as deployed"
+    command = f"hfa assess {quote(str(path))}"
+    by_flights = f"type {command}, with the same aircraft and trim, to judge it as deployed"
     if deployed.observe.jac_sparsity(0, 1).nnz():
         raise BadInputError(f"an observation depends on the inputs; {by_flights}")
     deployed.refuse_undefined_at([linear.point])
