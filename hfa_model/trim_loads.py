@@ -11,6 +11,7 @@ from hfa_model.declaration import check_in_range, parameters_of, variant_of
 from hfa_model.vectors import INPUTS, STATES, Input, State
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.rows import Row
+from hfa_support.reporting.text import without_rounding
 from hfa_support.units import si_factor
 
 if TYPE_CHECKING:
@@ -67,5 +68,7 @@ def panel_groups(point: Any) -> list[tuple[str, list[Row], tuple[str, ...]]]:
         rows.append(Row(f"drag {name}", panel.drag, force))
         rows.append(Row(f"lift coefficient {name}", panel.lift / panel_force))
     rows.append(Row("hinge moment", forces.hinge_moment, moment))
-    rows.append(Row("hinge moment total", given["hinge_moment_total"], moment, "with hinge spring"))
+    nominal = aircraft.outputs["hinge_moment_total"].nominal
+    total = without_rounding(given["hinge_moment_total"], nominal)
+    rows.append(Row("hinge moment total", total, moment, "with hinge spring"))
     return [("loads on the panels", rows, ())]

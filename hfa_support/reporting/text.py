@@ -152,6 +152,11 @@ def is_zero(value: Any, nominal: Any = 1.0) -> Any:
     return abs(value) < _ROUNDING * nominal
 
 
+def without_rounding(value: float, nominal: float = 1.0) -> float:
+    """Return a number, or 0 in place of rounding."""
+    return 0.0 if is_zero(value, nominal) else value
+
+
 def shown_unit(unit: str) -> str:
     """Return the unit that reports print for values in a unit: deg for rad, and other units
     unchanged.
@@ -190,7 +195,7 @@ def with_unit(value: float, unit: str, nominal: float = 1.0) -> str:
 
     nominal: nominal size of the value; of a value far below it, 0 is printed (`is_zero`)
     """
-    value = 0.0 if is_zero(value, nominal) else value
+    value = without_rounding(value, nominal)
     text = beside_unit(shown_value(value, unit), unit)
     is_large = unit == "rad" and abs(value) > 2.0 * math.pi
     return f"{text} ({value:g} rad)" if is_large else text
@@ -210,7 +215,7 @@ def short_number(value: float, unit: str, count: int = 4) -> str:
     A magnitude of more digits, below 1e7, is rounded to a whole number.
     """
     shown = float(shown_values(value, unit))
-    shown = 0.0 if is_zero(shown) else shown
+    shown = without_rounding(shown)
     return f"{shown:.0f}" if 10.0**count <= abs(shown) < 1e7 else f"{shown:.{count}g}"
 
 
@@ -244,7 +249,7 @@ def digits_with_unit(value: float, unit: str, count: int = 3, nominal: float = 1
 
     nominal: nominal size of the value (`is_zero`)
     """
-    value = 0.0 if is_zero(value, nominal) else value
+    value = without_rounding(value, nominal)
     return beside_unit(digits(float(shown_value(value, unit, ".12g")), count), unit)
 
 

@@ -18,6 +18,7 @@ from hfa_support.reporting.text import (
     digits_with_unit,
     is_zero,
     shown_value,
+    without_rounding,
 )
 from trim.linear.modes import Mode
 from trim.point.freed import freed_parameters
@@ -305,7 +306,7 @@ def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
 
 def _of_limits(margin: Margin) -> str:
     """Return an input with its limits as text: "elevator -1.37 of ±30 deg"."""
-    reached = 0.0 if is_zero(margin.value, margin.scale) else margin.value
+    reached = without_rounding(margin.value, margin.scale)
     numbers = (reached, margin.lowest, margin.highest)
     value, low, high = (float(shown_value(each, margin.unit, ".12g")) for each in numbers)
     if math.isinf(low) and math.isinf(high):

@@ -13,7 +13,7 @@ from hfa_aircraft.rigid.atmosphere import (
     equivalent_airspeed,
 )
 from hfa_support.reporting.rows import Lacking, Row
-from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_value
+from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_value, without_rounding
 from hfa_support.units import conversion_factor
 from trim.point.operating_point import is_in_range
 from trim.point.status import BALANCE
@@ -43,8 +43,8 @@ def output_rows(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) ->
     given = trimmed.point.model
     for name in names:
         if name in given.outputs:
-            value, unit = trimmed.point[name], given.unit(name)
-            yield Row(name.replace("_", " "), value, unit, rare=rare)
+            value = without_rounding(trimmed.point[name], given.signal(name).nominal)
+            yield Row(name.replace("_", " "), value, given.unit(name), rare=rare)
 
 
 def airspeed_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
