@@ -23,7 +23,7 @@ BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 	@touch $@
 
 report: .venv/report
-	$(BIN)/hfa report -o report --flights studies/best_flights/results --beside examples/uav.toml
+	$(BIN)/hfa report -o report --flights studies/best_flights/results
 	@echo "To put the command hfa on the PATH, type: source $(BIN)/activate"
 
 # Every stored picture of the documents anew; those of the page and of sheets need the browser Chromium and pdftoppm.
@@ -32,7 +32,7 @@ report: .venv/report
 SHRINK = import sys; from PIL import Image; [Image.open(path).convert("RGB").quantize(64, 1).save(path, optimize=True) for path in sys.argv[1:]]
 ILLUSTRATE = import sys; sys.path[:0] = ['tests/support', 'tests/project', '.']; import test_docs; test_docs.illustrate()
 pictures: .venv/ready
-	$(BIN)/hfa report -o report --flights studies/best_flights/results --beside examples/uav.toml
+	$(BIN)/hfa report -o report --flights studies/best_flights/results
 	cp report/regeneration.png report/root_locus.png docs/pictures
 	$(BIN)/python -c "$(ILLUSTRATE)"
 	chromium --headless --no-sandbox --hide-scrollbars --window-size=1400,900 --virtual-time-budget=10000 \

@@ -34,7 +34,7 @@ _KINDS: dict[str, Callable[[type], bool]] = {
     "float": lambda kind: kind is not bool and _defines(kind, "__float__"),
     "Mapping": lambda kind: _defines(kind, "keys"),
     "Callable": lambda kind: _defines(kind, "__call__"),
-    **dict.fromkeys(("ArrayLike", "np.ndarray"), lambda kind: _has(kind, _NUMBERS)),
+    **dict.fromkeys((*_ARRAYS, "ca.SX"), lambda kind: _has(kind, _NUMBERS)),
     **dict.fromkeys(("Sequence", "Iterable", "tuple"), lambda kind: _has(kind, ("__iter__",))),
 }
 
@@ -47,7 +47,7 @@ _WORDS = {
     "float": "a number",
     "Mapping": "a dictionary",
     "Callable": "a function",
-    **dict.fromkeys(("ArrayLike", "np.ndarray"), "an array"),
+    **dict.fromkeys((*_ARRAYS, "ca.SX"), "an array"),
     **dict.fromkeys(("Sequence", "Iterable", "tuple"), "a list"),
 }
 

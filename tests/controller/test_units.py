@@ -123,5 +123,5 @@ def test_sampled_games_scale_with_the_units(seed):
     for each, step in ((game, 1e-9), (other, 1e-9 * t)):
         with pytest.raises(hfa.BadInputError, match="too short"):
             each.sampled(step)
-    with pytest.raises(hfa.BadInputError, match="dt is True"):
+    with pytest.raises(hfa.BadInputError, match="dt is of type bool"):
         game.sampled(True)

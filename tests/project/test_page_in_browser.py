@@ -27,18 +27,18 @@ BUTTONS = [
     "Download plot as a PNG",
 ]
 
-_ROWS = """return [...document.querySelectorAll('article:not([hidden]) section.point:not([hidden]) table')]
+_ROWS = """return [...document.querySelectorAll('article section.point:not([hidden]) table')]
     .filter((table) => table.querySelector('th')?.textContent === arguments[0])
     .flatMap((table) => [...table.querySelectorAll('tbody tr')])
     .map((row) => [...row.children].map((cell) => cell.textContent))"""
-_TITLES = """return [...document.querySelectorAll('article:not([hidden]) section.point h3')]
+_TITLES = """return [...document.querySelectorAll('article section.point h3')]
     .filter((title) => title.offsetParent).map((title) => title.textContent)
     .filter((title) => title.startsWith('At '))"""
 _DRAWN = (
     "return document.querySelector('#plot-trim-1 .scatterlayer path.js-line').getAttribute('d')"
 )
 #: Largest distance in px between a mark and its value on the axis.
-_OFF_AXIS = """return Math.max(...[...document.querySelectorAll('article:not([hidden]) .plot:not(#plot-beside_trim-1)')].map((box) => {
+_OFF_AXIS = """return Math.max(...[...document.querySelectorAll('article .plot')].map((box) => {
     const middle = (drawn) => {
       const { top, bottom } = drawn.getBoundingClientRect();
       return (top + bottom) / 2;
@@ -78,14 +78,14 @@ def settles(driver, condition):
 
 
 def chosen(driver):
-    return driver.execute_script("return document.querySelector('#hfa .slider output').value")
+    return driver.execute_script("return document.querySelector('article .slider output').value")
 
 
 def move_to(driver, angle):
     """Move the slider of the page to an angle in deg."""
     driver.execute_script(
-        """const slider = document.getElementById('hfa-dihedral');
-        slider.value = [...document.querySelectorAll('#hfa section.point')]
+        """const slider = document.getElementById('slider-dihedral');
+        slider.value = [...document.querySelectorAll('article section.point')]
           .findIndex((section) => section.dataset.value === arguments[0]);
         slider.dispatchEvent(new Event('input'))""",
         f"{angle} deg",
@@ -108,8 +108,6 @@ def test_the_page_shows_numbers_in_a_browser(tmp_path, subtests, monkeypatch):
             "15",
             "--sweep",
             "12:15:0.5",
-            "--beside",
-            str(ROOT / "examples" / "uav.toml"),
         )
         assert hfa(*words).code == DONE
         driver.get((tmp_path / "page.html").as_uri())
@@ -133,14 +131,14 @@ def test_the_page_shows_numbers_in_a_browser(tmp_path, subtests, monkeypatch):
                 right = driver.execute_script(_VERDICTS_RIGHT)
                 assert right <= driver.execute_script("return window.innerWidth"), width
             move_to(driver, "15")
-        with subtests.test("the keyboard moves the slider, and its two sections are shown"):
+        with subtests.test("the keyboard moves the slider, and its three sections are shown"):
             assert chosen(driver) == "15 deg"
-            driver.find_element("id", "hfa-dihedral").send_keys("\ue012")  # arrow left
+            driver.find_element("id", "slider-dihedral").send_keys("\ue012")  # arrow left
             assert chosen(driver) == "14.5 deg"
             shown = driver.execute_script(
-                "return document.querySelectorAll('#hfa section.point:not([hidden])').length"
+                "return document.querySelectorAll('article section.point:not([hidden])').length"
             )
-            assert shown == 2
+            assert shown == 3
         with subtests.test("matrices, modes, trim and drawing are those of the chosen angle"):
             before = driver.execute_script(_DRAWN)
             move_to(driver, AT)
@@ -152,7 +150,7 @@ def test_the_page_shows_numbers_in_a_browser(tmp_path, subtests, monkeypatch):
         ):
             set_page_width(driver, 1400)
             assert driver.execute_script("return document.documentElement.scrollHeight") <= 8 * 900
-            links = driver.find_elements("css selector", "#hfa nav a")
+            links = driver.find_elements("css selector", "article nav a")
             assert len(links) >= 5
             links[0].click()
             assert settles(driver, "document.querySelector('article > details').open")
@@ -165,20 +163,6 @@ def test_the_page_shows_numbers_in_a_browser(tmp_path, subtests, monkeypatch):
             for width in (1600, 400):
                 set_page_width(driver, width)
                 assert settles(driver, f"document.documentElement.scrollWidth <= {width}"), width
-        with subtests.test("the second tab shows the other aircraft, over its speed"):
-            driver.find_element("css selector", ".tabs a[href='#beside']").click()
-            assert settles(driver, "document.getElementById('hfa').hidden")
-            driver.find_element("id", "beside-speed").send_keys("\ue012")
-            (title,) = driver.execute_script(_TITLES)
-            speed = re.fullmatch(r"At speed (\d\d\.?\d*) m/s", title)[1]
-            assert 30.0 < float(speed) < 35.0
-            words = ("--aircraft", str(ROOT / "examples" / "uav.toml"), "--hold", f"speed={speed}")
-            trim = json.loads(hfa("trim", *words, "--json").out)
-            shown = {row[0]: row[1] for row in driver.execute_script(_ROWS, "trim")}
-            thrust = trim["operating_point"]["inputs"]["thrust"]
-            assert float(shown["thrust"]) == pytest.approx(thrust, rel=1e-5)
-            assert driver.execute_script(_OFF_AXIS) <= 2.0
-            driver.find_element("css selector", ".tabs a[href='#hfa']").click()
         with subtests.test("prints to A4"):
             set_page_width(driver, 688, medium="print")  # paper width of 182 mm between the margins
             wide = "return [...document.querySelectorAll('table')].filter((t) => t.offsetParent)"
@@ -188,6 +172,24 @@ def test_the_page_shows_numbers_in_a_browser(tmp_path, subtests, monkeypatch):
             )
             pdf = driver.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})["data"]
             assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(pdf))) > 4
+        with subtests.test("the page of another aircraft is over its speed, and none of it is cut"):
+            uav = ("--aircraft", str(ROOT / "examples" / "uav.toml"))
+            assert hfa("report", "-o", "uav.html", *uav).code == DONE
+            driver.get((tmp_path / "uav.html").as_uri())
+            assert settles(driver, "document.body.classList.contains('scripted')")
+            set_page_width(driver, 1300, medium="screen")
+            driver.find_element("id", "slider-speed").send_keys("\ue012")
+            (title,) = driver.execute_script(_TITLES)
+            speed = re.fullmatch(r"At speed (\d\d\.?\d*) m/s", title)[1]
+            assert 30.0 < float(speed) < 35.0
+            trim = json.loads(hfa("trim", *uav, "--hold", f"speed={speed}", "--json").out)
+            shown = {row[0]: row[1] for row in driver.execute_script(_ROWS, "trim")}
+            thrust = trim["operating_point"]["inputs"]["thrust"]
+            assert float(shown["thrust"]) == pytest.approx(thrust, rel=1e-5)
+            tables = "[...document.querySelectorAll('.table')]"
+            assert driver.execute_script(
+                f"return {tables}.every((t) => t.scrollWidth <= t.clientWidth + 1)"
+            )
         with subtests.test("the browser complains of nothing"):
             assert driver.get_log("browser") == []
 

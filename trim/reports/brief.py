@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Group, Row, Sheet
 from trim.point.operating_point import OperatingPoint
@@ -58,7 +59,11 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
     all_notes = without_line_numbers(point.warnings)
     notes = [note for note in all_notes if note not in of_the_file]
     left_out = "--full adds rows" + " and notes" * (len(notes) < len(all_notes))
-    parts = [*shown, *filter(None, [modes, tuple(sentences)]), f"{left_out}; -o FILE has all"]
+    parts: list[Part] = [
+        *shown,
+        *filter(None, [modes, tuple(sentences)]),
+        f"{left_out}; -o FILE has all",
+    ]
     return Report(title_with_controls(trimmed, sheet), parts, notes)
 
 

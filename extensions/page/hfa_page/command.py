@@ -9,15 +9,24 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from hfa.options.advice import trimmed
 from hfa.options.argument_types import listed_names, option_errors, output_file
 from hfa.options.command import Outcome, Request, command
-from hfa.options.option import option
+from hfa.options.conditions import ListedCondition
+from hfa.options.games import WeightOptions, given_weights
+from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
-from hfa.options.plants import parameter_set
+from hfa.options.plants import is_own, parameter_set
 from hfa.options.ranges import array_of, value_range
 from hfa.options.show import provenance, with_provenance
-from hfa.options.trims import SEVERAL, SeveralTrims, dihedral_option, trim_input
-from hfa_aircraft.loading import load_model
+from hfa.options.trims import (
+    SEVERAL,
+    SeveralTrims,
+    TrimInput,
+    at_name,
+    dihedral_option,
+    trim_input,
+)
 from hfa_page.flights import load_flights
 from hfa_page.job_report import critic_picture, main_report, page, plotly_script, sections_of
 from hfa_page.main_job import (
@@ -25,27 +34,30 @@ from hfa_page.main_job import (
     MOST_ASKED,
     MOST_SWEPT,
     SWEEP,
+    MainJob,
+    games_over,
     main_job,
-    slider_beside,
+    slider_over,
+    values_about,
+    without_trim,
 )
-from hfa_support.errors import BadInputError, printable
-from hfa_support.files import write_text
+from hfa_support.errors import BadInputError, NoSolutionError, printable
+from hfa_support.files import write_text, written_whole
 from hfa_support.reporting.data_files import jsonable
-from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
+from trim.hfa.reports import trim_report
+from trim.reports.book import Condition
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ReportRequest(Request, SeveralTrims):
+class ReportRequest(Request, WeightOptions, SeveralTrims):
     """Options of `hfa report`."""
 
-    moved: ClassVar = {"--at": "type --dihedral"}
-    aircraft: None = None
-    at: None = None
+    moved: ClassVar = {"--beside": "type --aircraft"}
+    at: str | None = option(
+        f"values of the scheduling variable shown in detail: {SEVERAL}", "RANGE"
+    )
     units: None = None
-    mass: None = None
-    isa: None = None
-    conditions: None = None
     row: None = None
     dihedral: str | None = dihedral_option(
         f"angles shown in detail: {SEVERAL}; default: the printed 5 and 15", "RANGE"
@@ -59,13 +71,12 @@ class ReportRequest(Request, SeveralTrims):
     )
     json: bool = option("print the numbers as JSON (radians, feet, pounds)")
     sweep: str | None = option(
-        "dihedral angles of the slider and the root locus, degrees; default 0:20:0.5", "RANGE"
+        "values of the slider and the root locus; default: dihedral 0:20:0.5, of another aircraft "
+        "0.75 to 1.5 of the value at its trim",
+        "RANGE",
     )
     outputs: tuple[str, ...] | None = option(
         "outputs for which C and D are added to the page", "NAME,...", listed_names
-    )
-    beside: Any = option(
-        "another aircraft, whose trims and modes a second tab of the page shows", "FILE", load_model
     )
     flights: Any = option(
         "best_flights.json of studies/best_flights/results, or the folder that "
@@ -77,49 +88,44 @@ class ReportRequest(Request, SeveralTrims):
 
 @command(ReportRequest)
 def report(request: ReportRequest) -> Outcome:
-    """Write an HTML page with trims, linear models, games and comparisons with the printed
-    matrices.
+    """Write an HTML page with the trims, linear models and games of an aircraft.
 
-    Both printed pairs (A, B) are compared with the regenerated pairs. A slider shows trim and
-    linear model at each dihedral angle. For the angles of --dihedral, the page also shows the
-    printed values, the exact game solution and a learned critic. The page contains Plotly
-    (package plotly) and loads nothing from a network. Exit code 1 if the printed matrices are not
-    regenerated or a learned critic is wrong.
+    A slider shows trim and linear model at each value of the scheduling variable. Of another
+    aircraft than the HFA, the page has a book of its trims or of --conditions, doubts about its
+    data, and the games of --Q and --R. Of the HFA, both printed pairs (A, B) are compared with the
+    regenerated pairs, and for the angles of --dihedral, the page also shows the printed values, the
+    exact game solution and a learned critic. The page contains Plotly (package plotly) and loads
+    nothing from a network. Exit code 1 without a trim, if the printed matrices are not regenerated,
+    or if a learned critic is wrong.
     """
     place = request.output
     if place is None and not request.json:
         raise BadInputError(
             "no output is chosen; give --output FILE.html, --output FOLDER or --json"
         )
+    if request.aircraft is None:
+        refuse(request, ["conditions", "delta", "Q", "R", "sizes", "N"], "requires --aircraft")
     if place is not None:
         plotly_script()  # refused before anything is computed if Plotly is missing
     asked = trim_input(request)
-    model = asked.model
-    hold = asked.held()
-    if "dihedral" in (*request.free, *hold):
+    model, hold = asked.model, asked.held()
+    if not model.schedule:
         raise BadInputError(
-            "dihedral is held or free, but --dihedral and --sweep define the angles of a report; "
-            "remove --hold dihedral or --free dihedral"
+            f"{model.name} declares no schedule, the variable of the page's slider; declare it"
         )
-    angles = array_of("--dihedral", asked.at or ASKED, MOST_ASKED)
-    swept = SWEEP
+    by = model.schedule
+    if by in (*request.free, *hold):
+        raise BadInputError(
+            f"{by} is held or free, but --{at_name(model)} and --sweep define its values in a "
+            f"report; remove --hold {by} or --free {by}"
+        )
+    swept = None
     if request.sweep is not None:
         with option_errors("--sweep"):
-            values = value_range(model, model.schedule, request.sweep)
-        swept = array_of("--sweep", values, MOST_SWEPT)
+            values = value_range(model, by, request.sweep)
+        swept = np.unique(array_of("--sweep", values, MOST_SWEPT))
     condition = asked.common_condition(hold)
-    beside = None if request.beside is None else slider_beside(request.beside)
-    job = main_job(
-        parameter_set(request),
-        request.dynamics or "published",
-        asked=np.unique(angles).tolist(),
-        swept=np.unique(swept),
-        outputs=request.outputs,
-        flight=condition,
-        start=asked.start,
-        progress=ProgressLine("report"),
-    )
-    job = replace(job, flights=request.flights, beside=beside)
+    job = (_own_job if is_own(model) else _paper_job)(request, asked, swept)
     source = asked.source(condition, asked.parameters_among(hold))
     sections = sections_of(job)
     whole = with_provenance(request, main_report(job, sections), source)
@@ -127,10 +133,13 @@ def report(request: ReportRequest) -> Outcome:
     if place is not None:
         html = page(job, sections, provenance(request, source))
         lines.append(_written(html, whole, place))
-    lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
-    lines.append(
-        f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}"
-    )
+    if job.regeneration is None:
+        lines.append(f"Trimmed: {job.slider.sweep.trimmed.sum()} of {len(job.slider.points)}")
+    else:
+        lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
+        lines.append(
+            f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}"
+        )
     return Outcome(
         report=whole,
         ok=job.ok,
@@ -138,6 +147,60 @@ def report(request: ReportRequest) -> Outcome:
         printed=None if request.json else Report("\n".join(lines)),
         is_written=True,
     )
+
+
+def _paper_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None) -> MainJob:
+    """Return the results for the paper's aircraft.
+
+    swept: angles of --sweep, or None
+    """
+    job = main_job(
+        parameter_set(request),
+        request.dynamics or "published",
+        asked=np.unique(array_of("--dihedral", asked.at or ASKED, MOST_ASKED)).tolist(),
+        swept=SWEEP if swept is None else swept,
+        outputs=request.outputs,
+        flight=asked.common_condition(asked.held()),
+        start=asked.start,
+        progress=ProgressLine("report"),
+    )
+    return replace(job, flights=request.flights)
+
+
+def _own_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None) -> MainJob:
+    """Return the results for another aircraft: those of --sweep, or about its trim.
+
+    swept: values of --sweep, or None
+    """
+    refuse(request, ["flights"], "has flights of the paper's aircraft; remove it or --aircraft")
+    hold = asked.held()
+    at = None if asked.at is None else np.unique(array_of("--at", asked.at, MOST_ASKED))
+    if at is None or swept is None:
+        point = trimmed(asked.trim(None if at is None else float(at[0]), hold))
+        swept = values_about(point) if swept is None else swept
+        at = np.array([point[asked.model.schedule]]) if at is None else at
+    slider = slider_over(
+        asked.model.with_parameters(**asked.parameters_among(hold)),
+        np.union1d(swept, at),
+        float(at[0]),
+        request.outputs,
+        asked.common_condition(hold),
+        asked.start,
+    )
+    book = [_condition(asked, row) for row in asked.rows]
+    games = games_over(
+        slider, at.tolist(), ProgressLine("report"), given_weights(request, asked.model)
+    )
+    return MainJob(slider, games, book)
+
+
+def _condition(asked: TrimInput, row: ListedCondition) -> Condition:
+    """Return a row of --conditions with its sheet, or with the reason why it has no trim."""
+    try:
+        point = trimmed(asked.trim_of(row))
+    except (BadInputError, NoSolutionError) as error:
+        return Condition(row.name, without_trim(str(error)), None)
+    return Condition(row.name, trim_report(point), point)
 
 
 def _written(html: str, report: Report, place: Path) -> str:
@@ -153,7 +216,8 @@ def _written(html: str, report: Report, place: Path) -> str:
     numbers = json.dumps(jsonable(report.data), allow_nan=False) + "\n"
     place.mkdir(exist_ok=True)
     for picture in pictures:
-        save(picture.figure, place / picture.name, report.source)
+        with written_whole(place / picture.name) as stream:
+            stream.write(picture.png)
     write_text(place / "numbers.json", numbers)
     write_text(place / "report.html", html)
     for name in earlier_names - {*names}:

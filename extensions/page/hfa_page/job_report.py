@@ -10,7 +10,7 @@ import gzip
 import html
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
 from importlib.resources import files
@@ -28,9 +28,10 @@ from hfa_support.reporting.parts import Part, Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
 from trim.hfa.printed import printed_at
-from trim.hfa.reports import linear_model_report, trim_report
+from trim.hfa.reports import linear_model_report
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
+from trim.reports.book import Condition, book_of
 from trim.reports.first_lines import subject
 from trim.reports.linear_report import matrices, units_in_words
 from verification.figures import verdict_figure
@@ -40,7 +41,7 @@ _COLORS = (
     "entries are one off (2 half units), violet at most 3 half units, red more. The table of "
     "entries lists the half units."
 )
-TITLE = "Highly flexible aircraft: linear models"
+_TITLE = "Highly flexible aircraft: linear models"
 _PAPER = (
     'Zhang, Ma, Zhang and Wu, <a href="https://doi.org/10.3390/electronics15173838"><cite>'
     "Zero-Sum Game-Based Practical Predefined-Time Reinforcement Learning for Robust Tracking "
@@ -55,40 +56,83 @@ _POLICY = (
 class Sections(NamedTuple):
     """Sections of the page.
 
-    of_sliders: pictures of each aircraft that follow its slider
-    in_air: the flight in turbulence at the first requested angle
-    angles: model, game and critic at each requested angle
-    others: comparison with the print, meanings of the checks, modes, and the aircraft
+    of_slider: pictures that follow the slider
+    in_air: the flight of the paper's aircraft in turbulence at the first requested angle
+    angles: model, game and critic at each requested value
+    others: modes; of the paper's aircraft the comparison with the print, the meanings of the checks
+        and the parameters, of another one the book and the doubts
     """
 
-    of_sliders: tuple[Report, ...]
+    of_slider: Report
     in_air: tuple[Report, ...]
     angles: tuple[Report, ...]
     others: tuple[Report, ...]
 
 
 def sections_of(job: MainJob) -> Sections:
-    """Return the sections of the page, with a flight that is simulated for it."""
+    """Return the sections of the page, with a flight that is simulated for the paper's aircraft."""
     swept = job.slider.sweep.report()
     tables = [part for part in swept.parts if not isinstance(part, Picture)]
+    modes = Report(f"Modes over {job.slider.sweep.variables[-1]}", (replace(swept, parts=tables),))
+    of_slider = Report(subject(job.slider.sweep.model), pictures_over(job.slider))
+    angles = tuple(angle_report(angle) for angle in job.angles)
+    if job.regeneration is None or job.parameters is None:
+        conditions = job.book or [
+            Condition(each.label, each.report, None if each.model is None else each.model.point)
+            for each in job.slider.points
+        ]
+        others = (_book(conditions, with_sheets=bool(job.book)), _doubts(conditions), modes)
+        return Sections(of_slider, (), angles, others)
     return Sections(
-        of_sliders=tuple(
-            Report(subject(slider.sweep.model), pictures_over(slider)) for slider in job.sliders
-        ),
+        of_slider,
         in_air=tuple(flight_in_turbulence(angle) for angle in job.angles[:1]),
-        angles=tuple(angle_report(angle) for angle in job.angles),
+        angles=angles,
         others=(
             Report("Every entry compared with the printed one", (job.regeneration.picture(),)),
             Report("Checks", (check_meanings(),)),
-            Report("Modes over the dihedral angle", (replace(swept, parts=tables),)),
+            modes,
             Report("The aircraft", (job.parameters.report(),)),
         ),
     )
 
 
+def _book(conditions: Sequence[Condition], *, with_sheets: bool) -> Report:
+    """Return the section with the matrix of conditions and its figure, and their sheets if they are
+    on no slider.
+    """
+    points = [each.point for each in conditions if each.point is not None]
+    if not points:
+        return Report("Book", ("No condition has a trim.",))
+    whole = book_of(Report(""), conditions, points[0].model, {})
+    parts = [part for part in whole.parts if with_sheets or not isinstance(part, Report)]
+    return Report("Book", parts, data={"sheets": [each.report.data for each in conditions]})
+
+
+def _doubts(conditions: Sequence[Condition]) -> Report:
+    """Return the section with the doubts about trims and data, and the conditions with each."""
+    at: dict[str, list[str]] = {}
+    for number, condition in enumerate(conditions, start=1):
+        for row in condition.report.sheet:
+            if row.name == "doubts":
+                at.setdefault(str(row.value), []).append(condition.name or str(number))
+    rows = [(doubt, ", ".join(names)) for doubt, names in at.items()]
+    found = Table(("doubt", "at"), rows) if rows else "No check of the data finds a doubt."
+    return Report("Doubts", (found,), data={"doubts": at})
+
+
 def main_report(job: MainJob, sections: Sections) -> Report:
     """Return the report of all results on the page. The data of the report contain every number."""
-    of_sliders, in_air, angles, others = sections
+    of_slider, in_air, angles, others = sections
+    parts = (of_slider, *in_air, *angles, *others)
+    data: dict[str, Any] = {
+        "schema": "hfa.report/1",
+        "ok": job.ok,
+        "sweep": job.slider.sweep.report().data,
+        "angles": [report.data for report in angles],
+    }
+    if job.regeneration is None:
+        book, doubts, _ = others
+        return Report("", parts, data=data | {"book": book.data, **doubts.data})
     critics = [
         {"dihedral_deg": report.data["dihedral_deg"], **report.data["critic"]}
         for report in angles
@@ -96,25 +140,15 @@ def main_report(job: MainJob, sections: Sections) -> Report:
     ]
     return Report(
         title="",
-        parts=(*of_sliders, *in_air, *angles, *others),
-        data={
-            "schema": "hfa.report/1",
-            "ok": job.ok,
+        parts=parts,
+        data=data
+        | {
             "regeneration": job.regeneration.report().data,
-            "sweep": job.slider.sweep.report().data,
             "critics": critics,
-            "angles": [report.data for report in angles],
             "flights": None if job.flights is None else job.flights.data,
             "in_turbulence": in_air[0].data if in_air else None,
-            "beside": None if job.beside is None else _first_trim(job.beside),
         },
     )
-
-
-def _first_trim(slider: Slider) -> Mapping[str, Any] | None:
-    """Return the data of the trim that is shown first, or None without it."""
-    model = slider.points[slider.first].model
-    return None if model is None else model.point.report().data
 
 
 def check_meanings() -> Table:
@@ -124,16 +158,20 @@ def check_meanings() -> Table:
 
 def verdicts(job: MainJob) -> Table:
     """Return a table with the name and the verdict of each check of `hfa report`."""
+    pairs = [] if job.regeneration is None else job.regeneration.pairs
     rows: list[tuple[Any, ...]] = [
         (f"printed pair at {pair.published.dihedral_deg:g} deg", verdict_text(pair.ok))
-        for pair in sorted(job.regeneration.pairs, key=lambda pair: pair.published.dihedral_deg)
+        for pair in sorted(pairs, key=lambda pair: pair.published.dihedral_deg)
     ]
     for angle in job.angles:
-        at = f"{angle.dihedral_deg:g} deg"
-        rows.append((f"game at {at} certified", verdict_text(angle.solution is not None)))
-        rows.append((f"learned critic at {at} exact", verdict_text(angle.ok)))
+        if pairs or angle.solution is not None or angle.reason:
+            solved = verdict_text(angle.solution is not None)
+            rows.append((f"game at {angle.label} certified", solved))
+        if pairs:
+            rows.append((f"learned critic at {angle.label} exact", verdict_text(angle.ok)))
     trimmed = int(job.slider.sweep.trimmed.sum())
-    rows.append((f"trimmed of {len(job.slider.points)} angles", Cell(str(trimmed))))
+    values = "angles" if pairs else f"values of {job.slider.sweep.variables[-1]}"
+    rows.append((f"trimmed of {len(job.slider.points)} {values}", Cell(str(trimmed))))
     return Table(("check", "verdict"), rows)
 
 
@@ -155,7 +193,7 @@ def critic_picture(degrees: float) -> str:
 
 
 def angle_report(angle: Position) -> Report:
-    """Return the section on a requested angle: linear model, game solution and learned critic.
+    """Return the section on a requested value: linear model, game solution and learned critic.
 
     - Without a linear model, the section contains only the reason.
     - A game solution or critic that was not computed is omitted.
@@ -163,8 +201,15 @@ def angle_report(angle: Position) -> Report:
     With a linear model, the data of the section also contain the trim.
     """
     model = angle.model
-    data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
-    title = f"Dihedral {angle.dihedral_deg:.6g} deg: model, game, critic"
+    aircraft = angle.condition.model
+    data: dict[str, Any] = {"reason": angle.reason}
+    what = "model, game, critic"
+    if aircraft.about.names_schedule:
+        data = {"dihedral_deg": angle.dihedral_deg} | data
+    else:
+        data = {"scheduled": {aircraft.schedule: angle.value}} | data
+        what = "model" if angle.solution is None else "model, game"
+    title = f"{aircraft.schedule.capitalize()} {angle.label}: {what}"
     if model is None:
         return Report(title, (f"No trim: {angle.reason}",), data=data)
     reports = {"model": _model_report(model)}
@@ -181,7 +226,7 @@ def angle_report(angle: Position) -> Report:
     parts: list[Part] = list(reports.values())
     if angle.reason:
         parts.append(f"No game solution: {angle.reason}")
-    data["trim"] = trim_report(model.point).data
+    data["trim"] = angle.report.data
     for name, report in reports.items():
         data[name] = report.data
     return Report(title, parts, data=data)
@@ -191,11 +236,13 @@ class PointReports(NamedTuple):
     """Reports shown at one position of the slider.
 
     beside: first lines of the trim and modes, beside the drawing
-    below: the sheet of the trim, A and B
+    sheet: the sheet of the trim, in columns
+    pair: A and B, which need the whole width
     """
 
     beside: Report
-    below: Report
+    sheet: Report
+    pair: Report
 
 
 def point_reports(position: Position) -> PointReports:
@@ -206,15 +253,13 @@ def point_reports(position: Position) -> PointReports:
     title = f"At {position.condition.model.schedule} {position.label}"
     model = position.model
     if model is None:
-        return PointReports(Report(title, (f"No trim: {position.reason}",)), Report(""))
-    trim = trim_report(model.point)
+        none = Report("")
+        return PointReports(Report(title, (f"No trim: {position.reason}",)), none, none)
+    trim = position.report
     sheet = replace(trim, title=f"The sheet, of {trim.head['data']}", head={})
     modes = modes_table(model.modes, model.point.model.time_unit, participation=False)
     pair = Report(f"A and B, in {units_in_words(model)}", matrices(model))
-    return PointReports(
-        Report(title, (trim.title, modes)),
-        Report("", (sheet, pair)),
-    )
+    return PointReports(Report(title, (trim.title, modes)), Report("", (sheet,)), pair)
 
 
 def _model_report(model: LinearModel) -> Report:
@@ -228,39 +273,30 @@ def _model_report(model: LinearModel) -> Report:
 
 
 def page(job: MainJob, sections: Sections, origin: Provenance) -> str:
-    """Return the page as HTML: a tab for each aircraft, with its slider; on that of the paper's
-    aircraft the verdict, a table of verdicts, and sections, which are folded until the user opens
-    them.
+    """Return the page as HTML: verdict, slider, a table of verdicts, and sections, which are folded
+    until the user opens them.
 
     origin: provenance, shown as the last section
     """
     pictures = main_report(job, sections).pictures()
     names = html.escape(json.dumps(sorted(picture.name for picture in pictures)))
-    of_sliders = dict(zip(job.sliders, sections.of_sliders, strict=True))
-    links = "".join(_link(slider.key, drawn.title) for slider, drawn in of_sliders.items())
-    tabs = f'<nav aria-label="Aircraft" class="tabs"><ul>{links}</ul></nav>'
+    title = _TITLE
+    if job.regeneration is None:
+        title = html.escape(f"{sections.of_slider.title}: trims and linear models")
     provenance = Report("Provenance", (f"{origin.command}\n{origin.text()}",))
-    article_of = {job.slider.key: _paper_article(job, sections, of_sliders[job.slider], provenance)}
-    if job.beside is not None:
-        article_of[job.beside.key] = slider_html(job.beside, of_sliders[job.beside])
-    shown = "\n".join(f'<article id="{key}">{text}</article>' for key, text in article_of.items())
     return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{_POLICY}">
 <meta name="pictures" content="{names}"><style>{_file("page.css")}</style></head><body><main>
-<h1>{TITLE}</h1>
-{tabs if job.beside else ""}
-{shown}
+<h1>{title}</h1>
+<article>{_article(job, sections, provenance)}</article>
 </main>{plotly_script()}<script type="module">{_file("page.js")}</script></body></html>
 """
 
 
-def _paper_article(job: MainJob, sections: Sections, drawn: Report, provenance: Report) -> str:
-    """Return the tab of the paper's aircraft as HTML: verdict, slider, flights, folded sections.
-
-    drawn: the pictures that follow the slider
-    """
+def _article(job: MainJob, sections: Sections, provenance: Report) -> str:
+    """Return the page below its heading as HTML: verdict, slider, flights, folded sections."""
     folded = {
         f"part-{number}": section
         for number, section in enumerate((*sections.angles, *sections.others, provenance))
@@ -271,9 +307,11 @@ def _paper_article(job: MainJob, sections: Sections, drawn: Report, provenance: 
     flights = [*([] if stored_flights is None else [stored_flights]), *sections.in_air]
     parts = [
         f'<p>{verdict_sentence(job)}</p><nav aria-label="Contents"><ul>{links}</ul></nav>',
-        slider_html(job.slider, drawn, f'<section class="verdicts">{checks}</section>'),
+        slider_html(
+            job.slider, sections.of_slider, f'<section class="verdicts">{checks}</section>'
+        ),
         *(f"<section>{section.html(3)}</section>" for section in flights),
-        f'<p class="paper">The paper: {_PAPER}.</p>',
+        *([] if job.regeneration is None else [f'<p class="paper">The paper: {_PAPER}.</p>']),
         *(_folded(name, section) for name, section in folded.items()),
     ]
     return "\n".join(parts)
@@ -281,6 +319,12 @@ def _paper_article(job: MainJob, sections: Sections, drawn: Report, provenance: 
 
 def verdict_sentence(job: MainJob) -> str:
     """Return the first paragraph of the page as HTML: verdict and checks."""
+    if job.regeneration is None:
+        swept = job.slider.sweep
+        return (
+            f"{swept.trimmed.sum()} of {len(job.slider.points)} values of "
+            f"{html.escape(swept.variables[-1])} have a trim."
+        )
     regenerated = _toned(job.regeneration.ok, "regenerated", "NOT regenerated")
     agrees = _toned(job.learned, "agrees", "DOES NOT agree")
     asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
@@ -310,7 +354,7 @@ def _folded(section: str, part: Report) -> str:
     )
 
 
-def slider_html(slider: Slider, drawn: Report, verdicts: str = "") -> str:
+def slider_html(slider: Slider, drawn: Report, verdicts: str) -> str:
     """Return the part of the page that follows a slider, as HTML: the aircraft beside its modes, the
     root locus, the sheet and the linear model.
 
@@ -323,16 +367,17 @@ def slider_html(slider: Slider, drawn: Report, verdicts: str = "") -> str:
         place = f'data-value="{point.label}"{hidden}'
         shown = point_reports(point)
         beside.append(f'<section class="point" {place}>{shown.beside.html(3)}</section>')
-        below.append(f'<section class="point below" {place}>{shown.below.html(3)}</section>')
+        below.append(f'<section class="point below" {place}>{shown.sheet.html(3)}</section>')
+        below.append(f'<section class="point" {place}>{shown.pair.html(3)}</section>')
     plots = [part.html() for part in drawn.parts if isinstance(part, InteractivePlot)]
     aircraft = "".join(plots[:1])
     locus = "".join(plots[1:])
     label = slider.points[slider.first].label
     name = html.escape(slider.sweep.variables[-1])
     return f"""<div><h2>{html.escape(drawn.title)}</h2>
-<p class="slider"><label for="{slider.key}-{name}">{name}</label>
-<input type="range" id="{slider.key}-{name}" min="0" max="{len(slider.points) - 1}" value="{slider.first}" aria-valuetext="{label}">
-<output for="{slider.key}-{name}">{label}</output> <span class="noscript">The slider needs scripts.</span></p>
+<p class="slider"><label for="slider-{name}">{name}</label>
+<input type="range" id="slider-{name}" min="0" max="{len(slider.points) - 1}" value="{slider.first}" aria-valuetext="{label}">
+<output for="slider-{name}">{label}</output> <span class="noscript">The slider needs scripts.</span></p>
 <div class="first"><div>{aircraft}</div><div>{"".join(beside)}{verdicts}</div></div>
 {locus}
 {"".join(below)}</div>"""

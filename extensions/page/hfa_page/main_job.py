@@ -1,19 +1,22 @@
 """Computation of the results on the page of `hfa report`.
 
-The results are the regeneration of both printed pairs, a sweep, and games and critics at requested
-angles.
+The results are trims over the scheduling variable, and games at requested values of it; of the
+paper's aircraft also the regeneration of both printed pairs, and critics.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from controller.hfa_files import published_game
 from controller.learning.laws import learn
 from controller.riccati.gare import Solution, solve
+from hfa.options.games import weighted_game
 from hfa_aircraft.model import Model
 from hfa_model import choice
 from hfa_model.parameters import ParameterSet
@@ -22,12 +25,16 @@ from hfa_model.variants import variant_named
 from hfa_page.flights import StoredFlights
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.rows import Row, Sheet
 from hfa_support.reporting.text import beside_unit, in_degrees, shown_value
+from trim.hfa.reports import trim_report
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
-from trim.point.condition import TrimCondition, usual_condition
+from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
+from trim.reports.book import Condition
 from trim.sweeps.sweep import Sweep, sweep
 from verification.critic.critic_check import verify
 from verification.regeneration import Regeneration, regenerate_all
@@ -35,10 +42,8 @@ from verification.verdict import Verdict
 
 #: Dihedral angles of the sweep, rad, from the paper's range to slightly beyond it.
 SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))
-#: Key of the paper's aircraft.
-HFA = "hfa"
-#: Values of the scheduling variable of another aircraft, relative to that of its default trim.
-BESIDE = np.linspace(0.75, 1.5, 31)
+#: Values of the scheduling variable of another aircraft, relative to that of its first trim.
+_ABOUT = np.linspace(0.75, 1.5, 31)
 #: Angles shown in detail by default: the printed ones.
 ASKED = tuple(sorted(model.dihedral for model in published_models()))
 #: Largest numbers of angles. More would make the file too large (3 MB of data) or take minutes.
@@ -50,8 +55,8 @@ MOST_ASKED = 20
 class Position:
     """Results at a value of the scheduling variable: trim and linear model.
 
-    At a requested dihedral angle, the results also include the exact solution of the paper's game,
-    and the verdict on a critic learned with the default law.
+    At a requested value, the results also include the exact solution of the game, and of the
+    paper's game the verdict on a critic learned with the default law.
 
     value: value of the variable, rad for an angle
     condition: condition of the trim
@@ -67,6 +72,11 @@ class Position:
     solution: Solution | None = None
     check: Verdict | None = None
     reason: str = ""
+
+    @cached_property
+    def report(self) -> Report:
+        """The sheet of the trim, or the reason why there is none."""
+        return without_trim(self.reason) if self.model is None else trim_report(self.model.point)
 
     @property
     def label(self) -> str:
@@ -87,69 +97,61 @@ class Position:
         return self.check is not None and self.check.ok
 
 
+def without_trim(reason: str) -> Report:
+    """Return the sheet of a condition without a trim: the reason."""
+    return Report(reason, sheet=Sheet.of([("findings", [Row("failure", reason)], ())]))
+
+
 @dataclass(frozen=True, eq=False)
 class Slider:
     """Trims and linear models of an aircraft over its scheduling variable.
 
-    key: name of the aircraft in the page
     sweep: sweep of the variable
     points: trim and linear model at each of its values
     first: number of the point that is shown first
     """
 
-    key: str
     sweep: Sweep
     points: tuple[Position, ...]
     first: int
 
-    def picture(self, name: str) -> str:
-        """Return the name of the file of a picture."""
-        return name if self.key == HFA else f"{self.key}_{name}"
-
 
 def slider_over(
-    key: str,
     model: Model,
     values: np.ndarray,
     first: float,
-    outputs: tuple[str, ...] | None = None,
-    flight: TrimCondition | None = None,
-    start: OperatingPoint | None = None,
+    outputs: tuple[str, ...] | None,
+    flight: TrimCondition,
+    start: OperatingPoint | None,
 ) -> Slider:
     """Return the trims and linear models of an aircraft over its scheduling variable.
 
-    key: name of the aircraft in the page
     values: values of the variable, rad for an angle
     first: the value that is shown first
     outputs: names of the outputs of the linear models, or None for all
-    flight: condition of the trims, apart from the variable; by default the usual one
+    flight: condition of the trims, apart from the variable
     start: initial point of the search for these trims, or None
     """
-    flight = usual_condition(model) if flight is None else flight
     over = sweep(model, {model.schedule: values}, condition=flight, start=start)
     points = tuple(_position(model, value, outputs, flight, start) for value in values.tolist())
-    return Slider(key, over, points, values.tolist().index(first))
+    return Slider(over, points, values.tolist().index(first))
 
 
-def slider_beside(model: Model) -> Slider:
-    """Return the trims and linear models of another aircraft about its default trim.
+def values_about(point: OperatingPoint) -> np.ndarray:
+    """Return the values of the slider of an aircraft about a trim.
 
-    Raises BadInputError for an aircraft without a scheduling variable, or without limits of one
-    that is 0 at this trim.
+    Raises BadInputError for a variable that is 0 there and has no limits.
     """
-    if not model.schedule:
-        raise BadInputError(
-            f"{model.name} declares no schedule, the variable of the page's slider; declare it"
-        )
-    usual = trim(model)[model.schedule]
+    model = point.model
+    usual = point[model.schedule]
     limits = model.limits[model.schedule]
     if not (usual or np.isfinite(limits).all()):
         raise BadInputError(
-            f"{model.name}: {model.schedule} is 0 at the default trim; declare its min and max, "
-            "the ends of the page's slider"
+            f"{model.name}: {model.schedule} is 0 at its trim; declare its min and max, the ends "
+            "of the page's slider, or give --sweep"
         )
-    values = np.clip(usual * BESIDE, *limits) if usual else np.linspace(*limits, len(BESIDE))
-    return slider_over("beside", model, np.union1d(values, usual), usual)
+    values = np.clip(usual * _ABOUT, *limits) if usual else np.linspace(*limits, len(_ABOUT))
+    return np.union1d(values, usual)
 
 
 def _position(
@@ -168,18 +170,23 @@ def _position(
     return Position(value, condition, linearize(aircraft, point, outputs=outputs))
 
 
-def with_game(angle: Position) -> Position:
-    """Return the results at an angle, with the game's solution and the verdict on a learned critic.
+def with_game(angle: Position, weights: Mapping[str, Any] | None) -> Position:
+    """Return the results at a value, with the game's solution and, of the paper's game, the verdict
+    on a learned critic.
 
-    Without a trim, the results are returned unchanged. If the game has no solution or learning
-    fails, the reason is stored.
+    Without a trim or a weight, the results are returned unchanged. If the game has no solution or
+    learning fails, the reason is stored.
+
+    weights: as for `weighted_game`, or None for those of the paper
     """
     model = angle.model
-    if model is None:
+    if model is None or weights == {}:
         return angle
-    game = published_game(model)
     try:
+        game = published_game(model) if weights is None else weighted_game(weights, model).game
         angle = replace(angle, solution=solve(game))
+        if weights is not None:
+            return angle
         run = learn(game)
         return replace(angle, check=verify(game, run))
     except NoSolutionError as error:
@@ -190,25 +197,20 @@ def with_game(angle: Position) -> Position:
 class MainJob:
     """Results of `hfa report` for one aircraft.
 
-    parameters: parameters of the aircraft, with their sources
-    regeneration: comparison with both printed pairs (A, B)
-    slider: trims and linear models over the dihedral angle
-    angles: requested angles, with games and critics
+    slider: trims and linear models over the scheduling variable
+    angles: requested values of it, with games and critics
+    book: rows of --conditions, each with its sheet
+    parameters: parameters of the paper's aircraft, with their sources
+    regeneration: comparison of the paper's aircraft with both printed pairs (A, B), else None
     flights: stored results of a study, or None
-    beside: trims and linear models of another aircraft, or None
     """
 
-    parameters: ParameterSet
-    regeneration: Regeneration
     slider: Slider
     angles: tuple[Position, ...]
+    book: Sequence[Condition] = ()
+    parameters: ParameterSet | None = None
+    regeneration: Regeneration | None = None
     flights: StoredFlights | None = None
-    beside: Slider | None = None
-
-    @property
-    def sliders(self) -> tuple[Slider, ...]:
-        """The sliders of all aircraft, that of the paper's first."""
-        return (self.slider,) if self.beside is None else (self.slider, self.beside)
 
     @property
     def learned(self) -> bool:
@@ -217,7 +219,11 @@ class MainJob:
 
     @property
     def ok(self) -> bool:
-        """True if the printed pairs are regenerated and every learned critic agrees."""
+        """True if the printed pairs are regenerated and every learned critic agrees, or if the
+        first position of another aircraft has a trim.
+        """
+        if self.regeneration is None:
+            return self.slider.points[self.slider.first].model is not None
         return self.regeneration.ok and self.learned
 
 
@@ -232,7 +238,7 @@ def main_job(
     start: OperatingPoint | None,
     progress: Progress,
 ) -> MainJob:
-    """Return the results of `hfa report`, without stored ones and other aircraft.
+    """Return the results of `hfa report` for the paper's aircraft, without stored ones.
 
     Both printed pairs (A, B) are regenerated at the paper's condition, and the dihedral angle is
     swept. At each requested angle, the game is solved, and a critic is learned and compared with
@@ -251,10 +257,24 @@ def main_job(
     regeneration = regenerate_all(aircraft)
     progress(0.05, 1.0, "sweep")
     swept = np.union1d(swept, asked)
-    slider = slider_over(HFA, aircraft, swept, min(asked), outputs, flight, start)
+    slider = slider_over(aircraft, swept, min(asked), outputs, flight, start)
+    in_full = games_over(slider, asked, progress)
+    return MainJob(slider, in_full, parameters=parameters, regeneration=regeneration)
+
+
+def games_over(
+    slider: Slider,
+    asked: Sequence[float],
+    progress: Progress,
+    weights: Mapping[str, Any] | None = None,
+) -> tuple[Position, ...]:
+    """Return the requested positions of a slider with their games.
+
+    weights: as for `with_game`
+    """
     in_full = []
-    for count, angle in enumerate(point for point in slider.points if point.value in asked):
-        progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle.label}")
-        in_full.append(with_game(angle))
+    for count, each in enumerate(point for point in slider.points if point.value in asked):
+        progress(0.1 + 0.9 * count / len(asked), 1.0, f"{slider.sweep.variables[-1]} {each.label}")
+        in_full.append(with_game(each, weights))
     progress(1.0, 1.0)
-    return MainJob(parameters, regeneration, slider, tuple(in_full))
+    return tuple(in_full)

@@ -16,32 +16,27 @@ function startAt(figure, position) {
   frame?.traces.forEach((trace, i) => Object.assign(figure.data[trace], frame.data[i]));
 }
 const still = { mode: "immediate", transition: { duration: 0 }, frame: { duration: 0, redraw: true } };
-const plots = [];
-const tabs = [...document.querySelectorAll("article")];
-for (const tab of tabs) {
-  const slider = tab.querySelector(".slider input");
-  const sections = [...tab.querySelectorAll("section.point")];
-  const values = [...new Set(sections.map((section) => section.dataset.value))];
-  const showSections = () => {
-    const chosen = values[slider.value];
-    for (const section of sections) section.hidden = section.dataset.value !== chosen;
-    tab.querySelector(".slider output").value = chosen;
-    slider.setAttribute("aria-valuetext", chosen);
-  };
-  const own = await Promise.all([...tab.querySelectorAll("script[data-plot]")].map(async (script) => {
-    const box = document.getElementById(script.dataset.plot);
-    const figure = JSON.parse(script.textContent);
-    startAt(figure, slider.value);
-    await Plotly.newPlot(box, { ...figure, config: CONFIG });
-    return { box, moves: figure.frames.length > 0 };
-  }));
-  plots.push(...own);
-  slider.addEventListener("input", () => {
-    showSections();
-    for (const plot of own) if (plot.moves) Plotly.animate(plot.box, [slider.value], still);
-  });
-  showSections();
+const slider = document.querySelector(".slider input");
+const sections = [...document.querySelectorAll("section.point")];
+const values = [...new Set(sections.map((section) => section.dataset.value))];
+function showSections() {
+  const chosen = values[slider.value];
+  for (const section of sections) section.hidden = section.dataset.value !== chosen;
+  document.querySelector(".slider output").value = chosen;
+  slider.setAttribute("aria-valuetext", chosen);
 }
+const plots = await Promise.all([...document.querySelectorAll("script[data-plot]")].map(async (script) => {
+  const box = document.getElementById(script.dataset.plot);
+  const figure = JSON.parse(script.textContent);
+  startAt(figure, slider.value);
+  await Plotly.newPlot(box, { ...figure, config: CONFIG });
+  return { box, moves: figure.frames.length > 0 };
+}));
+slider.addEventListener("input", () => {
+  showSections();
+  for (const plot of plots) if (plot.moves) Plotly.animate(plot.box, [slider.value], still);
+});
+showSections();
 
 // In a wider window Plotly leaves the legend where it was; drawn once more, it stands above the plot again.
 let waiting;
@@ -49,16 +44,10 @@ addEventListener("resize", () => {
   clearTimeout(waiting);
   waiting = setTimeout(() => plots.forEach(({ box }) => Plotly.redraw(box)), 300);
 });
-// The tab with the target of a link is shown; a folded section is unfolded for a link and for printing.
+// A folded section is unfolded for a link and for printing.
 const folded = [...document.querySelectorAll("article > details")];
 function showTarget() {
   const target = document.getElementById(location.hash.slice(1));
-  const shown = tabs.find((tab) => tab.contains(target)) ?? tabs[0];
-  for (const tab of tabs) {
-    tab.hidden = tab !== shown;
-    document.querySelector(`.tabs a[href="#${tab.id}"]`)?.toggleAttribute("aria-current", tab === shown);
-  }
-  for (const { box } of plots) if (shown.contains(box)) Plotly.Plots.resize(box);
   if (target?.open !== false) return;
   target.open = true;
   target.scrollIntoView();

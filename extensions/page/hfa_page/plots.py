@@ -158,7 +158,7 @@ def pictures_over(slider: Slider) -> list[InteractivePlot]:
     if not any(trims):
         return []
     draw = _front_view if hfa_model.is_hfa(slider.sweep.model) else _limits_view
-    drawn = draw(slider.picture("trim.png"), trims)
+    drawn = draw("trim.png", trims)
     return [each for each in (drawn, _locus_plot(slider)) if each is not None]
 
 
@@ -294,7 +294,7 @@ def _locus_plot(slider: Slider) -> InteractivePlot:
     if slow.any() and not slow.all():
         figures.append(_locus(swept, slow))
         text += ": all modes, and the slow ones alone"
-    return InteractivePlot(slider.picture("root_locus.png"), text, swept.figure, tuple(figures))
+    return InteractivePlot("root_locus.png", text, swept.figure, tuple(figures))
 
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:

@@ -14,10 +14,9 @@ from project import ROOT
 
 pytest.importorskip("hfa_flight")
 
-from hfa import BadInputError, Model, Signal, load_model
+from hfa import BadInputError, Model, Signal, load_model, trim
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa_page.main_job import Position, slider_beside
-from hfa_page.plots import pictures_over
+from hfa_page.main_job import Position, values_about
 from hfa_page.turbulence import flight_in_turbulence
 from trim.point.condition import usual_condition
 
@@ -54,8 +53,6 @@ def written_report(tmp_path_factory):
         "10:20:5",
         "--flights",
         str(FLIGHTS),
-        "--beside",
-        UAV,
     )
     return hfa("report", *words), folder
 
@@ -96,8 +93,6 @@ def test_the_folder_contains_page_pictures_and_numbers(written_report):
         "regeneration.png",
         "root_locus.png",
         "trim.png",
-        "beside_trim.png",
-        "beside_root_locus.png",
         "critic-15.png",
         "turbulence.png",
     }
@@ -154,14 +149,35 @@ def test_pictures_of_the_documents_are_current():
 
 
 @pytest.mark.slow
-def test_another_aircraft_is_beside(written_report):
-    """The numbers of the other aircraft are those of `hfa trim`, and its sheet is on the page."""
-    result, folder = written_report
-    sheet = json.loads(hfa("trim", "--aircraft", UAV, "--json").out)
-    beside = json.loads(result.out)["beside"]
-    assert beside["operating_point"]["states"] == sheet["operating_point"]["states"]
-    page = page_of(folder / "report.html")
-    assert '<article id="beside"><div><h2>Aerosonde (derivatives)</h2>' in page
+def test_the_page_of_an_aircraft_is_about_it(folder):
+    """The numbers of another aircraft are those of `hfa trim`; its page has its name, trims, modes,
+    book, doubts and the game of its Q and R, and nothing of the paper.
+    """
+    text = Path(UAV).read_text("utf-8").replace("Izz = 1.759", "Izz = 3.0")
+    Path("uav.toml").write_text(text)
+    Path("book.csv").write_text("name,speed\nslow,8\nusual,35\n")
+    weights = ("--Q", ",".join("1" * 8), "--R", ",".join("1" * 4))
+    words = ("--aircraft", "uav.toml", "--sweep", "30:40:5", *weights)
+    result = hfa("report", *words, "-o", "page.html", "--json")
+    assert (result.code, result.err) == (DONE, "")
+    data = json.loads(result.out)
+    sheet = json.loads(hfa("trim", "--aircraft", "uav.toml", "--json").out)
+    (angle,) = data["angles"]
+    assert angle["trim"]["operating_point"]["states"] == sheet["operating_point"]["states"]
+    assert angle["solution"]["K"]
+    assert len(data["book"]["sheets"]) == len(data["sweep"]["A"]) == 3
+    (doubt,) = data["doubts"]
+    assert "no rigid body has these inertias" in doubt
+    page = page_of(Path("page.html"))
+    sections = ("Speed 35 m/s: model, game", "Book", "Doubts", "Modes over speed")
+    for heading in (
+        "<title>Aerosonde (derivatives): trims",
+        *(f"<h2>{each}<" for each in sections),
+    ):
+        assert heading in page
+    assert not any(word in page for word in ("printed", "dihedral", "Zhang"))
+    assert hfa("report", *words, "-o", "page.html", "--conditions", "book.csv").code == DONE
+    assert "no trim" in page_of(Path("page.html"))
 
 
 @pytest.mark.slow
@@ -195,9 +211,13 @@ def test_a_missing_plotly_is_refused_before_the_computation():
         ("", "--output FILE.html, --output FOLDER or --json"),
         ("-o file", "the folder cannot be created"),
         ("-o a.html --units si", "unknown option --units"),
-        ("-o a.html --free dihedral", "--dihedral and --sweep define the angles of a report"),
+        ("-o a.html --free dihedral", "--dihedral and --sweep define its values in a report"),
         ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),
-        (f"-o a.html --beside {ROOT}/examples/pendulum.py:PENDULUM", "declares no schedule"),
+        (f"-o a.html --aircraft {ROOT}/examples/pendulum.py:PENDULUM", "declares no schedule"),
+        (f"-o a.html --aircraft {UAV} --flights {FLIGHTS}", "flights of the paper's aircraft"),
+        (f"-o a.html --aircraft {UAV} --free speed", "--at and --sweep define its values"),
+        (f"-o a.html --aircraft {UAV} --dihedral 3", "takes --at VALUE"),
+        ("-o a.html --conditions book.csv", "--conditions"),
     ],
 )
 def test_wrong_options_of_report_are_refused(words, named):
@@ -209,7 +229,7 @@ def test_wrong_options_of_report_are_refused(words, named):
 
 def test_a_slider_has_ends():
     """A variable that is 0 at the default trim gives the slider no values unless it has limits, which
-    are then its ends. Without limits the trims have no picture.
+    are then its ends.
     """
 
     def rates(x, u, p, w):
@@ -218,17 +238,12 @@ def test_a_slider_has_ends():
     states, inputs = {"speed": Signal("m/s")}, {"thrust": Signal("N")}
     model = Model("rest", states, inputs, rates, trim={"speed": 0.0}, schedule="speed")
     with pytest.raises(BadInputError, match="declare its min and max"):
-        slider_beside(model)
+        values_about(trim(model))
     limited = replace(model, states={"speed": Signal("m/s", min=-1.0, max=3.0)})
-    slider = slider_beside(limited)
-    values = [point.value for point in slider.points]
-    assert (values[0], values[slider.first], values[-1]) == (-1.0, 0.0, 3.0)
-    assert [each.name for each in pictures_over(slider)] == [
-        "beside_trim.png",
-        "beside_root_locus.png",
-    ]
-    moving = slider_beside(replace(model, trim={"speed": 4.0}))  # without limits to draw
-    assert [each.name for each in pictures_over(moving)] == ["beside_root_locus.png"]
+    values = values_about(trim(limited))
+    assert (values[0], values[-1]) == (-1.0, 3.0)
+    assert 0.0 in values
+    assert values_about(trim(replace(model, trim={"speed": 4.0})))[-1] == 6.0
 
 
 @pytest.mark.slow

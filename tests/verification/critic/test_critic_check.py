@@ -110,7 +110,7 @@ REFUSED = {
         lambda game: from_gain(game, np.full((5, 6), "1")),
         "K does not consist of rows of real",
     ),
-    "ragged": (lambda game: from_weights(game, [[1.0], [1.0, 2.0]]), "W does not consist of rows"),
+    "ragged": (lambda game: from_weights(game, [[1.0], [1.0, 2.0]]), "does not consist of rows"),
     "constant": (
         lambda game: from_weights(game, np.ones(21), constant=math.nan),
         "constant is nan",
