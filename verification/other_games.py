@@ -65,29 +65,29 @@ def other_games(
     """
     if len(given.T) > MOST_STATES or not given.any():
         return
-    game = exact.game
+    game, plant = exact.game, continuous(exact.game)
+    others = {}
     if np.isfinite(game.delta) and game.E.any():
-        says = "exact without disturbance (delta inf)"
-        with suppress(NoSolutionError):
-            yield OtherGame(says, getattr(solve(game.with_delta(math.inf)), of))
+        others["exact without disturbance (delta inf)"] = game.with_delta(math.inf)
     if game.discount < 1.0:
         says = f"exact without discount, not for discount {game.discount:.6g}"
+        others[says] = replace(game, discount=1.0)
+    if plant is not None:
+        others["exact for the game in continuous time"] = plant
+    for says, other in others.items():
         with suppress(NoSolutionError):
-            yield OtherGame(says, getattr(solve(replace(game, discount=1.0)), of))
-    for family in _families(exact):
+            yield OtherGame(says, getattr(solve(other), of))
+    for family in _families(exact, plant):
         found = _nearest(family, of, given, sizes)
         if found is not None:
             yield found
-    if not game.is_discrete:
-        return
-    plant = continuous(game)
-    if plant is not None:
-        with suppress(NoSolutionError, BadInputError):
-            yield OtherGame("exact for the game in continuous time", getattr(solve(plant), of))
 
 
-def _families(exact: Solution) -> Iterator[Family]:
-    """Yield the families of a game: other delta, R, sample time and discount."""
+def _families(exact: Solution, plant: Game | None) -> Iterator[Family]:
+    """Yield the families of a game: other delta, R, sample time and discount.
+
+    plant: the game in continuous time of which the game is sampled, or None
+    """
     game = exact.game
     if game.E.any():
         has_delta = math.isfinite(game.delta)
@@ -95,7 +95,11 @@ def _families(exact: Solution) -> Iterator[Family]:
         instead = f", not {game.delta:.4g}" if has_delta else ""
         yield Family(lambda delta: f"exact for delta {delta:.4g}{instead}", middle, game.with_delta)
     if not game.N.any():
-        yield Family(_times_R, 1.0, lambda factor: replace(game, R=factor * game.R))
+        yield Family(
+            lambda factor: f"exact for R {factor:.4g} times as large",
+            1.0,
+            lambda factor: replace(game, R=factor * game.R),
+        )
     if not game.is_discrete:
         fastest = float(np.abs(exact.poles()).max())  # of a stable loop, not 0
         yield Family(
@@ -108,30 +112,26 @@ def _families(exact: Solution) -> Iterator[Family]:
         less_than_1,
         lambda less: replace(game, discount=1.0 - less),
     )
-    plant = continuous(game)
-    if plant is not None and isinstance(game.dt, float):
-        own_dt = game.dt
+    if plant is not None:
         yield Family(
-            lambda dt: f"exact for dt {dt:.4g} s, not {own_dt:.4g} s",
-            own_dt,
+            lambda dt: f"exact for dt {dt:.4g} s, not {game.dt:.4g} s",
+            float(game.dt or 0.0),
             lambda dt: plant.sampled(dt, game.discount),
         )
 
 
-def _times_R(factor: float) -> str:
-    """Return the sentence on a game whose R is larger by a factor."""
-    return f"exact for R {factor:.4g} times as large"
-
-
 def continuous(game: Game) -> Game | None:
-    """Return the game in continuous time of which a game is sampled, or None without one.
+    """Return the game in continuous time of which a game is sampled, or None without one, as of a
+    game in continuous time.
 
     Its rates are the logarithm of the step, which is real if no eigenvalue is 0 or negative.
     """
+    if not isinstance(game.dt, float):
+        return None
     from scipy.linalg import logm
 
     poles = np.linalg.eigvals(game.A)
-    if not isinstance(game.dt, float) or np.any((poles.imag == 0.0) & (poles.real <= 0.0)):
+    if np.any((poles.imag == 0.0) & (poles.real <= 0.0)):
         return None
     n, held = len(game.A), np.hstack([game.B, game.E])
     size = n + held.shape[1]

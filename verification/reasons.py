@@ -414,7 +414,7 @@ def _order_text(noun: str, order: np.ndarray) -> str:
 
 
 def _one_entry(compared: Compared) -> Iterator[Mistake]:
-    """Yield that the entry with the largest error has a wrong sign, or alone differs."""
+    """Yield that the entry with the largest error alone differs."""
     kind, given, exact, *_ = compared
     distinct = np.triu(exact) if kind == "P" else exact
     if np.count_nonzero(distinct) < 3:
@@ -423,20 +423,12 @@ def _one_entry(compared: Compared) -> Iterator[Mistake]:
     place = np.unravel_index(int(np.argmax(errors)), errors.shape)
     name = f"{kind}({place[0] + 1}, {place[1] + 1})"
     wrong, right = float(given[place]), float(exact[place])
-    yield Mistake(f"{name} has the wrong sign", _with_entry(kind, given, place, -wrong))
     says = f"only {name} differs by more than the limit: it is {wrong:.6g} in place of {right:.6g}"
-    yield Mistake(says, _with_entry(kind, given, place, right))
-
-
-def _with_entry(
-    kind: str, given: np.ndarray, place: tuple[np.intp, ...], entry: float
-) -> np.ndarray:
-    """Return P or K with another entry at a place; in P, its mirror image changes too."""
-    changed = given.copy()
-    changed[place] = entry
+    undone = given.copy()
+    undone[place] = right
     if kind == "P":
-        changed[place[::-1]] = entry
-    return changed
+        undone[place[::-1]] = right
+    yield Mistake(says, undone)
 
 
 def _of_weights(critic: Critic) -> Iterator[Mistake]:

@@ -62,27 +62,24 @@ def weights_of_sizes(
 
     Source: Bryson and Ho, Applied Optimal Control, 1975, Section 5.2.
 
-    Raises BadInputError for an unknown name, an input without a size, and a size that is not
-    positive.
+    Raises BadInputError for an unknown name, and a size that is not positive.
     """
     for name, size in sizes.items():
         refuse_unknown("sizes has an unknown name", name, (*states, *inputs))
         refuse_unless_positive(f"the size of {name}", size)
-    if missing := [name for name in inputs if name not in sizes]:
-        raise BadInputError(f"sizes has none of {missing[0]}; give a size of each input")
     weights = {name: 1.0 / size / size for name, size in sizes.items()}
+    signals = {"Q": states, "R": inputs}
     return {
-        "Q": {name: weights[name] for name in states if name in weights},
-        "R": {name: weights[name] for name in inputs},
+        matrix: {name: weights[name] for name in names if name in weights}
+        for matrix, names in signals.items()
     }
 
 
-def sizes_text(game: Game, matrix: str) -> str:
-    """Return the sizes of which Q or R is 1/size² as text: "speed 10 ft/s, alpha 5 deg"."""
-    names, of_states = game.names, matrix == "Q"
-    signals = names.states if of_states else names.inputs
-    units = names.state_units if of_states else names.input_units
-    rows = zip(signals, units, np.diag(getattr(game, matrix)).tolist(), strict=True)
+def sizes_text(game: Game) -> str:
+    """Return the sizes of which Q and R are 1/size² as text: "speed 10 ft/s, alpha 5 deg"."""
+    states, inputs, state_units, input_units, *_ = game.names
+    weights = np.diag(game.weights).tolist()
+    rows = zip(states + inputs, state_units + input_units, weights, strict=True)
     return ", ".join(f"{name} {with_unit(w**-0.5, unit, 0.0)}" for name, unit, w in rows if w)
 
 
@@ -126,18 +123,14 @@ def weights_line(game: Game, whose: Mapping[str, str] | None = None) -> str:
     The text is, for example, "Q diag(1, 2) (given), R diag(1) (default), delta inf (default), E
     identity".
 
-    whose: "Q", "R", "delta" and "N" -> source of the weight, "sizes" of 1/size²; None if all
-        weights are those of a given game
+    whose: "Q", "R", "delta" and "N" -> source of the weight; None if all weights are those of a
+        given game
     """
     texts = {"Q": matrix_text(game.Q), "R": matrix_text(game.R), "delta": f"{game.delta:g}"}
     if game.N.any():
         texts["N"] = matrix_text(game.N)
     whose = whose or dict.fromkeys(texts, "of the game")
-    sources = {
-        name: f"1/size^2: {sizes_text(game, name)}" if whose[name] == "sizes" else whose[name]
-        for name in texts
-    }
-    weights = [f"{name} {text} ({sources[name]})" for name, text in texts.items()]
+    weights = [f"{name} {text} ({whose[name]})" for name, text in texts.items()]
     return ", ".join([*weights, disturbance_text(game)])
 
 

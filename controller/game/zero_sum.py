@@ -157,7 +157,7 @@ class Game(ByValue, Reported):
         missing = [name for name in names if name not in given]
         if matrix == "R" and missing:
             raise BadInputError(
-                f"R has no weight for {', '.join(missing)}; give a weight for each input"
+                f"R has no weight for {', '.join(missing)}; give a weight, or size, for each input"
             )
         return np.diag([float(given.get(name, 0.0)) for name in names])
 
@@ -232,25 +232,10 @@ class Game(ByValue, Reported):
         """The same game with the input v = u + F z, the matrices A - B F, Q - N R⁻¹ N', and N = 0.
 
         Both games have the same value, worst disturbance and closed loop. The gain of v is K - F.
-        With a root of the weights [X; U][X; U]', Q - N R⁻¹ N' is the square of X without its part
-        along the rows of U, which rounding does not make indefinite.
         """
         if not self.N.any():
             return self
-        if least_scaled_eigenvalue(self.weights) < -SYMMETRIC:  # no root
-            Q = self.Q - self.N @ self.F
-            return replace(self, A=self.A - self.B @ self.F, Q=(Q + Q.T) / 2.0, N=0.0 * self.N)
-        n = len(self.A)
-        weights = self.weights
-        sizes = np.sqrt(np.diag(weights))
-        divisors = np.where(sizes > 0.0, sizes, 1.0)
-        values, vectors = np.linalg.eigh(weights / np.outer(divisors, divisors))
-        root = sizes[:, None] * (vectors * np.sqrt(values.clip(0.0)))
-        X, U = root[:n], root[n:]
-        _, sizes_of_U, directions = np.linalg.svd(U / divisors[n:, None])
-        rank = len(self.R) if is_definite(self.R) else int(np.sum(sizes_of_U > SYMMETRIC**0.5))
-        X_beyond_U = X @ directions[rank:].T
-        Q = X_beyond_U @ X_beyond_U.T
+        Q = self.Q - self.N @ self.F
         return replace(self, A=self.A - self.B @ self.F, Q=(Q + Q.T) / 2.0, N=0.0 * self.N)
 
     @cached_property

@@ -304,14 +304,12 @@ class NamedGame(Result):
 
     def weights_line(self) -> str:
         """Return one line of text with Q, R, delta, N unless it is 0, the source of each, and E."""
-        return weights_line(self.game, self.weights_from)
+        return "; ".join((weights_line(self.game, self.weights_from), *self.sizes_line()))
 
     def sizes_line(self) -> tuple[str, ...]:
         """Return one line of text with the sizes of --sizes, if they are given."""
-        if self.weights_from.get("Q") != "sizes":
-            return ()
-        sizes = ", ".join(filter(None, (sizes_text(self.game, name) for name in "QR")))
-        return (f"Weights 1/size^2: {sizes}",)
+        is_sized = self.weights_from.get("Q") == "sizes"
+        return (f"Weights 1/size^2: {sizes_text(self.game)}",) if is_sized else ()
 
     def moved_by(self, inputs: Sequence[str]) -> NamedGame:
         """Return the game in which only these inputs move (`Game.select`), or all of ().

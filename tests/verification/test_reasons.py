@@ -74,7 +74,7 @@ OF_P = [
     (lambda P: P[ORDER][:, ORDER], "the states are in the order 1, 3, 2"),
     (lambda P: P * np.outer(ANGLES, ANGLES), "states 2 and 3 are in degrees"),
     (lambda P: P * np.outer(FLIPPED, FLIPPED), "state 3 has the wrong sign"),
-    (lambda P: P * at((0, 1), (1, 0), rows=3, factor=-1.0), "P(1, 2) has the wrong sign"),
+    (lambda P: P * at((0, 1), (1, 0), rows=3, factor=-1.0), "only P(1, 2) differs"),
     (lambda P: P * at((1, 2), (2, 1), rows=3, factor=10.0), "only P(2, 3) differs"),
 ]
 OF_W = [
@@ -102,7 +102,7 @@ OF_K = [
     (lambda K: K * FLIPPED, "state 3 has the wrong sign"),
     (lambda K: K * FLIPPED[1:, None], "input 2 has the wrong sign"),
     (lambda K: K.T.reshape(2, 3), "but its entries are stored column by column"),
-    (lambda K: K * at((1, 0), rows=2, factor=-1.0), "K(2, 1) has the wrong sign"),
+    (lambda K: K * at((1, 0), rows=2, factor=-1.0), "only K(2, 1) differs"),
     (lambda K: K * at((0, 2), rows=2, factor=1.1), "only K(1, 3) differs"),
 ]
 

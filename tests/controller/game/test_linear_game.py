@@ -117,7 +117,7 @@ def test_sizes_are_weights_of_deviations_that_are_as_bad_as_one_another(linear):
     ):
         with pytest.raises(BadInputError, match=words):
             hfa.game(linear, sizes=sizes | wrong)
-    with pytest.raises(BadInputError, match="none of throttle; give a size of each input"):
+    with pytest.raises(BadInputError, match="no weight for throttle, aileron_center"):
         hfa.game(linear, sizes={"speed": 1.0})
     with pytest.raises(BadInputError, match="give sizes, or Q and R"):
         hfa.game(linear, sizes=sizes, R=np.ones(5))
