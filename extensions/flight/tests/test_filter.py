@@ -300,7 +300,7 @@ def test_a_filter_uses_the_values_that_a_sample_has(point, known, gain):
     def command(seen, share):
         return np.clip(-share * gain @ seen, lowest, highest)
 
-    policy, own = known.policy(gain), Recursion(known)
+    policy, own = known.policy(gain, fade=1.0), Recursion(known)
     for number, y in enumerate(samples_of(known, np.random.default_rng(2))):
         U = policy(0.01 * number, y)
         np.testing.assert_allclose(U - point.u, own(y, command), rtol=1e-4, atol=1e-5)
@@ -550,6 +550,19 @@ def test_wrong_arguments_of_a_filter_are_refused(linear, given, said):
         hfa.filter(linear, **given)
 
 
+def test_a_fast_gain_is_faded_in_for_longer(point, known, gain):
+    """The default is 3 s for the exact gain, with which the filter alone is unstable, and 1 s for a
+    hundredth of it. A wrong time and one that is longer than the flight are refused.
+    """
+    policy = known.policy(gain)
+    assert policy.margins.compensator_radius > 1.0
+    assert (policy.fade, known.policy(0.01 * gain).fade) == (3.0, 1.0)
+    with pytest.raises(BadInputError, match="at least 0 s"):
+        known.policy(gain, fade=-1.0)
+    with pytest.raises(BadInputError, match="longer than the flight of 5 s"):
+        hfa.fly(point.model, point, known.policy(gain, fade=9.0), scenario=Scenario(5.0))
+
+
 def test_a_gain_of_other_sizes_is_refused(known, gain):
     with pytest.raises(BadInputError, match="size 5 x 5; give 5 x 6"):
         known.policy(gain[:, 1:])
@@ -700,6 +713,7 @@ def test_a_pass_says_which_rms_is_far_above_its_prediction(point, linear, gain):
         ("fly --filter --noise speed=.3 --command speed=1:2", "cannot be combined with --filter"),
         ("export -o c --noise speed=.3", "add --filter"),
         ("export -o c --filter", "add --noise STATE=VALUE"),
+        ("export -o c --fade 1", "add --filter"),
     ],
 )
 def test_what_a_filter_cannot_be_is_refused(folder, words, said):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import output_file
+from hfa.options.argument_types import output_file, positive
 from hfa.options.command import Outcome, Request, command
 from hfa.options.option import option, refuse
 from hfa.options.show import provenance
@@ -80,6 +80,13 @@ class ExportRequest(Request, PolicyOptions):
         "standard deviation of the noise of a sensor of --filter, degrees for angles; repeatable"
     )
     turbulence: Turbulence | None = turbulence_option()
+    fade: float | None = option(
+        "time in which the C code of --filter fades commands in where it is switched on in flight, "
+        "s; default 1, or 3 if filter and gain alone are unstable",
+        "S",
+        positive,
+        rare=True,
+    )
 
     @property
     def flown(self) -> str | Path:
@@ -136,7 +143,7 @@ def export(request: ExportRequest, given: GivenTrim) -> Outcome:
 def _check_filter(request: ExportRequest) -> None:
     """Raise BadInputError for options of a filter that have no effect or contradict others."""
     if not request.filter:
-        refuse(request, ("noise", "turbulence"), "applies only with --filter; add --filter")
+        refuse(request, ("noise", "turbulence", "fade"), "applies only with --filter; add --filter")
         return
     if not request.noise:
         raise BadInputError("--filter requires the noise of the sensors; add --noise STATE=VALUE")
@@ -220,7 +227,7 @@ def _filtered(
 
     noise = noise_of(request.noise, given.model)
     air = at_held_altitude(request.turbulence, given.hold)
-    return filter(linear, noise, air).policy(policy)
+    return filter(linear, noise, air).policy(policy, fade=request.fade)
 
 
 def _show_written(given: GivenTrim, written: list[Path], notes: Iterable[str] = ()) -> Outcome:

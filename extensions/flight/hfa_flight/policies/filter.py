@@ -8,7 +8,7 @@ from typing import Any
 
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.turbulence import Turbulence
-from hfa_flight.policies.filtered_policy import FADE, FilteredPolicy
+from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import Policy
@@ -18,14 +18,14 @@ from trim.linear.linear_model import LinearModel
 class Filter(KalmanFilter):
     """Kalman filter that policies may stand behind."""
 
-    def policy(self, law: Any, *, fade: float = FADE) -> FilteredPolicy:
+    def policy(self, law: Any, *, fade: float | None = None) -> FilteredPolicy:
         """Return the policy U = law(estimate), sampled and saturated at the control limits.
 
         The result is a policy: `policy(t, y) -> U`, `reset()`, and an argument of `hfa.fly`.
 
         law: a gain K, a critic, a solution, a deployment or another policy that `hfa.fly` accepts
-        fade: time in which commands are faded in where the filter is switched on in flight, s;
-            longer for a fast gain in moving air
+        fade: time in which commands are faded in where the filter is switched on in flight, s.
+            Default: 1; 3 for a gain with which the filter alone, without the aircraft, is unstable
 
         Raises BadInputError for a policy without feedback, or with another sample time, and for a
         negative fade.

@@ -11,7 +11,6 @@ from hfa_flight.air.delay import in_samples
 from hfa_flight.policies.deployment.sampled_loop import Chain, chain_margins, held_late
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_support.errors import BadInputError
-from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Result
 
 #: Longest unknown delay that is searched, in samples, and parts of a sample of the search.
@@ -64,9 +63,7 @@ def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
 
     Raises BadInputError for a gain with which the loop is not stable.
     """
-    n, gain = len(known.Phi), K @ known.sight
-    predicting = known.Phi - known.Gamma @ gain
-    correcting = np.eye(n) - known.L @ known.C
+    gain = K @ known.sight
     loop = _delayed(known, gain, 0.0)
     if not loop.radius < 1.0:
         raise BadInputError(
@@ -75,7 +72,7 @@ def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
         )
     inputs = chain_margins(loop).inputs
     return FilterMargins(
-        compensator_radius=spectral_radius(predicting @ correcting),
+        compensator_radius=known.radius_alone(K),
         radius=loop.radius,
         gain_low=max(margin.gain_low for margin in inputs),
         gain_high=min(margin.gain_high for margin in inputs),

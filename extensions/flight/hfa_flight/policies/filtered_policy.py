@@ -30,13 +30,22 @@ from hfa_flight.policies.filter_margins import FilterMargins, margins_of
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
 from hfa_flight.policies.sampled_policy import NextSample, SampledPolicy, deviations_of
-from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown
+from hfa_support.errors import (
+    BadInputError,
+    is_finite,
+    numbers_in,
+    prefix_errors,
+    refuse_unknown,
+    shown,
+)
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.results import storable
 from trim.point.operating_point import OperatingPoint
 
-#: Default time in which commands are faded in, s.
-FADE = 1.0
+#: Default time in which commands are faded in, s, and that of a fast gain: one with which the
+#: filter alone, without the aircraft, is unstable. It is lost where the estimate still errs.
+_FADE = 1.0
+_FADE_OF_FAST = 3.0
 #: Function (number of the sample, deviations of all states, what is known of the next sample by a
 #: law that plans) -> deviations of the inputs.
 _Law = Callable[[int, np.ndarray, NextSample | None], np.ndarray]
@@ -153,10 +162,8 @@ class FilteredPolicy(SampledPolicy):
     _memory: _Memory = field(init=False)
 
     @classmethod
-    def behind(cls, known: KalmanFilter, law: Policy, fade: float = FADE) -> Self:
-        """Return the policy of a filter's estimate.
-
-        fade: time in which commands are faded in where the estimate begins in flight, s
+    def behind(cls, known: KalmanFilter, law: Policy, fade: float | None = None) -> Self:
+        """Return the policy of a filter's estimate. `fade` is that of `hfa.filter(...).policy`.
 
         Raises BadInputError for a policy without feedback, or with another sample time, and for a
         wrong fade.
@@ -168,8 +175,11 @@ class FilteredPolicy(SampledPolicy):
         if isinstance(law, OpenLoop):
             raise BadInputError("a policy without feedback needs no filter; give a policy")
         law.refuse_other_sizes(known.point)
-        if not 0.0 <= fade < math.inf:
-            raise BadInputError(f"fade is {fade!r}; give a time of at least 0 s")
+        if fade is None:
+            is_fast = law.gain is not None and known.radius_alone(law.gain) >= 1.0
+            fade = _FADE_OF_FAST if is_fast else _FADE
+        if not (is_finite(fade) and fade >= 0.0):
+            raise BadInputError(f"fade is {shown(fade)}; give a time of at least 0 s")
         own = own_sample_time(law, known.dt)
         if isinstance(law, SampledPolicy):
             law = replace(law, tick=known.dt)
@@ -398,6 +408,11 @@ class FilteredPolicy(SampledPolicy):
         """
         if isinstance(self.law, DeployedPolicy):
             return self._deployed_in_scenario(self.law, scenario)
+        if self.fade > max(scenario.duration, _FADE_OF_FAST):
+            raise BadInputError(
+                f"commands are faded in over {self.fade:g} s, longer than the flight of "
+                f"{scenario.duration:g} s; give a shorter fade or a longer flight"
+            )
         policy, with_tick = super().in_scenario(scenario)
         policy = replace(policy, ahead=scenario.delay)
         if isinstance(self.law, SampledPolicy):

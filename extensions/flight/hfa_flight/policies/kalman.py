@@ -166,8 +166,8 @@ class KalmanFilter(Result):
         balanced_Phi, drifted = held_noise(A, np.diag((plant.drift / plant.scale) ** 2), dt)
         air, held_air = np.zeros_like(A), slice(len(drift), None)
         if turbulence is not None:
-            of_air = (each[held_air, held_air] for each in (A, plant.noise / units))
-            _, air[held_air, held_air] = held_noise(*of_air, dt)
+            block = (held_air, held_air)
+            _, air[block] = held_noise(A[block], (plant.noise / units)[block], dt)
         Q = air + drifted
         Q = 0.5 * (Q + Q.T)
         P, L, residual = _stationary(balanced_Phi, C, Q)
@@ -250,6 +250,15 @@ class KalmanFilter(Result):
         x = ca.SX.sym("x", len(self.Phi))
         slopes = ca.Function("sight", [x], [ca.densify(ca.jacobian(self.seen(x), x))])
         return np.asarray(slopes(0.0))
+
+    def radius_alone(self, K: np.ndarray) -> float:
+        """Return the spectral radius of this filter and a gain alone, from the measured values to
+        the commands.
+
+        K: (m, k)
+        """
+        predicting = self.Phi - self.Gamma @ K @ self.sight
+        return spectral_radius(predicting @ (np.eye(len(self.Phi)) - self.L @ self.C))
 
     def loop(self, K: np.ndarray) -> _Loop:
         """Return the loop of a gain u = -K (what is seen at x̂) and this filter.
