@@ -25,7 +25,7 @@ _OF_A_TRIM = (
 )
 TABLES = {
     "linearize --dihedral 10 --outputs load_factor,gamma": (),
-    "sweep --dihedral 5,60 --hold alpha=1,2": ("input throttle",),
+    "sweep --dihedral 5,60 --hold alpha=1,2": ("throttle",),
     "trim --dihedral 10": _OF_A_TRIM,
     "regenerate": _ENTRIES,
     "solve --dihedral 10": (),

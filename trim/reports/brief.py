@@ -18,7 +18,7 @@ from trim.reports.trimmed import Trimmed
 
 #: Group of a sheet -> names of the rows that are printed. A row with a tone is printed too.
 _ROWS = {
-    "condition": ("true airspeed", "calibrated airspeed", "mach"),
+    "condition": ("true airspeed", "calibrated airspeed", "mach", "ground speed", "track"),
     "performance": (
         "weight",
         "thrust",
