@@ -4,22 +4,22 @@ BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 
 .PHONY: report pictures docs test test-core test-blas coverage test-all mutants test-matrix fuzz lint bench notebooks lock clean
 
-.venv/report: pyproject.toml requirements-report.lock
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
-	@echo "Installing the $$(grep -c == requirements-report.lock) packages that the report needs into .venv"
+.venv/report: pyproject.toml tools/requirements-report.lock
+	@$(PYTHON) tools/check_python.py
+	@echo "Installing the $$(grep -c == tools/requirements-report.lock) packages that the report needs into .venv"
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r requirements-report.lock
+	$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r tools/requirements-report.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
-.venv/tests: .venv/report requirements-test.lock
-	@echo "Installing the $$(grep -c == requirements-test.lock) packages that the tests need into .venv"
-	$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r requirements-test.lock
+.venv/tests: .venv/report tools/requirements-test.lock
+	@echo "Installing the $$(grep -c == tools/requirements-test.lock) packages that the tests need into .venv"
+	$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r tools/requirements-test.lock
 	@touch $@
 
-.venv/ready: .venv/tests requirements.lock
-	@echo "Installing the $$(grep -c == requirements.lock) packages of documents, linters and other tools into .venv"
-	$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r requirements.lock
+.venv/ready: .venv/tests tools/requirements.lock
+	@echo "Installing the $$(grep -c == tools/requirements.lock) packages of documents, linters and other tools into .venv"
+	$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r tools/requirements.lock
 	@touch $@
 
 report: .venv/report
@@ -28,13 +28,10 @@ report: .venv/report
 
 # Every stored picture of the documents anew; those of the page and of sheets need the browser Chromium and pdftoppm.
 # docs/pictures/NAME has those that the commands of docs/NAME.md draw.
-# Pages have few colors: 64 are enough, if they cover all (method 1).
-SHRINK = import sys; from PIL import Image; [Image.open(path).convert("RGB").quantize(64, 1).save(path, optimize=True) for path in sys.argv[1:]]
-ILLUSTRATE = import sys; sys.path[:0] = ['tests/support', 'tests/project', '.']; import test_docs; test_docs.illustrate()
 pictures: .venv/ready
 	$(BIN)/hfa report -o report --flights studies/best_flights/results
 	cp report/regeneration.png report/root_locus.png docs/pictures
-	$(BIN)/python -c "$(ILLUSTRATE)"
+	$(BIN)/python tools/draw_pictures.py
 	chromium --headless --no-sandbox --hide-scrollbars --window-size=1400,900 --virtual-time-budget=10000 \
 		--screenshot=docs/pictures/page.png file://$(CURDIR)/report/report.html
 	$(BIN)/hfa trim -q --aircraft examples/uav.toml -o report/sheet.html
@@ -45,12 +42,12 @@ pictures: .venv/ready
 	$(BIN)/hfa trim -q --aircraft examples/uav.toml --conditions examples/uav_conditions.csv --document "TR-12, revision B" -o report/book.pdf
 	pdftoppm -r 70 -png -f 1 -l 1 -singlefile report/book.pdf docs/pictures/book_cover
 	pdftoppm -r 100 -png -f 2 -l 2 -singlefile report/book.pdf docs/pictures/book_matrix
-	$(BIN)/python -c '$(SHRINK)' $(addprefix docs/pictures/,page.png sheet_html.png sheet_pdf.png book_cover.png book_matrix.png)
+	$(BIN)/python tools/shrink_pictures.py $(addprefix docs/pictures/,page.png sheet_html.png sheet_pdf.png book_cover.png book_matrix.png)
 
-.venv-docs/ready: pyproject.toml requirements-docs.lock
-	@echo "Installing the $$(grep -c == requirements-docs.lock) packages that the documents need into .venv-docs"
+.venv-docs/ready: pyproject.toml tools/requirements-docs.lock
+	@echo "Installing the $$(grep -c == tools/requirements-docs.lock) packages that the documents need into .venv-docs"
 	$(PYTHON) -m venv .venv-docs
-	.venv-docs/bin/python -m pip install --disable-pip-version-check --require-hashes -r requirements-docs.lock
+	.venv-docs/bin/python -m pip install --disable-pip-version-check --require-hashes -r tools/requirements-docs.lock
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
@@ -109,10 +106,8 @@ bench: .venv/ready
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks
 
 # Executes the notebooks and stores their outputs in them, without times.
-EXECUTE = import sys, nbformat, nbclient; [nbformat.write(nbclient.NotebookClient(nbformat.read(path, 4), timeout=120, \
-	record_timing=False).execute(), path) for path in sys.argv[1:]]
 notebooks: .venv/ready
-	$(BIN)/python -c "$(EXECUTE)" examples/*.ipynb
+	$(BIN)/python tools/execute_notebooks.py examples/*.ipynb
 
 # Rewrites the exact versions, with the hashes of their files, from the lower bounds in pyproject.toml: of everything, then
 # of what documents, tests and the report need. Takes minutes.
@@ -121,10 +116,10 @@ COMPILE = .venv-lock/bin/pip-compile --quiet --generate-hashes --allow-unsafe --
 lock:
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
 	.venv-lock/bin/python -m pip install --quiet --disable-pip-version-check pip-tools
-	$(COMPILE) --upgrade --extra dev --extra docs --extra test -o requirements.lock pyproject.toml
-	$(COMPILE) --upgrade -c requirements.lock --extra docs -o requirements-docs.lock pyproject.toml
-	$(COMPILE) --upgrade -c requirements.lock --extra test -o requirements-test.lock pyproject.toml
-	$(COMPILE) --upgrade -c requirements.lock --extra page -o requirements-report.lock pyproject.toml
+	$(COMPILE) --upgrade --extra dev --extra docs --extra test -o tools/requirements.lock pyproject.toml
+	$(COMPILE) --upgrade -c tools/requirements.lock --extra docs -o tools/requirements-docs.lock pyproject.toml
+	$(COMPILE) --upgrade -c tools/requirements.lock --extra test -o tools/requirements-test.lock pyproject.toml
+	$(COMPILE) --upgrade -c tools/requirements.lock --extra page -o tools/requirements-report.lock pyproject.toml
 	rm -rf .venv-lock
 
 clean:

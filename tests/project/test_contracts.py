@@ -172,8 +172,8 @@ def test_planted_forbidden_imports_are_detected(tmp_path):
     for folder in (*FOLDERS.values(), ROOT / "studies"):
         target = tmp_path / folder.relative_to(ROOT)
         shutil.copytree(folder, target, ignore=shutil.ignore_patterns("__pycache__", "*.json"))
-    for name in ("pyproject.toml", "import_contracts.py"):
-        shutil.copy(ROOT / name, tmp_path)
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    shutil.copytree(ROOT / "tools", tmp_path / "tools")
     planted = [
         (begin, file, imported)
         for begin, breaches in BREACHES.items()

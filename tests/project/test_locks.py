@@ -18,7 +18,7 @@ PYTHONS = re.findall(r'"(3\.\d+)"', (ROOT / "noxfile.py").read_text("utf-8"))
 
 def entries(lock):
     """Return the entries of a lock file, each a requirement followed by hashes, on one line."""
-    lines = (ROOT / lock).read_text("utf-8").replace("\\\n", "").splitlines()
+    lines = (ROOT / "tools" / lock).read_text("utf-8").replace("\\\n", "").splitlines()
     return [line for line in lines if line and not line.startswith("#")]
 
 
@@ -100,5 +100,5 @@ def test_every_pin_has_hashes_and_names_no_host(lock):
         assert hashes, name
         assert all(re.fullmatch(r"=sha256:[0-9a-f]{64}\s*", each) for each in hashes), name
         assert sorted(map(str.strip, hashes)) == sorted(map(str.strip, whole[name])), name
-    text = (ROOT / lock).read_text("utf-8")
+    text = (ROOT / "tools" / lock).read_text("utf-8")
     assert not re.search("://|--(extra-)?index-url|--find-links|--trusted-host", text)
