@@ -17,6 +17,7 @@ from hfa_support.reporting.parts import Part
 from hfa_support.reporting.results import without_empty
 from hfa_support.reporting.text import Table, percent
 from trim.linear.margins import DiskMargin
+from verification.verdict import NEAR
 
 
 class _Robustness(NamedTuple):
@@ -36,7 +37,8 @@ class LinearLoop:
     exact: solution of the game
     critic: the critic
     excess: cost above the optimum, enclosed
-    is_exact: whether the critic equals the exact solution, which is then not shown beside it
+    is_exact: whether the critic equals the exact solution, which is then not shown beside it unless
+        the critic costs more than `NEAR` percent
     """
 
     exact: Solution
@@ -70,7 +72,7 @@ class LinearLoop:
         found = _Robustness(self.gain, 0.0, None)
         if self.excess.is_stable:
             found = _Robustness(self.gain, level.distance(K), level.disk_margin(K))
-        if self.is_exact:
+        if self.is_exact and 100.0 * self.excess.high <= NEAR:
             return {"learned": found}
         best = _Robustness(exact.l2_gain, level.distance(exact.K), exact.disk_margin)
         return {"learned": found, "exact": best}

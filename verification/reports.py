@@ -287,7 +287,8 @@ def _is_unexplained(verdict: Verdict) -> bool:
     if verdict.critic.network:
         is_wrong = any(check.name in _OF_K and not check.ok for check in verdict.checks)
         return is_wrong and verdict.grade == "fail" and not verdict.reason
-    return not verdict.reason and not all(check.ok for check in verdict.checks)
+    has_error = any(check.kind == "error" and not check.ok for check in verdict.checks)
+    return has_error and not verdict.reason
 
 
 def _farthest_entries(
