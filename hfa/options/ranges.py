@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import re
 from fractions import Fraction
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from hfa.options.argument_types import number_and_factor, quantity
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shortened
-from trim.sweeps.sweep_plan import MOST_POINTS, Steps
+
+if TYPE_CHECKING:
+    from trim.sweeps.sweep_plan import Steps
 
 #: Listed or evenly spaced values in internal units.
-Range = tuple[float, ...] | Steps
+Range: TypeAlias = "tuple[float, ...] | Steps"
 
 
 def value_range(model: Model, name: str, text: str) -> Range:
@@ -38,6 +41,8 @@ def value_range(model: Model, name: str, text: str) -> Range:
     if any(other != factor for _, other in others):
         raise BadInputError(f"is {shortened(text)!r}; give all three numbers in the same unit")
     stop, step = (value for value, _ in others)
+    from trim.sweeps.sweep_plan import MOST_POINTS, Steps
+
     if step <= 0:
         raise BadInputError(f"has the step {step:g}; give a positive step")
     if stop < start:
@@ -92,4 +97,4 @@ def array_of(name: str, values: Range, most: int) -> np.ndarray:
         raise BadInputError(
             f"{name} has {len(values):,} points, but at most {most:,} are allowed; give fewer"
         )
-    return np.asarray(values[np.arange(values.count)] if isinstance(values, Steps) else values)
+    return np.asarray(values if isinstance(values, tuple) else values[np.arange(values.count)])
