@@ -10,8 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
+from controller.riccati.balls import ball_matrix
 from controller.riccati.excess import Excess, excess_of, without_bound
 from controller.riccati.gare import Solution
+from hfa_support.matrices import spectral_abscissa, spectral_radius
 from hfa_support.reporting.checks import Check, at_least
 from hfa_support.reporting.parts import Part
 from hfa_support.reporting.results import without_empty
@@ -50,6 +52,20 @@ class LinearLoop:
     def gain(self) -> float:
         """L2 gain, at most 1e-6 too large; inf for an unstable loop."""
         return self.exact.level.l2_gain(self.critic.K).high if self.excess.is_stable else math.inf
+
+    @cached_property
+    def farthest_pole(self) -> float:
+        """Abscissa of A - B K, 1/s, or its spectral radius, in doubles unless they contradict the
+        proof that it is stable.
+        """
+        level, K = self.exact.level, self.critic.K
+        is_discrete = self.exact.game.is_discrete
+        closed, limit = level.with_gain(ball_matrix(K)), float(is_discrete)
+        value = spectral_radius(closed) if is_discrete else spectral_abscissa(closed)
+        if (value < limit) == self.excess.is_stable:
+            return value
+        poles = level.poles(K)
+        return poles.spectral_radius if is_discrete else poles.abscissa
 
     @cached_property
     def checks(self) -> list[Check]:
@@ -133,14 +149,11 @@ def _proved_check(name: str, value: float, limit: float, ok: bool, reason: str, 
 
 def _stability_checks(loop: LinearLoop) -> list[Check]:
     """Return the checks that A - B K is stable, and in discrete time of a finite cost."""
-    game, excess = loop.exact.game, loop.excess
-    poles = loop.exact.level.poles(loop.critic.K)
+    game, excess, value = loop.exact.game, loop.excess, loop.farthest_pole
     if not game.is_discrete:
-        value = poles.abscissa
         unstable = f"A - B K is not Hurwitz (abscissa {value:+.3g} 1/s)"
         name = "control_loop_abscissa"
         return [_proved_check(name, value, 0.0, excess.is_stable, unstable, "stability")]
-    value = poles.spectral_radius
     unstable = f"A - B K has the spectral radius {value:.7g}"
     if loop.is_exact:
         why = "the exact solution of this discounted problem does not stabilize either"

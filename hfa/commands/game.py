@@ -232,14 +232,11 @@ def learn(request: LearnRequest, named: NamedGame) -> Outcome:
 
     verdict = verify(named.game, run)
     judged = {"certificates": verdict.checks, "converged": verdict.ok}
-    parts = (
-        verdict.headline,
-        named.weights_line(),
-        *report.parts,
-        checks_part(verdict.checks),
-    )
+    parts = (named.weights_line(), *report.parts, checks_part(verdict.checks))
     title = report.title
-    if not verdict.ok:
-        title = f"{verdict.grade.upper()}: K is off by {100.0 * verdict.K_rel_error:.2g} %\n{title}"
+    if verdict.ok:
+        parts = (verdict.headline, *parts)
+    else:
+        title = f"{verdict.headline}\n{title}"
     report = replace(report, title=title, parts=parts).with_data(named, judged)
     return Outcome(report=report, ok=verdict.ok, source=named.source, notes=named.warnings)

@@ -114,7 +114,7 @@ def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case):
 
 
 def test_a_wrong_gain_that_is_learned_has_exit_code_1(monkeypatch):
-    """If a law learns for twice R, `hfa learn` prints FAIL and the error of K first."""
+    """If a law learns for twice R, `hfa learn` prints FAIL and its cost first."""
     learn = laws.learn
 
     def for_twice_R(game, *args, **options):
@@ -123,4 +123,4 @@ def test_a_wrong_gain_that_is_learned_has_exit_code_1(monkeypatch):
     monkeypatch.setattr(laws, "learn", for_twice_R)
     run = hfa("learn", "--model", small("plant.json"))
     assert run.code == FAILED
-    assert run.out.startswith("FAIL: K is off by ")
+    assert run.out.startswith("FAIL on the linear game, balanced box: ")
