@@ -49,10 +49,18 @@ if TYPE_CHECKING:
 OWN_FILES = (*MATRIX_FILES, *SUFFIXES)
 #: Alias of an entry -> its standard name.
 _ALIASES = {"weights": "W", "gains": "K"}
-#: Entries that are read, beside those of the game, which are compared.
-_READ = ("W", "P", "K", "S", "L", "H", "H_signals", "basis", "policy_weights")
 _OF_THE_GAME = (*MODEL_KEYS, "discount")
-_USED = (*_READ, *_ALIASES, *NAME_KEYS, *NAME_ALIASES, UNKNOWN, *_OF_THE_GAME, *DISCRETE_KEYS, "Ts")
+#: Entries that are always used or compared.
+_USED = (
+    *_ALIASES,
+    *NAME_KEYS,
+    *NAME_ALIASES,
+    UNKNOWN,
+    *_OF_THE_GAME,
+    *DISCRETE_KEYS,
+    "Ts",
+    "plant",
+)
 #: Relative difference of an entry that six printed digits do not show, and, relative to the largest
 #: entry, that of a 0 by rounding.
 _SAME, _ZERO = 1e-6, 1e-15
@@ -111,9 +119,14 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
     _refuse_other_time(entries, game)
     scales = file_scales(entries, game.names)
     notes = (*_other_names(entries, game.names), *_other_game(entries, game, scales))
-    notes += tuple(unused(entries, _USED, f"a critic file contains {', '.join(_READ)}"))
-    read = _critic_of_q_function if game.is_discrete and "H" in entries else _critic_of_parts
-    critic = read(entries, game, reading, scales)
+    of_critic, reader = ["W", "P", "K", "policy_weights"], _critic_of_parts
+    of_critic += [name for name, beside in (("basis", "W"), ("S", "K")) if beside in entries]
+    if game.is_discrete:
+        of_critic += ["L"]
+        if "H" in entries:
+            of_critic, reader = ["H", "H_signals", "P", "K", "L"], _critic_of_q_function
+    notes += (*unused(entries, (*_USED, *of_critic), f"read: {', '.join(of_critic)}"),)
+    critic = reader(entries, game, reading, scales)
     return replace(critic, stated=NOTHING._replace(notes=notes)) if notes else critic
 
 

@@ -314,7 +314,7 @@ def test_weights_are_a_row_or_a_column_and_their_basis_a_list():
     for given in (W[:, None], W[None]):
         assert np.array_equal(hfa.from_weights(ONE, given).P, P)
     np.savez("W.npz", W=W)
-    with pytest.raises(BadInputError, match="unknown input array"):
+    with pytest.raises(BadInputError, match="inputs is of type ndarray"):
         ONE.select(np.eye(2))
     found = hfa.read_critic("W.npz", ONE, basis=["x1**2", "x1*x2", "x2**2"]).P
     assert found == pytest.approx(P)
@@ -375,7 +375,8 @@ OF_GAME = {name: getattr(GAME, name) for name in ("A", "B", "E", "Q", "R", "delt
         *(({name: 1.01 * entry}, f"{name} of the file is not") for name, entry in OF_GAME.items()),
         ({"discount": 0.9}, "discount of the file is not that of the game: 0.9 in place of 1"),
         ({"Q": np.eye(3)}, "Q of the file is not"),
-        ({"seed": 1, "schema": "mine"}, "unused: schema, seed; a critic file contains W, P, K"),
+        ({"seed": 1, "schema": "mine"}, "unused: schema, seed; read: W, P, K"),
+        ({"L": np.eye(2), "basis": "cubic"}, "unused: L, basis"),
     ],
 )
 def test_each_entry_of_a_file_is_used_compared_or_noted(entries, note):
