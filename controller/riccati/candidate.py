@@ -20,7 +20,6 @@ from controller.riccati.balls import (
     DoubleBalls,
     ball_matrix,
     identity,
-    midpoints,
     part,
     symmetric,
 )
@@ -30,11 +29,11 @@ from controller.riccati.equation import (
     StepEquation,
     Units,
     equation_of,
+    pencil_blocks,
     users_units,
 )
 from controller.riccati.free_states import states_without_cost
 from controller.riccati.lyapunov import (
-    DOUBLINGS,
     NEWTON_STEPS,
     FailedError,
     half_the_bits,
@@ -43,7 +42,7 @@ from controller.riccati.lyapunov import (
     shape_in_doubles,
     sign_function,
 )
-from hfa_support.matrices import balanced, spectral_radius
+from hfa_support.matrices import balanced
 from trim.linear.balancing import hamiltonian
 
 if TYPE_CHECKING:
@@ -245,24 +244,42 @@ def _corrected(solved: Solved) -> Candidate:
 def stabilizing_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
     """Return the stabilizing X, (n, n), by LAPACK, in doubles that nothing proves.
 
+    [1; X] spans the stable subspace of the `half_plane_matrix`.
+
     Raises FailedError, LinAlgError or ValueError.
     """
-    if isinstance(equation, StepEquation):
-        try:
-            X = riccati_by_doubling(equation)
-        except np.linalg.LinAlgError:  # R is singular
-            X = riccati_by_deflation(equation)
-        else:  # not the stabilizing X if an unstable mode has no cost
-            if not spectral_radius(loop_in_doubles(equation, X)) < 1.0:
-                X = riccati_by_deflation(equation)
-    else:
-        assert isinstance(equation, ContinuousEquation)
-        X = riccati_by_schur_form(equation)
+    from scipy.linalg.lapack import dgees
+
+    n, matrix = equation.n, np.asarray_chkfinite(half_plane_in_doubles(equation))
+    _, stable, _, _, basis, _, _ = dgees(_is_stable, matrix, sort_t=1)
+    if stable != n:
+        raise FailedError(f"there are {stable} stable eigenvalues instead of {n}")
+    X = np.linalg.solve(basis[:n, :n].T, basis[n : 2 * n, :n].T)
+    X = (X + X.T) / 2.0
     if not np.isfinite(X).all():
         raise FailedError("the candidate is not finite")
     has_no_cost = states_without_cost(equation.game)
     X[has_no_cost] = X[:, has_no_cost] = 0.0
     return X
+
+
+def _is_stable(real: float, imaginary: float) -> bool:
+    """Return whether an eigenvalue comes first in a Schur form."""
+    return real < 0.0
+
+
+def half_plane_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
+    """Return the `half_plane_matrix` of an equation in doubles.
+
+    Raises LinAlgError in discrete time if z = -1 is an eigenvalue.
+    """
+    if isinstance(equation, ContinuousEquation):
+        return hamiltonian(equation.free.midpoint, equation.S.midpoint, equation.cost.midpoint)
+    assert isinstance(equation, StepEquation)
+    parts = equation.A, equation.G, equation.Q, equation.W, equation.C
+    blocks = pencil_blocks(*(each.midpoint for each in parts), np.eye(equation.n))
+    L, M = map(np.block, blocks)
+    return np.linalg.solve(L + M, L - M)
 
 
 def loop_in_doubles(equation: Equation[DoubleBalls], X: np.ndarray) -> np.ndarray:
@@ -273,72 +290,6 @@ def loop_in_doubles(equation: Equation[DoubleBalls], X: np.ndarray) -> np.ndarra
         right = G.T @ X @ A + equation.C.midpoint.T
         gains = np.linalg.solve(equation.W.midpoint + G.T @ X @ G, right)
     return equation.loop(DoubleBalls.of(X), DoubleBalls.of(gains)).midpoint
-
-
-def riccati_by_schur_form(equation: ContinuousEquation[DoubleBalls]) -> np.ndarray:
-    """Return X of the stable subspace of the Hamiltonian, which [1; X] spans, (n, n)."""
-    from scipy.linalg.lapack import dgees
-
-    n = equation.n
-    H = hamiltonian(equation.free.midpoint, equation.S.midpoint, equation.cost.midpoint)
-    _, stable, _, _, basis, _, _ = dgees(_is_stable, np.asarray_chkfinite(H), sort_t=1)
-    if stable != n:
-        raise FailedError(f"the Hamiltonian has {stable} stable eigenvalues instead of {n}")
-    return _of_basis(basis[:n, :n], basis[n:, :n])
-
-
-def _of_basis(states: np.ndarray, costates: np.ndarray) -> np.ndarray:
-    """Return X, (n, n), of the subspace that the columns of [states; costates] span."""
-    X = np.linalg.solve(states.T, costates.T)
-    return (X + X.T) / 2.0
-
-
-def _is_stable(real: float, imaginary: float) -> bool:
-    """Return whether an eigenvalue of the Hamiltonian comes first in its Schur form."""
-    return real < 0.0
-
-
-def riccati_by_doubling(equation: StepEquation[DoubleBalls]) -> np.ndarray:
-    """Return X, (n, n), the limit of the value of games of 2^k steps.
-
-    Source: Anderson, International Journal of Control 28 (1978), 295-306.
-
-    Raises LinAlgError if R is singular.
-    """
-    m = equation.R.rows
-    W, C = equation.W.midpoint, equation.C.midpoint
-    G, A, Q = equation.G.midpoint, equation.A.midpoint, equation.Q.midpoint
-    F = np.linalg.solve(W[:m, :m], C[:, :m].T)
-    A, H = A - G[:, :m] @ F, Q - C[:, :m] @ F
-    S = G @ np.linalg.solve(W, G.T)
-    one = np.eye(len(A))
-    for _ in range(DOUBLINGS):
-        both = np.linalg.solve(one + S @ H, np.concatenate([A, S], 1))
-        ahead, through = both[:, : len(A)], both[:, len(A) :]
-        growth = A.T @ H @ ahead
-        A, S, H = A @ ahead, S + A @ through @ A.T, H + growth
-        S, H = (S + S.T) / 2.0, (H + H.T) / 2.0
-        if not np.abs(growth).max() > 1e-14 * np.abs(H).max():
-            return H
-    raise FailedError("the doublings do not converge")
-
-
-def riccati_by_deflation(equation: StepEquation[DoubleBalls]) -> np.ndarray:
-    """Return X of the stable subspace of the pencil, (n, n), also if R is singular.
-
-    Source: Van Dooren, SIAM Journal on Scientific and Statistical Computing 2 (1981), 121-135.
-    """
-    from scipy.linalg import ordqz
-
-    n = equation.n
-    pencil = equation.with_arithmetic(Balls)
-    assert isinstance(pencil, StepEquation)
-    L, M = map(midpoints, pencil.pencil())
-    _, _, above, below, _, basis = ordqz(L, M, sort="iuc", output="real")
-    stable = int((np.abs(above) < np.abs(below)).sum())
-    if stable != n:
-        raise FailedError(f"the pencil has {stable} stable eigenvalues instead of {n}")
-    return _of_basis(basis[:n, :n], basis[n : 2 * n, :n])
 
 
 def first_units(game: Game, delta: float) -> Units:

@@ -23,7 +23,7 @@ from controller.riccati.balls import Balls, DoubleBalls, bits, midpoints, norm, 
 from controller.riccati.candidate import candidate_in_doubles, corrected_in_bits
 from controller.riccati.enclosure import Enclosure, proved_ball
 from controller.riccati.equation import Entries, users_units
-from controller.riccati.lyapunov import FailedError, NotProvedError
+from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
 from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
@@ -61,21 +61,23 @@ class DisturbedLoop(NamedTuple):
     def value(self, delta: float) -> LoopValue:
         """Return the enclosure of D, which proves that F is stable and that the gain is below δ.
 
-        Its states are those of the loop. The cost is divided by its size, and E multiplied.
+        It is sought in units in which F is balanced, and the cost is divided by its size.
 
         Raises FailedError or NotProvedError.
         """
-        size = float(norm(self.C))
+        k = self.E.ncols()
+        units = loop_units(midpoints(self.F))
+        size = float(norm(scaled_balls(self.C, units, units)))
         power = int(np.round(0.5 * np.log2(size))) if size > 0.0 else 0
-        n, k = self.F.nrows(), self.E.ncols()
-        states, inputs = np.full(n, -power), np.full(k, power)
+        states, inputs = units - power, np.full(k, power)
         scaled = self._replace(
-            E=scaled_balls(self.E, 0 * states, inputs), C=scaled_balls(self.C, states, states)
+            F=scaled_balls(self.F, -units, units),
+            E=scaled_balls(self.E, -units, inputs),
+            C=scaled_balls(self.C, states, states),
         )
         found = scaled._enclosed(delta)
-        return LoopValue(
-            scaled_balls(found.P, -states, -states), scaled_balls(found.L, inputs, 0 * states)
-        )
+        D = scaled_balls(found.P, -states, -states)
+        return LoopValue(D, scaled_balls(found.L, inputs, -units))
 
     def _enclosed(self, delta: float) -> Enclosure:
         """Return the enclosure of D as the value of a game."""

@@ -5,7 +5,7 @@ Candidate solutions are computed in doubles or in many bits; balls prove what fo
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Self, TypeVar
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from controller.riccati.balls import (
     Balls,
     BoundMatrix,
     DoubleBalls,
-    ball_matrix,
     bits,
     identity,
     is_positive_definite,
@@ -32,8 +31,8 @@ if TYPE_CHECKING:
 Matrix = TypeVar("Matrix", bound=BallMatrix)
 Bound = TypeVar("Bound", bound=BoundMatrix)
 
-#: Largest numbers of steps of Newton's method for the sign function, and of doublings.
-NEWTON_STEPS, DOUBLINGS = 150, 80
+#: Largest number of steps of Newton's method.
+NEWTON_STEPS = 150
 #: Relative shift of a loop that is sought to be unstable with poles s and -s.
 SLOWER = 2.0**-10
 
@@ -137,66 +136,48 @@ def lyapunov_in_bits(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat
     Raises FailedError.
     """
     try:
-        D, residual_size = _refined_lyapunov(loop, C, is_discrete=is_discrete)
-        if residual_size <= norm(C) * half_the_bits() or residual_size == 0:
-            return D
+        D = _refined_lyapunov(loop, C, is_discrete=is_discrete)
     except (np.linalg.LinAlgError, ValueError):
-        pass
-    return lyapunov_by_doubling(loop, C) if is_discrete else lyapunov_by_sign_function(loop, C)
+        D = None
+    if D is not None:
+        return D
+    return lyapunov_by_sign_function(loop.mid(), C.mid(), is_discrete=is_discrete)
 
 
-class _Refined(NamedTuple):
-    """Proposed solution D of a Lyapunov equation, (n, n), and the norm of its residual."""
-
-    D: arb_mat
-    residual_size: arb
-
-
-def _refined_lyapunov(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> _Refined:
-    """Return D by LAPACK, corrected by residuals in balls as long as each is a tenth of the last.
+def _refined_lyapunov(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat | None:
+    """Return D by LAPACK, corrected by residuals in balls as long as each is a tenth of the last,
+    or None if the last one is not small.
 
     Raises LinAlgError or ValueError where LAPACK fails.
     """
     from flint import arb
 
     solver = lyapunov_of(midpoints(loop), is_discrete=is_discrete)
-    F = Balls(loop.mid())
-    D = ball_matrix(solver.solve(-midpoints(C)))
-    size_before = arb("inf")
+    F, D, size_before = Balls(loop.mid()), Balls.of(solver.solve(-midpoints(C))), arb("inf")
     while True:
-        residual = change_along(F, Balls(D), is_discrete=is_discrete).matrix + C.mid()
-        size = norm(residual.mid())
+        residual = change_along(F, D, is_discrete=is_discrete) + Balls(C.mid())
+        size = residual.mid().norm()
         if not size < size_before * 0.1:
-            return _Refined(D, size)
+            is_small = size <= norm(C) * half_the_bits() or size == 0
+            return D.matrix if is_small else None
         size_before = size
-        D = (D + ball_matrix(solver.solve(-midpoints(residual)))).mid()
+        D = (D + Balls.of(solver.solve(-residual.midpoint))).mid()
 
 
-def lyapunov_by_doubling(loop: arb_mat, C: arb_mat) -> arb_mat:
-    """Return D of F'D F - D + C = 0, (n, n), the sum of F'^k C F^k over more and more steps k.
+def lyapunov_by_sign_function(F: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat:
+    """Return D of F'D + D F + C = 0, (n, n), in discrete time of F'D F - D + C = 0.
 
-    Raises FailedError if it does not converge.
-    """
-    F, D = loop.mid(), C.mid()
-    for _ in range(DOUBLINGS):
-        of_later_steps = (F.transpose() * D * F).mid()
-        D, F = (D + of_later_steps).mid(), (F * F).mid()
-        if norm(of_later_steps) <= norm(D) * _last_bits():
-            return D
-        if not norm(F).is_finite():
-            break
-    raise FailedError("the steps do not decay")
-
-
-def lyapunov_by_sign_function(loop: arb_mat, C: arb_mat) -> arb_mat:
-    """Return D of F'D + D F + C = 0 by Newton's method for the sign of [[F, 0], [C, -F']], (n, n).
-
-    The sign is [[-1, 0], [2 D, 1]].
+    By Newton's method for the sign of [[F, 0], [C, -F']], which is [[-1, 0], [2 D, 1]]. In discrete
+    time, D is the solution for (F - 1) W and 2 W'C W with W = (F + 1)⁻¹.
 
     Source: Roberts, International Journal of Control 32 (1980), 677-687.
     Raises FailedError if it does not converge.
     """
-    F, D = loop.mid(), C.mid()
+    D = C
+    if is_discrete:
+        one = identity(F.nrows())
+        W = _inverse(F + one)
+        F, D = ((F - one) * W).mid(), (W.transpose() * C * W * 2).mid()
     for step in range(NEWTON_STEPS):
         inverse = _inverse(F)
         scale = _newton_scale(F, inverse, step)
@@ -252,13 +233,6 @@ def half_the_bits() -> arb:
     return arb(2) ** (-bits() // 2)
 
 
-def _last_bits() -> arb:
-    """Return 2^(10 - bits): smaller changes are in the last bits."""
-    from flint import arb
-
-    return arb(2) ** (10 - bits())
-
-
 def proves_stable(loop: Bound, Y: Bound, most: float = 1.0, *, is_discrete: bool) -> bool:
     """Return whether Y proves a loop F stable: Y > 0 and |F'Y + Y F + 1| < most <= 1.
 
@@ -272,52 +246,6 @@ def proves_stable(loop: Bound, Y: Bound, most: float = 1.0, *, is_discrete: bool
 def symmetric_in(arithmetic: type[Bound], Y: Balls | np.ndarray) -> Bound:
     """Return the exact midpoints of the symmetric part of Y, in an arithmetic."""
     return arithmetic.of((Y + Y.T) / 2.0 if isinstance(Y, np.ndarray) else Y.symmetric())
-
-
-def lyapunov_ball(
-    loop: arb_mat, C: arb_mat, D: arb_mat, Y: arb_mat, *, is_discrete: bool
-) -> arb_mat:
-    """Return the ball about D that contains the solution of F'D + D F + C = 0, (n, n), proved.
-
-    In discrete time, the equation is F'D F - D + C = 0.
-
-    loop: F, (n, n), balls
-    C: (n, n), symmetric, balls
-    D: (n, n), candidate solution; only the midpoint of its symmetric part counts
-    Y: (n, n), candidate solution for C = 1, likewise
-
-    Raises NotProvedError if Y does not prove that F is stable.
-    """
-    F, shape, D = Balls(loop), Balls(symmetric(Y)), symmetric(D)
-    # With a defect below 1/2, F'Y + Y F < -1/2. The error Z of D solves F'Z + Z F + residual = 0.
-    # Therefore ζ Y ± Z, with ζ = 2 |residual|, are costs of the stable F of weights
-    # > |residual| ± residual >= 0. From -ζ Y <= Z <= ζ Y follows |Z_ij|² <= ζ² Y_ii Y_jj: the
-    # radius of entry ij is the product of √(ζ Y_ii) and √(ζ Y_jj). Likewise in discrete time.
-    if not proves_stable(F, shape, 0.5, is_discrete=is_discrete):
-        raise NotProvedError("the loop")
-    residual = change_along(F, Balls(D), is_discrete=is_discrete) + Balls(C)
-    zeta = 2 * residual.norm()
-    spread = [(zeta * shape.matrix[i, i]).sqrt().upper() for i in range(D.nrows())]
-    return Balls.around(D, spread).matrix
-
-
-def lyapunov_enclosure(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat | None:
-    """Return balls that contain the solution D of F'D + D F + C = 0, (n, n), or None.
-
-    In discrete time, the equation is F'D F - D + C = 0. The number of bits is that of `precision`.
-    None means that they do not prove it, as where F is not stable.
-
-    loop: F, (n, n), balls
-    C: (n, n), symmetric, balls
-    """
-    units = loop_units(midpoints(loop))
-    F, right = scaled_balls(loop, -units, units), scaled_balls(C, units, units)
-    try:
-        Y = lyapunov_in_bits(F, ball_matrix(np.eye(len(units))), is_discrete=is_discrete)
-        D = lyapunov_in_bits(F, right, is_discrete=is_discrete)
-        return scaled_balls(lyapunov_ball(F, right, D, Y, is_discrete=is_discrete), -units, -units)
-    except (FailedError, NotProvedError):
-        return None
 
 
 def stability_of(loop: arb_mat, *, is_discrete: bool) -> bool | None:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import Balls, ball_matrix, is_positive_definite, midpoints
+from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, is_positive_definite
+from controller.riccati.candidate import half_plane_in_doubles
 from controller.riccati.equation import ContinuousEquation, Equation, StepEquation
 from controller.riccati.lyapunov import Bound, stability_of
 from controller.riccati.proof import Stabilizing
@@ -109,17 +110,14 @@ def _half_plane_eigenvalues(equation: Equation[Balls], *, in_bits: bool) -> np.n
     in_bits: whether they are computed with the bits of `precision`
     """
     from flint import acb_mat
-    from scipy.linalg import eigvals
 
     with np.errstate(all="ignore"):
         try:
             if in_bits:
                 values = acb_mat(equation.half_plane_matrix()).eig(algorithm="approx")
                 return np.array([complex(value) for value in values])
-            if isinstance(equation, StepEquation):
-                z = np.asarray(eigvals(*map(midpoints, equation.pencil())))
-                return (z - 1.0) / (z + 1.0)
-            return np.linalg.eigvals(midpoints(equation.half_plane_matrix()))
+            matrix = half_plane_in_doubles(equation.with_arithmetic(DoubleBalls))
+            return np.linalg.eigvals(matrix)
         except (np.linalg.LinAlgError, ValueError, ZeroDivisionError):
             return np.zeros(0, dtype=complex)
 

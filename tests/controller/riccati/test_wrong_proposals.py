@@ -14,7 +14,7 @@ from flint import arb, arb_mat
 
 from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, precision
 from controller.riccati.equation import equation_of, users_units
-from controller.riccati.lyapunov import NotProvedError, lyapunov_ball
+from controller.riccati.lyapunov import NotProvedError
 from controller.riccati.proof import prove_control_loop, prove_prices, stabilizing
 from hfa import Game
 
@@ -248,16 +248,3 @@ def test_a_stabilizing_solution_of_two_states_may_be_no_value(
 def prove_value(found, Y):
     prove_prices(found)
     prove_control_loop(found, Y)
-
-
-@pytest.mark.parametrize("is_discrete", [False, True])
-def test_no_lyapunov_ball_of_an_unstable_loop(is_discrete):
-    """None is proved, though D and an indefinite Y solve their equations."""
-    rates = [0.5, 3.0] if is_discrete else [-1.0, 2.0]
-    with precision(BITS):
-        F = ball_matrix(T @ np.diag(rates) @ T_INVERSE)
-        Y = solved(F, is_discrete=is_discrete)
-        one = ball_matrix(np.eye(2))
-        for lie in (Y, -Y):
-            with pytest.raises(NotProvedError):
-                lyapunov_ball(F, one, Y, lie, is_discrete=is_discrete)
