@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-import numpy as np
-
 from hfa_aircraft.limits import NEAR
 from hfa_aircraft.rigid.atmosphere import (
     GAS_CONSTANT,
@@ -14,7 +12,6 @@ from hfa_aircraft.rigid.atmosphere import (
     calibrated_airspeed,
     equivalent_airspeed,
 )
-from hfa_aircraft.rigid.motion import rotation
 from hfa_support.reporting.rows import Lacking, Row
 from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_value, without_rounding
 from hfa_support.units import conversion_factor
@@ -22,10 +19,11 @@ from trim.point.operating_point import is_in_range
 from trim.point.status import BALANCE
 from trim.reports.trimmed import Trimmed
 
-#: Parameters with the velocity of a steady wind, toward north, east and down.
-WINDS = ("wind_north", "wind_east", "wind_down")
-#: Outputs of the flight, which are not repeated among the loads.
-OUTPUTS = ("mach", "dynamic_pressure", "load_factor")
+#: Outputs of the flight: relative to the ground, which are read first in a steady wind, and to the
+#: air. They are not repeated among the loads.
+_OVER_GROUND = ("ground_speed", "track")
+_OF_AIR = ("mach", "dynamic_pressure", "load_factor")
+OUTPUTS = (*_OVER_GROUND, *_OF_AIR)
 
 
 def flight_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
@@ -34,8 +32,10 @@ def flight_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     """
     if "speed" in trimmed.roles:
         yield from airspeed_rows(trimmed)
-        yield from over_ground_rows(trimmed)
-        yield from output_rows(trimmed, OUTPUTS)
+        parameters = trimmed.model.parameters.items()
+        in_wind = any(name.startswith("wind_") and each.start for name, each in parameters)
+        yield from output_rows(trimmed, _OVER_GROUND, rare=not in_wind)
+        yield from output_rows(trimmed, _OF_AIR)
         yield from air_rows(trimmed)
     elif trimmed.model.about.atmosphere:
         yield Row("atmosphere", trimmed.model.about.atmosphere)
@@ -68,30 +68,6 @@ def airspeed_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         return
     yield Row("calibrated airspeed", calibrated_airspeed(pressure, trimmed["mach"]), "kt", "KCAS")
     yield Row("equivalent airspeed", equivalent_airspeed(pressure), "kt", "KEAS")
-
-
-def over_ground_rows(trimmed: Trimmed) -> Iterator[Row]:
-    """Yield ground speed and track of an aircraft in a steady wind, to which its states are
-    relative: V_ground = V + wind.
-    """
-    model, roles = trimmed.model, trimmed.roles
-    wind = np.array([_value_of(trimmed, name) for name in WINDS])
-    if not wind.any() or not {"speed", "alpha", "beta", "phi", "theta"} <= {*roles}:
-        return
-    alpha, beta, phi, theta = (trimmed[roles[role]] for role in ("alpha", "beta", "phi", "theta"))
-    psi = trimmed["yaw"] if "yaw" in model.states else 0.0
-    along = np.array([math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha)])
-    along[2] *= math.cos(beta)
-    to_ground = np.array(rotation(phi, theta, psi), dtype=float).reshape(3, 3)
-    north, east, _ = trimmed[roles["speed"]] * to_ground @ along + wind
-    yield Row("ground speed", math.hypot(north, east), trimmed.unit(roles["speed"]))
-    yield Row("track", math.atan2(east, north), "rad", "over the ground, from north to east")
-
-
-def _value_of(trimmed: Trimmed, parameter: str) -> float:
-    """Return the value of a parameter, or 0 if the model has none with this name."""
-    parameters = trimmed.model.parameters
-    return parameters[parameter].start if parameter in parameters else 0.0
 
 
 def dynamic_pressure(trimmed: Trimmed) -> float | str:

@@ -209,19 +209,3 @@ def test_a_figure_that_does_not_exist_is_not_invented(changes, figure, reason):
         rates["pitch_rate"] = 0.0
     data = hfa.trim(model, hfa.TrimCondition(model, held, rates)).report().data
     assert reason in data["not_in_model"][figure]
-
-
-def test_ground_speed_and_track_are_those_of_the_wind_triangle():
-    """In a climb without sideslip, V cos(gamma) along the heading and the wind give both; without
-    wind, there is neither.
-    """
-    uav = hfa.load_model(str(ROOT / "examples/uav.toml"))
-    winds = {name: hfa.Signal("m/s") for name in ("wind_north", "wind_east", "wind_down")}
-    model = replace(uav, parameters={**uav.parameters, **winds})
-    held = {"yaw": math.radians(30.0), "gamma": math.radians(5.0)}
-    point = hfa.trim(model.with_parameters(wind_north=-4.0, wind_east=6.0), hold=held)
-    ahead = 35.0 * math.cos(held["gamma"])
-    north, east = ahead * math.cos(held["yaw"]) - 4.0, ahead * math.sin(held["yaw"]) + 6.0
-    assert point.sheet["ground speed"].value == pytest.approx(math.hypot(north, east), rel=1e-9)
-    assert point.sheet["track"].value == pytest.approx(math.atan2(east, north), rel=1e-9)
-    assert "track" not in {row.name for row in hfa.trim(model, hold=held).sheet}
