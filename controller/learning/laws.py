@@ -8,7 +8,7 @@ from typing import Any
 from controller.critic.training_run import TrainingRun
 from controller.game.zero_sum import Game
 from controller.learning.law_names import DEFAULT_LAW, LAW_NAMES
-from controller.learning.plant_fit import PlantFit, refused_unless_determined
+from controller.learning.plant_fit import PlantFit
 from controller.learning.policy_iteration import policy_iteration
 from controller.learning.published import published_law
 from controller.learning.q_learning import learn_steps
@@ -75,13 +75,13 @@ def learn(
     if data is None:
         return _learned(PlantFit(game, simulated(game, seed)), law, seed, progress)
     fit = PlantFit(game, transitions_in(data, game))
+    fit.refuse_without_effect()
     summary = fit.summary()
     try:
         run = _learned(fit, law, seed, progress)
     except NoSolutionError as error:
         raise NoSolutionError(f"{error} (learned from {summary.text()})") from error
     bands = fit.bands(run.P)
-    refused_unless_determined(fit, run.K, bands)
     return replace(run, data=summary, P_band=bands.P, K_band=bands.K)
 
 

@@ -19,7 +19,13 @@ import numpy as np
 
 from controller.critic.training_run import DataSummary, Excitation
 from controller.game.zero_sum import Game
-from controller.learning.recording import RANK_TOLERANCE, Transitions, excitation, widths_of
+from controller.learning.recording import (
+    RANK_TOLERANCE,
+    Transitions,
+    excitation,
+    plant_of,
+    widths_of,
+)
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.text import numbered
 
@@ -51,7 +57,7 @@ class PlantFit:
                 "there are states, inputs and disturbances, to see the noise"
             )
         self.scales = np.sqrt(np.mean(begins**2, axis=0))
-        self.excitation = _refused_unless_excited(game, begins, self.scales)
+        self.excitation = _refused_unless_excited(game, transitions, self.scales)
         scaled = begins / self.scales
         fit, *_ = np.linalg.lstsq(scaled, ends, rcond=None)
         self.matrix = fit.T / self.scales
@@ -100,18 +106,21 @@ class PlantFit:
         return np.asarray(logm(whole).real[: len(step)] / hold)
 
     def begins_of_laws(self, seed: int) -> np.ndarray:
-        """Return [x u d] of the recorded transitions, with random d if the game needs one.
+        """Return [x u d] for a finite delta, else [x u], from which the laws learn by the fit.
+
+        x is recorded. u and d are the recorded ones beyond their linear function of x, in their
+        sizes, so that a policy in the data does not hide their effects; d that the game needs and
+        the data lack is random.
 
         seed: seed of the random d
         """
-        begins, game = self.transitions.begins, self.game
-        missing = len(widths := widths_of(game)) - begins.shape[1]
-        if missing <= 0:
-            return begins[:, : len(widths)]
-        rng = np.random.default_rng(seed)
-        return np.hstack(
-            [begins, rng.uniform(-widths[-missing:], widths[-missing:], (len(begins), missing))]
-        )
+        begins, n = self.transitions.begins, len(self.matrix)
+        widths = widths_of(self.game)
+        others = _beyond(begins[:, :n], begins[:, n : len(widths)])
+        sizes = np.sqrt(np.mean(others**2, axis=0)) / self.scales[n : len(widths)]
+        missing = len(widths) - n - len(sizes)
+        d = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(begins), missing))
+        return np.hstack([begins[:, :n], others / sizes, d * widths[len(widths) - missing :]])
 
     def summary(self) -> DataSummary:
         """Return what the data can tell."""
@@ -128,6 +137,8 @@ class PlantFit:
 
     def _doubts(self) -> Iterator[str]:
         """Yield sentences on what contradicts a linear plant with independent noise."""
+        if self.misfit <= RANK_TOLERANCE:
+            return
         ends = self.transitions.ends
         begins = self.transitions.begins / self.scales
         with_constant = np.column_stack([begins, np.ones(len(begins))])
@@ -140,7 +151,7 @@ class PlantFit:
         if np.any(lost * len(ends) > 8.0 * np.linalg.norm(self.residuals, axis=0)):
             yield "the data have a constant part: give deviations from the trim"
         pairs = np.flatnonzero(self.transitions.follows)
-        if len(pairs) and self.misfit > RANK_TOLERANCE:
+        if len(pairs):
             sizes = np.sqrt(np.mean(self.residuals**2, axis=0))
             unit = self.residuals / np.where(sizes > 0.0, sizes, 1.0)
             products = unit[pairs].T @ unit[pairs - 1] / math.sqrt(len(pairs))
@@ -151,24 +162,48 @@ class PlantFit:
                     "them: the bands do not contain its bias"
                 )
 
-    def bands(self, P: np.ndarray) -> Bands:
-        """Return the 95 % bands of the value z'P z and of its gain, for independent noise."""
+    @cached_property
+    def _roots(self) -> np.ndarray:
+        """Root of the covariance of a row of M for noise of variance 1, (s, s)."""
+        begins = self.transitions.begins / self.scales
+        return np.asarray(np.linalg.inv(np.linalg.qr(begins, mode="r")) / self.scales[:, None])
+
+    def _quantile(self, of: int = 1) -> float:
+        """Return the half-width in standard deviations of bands that all `of` hold in 95 %."""
         from scipy.stats import t
 
-        begins, columns = self.transitions.begins / self.scales, len(self.scales)
-        quantile = float(t.ppf(0.5 + 0.5 * _CONFIDENCE, len(begins) - columns))
-        noise = self.residuals.T @ self.residuals / (len(begins) - columns)
+        count, columns = self.transitions.begins.shape
+        return float(t.ppf(1.0 - 0.5 * (1.0 - _CONFIDENCE) / of, count - columns))
+
+    def refuse_without_effect(self) -> None:
+        """Raise BadInputError if the 95 % bands of the effects of an input on all states hold 0."""
+        n = len(self.matrix)
+        bands = self._quantile(n) * np.outer(self.noise, np.linalg.norm(self._roots, axis=1))
+        for place, name in enumerate(self.of_user.names.inputs, start=n):
+            if np.any(np.abs(self.matrix[:, place]) > bands[:, place]):
+                continue
+            begins = self.transitions.begins / self.scales
+            own = np.sqrt(np.mean(_beyond(begins[:, :n], begins[:, place]) ** 2))
+            raise BadInputError(
+                f"the data show no effect of {name} in 95 % bands: {100.0 * own:.2g} % of it is "
+                f"not a policy u = -K x, and the misfit is {100.0 * self.misfit:.2g} %; record "
+                "longer, with less noise, or with larger independent excitation"
+            )
+
+    def bands(self, P: np.ndarray) -> Bands:
+        """Return the 95 % bands of the value z'P z and of its gain, for independent noise."""
+        count, columns = self.transitions.begins.shape
+        noise = self.residuals.T @ self.residuals / (count - columns)
         # A direction of M for each root of the noise and of the columns, of variance 1.
-        roots = np.linalg.inv(np.linalg.qr(begins, mode="r")) / self.scales[:, None]
         sizes, vectors = np.linalg.eigh(noise)
         of_states = vectors * np.sqrt(sizes.clip(0.0))
         variances = Bands(np.zeros_like(P), np.zeros_like(self.game.B.T))
         for row in of_states.T:
-            for column in roots.T:
+            for column in self._roots.T:
                 changes = self._changes(P, np.outer(row, column))
                 for variance, change in zip(variances, changes, strict=True):
                     variance += change**2
-        return Bands(*(quantile * np.sqrt(variance) for variance in variances))
+        return Bands(*(self._quantile() * np.sqrt(variance) for variance in variances))
 
     def _changes(self, P: np.ndarray, change: np.ndarray) -> Bands:
         """Return the changes of P and K, to first order, for a change (n, s) of the fit."""
@@ -206,8 +241,8 @@ class PlantFit:
         """Derivative of the fit of steps by [A B E] of the rates, row by row, (n s, n s)."""
         from scipy.linalg import expm_frechet
 
-        hold, rates = self.transitions.hold or 0.0, self._in_time(self.matrix)
-        n, s = rates.shape
+        n, s = self.matrix.shape
+        hold, rates = self.transitions.hold or 0.0, plant_of(self.game, s)
         exponent = np.zeros((s, s))
         exponent[:n] = hold * rates
         changes = []
@@ -218,57 +253,41 @@ class PlantFit:
         return np.column_stack(changes)
 
 
-def refused_unless_determined(fit: PlantFit, K: np.ndarray, bands: Bands) -> None:
-    """Raise BadInputError if the band of a gain is as wide as the gain itself."""
-    effects = fit.scales[: K.shape[1]]
-    sizes = [np.linalg.norm(each * effects, axis=1) for each in (K, bands.K)]
-    for place in np.flatnonzero(sizes[1] >= sizes[0]):
-        name = fit.of_user.names.inputs[place]
-        raise BadInputError(
-            f"the data do not determine the gain of {name}: its 95 % band is wider than the gain "
-            f"({_own_share(fit, int(place))}); record longer, with less noise, or with larger "
-            "independent inputs"
-        )
-
-
-def _own_share(fit: PlantFit, place: int) -> str:
-    """Return how much of an input is not a function -K x of the states."""
-    n = len(fit.of_user.A)
-    begins = fit.transitions.begins / fit.scales
-    inputs, states = begins[:, n + place], begins[:, :n]
-    own = inputs - states @ np.linalg.lstsq(states, inputs, rcond=None)[0]
-    share = np.linalg.norm(own) / np.linalg.norm(inputs)
-    return f"of this input, {100.0 * share:.2g} % is not u = -K x; misfit {100 * fit.misfit:.2g} %"
-
-
-def _refused_unless_excited(game: Game, begins: np.ndarray, scales: np.ndarray) -> Excitation:
+def _refused_unless_excited(game: Game, transitions: Transitions, scales: np.ndarray) -> Excitation:
     """Return the excitation of [x u d]. Raises BadInputError, with the reason, if it is poor."""
     n, m = game.B.shape
-    names = (*game.names.states, *game.names.inputs, *numbered("d", begins.shape[1] - n - m))
+    columns = len(scales)
+    names = (*game.names.states, *game.names.inputs, *numbered("d", columns - n - m))
     for place in np.flatnonzero(scales == 0.0):
         raise BadInputError(f"{names[place]} is 0 in every row of the data; excite it")
-    scaled = begins / scales
+    scaled, rounding = transitions.begins / scales, transitions.rounding / scales
     found = excitation(scaled)
-    if found.rank == found.size:
-        return found
     rank_of_states = excitation(scaled[:, :n]).rank
     if rank_of_states < n:
-        reason = (
+        raise BadInputError(
             f"the rank of the states is {rank_of_states} of {n}: some are combinations of others "
             "in every row; record other motions too"
         )
-    else:
-        states, others = scaled[:, :n], scaled[:, n:]
-        own = others - states @ np.linalg.lstsq(states, others, rcond=None)[0]
-        by_policy = np.linalg.norm(own, axis=0) < RANK_TOLERANCE * math.sqrt(len(scaled))
-        reason = (
-            "the inputs and disturbances depend on each other in every row; move each of them "
-            "independently"
+    gains = np.linalg.lstsq(scaled[:, :n], scaled[:, n:], rcond=None)[0]
+    own = np.abs(scaled[:, n:] - scaled[:, :n] @ gains).max(axis=0)
+    # Rounding moves u and x by half of their last digits, and the fit by half of that.
+    explained = 0.75 * (rounding[n:] + rounding[:n] @ np.abs(gains))
+    by_policy = own <= np.maximum(explained, RANK_TOLERANCE)
+    if by_policy.any():
+        moved = ", ".join(names[n + place] for place in np.flatnonzero(by_policy))
+        raise BadInputError(
+            f"in every row, {moved} is a policy u = -K x of the states, up to rounding, so that "
+            "its effect cannot be told from theirs; add independent excitation to it while "
+            "recording"
         )
-        if by_policy.any():
-            moved = ", ".join(names[n + place] for place in np.flatnonzero(by_policy))
-            reason = (
-                f"in every row, {moved} is a policy u = -K x of the states, so that its effect "
-                "cannot be told from theirs; add independent excitation to it while recording"
-            )
-    raise BadInputError(f"{reason} (rank {found.rank} of {found.size})")
+    if found.rank < found.size:
+        raise BadInputError(
+            f"the rank of states, inputs and disturbances is {found.rank} of {found.size}: some "
+            "depend on each other in every row; move each of them independently"
+        )
+    return found
+
+
+def _beyond(states: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return what is left of other columns beyond their linear function of the states."""
+    return np.asarray(others - states @ np.linalg.lstsq(states, others, rcond=None)[0])

@@ -142,8 +142,9 @@ def transitions_in(data: Any, game: Game) -> Transitions:
             "the episodes differ in sample time or in disturbances; give equal ones"
         )
     begins, ends, follows = (np.concatenate(each) for each in list(zip(*parts, strict=True))[:3])
+    rounding = np.min([part.rounding for part in parts], axis=0)
     notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
-    return Transitions(begins, ends, follows, parts[0].hold, notes)
+    return Transitions(begins, ends, follows, rounding, parts[0].hold, notes)
 
 
 def game_of_data(
@@ -190,16 +191,19 @@ class _Source:
         """Return the transitions."""
         names = self.game.names
         x, scale = self._signals("x", names.states, names.state_units)
+        rounding = _last_digits(x / scale) * scale
         ends = [key for key in _ENDS.values() if key in self.entries]
         if len(ends) > 1:
             raise BadInputError("the data have x_next and x_rate; remove one of them")
         if ends == ["x_rate"] and self.game.is_discrete:
             raise BadInputError("x_rate is of continuous time, the game is discrete; give x_next")
         count = len(x)
-        u, _ = self._signals("u", names.inputs, names.input_units)
+        u, scale_of_u = self._signals("u", names.inputs, names.input_units)
         blocks = [x, u]
+        rounding = np.append(rounding, _last_digits(u / scale_of_u) * scale_of_u)
         if "d" in self.entries:
             blocks.append(self._disturbances())
+            rounding = np.append(rounding, _last_digits(blocks[-1]))
         starts = self._starts(count)
         if not ends:  # successive samples; the last of an episode has no end
             last = count - 1 if len(u) == count - 1 else count
@@ -220,7 +224,7 @@ class _Source:
         if len(kept) and ends != ["x_rate"]:
             follows[1:] = (after[:-1] == x[kept][1:]).all(axis=1)
         hold = None if ends == ["x_rate"] else self._hold(starts, bool(ends))
-        return Transitions(begins, after, follows, hold, tuple(self.notes))
+        return Transitions(begins, after, follows, rounding, hold, tuple(self.notes))
 
     def _matrix(self, key: str, columns: int) -> np.ndarray:
         """Return a matrix (N, columns) of finite numbers, of episodes (e, N, columns) too."""
@@ -344,9 +348,10 @@ class _Source:
         if are_apart or np.isnan(steps).all():
             return None, 0.0
         mean = float(np.nanmean(steps))
-        digits = next((k for k in range(16) if np.array_equal(np.round(times, k), times)), 16)
-        # Two times, each rounded to half a unit of their last digit.
-        rounding = 10.0**-digits + 4.0 * float(np.spacing(np.abs(times).max()))
+        # Two times, each rounded to half a unit of their last digit, if it is not that of the step.
+        (rounding,) = _last_digits(times[:, None])
+        if 2.0 * rounding > mean:
+            rounding = 8.0 * float(np.spacing(np.abs(times).max()))
         for place in np.flatnonzero(np.abs(steps - mean) > rounding)[:1]:
             raise BadInputError(
                 f"the samples are not equally spaced: {steps[place]:g} s at row {place + 2}, "
@@ -354,6 +359,16 @@ class _Source:
                 "steps"
             )
         return mean, rounding
+
+
+def _last_digits(columns: np.ndarray) -> np.ndarray:
+    """Return the unit of the last decimal of each column (N, k), (k,), as of a printed record."""
+    largest = np.abs(columns).max(axis=0)
+    precision = 4.0 * np.spacing(largest)
+    for place in range(16, -1, -1):
+        is_rounded = (np.abs(np.round(columns, place) - columns) <= precision).all(axis=0)
+        precision = np.where(is_rounded, np.maximum(precision, 10.0**-place), precision)
+    return precision
 
 
 def _refuse_other_time(whose: str, one: Any, other: Any, accuracy: float) -> None:

@@ -32,6 +32,7 @@ class Transitions(NamedTuple):
     begins: [x u d] of each transition, (N, s). There is no column of d if none was recorded
     ends: of x' for a game in continuous time without `hold`, else x after the transition, (N, n)
     follows: whether a transition begins where the one before it ends, (N,)
+    rounding: last digit of the recorded x, u and d, (s,)
     hold: time for which u and d are constant, s, of samples of a game in continuous time, or None
     notes: sentences on the data
     """
@@ -39,6 +40,7 @@ class Transitions(NamedTuple):
     begins: np.ndarray
     ends: np.ndarray
     follows: np.ndarray
+    rounding: np.ndarray
     hold: float | None = None
     notes: tuple[str, ...] = ()
 
@@ -55,7 +57,7 @@ def simulated(game: Game, seed: int) -> Transitions:
     count = SAMPLES_PER_WEIGHT * len(widths) * (len(widths) + 1) // 2
     begins = np.random.default_rng(seed).uniform(-widths, widths, (count, len(widths)))
     ends = begins @ plant_of(game, len(widths)).T
-    return Transitions(begins, ends, np.zeros(count, dtype=bool))
+    return Transitions(begins, ends, np.zeros(count, dtype=bool), np.zeros(len(widths)))
 
 
 def plant_of(game: Game, columns: int) -> np.ndarray:

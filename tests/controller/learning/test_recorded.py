@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.io
 from cli import answer, hfa as hfa_command
+from game_samples import game_models
 
 import hfa
 from controller import minimum_delta
@@ -52,7 +53,7 @@ def assert_exact(game, run, largest=1e-9):
     assert relative_error(run.K, exact.K) < largest
 
 
-@pytest.mark.parametrize("game", [STEPS, RATES])
+@pytest.mark.parametrize("game", [STEPS, RATES, *game_models().values()])
 @pytest.mark.parametrize("margin", [np.inf, 1.2])
 def test_exact_data_give_the_exact_solution_without_a_and_b(game, margin):
     """E is that of the game, or that of recorded disturbances."""
@@ -61,9 +62,15 @@ def test_exact_data_give_the_exact_solution_without_a_and_b(game, margin):
     data = recorded(game)
     assert_exact(game, learn(blind(game), data=data))
     key = "x_next" if game.is_discrete else "x_rate"
-    d = RNG.normal(size=(80, 1))
+    d = RNG.normal(size=(80, game.E.shape[1]))
     with_d = {**data, "d": d, key: data[key] + d @ game.E.T}
     assert_exact(game, learn(replace(blind(game), E=0.0 * game.E), data=with_d))
+
+
+@pytest.mark.parametrize("share", [1e-2, 1e-5])
+def test_a_little_excitation_beside_a_policy_suffices_without_noise(share):
+    x, u = trajectory(STEPS, 60, probing=share)
+    assert_exact(STEPS, learn(blind(STEPS), data={"x": x, "u": u}), largest=1e-13 / share**2)
 
 
 def test_samples_of_a_known_hold_give_the_game_in_continuous_time():
@@ -237,7 +244,10 @@ REFUSED = {
             for name, each in in_columns().items()
         },
     ),
-    "its 95 % band is wider than the gain": recorded(STEPS, noise=30.0),
+    "show no effect of u1 in 95 % bands: ": recorded(STEPS, noise=100.0),
+    "u1, u2 is a policy u = -K x of the states, up to rounding": {
+        key: np.round(each, 4) for key, each in TIMES.items()
+    },
     "changes its sign every 0.1 s": (
         replace(RATES, dt=None),
         recorded(replace(STEPS, A=-STEPS.A)) | {"dt": 0.1},
