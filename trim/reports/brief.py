@@ -59,11 +59,12 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
     all_notes = without_line_numbers(point.warnings)
     notes = [note for note in all_notes if note not in of_the_file]
     left_out = "--full adds rows" + " and notes" * (len(notes) < len(all_notes))
-    parts: list[Part] = [
-        *shown,
-        *filter(None, [modes, tuple(sentences)]),
-        f"{left_out}; -o FILE has all",
-    ]
+    parts: list[Part] = [*shown]
+    if modes:
+        parts.append(modes)
+    if sentences:
+        parts.append(tuple(sentences))
+    parts.append(f"{left_out}; -o FILE has all")
     return Report(title_with_controls(trimmed, sheet), parts, notes)
 
 

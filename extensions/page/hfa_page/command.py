@@ -131,7 +131,7 @@ def report(request: ReportRequest) -> Outcome:
     whole = with_provenance(request, main_report(job, sections), source)
     lines = []
     if place is not None:
-        html = page(job, sections, provenance(request, source))
+        html = page(job, sections, whole, provenance(request, source))
         lines.append(_written(html, whole, place))
     if job.regeneration is None:
         lines.append(f"Trimmed: {job.slider.sweep.trimmed.sum()} of {len(job.slider.points)}")

@@ -272,14 +272,14 @@ def _model_report(model: LinearModel) -> Report:
     return replace(report, parts=(*beside, _COLORS, *report.parts[len(beside) :]))
 
 
-def page(job: MainJob, sections: Sections, origin: Provenance) -> str:
+def page(job: MainJob, sections: Sections, whole: Report, origin: Provenance) -> str:
     """Return the page as HTML: verdict, slider, a table of verdicts, and sections, which are folded
     until the user opens them.
 
+    whole: the report of all results (`main_report`)
     origin: provenance, shown as the last section
     """
-    pictures = main_report(job, sections).pictures()
-    names = html.escape(json.dumps(sorted(picture.name for picture in pictures)))
+    names = html.escape(json.dumps(sorted(picture.name for picture in whole.pictures())))
     title = _TITLE
     if job.regeneration is None:
         title = html.escape(f"{sections.of_slider.title}: trims and linear models")
@@ -306,7 +306,7 @@ def _article(job: MainJob, sections: Sections, provenance: Report) -> str:
     stored_flights = stored_flights_section(job)
     flights = [*([] if stored_flights is None else [stored_flights]), *sections.in_air]
     parts = [
-        f'<p>{verdict_sentence(job)}</p><nav aria-label="Contents"><ul>{links}</ul></nav>',
+        f'{verdict_sentence(job)}<nav aria-label="Contents"><ul>{links}</ul></nav>',
         slider_html(
             job.slider, sections.of_slider, f'<section class="verdicts">{checks}</section>'
         ),
@@ -318,13 +318,9 @@ def _article(job: MainJob, sections: Sections, provenance: Report) -> str:
 
 
 def verdict_sentence(job: MainJob) -> str:
-    """Return the first paragraph of the page as HTML: verdict and checks."""
+    """Return the first paragraph of the paper's page as HTML: verdict and checks."""
     if job.regeneration is None:
-        swept = job.slider.sweep
-        return (
-            f"{swept.trimmed.sum()} of {len(job.slider.points)} values of "
-            f"{html.escape(swept.variables[-1])} have a trim."
-        )
+        return ""
     regenerated = _toned(job.regeneration.ok, "regenerated", "NOT regenerated")
     agrees = _toned(job.learned, "agrees", "DOES NOT agree")
     asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
@@ -338,7 +334,7 @@ def verdict_sentence(job: MainJob) -> str:
         f"The critic that hfa learns by its own law {agrees} with the exact solution of the "
         f"game{at}."
     )
-    return " ".join(sentences)
+    return f"<p>{' '.join(sentences)}</p>"
 
 
 def _link(section: str, title: str) -> str:
