@@ -55,7 +55,7 @@ def first_lines(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> st
     lines = [f"{subject(model)} {done}: {condition}" if condition else f"{subject(model)} {done}"]
     if modes is not None:
         lines.append(_unstable([*modes], model.time_unit))
-    lines += [*stall_lines_at(trimmed), *uniqueness_lines(trimmed)]
+    lines += [*stall_lines_at(trimmed), *uniqueness_lines(trimmed), *changing_lines(trimmed)]
     lines += [f"Check: {doubt}" for doubt in doubts_of(trimmed)]
     return "\n".join(lines)
 
@@ -86,7 +86,6 @@ def uniqueness_lines(trimmed: Trimmed) -> list[str]:
     if point.found_by is not None and point.found_by.kept:
         kept = ", ".join(named_value_text(point, name) for name in point.found_by.kept)
         lines.append(f"At its start value, as the trim does not determine it: {kept}")
-    lines += changing_lines(trimmed)
     names, to_hold = point._undetermined
     if names:
         verb = "is" if len(names) == 1 else "are"
