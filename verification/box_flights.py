@@ -56,14 +56,14 @@ class BoxFlights(Result):
     box: str
     part: float
     half_widths: Vector
-    flights: int
-    lost: int
-    undecided: int
     clock: float
-    excess: float
     worst: Vector
-    integration: str
-    resolved: bool
+    flights: int = 0
+    lost: int = 0
+    undecided: int = 0
+    excess: float = math.inf
+    integration: str = ""
+    resolved: bool = False
 
     def within(self, share: float) -> bool:
         """Return whether all flights converge, are resolved, and cost at most a share more."""
@@ -126,19 +126,7 @@ def box_flights(
     while part >= _SMALLEST and not np.isfinite(exact.costs(part * starts, step)).all():
         part /= 2.0
     if part < _SMALLEST:
-        return BoxFlights(
-            box=box.name,
-            part=0.0,
-            half_widths=0.0 * b,
-            flights=0,
-            lost=0,
-            undecided=0,
-            clock=flown.seconds,
-            excess=math.inf,
-            worst=0.0 * b,
-            integration="",
-            resolved=False,
-        )
+        return BoxFlights(box.name, 0.0, 0.0 * b, flown.seconds, 0.0 * b)
 
     def simulate(per_step: int) -> _Costs:
         return _Costs(*(each.costs(part * starts, step / per_step) for each in (flown, exact)))

@@ -128,24 +128,16 @@ class NonlinearComparison(Result):
 
     def part(self) -> Part:
         """Return the part of a report: where the value is known, and the error of each degree."""
-        radius = self.radius
-        if radius is None:
-            return (
-                f"Nonlinear game about the trim, to degree {self.errors[-1].degree}",
-                *self._flight_lines(),
-                self._table(),
-            )
-        where = "is not known by flights"
-        if radius.c and math.isinf(radius.c):
-            where = "agrees with flights everywhere"
-        elif radius.c:
-            where = f"agrees with flights where z'Pz <= {radius.c:.3g}"
-        share = f"within {100 * radius.share:g} %"
-        return (
-            f"Nonlinear game about the trim: its value to degree {radius.degree} {where}, {share}",
-            *self._flight_lines(),
-            self._table(),
-        )
+        radius, about = self.radius, f", to degree {self.errors[-1].degree}"
+        if radius is not None:
+            where = "is not known by flights"
+            if radius.c and math.isinf(radius.c):
+                where = "agrees with flights everywhere"
+            elif radius.c:
+                where = f"agrees with flights where z'Pz <= {radius.c:.3g}"
+            share = f"within {100 * radius.share:g} %"
+            about = f": its value to degree {radius.degree} {where}, {share}"
+        return (f"Nonlinear game about the trim{about}", *self._flight_lines(), self._table())
 
     def _flight_lines(self) -> tuple[str, ...]:
         """Return lines on the flights and the initial states, () without flights."""
@@ -214,7 +206,7 @@ def compare_with_nonlinear(
     Raises BadInputError if the aircraft or the critic has no power series at the trim.
     """
     widths = np.sqrt(np.diag(np.linalg.inv(solution.P)))
-    report = progress or _silent
+    report = progress or (lambda *_: None)
     report(0, 3, "power series")
     terms = _terms(critic, widths)
     order = max(degree + (of == "u") for of, degrees in terms.items() for degree in degrees)
@@ -236,10 +228,6 @@ def compare_with_nonlinear(
     _ = compared.radius  # is computed once, by flights
     report(3, 3)
     return compared
-
-
-def _silent(done: float, total: float, what: str = "", /) -> None:
-    """Report nothing."""
 
 
 def _is_policy_given(critic: Critic) -> bool:

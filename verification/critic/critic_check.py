@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -183,13 +183,6 @@ def _given_box(box: ArrayLike, game: Game) -> Box:
     return Box(widths, "given")
 
 
-class _OnNonlinear(NamedTuple):
-    """Comparison of a critic with the nonlinear game, or None, and its part of the report."""
-
-    compared: NonlinearComparison | None
-    part: Part
-
-
 def _on_nonlinear_game(
     critic: Critic,
     linear: LinearModel,
@@ -198,7 +191,7 @@ def _on_nonlinear_game(
     box: Box,
     flights: int,
     progress: Progress | None,
-) -> _OnNonlinear:
+) -> tuple[NonlinearComparison | None, Part]:
     """Return the comparison with the nonlinear game and its part of the report.
 
     There is none in discrete time, or if the game or the critic has no power series.
@@ -206,12 +199,12 @@ def _on_nonlinear_game(
     from verification.nonlinear_game import compare_with_nonlinear
 
     if exact.game.is_discrete:
-        return _OnNonlinear(None, ("Nonlinear game: not compared in discrete time",))
+        return None, ("Nonlinear game: not compared in discrete time",)
     try:
         compared = compare_with_nonlinear(critic, linear, exact, limit, box, flights, progress)
     except (BadInputError, NoSolutionError) as error:
-        return _OnNonlinear(None, (f"Nonlinear game: not compared: {error}",))
-    return _OnNonlinear(compared, compared.part())
+        return None, (f"Nonlinear game: not compared: {error}",)
+    return compared, compared.part()
 
 
 def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
