@@ -14,11 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
+from controller.critic.labels import blocks_in_order
 from controller.game.basis import Basis
 from controller.game.q_function import q_extremum
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
-from hfa_support.reporting.text import percent
+from hfa_support.reporting.text import numbered, percent
 from verification.box import balanced_units
 from verification.critic_errors import (
     SMALL,
@@ -152,19 +153,14 @@ def _reason_for_action_value(game: Game, H: np.ndarray, right: np.ndarray, limit
         "H", H, right, np.outer(sizes, sizes), lambda M: action_value_error(M, right) <= limit
     )
     n, m = game.B.shape
-    orders = {"(u, x)": [*range(m, m + n), *range(m)]}
-    if len(H) > n + m:
-        k = len(H) - n - m
-        orders = {
-            "(u, x, w)": [*range(m, m + n), *range(m), *range(n + m, n + m + k)],
-            "(u, w, x)": [*range(m + k, m + k + n), *range(m + k)],
-            "(x, w, u)": [*range(n), *range(n + k, n + k + m), *range(n, n + k)],
-        }
-    meant = "(x, u, w)" if len(H) > n + m else "(x, u)"
+    blocks = {"x": numbered("x", n), "u": numbered("u", m), "w": numbered("w", len(H) - n - m)}
+    present = [block for block, signals in blocks.items() if signals]
 
     def mistakes() -> Iterator[Mistake]:
-        for order, places in orders.items():
-            says = f"H is in the order {order}; it must be in the order {meant}"
+        for order in itertools.permutations(present):
+            texts = [", ".join(names) for names in (order, present)]
+            says = f"H is in the order ({texts[0]}); it must be in the order ({texts[1]})"
+            places = blocks_in_order(order, blocks)
             yield Mistake(says, H[np.ix_(places, places)])
         says = "the action value has the wrong sign: it is of rewards; Q is of costs"
         yield Mistake(says, -H)
