@@ -21,6 +21,7 @@ from hfa_flight.simulate.flight import Flight, fly_within
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.progress import Progress
+from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, short_number
@@ -139,7 +140,7 @@ class SmallestGusts(Result, Reported):
             "a step, are not seen."
         )
         title = f"{self._headline()}\n{flown}"
-        parts = (Table(header, rows), how, *self.about_policy)
+        parts: list[Part] = [Table(header, rows), how, *self.about_policy]
         return Report(title, parts, data=self.to_dict())
 
     def _headline(self) -> str:
