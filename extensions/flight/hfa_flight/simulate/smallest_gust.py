@@ -32,8 +32,7 @@ LENGTHS = (25.0, 50.0, 100.0, 200.0, 400.0, 800.0)
 #: The search for the smallest peak begins at this share of the airspeed, and ends at all of it.
 _FIRST = 0.01
 #: Ratio of a peak to the one flown before, until one leaves the limits: the relative width of a
-#: window of peaks that may be missed. The windows of the paper's aircraft behind its filter are
-#: wider. The coarse ratio follows a flight that stays within half of the limits.
+#: window of peaks that may be missed. The coarse ratio follows a flight within half of the limits.
 _RATIO, _COARSE = 1.01, 1.05
 #: Largest ratio of the two peaks between which a threshold lies.
 ACCURACY = 1.005
