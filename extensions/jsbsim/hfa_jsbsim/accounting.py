@@ -7,9 +7,8 @@ Any other element is refused.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import lru_cache
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +54,6 @@ _COMPUTED = "without effect, as JSBSim computes it"
 #: Statements of notes.
 _OF_FILTERS = "?filters=states after the aircraft's name makes these states"
 _NEVER = "these are omitted, also with ?filters=states"
-_SET_TWICE = "set here and by the pilot; earlier components read the pilot's value"
 _CONSTANT = (
     "nothing in the files sets these constants, which --hold NAME=VALUE does; ?inputs=NAME after "
     "the aircraft's name makes one an input"
@@ -86,13 +84,10 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
         subject = f"<{component.name}> {name}: {what}"
         statement = _NEVER if is_always else _OF_FILTERS
         notes.append(Note(statement, subject, component.where, MOTION))
-    omitted: dict[str, list[Element]] = {_NO_FORCE: [], _NOT_READ: []}
     for root in parts.folders.documents:
         for element, reason in _omitted(root):
-            omitted.setdefault(reason, []).append(element)
-    for reason, elements in omitted.items():
-        if elements:
-            notes.append(Note(f"omitted, {reason}", _listed(elements), rank=IDLE))
+            subject = f"<{shortened(element.name)}>"
+            notes.append(Note(f"omitted, {reason}", subject, f"{element.file}:", IDLE))
     return notes
 
 
@@ -184,33 +179,11 @@ def _refuse_unsupported_attributes(element: Element) -> None:
             raise element.error(f"{fault}; remove it")
 
 
-def _listed(elements: Iterable[Element]) -> str:
-    """Return the files, kinds and line numbers of elements as text."""
-    texts = []
-    for file, in_file in groupby(elements, key=lambda element: element.file):
-        lines: dict[str, list[int]] = {}
-        for element in in_file:
-            lines.setdefault(element.name, []).append(element.line)
-        kinds = [f"<{shortened(name)}> {_first_of(numbers)}" for name, numbers in lines.items()]
-        texts.append(f"{file}: {', '.join(kinds)}")
-    return "; ".join(texts)
-
-
-def _first_of(numbers: list[int]) -> str:
-    """Return the first `_MOST` of some line numbers as text, and how many more there are."""
-    shown = " ".join(map(str, numbers[:_MOST]))
-    return shown if len(numbers) <= _MOST else f"{shown} and {len(numbers) - _MOST} more"
-
-
-#: Largest number of line numbers listed for one kind of element.
-_MOST = 12
-
-
 def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
     """Return notes on built-in JSBSim properties that the files set.
 
-    The notes concern pilot commands that the files also set, and settings without effect. Raises
-    BadInputError for a property that cannot be set.
+    The notes concern settings without effect. Raises BadInputError for a property that cannot be
+    set.
     """
     properties = equations.properties
     notes = []
@@ -238,8 +211,6 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
                 in_files[-1],
                 f"{shortened(name)} moves a force in JSBSim and cannot be set here",
             )
-        if "-cmd-norm" in name and name in properties.names_read and len(writers) > len(in_files):
-            notes.append(Note(_SET_TWICE, shortened(name), in_files[-1].where))
     return notes
 
 

@@ -304,16 +304,8 @@ class Equations:
 
     def _define_chosen_inputs(self) -> None:
         """Define the properties that the user made inputs."""
-        symbols = {name: each.symbol for name, each in self.inputs.items()}
         for full_name, name in self.chosen.items():
-            held = self.properties.writer(full_name)
-            for other, symbol in symbols.items():
-                if held is not None and held.compute() is symbol:
-                    raise BadInputError(
-                        f"inputs={shortened(full_name)}: this property is already the input "
-                        f"{other}; remove it from ?inputs="
-                    )
-            self.properties.define(full_name, symbols[name])
+            self.properties.define(full_name, self.inputs[name].symbol)
 
     def _define_masses(self) -> None:
         """Define the properties of tanks, point masses, mass and center of gravity."""

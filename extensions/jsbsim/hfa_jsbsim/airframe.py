@@ -212,40 +212,17 @@ def _tank(element: Element) -> Tank:
         int(element.value_of("priority", 1.0)),
         location,
         location if drain is None else drain.vector("IN"),
-        _inertia_of_contents(element, capacity),
+        _inertia_of_contents(element),
     )
 
 
-def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], list[Any]]:
+def _inertia_of_contents(element: Element) -> Callable[[Any], list[Any]]:
     """Return a function (contents, lb) -> three moments of inertia, slug ft², those of
     `FGTank::CalculateInertias`.
     """
     radius = element.value_of("radius", 0.0, "IN") / 12.0
     factor = element.value_of("inertia_factor", 1.0)
-    grain = element.find("grain_config")
-    if grain is None:
-        return lambda contents: [contents / SLUG_TO_LB * factor * 0.4 * radius**2] * 3
-    kind = grain.attributes.get("type", "")
-    if kind != "CYLINDRICAL":
-        raise grain.error(f"a grain of type {shortened(kind)!r} is not supported; use CYLINDRICAL")
-    length = grain.value_of("length", 0.0, "IN") / 12.0
-    bore = grain.value_of("bore_diameter", 0.0, "IN") / 24.0
-    if length <= 0.0 or radius <= bore:
-        raise grain.error(
-            "the grain has no volume; give a positive length, and a radius larger than the bore "
-            "radius"
-        )
-    volume = math.pi * length * (radius**2 - bore**2)
-
-    def inertia(contents: Any) -> list[Any]:
-        mass = contents / SLUG_TO_LB
-        remaining_volume = contents / capacity * volume
-        inner_radius_squared = radius**2 - remaining_volume / (math.pi * length)
-        squares = radius**2 + inner_radius_squared
-        across = mass * (3.0 * squares + length**2) / 12.0
-        return [0.5 * mass * squares, across, across]
-
-    return inertia
+    return lambda contents: [contents / SLUG_TO_LB * factor * 0.4 * radius**2] * 3
 
 
 #: Name of a fuel -> density, lb per gallon.
@@ -310,14 +287,11 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
     weight = float(mass.weight)
     center = ca.DM(mass.center).full().ravel()
     inertia = ca.DM(mass.inertia).full()
-    if not (math.isfinite(weight) and np.isfinite(inertia).all()):
+    is_finite = math.isfinite(weight) and np.isfinite(inertia).all()
+    if not is_finite or np.linalg.eigvalsh(inertia)[0] <= 0.0:
         raise element.error(
-            "the mass or inertia of the aircraft is not finite; correct the weights and locations"
-        )
-    if np.linalg.eigvalsh(inertia)[0] <= 0.0:
-        raise element.error(
-            "the inertia matrix of the aircraft is not positive definite; correct the moments of "
-            "inertia"
+            "the inertia of the aircraft is not finite and positive definite; correct the moments "
+            "of inertia, the weights and locations"
         )
     return Mass(weight, center, inertia)
 

@@ -485,13 +485,8 @@ def _value_of_function(
 
 
 def rocket_thrust(file: EngineFile, aircraft: HostAircraft) -> Any:
-    """Return the thrust of a rocket in vacuum, lb: specific impulse times flow rate.
-
-    A solid rocket is not ignited, and its thrust is 0.
-    """
+    """Return the thrust of a rocket in vacuum, lb: specific impulse times flow rate."""
     engine = file.engine
-    if engine.find("thrust_table") is not None:
-        return ca.SX(0.0)
     throttle = throttle_of(file, aircraft)
     specific_impulse = engine.need("isp").number()
     flow = engine.value_of("propflowmax", 0.0, "LBS/SEC")

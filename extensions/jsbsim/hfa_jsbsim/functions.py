@@ -309,17 +309,13 @@ def _rows(data: Element) -> Table:
     for line, text in data.lines:
         # As in C++, a number ends where the next character cannot continue it: 0.870.87 are two.
         words = _NUMBER.findall(text)
-        if "".join(words) != "".join(text.split()):
+        numbers = [float(word) for word in words]
+        if "".join(words) != "".join(text.split()) or not all(map(math.isfinite, numbers)):
             raise data.error_at(
                 line,
                 f"{shortened(text)!r} is not a row of numbers; give numbers separated by spaces",
             )
-        rows.append([float(word) for word in words])
-        if not all(map(math.isfinite, rows[-1])):
-            raise data.error_at(
-                line,
-                f"{shortened(text)!r} contains a number that is not finite; give finite numbers",
-            )
+        rows.append(numbers)
     if {len(row) for row in rows} == {2}:
         pairs = np.array(rows)
         return Table(pairs[:, 1], [pairs[:, 0]])

@@ -232,16 +232,9 @@ class Properties:
         Raises LoopError if the value depends on itself or on all forces, and BadInputError for text
         that is not a name.
         """
-        if name.startswith("-"):
-            if name.startswith("--"):
-                raise BadInputError(
-                    f"{where}: {shortened(name)} begins with several signs; give at most one sign"
-                )
-            if name[1:2].isspace():
-                raise BadInputError(
-                    f"{where}: {shortened(name)} contains a space after the sign; remove the space"
-                )
-            return -self.read(name[1:], where)
+        key = name.removeprefix("-")
+        if key != name and key[:1] != "-" and not key[:1].isspace():
+            return -self.read(key, where)
         key = canonical(name)
         if not _NAME.fullmatch(key):
             fault = f"{where}: {shortened(name)!r} is neither a number nor a property name"
@@ -339,10 +332,9 @@ class Properties:
         Raises BadInputError if the text is empty, has several lines or is an infinite number or
         NaN.
         """
-        if len(element.lines) > 1 and element.name != "test":
-            raise element.error(f"<{element.name}> contains several lines; give a number or a name")
-        if not text:
-            raise element.error(f"<{element.name}> is empty; give a number or a name")
+        if not text or (len(element.lines) > 1 and element.name != "test"):
+            fault = f"<{element.name}> has {len(element.lines)} lines"
+            raise element.error(f"{fault}; give a number or a name")
         number = number_of(text)
         if number is None:
             return self.read(text, element.where)

@@ -304,9 +304,7 @@ class _Declaration:
         """Return a sentence if no thrust changes with the throttles at start values x and p, with
         the constant of the files that stops the engines.
         """
-        throttles = self._throttles()
-        if not throttles:
-            return ""
+        throttles, starts = self._throttles(), self.equations.starts
 
         def is_moved(values: list[float]) -> bool:
             ends = [
@@ -316,24 +314,17 @@ class _Declaration:
             idle, full = (self._still(x, u, values)[0].full() for u in ends)
             return bool((idle != full).any())
 
-        if is_moved(p):
+        trials = {"": p}
+        for full_name, name in self.equations.constants.items():
+            other = f"{full_name}={1.0 - starts[name]:g}"
+            trials[other] = [
+                1.0 - value if each == name else value
+                for each, value in zip(self.parameters, p, strict=True)
+            ]
+        moving = [other for other, values in trials.items() if is_moved(values)]
+        if "" in moving or not throttles:
             return ""
-        commands = self.equations.constants
-        for full_name, name in commands.items():
-            if name in self.parameters:
-                changed = [
-                    1.0 - value if name == each else value
-                    for each, value in zip(self.parameters, p, strict=True)
-                ]
-                if is_moved(changed):
-                    start = self.equations.starts[name]
-                    return (
-                        f"the throttle moves no thrust because {full_name} is {start:g}: --hold "
-                        f"{full_name}={1.0 - start:g}"
-                    )
-        dry = next((file.dry_of for file in self.parts.engines if file.dry_of), "")
-        why = f" because the {dry} tanks are empty" if dry else ""
-        return f"the throttle moves no thrust at the start values{why}"
+        return "the throttle moves no thrust" + (f": --hold {moving[0]}" if moving else "")
 
     def _configuration(self) -> Callable[..., dict[str, tuple[float, str]]]:
         """Return the function (x, u, p) -> mass, center of gravity, inertias, sizes with units."""

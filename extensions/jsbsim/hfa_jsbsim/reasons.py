@@ -144,7 +144,7 @@ def of_engine_files(parts: Parts) -> Iterator[str]:
 def _of_engine(file: EngineFile) -> Iterator[str]:
     """Yield sentences on facts in an engine's file that may explain missing power.
 
-    The facts are an empty tank, solid fuel, a turbine engine on a propeller, and an implausible
+    The facts are an empty tank, a turbine engine on a propeller, and an implausible
     propeller diameter.
     """
     name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
@@ -153,9 +153,6 @@ def _of_engine(file: EngineFile) -> Iterator[str]:
             f"the file leaves the {file.dry_of} tank of {name} empty: unless --hold fills it, "
             "the trim is a glide"
         )
-    solid = file.engine.find("thrust_table")
-    if solid is not None:
-        yield f"{solid.where}: {name} burns solid fuel and is not ignited"
     if file.kind == "turbine_engine" and file.has_propeller:
         yield f"{name} is a turbine engine on a propeller; its thrust is interpreted as power"
     diameter = file.thruster.find("diameter")

@@ -114,9 +114,7 @@ class Element:
         Raises BadInputError if the text is not one finite number, or if the unit cannot be
         converted.
         """
-        if len(self.lines) > 1:
-            raise self.error(f"<{self.name}> contains several lines; give one number")
-        value = self.as_number(self.text)
+        value = self.as_number(" ".join(text for _, text in self.lines))
         own_unit = self.attributes.get("unit", "")
         if not unit or not own_unit or own_unit == unit:
             return value
@@ -139,10 +137,8 @@ class Element:
     def as_number(self, text: str) -> float:
         """Return the number in a text. Raises BadInputError unless it is one finite number."""
         value = number_of(text)
-        if value is None:
-            raise self.error(f"<{self.name}> contains {shortened(text)!r}; give a number")
-        if not math.isfinite(value):
-            raise self.error(f"<{self.name}> is {text}; give a finite number")
+        if value is None or not math.isfinite(value):
+            raise self.error(f"<{self.name}> contains {shortened(text)!r}; give a finite number")
         return value
 
     def value_of(self, name: str, default: float, unit: str = "") -> float:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from c_files import called, needs_gcc, written
 
+from hfa_support.native.bound import RowFunction
 from hfa_support.native.c_code import c_function
 
 x, xx = ca.SX.sym("x", 2), ca.SX.sym("xx")
@@ -22,3 +23,32 @@ def test_unused_arguments_and_empty_results_compile_without_warnings(result, com
     y = np.array([-1.0])
     called(written(tmp_path, {"f.c": text}, "f.c"), "g", np.zeros(2), np.array([3.0]), y)
     assert y == [computed]
+
+
+def comparisons(a, b):
+    """Return operations that differ only where operands are equal, 0 or of another sign."""
+    return ca.vertcat(
+        a < b, a <= b, a > b, a >= b, ca.eq(a, b), ca.ne(a, b), ca.sign(a), ca.logic_not(a),
+        ca.logic_and(a, b), ca.logic_or(a, b), ca.if_else(a, b, -1.0), ca.fmin(a, b), ca.fmax(a, b),
+        ca.floor(a), ca.ceil(a), ca.fabs(a), ca.copysign(a, b), ca.atan2(a, b), ca.hypot(a, b),
+    )  # fmt: skip
+
+
+@needs_gcc
+def test_comparisons_are_those_of_casadi(tmp_path):
+    """Of operands that are equal, 0, or of other signs, in C and in the code for many rows."""
+    a, b = ca.SX.sym("a"), ca.SX.sym("b")
+    reference = ca.Function("reference", [a, b], [comparisons(a, b)])
+    text = "#include <math.h>\n" + c_function(reference, "reference", ("a", "b"), ("y",))
+    caller = "int g(const double *a, const double *b, double *y)"
+    text += f"{caller};\n{caller} {{ reference(a, b, y); return 0; }}\n"
+    folder = written(tmp_path, {"f.c": text}, "f.c")
+    values = np.array([-2.5, -0.5, 0.0, 0.5, 2.5])
+    pairs = np.array([(one, other) for one in values for other in values])
+    (rows,) = RowFunction(reference)(pairs[:, :1], pairs[:, 1:])
+    for (one, other), row in zip(pairs, rows, strict=True):
+        expected = np.asarray(reference(one, other)).ravel()
+        y = np.zeros(expected.size)
+        called(folder, "g", np.array([one]), np.array([other]), y)
+        np.testing.assert_allclose(y, expected, rtol=1e-15)
+        np.testing.assert_allclose(row, expected, rtol=1e-15)

@@ -48,6 +48,47 @@ def test_modes_keep_their_columns_over_a_grid():
     np.testing.assert_allclose(swept.eigenvalues, expected, atol=1e-11)
 
 
+def varied_plant(seed):
+    """Return x' = V diag(λ) V⁻¹ x of constant eigenvalues, with shapes V that change over s and t,
+    much from row to row of a grid and little along it.
+    """
+    random = np.random.default_rng(seed)
+    eigenvalues = ca.DM([-8.0, -3.0, -1.0, -0.3])
+    mean, by_s, by_t = np.eye(4), *(random.uniform(-1.0, 1.0, (2, 4, 4)))
+
+    def equations(x, u, p, w):
+        shapes = ca.DM(mean) + ca.DM(2.0 * by_s) * p.s + ca.DM(0.05 * by_t) * p.t
+        rates = shapes @ (eigenvalues * ca.solve(shapes, ca.vertcat(*x)))
+        return dict(zip("abcd", ca.vertsplit(rates + u.force), strict=True)), {}
+
+    signals = dict.fromkeys("abcd", Signal())
+    parameters = {"s": Signal(), "t": Signal()}
+    return Model("varied", signals, {"force": Signal()}, equations, parameters=parameters)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_constant_eigenvalues_keep_their_columns_while_shapes_change(seed):
+    """On a grid, also where the path to a point leads back along an axis."""
+    swept = sweep(varied_plant(seed), s=[0.0, 0.4, 0.8, 1.2], t=[0.0, 1.0, 2.0])
+    expected = np.tile([-8.0, -3.0, -1.0, -0.3], (12, 1))
+    np.testing.assert_allclose(swept.eigenvalues, expected, atol=1e-9)
+
+
+def test_modes_that_exchange_their_shapes_keep_their_eigenvalues():
+    """Two modes with shapes 2 degrees apart turn into each other: -3 and -0.3 keep their columns."""
+
+    def equations(x, u, p, w):
+        first, second = (ca.vertcat(ca.cos(angle), ca.sin(angle)) for angle in (p.s, 0.035 - p.s))
+        shapes = ca.horzcat(first, second)
+        rates = shapes @ (ca.DM([-3.0, -0.3]) * ca.solve(shapes, ca.vertcat(*x)))
+        return dict(zip("ab", ca.vertsplit(rates + u.force), strict=True)), {}
+
+    signals = dict.fromkeys("ab", Signal())
+    model = Model("turned", signals, {"force": Signal()}, equations, parameters={"s": Signal()})
+    swept = sweep(model, s=[0.0, 0.035])
+    np.testing.assert_allclose(swept.eigenvalues, [[-3.0, -0.3], [-3.0, -0.3]], atol=1e-9)
+
+
 def test_a_pair_that_becomes_real_keeps_its_columns():
     """x'' = -k x at k = 1, -1 and 1: the lower real eigenvalue comes first."""
     oscillator = Model(
