@@ -24,7 +24,7 @@ def main() -> int:
     compiled library does not return to Python, the process ends after `_GRACE`. The exit code is 2
     if the package cannot be imported.
     """
-    if sys.argv[1:] == ["--version"]:  # before anything else is loaded
+    if sys.argv[1:2] == ["--version"]:  # before anything else is loaded
         with contextlib.suppress(OSError):  # of a closed or full output, reported below
             os.write(1, f"hfa {identity()}\n".encode())
             return DONE

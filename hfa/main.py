@@ -23,7 +23,6 @@ from hfa.options.option import options_of
 from hfa.options.parser import Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
 from hfa_support.progress import drop, print_notes, print_to_stderr
-from hfa_support.version import identity
 
 if TYPE_CHECKING:
     from hfa.options.command import Command, Request
@@ -206,9 +205,6 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
     from hfa.overview import overview
 
     first = words[0] if words else "--help"
-    if first == "--version":
-        print(f"hfa {identity()}", flush=True)
-        raise SystemExit
     overview().parse_words([first])
     raise BadInputError(unknown(f"command {shortened(first)!r}", first.lower(), commands(), "hfa"))
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa.options.argument_types import each_of, option_errors, quantity, span
 from hfa.options.conditions import ListedCondition, chosen_row, listed_conditions
@@ -22,7 +22,9 @@ from trim.point.condition import StatedValues, TrimCondition, release, usual_con
 from trim.point.freed import freed_parameters
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
-from trim.reports.models import AskedTrim, Conditions, linear_models
+
+if TYPE_CHECKING:
+    from trim.reports.models import AskedTrim, Conditions
 
 #: Options of the trim condition, without the scheduling variable.
 OF_THE_TRIM = ("condition", "conditions", "free", "hold", "isa", "limit", "row", "start")
@@ -196,6 +198,8 @@ class TrimInput(NamedTuple):
 
         Raises BadInputError for a variable that an option gives, too.
         """
+        from trim.reports.models import AskedTrim
+
         return [
             AskedTrim(
                 row.name or str(number), self.stated(row), partial(self._found, row), row.where
@@ -369,6 +373,8 @@ def conditions(model: Model, path: str | Path) -> Conditions:
         start=None,
         rows=rows,
     )
+    from trim.reports.models import linear_models
+
     return linear_models(model, given.asked())
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import SCRIPT, hfa, hfa_process
-from project import ROOT
+from project import FOLDERS, ROOT
 
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa_support.version import identity
+from hfa_support.version import PACKAGES, identity
 
 
 @pytest.mark.slow
@@ -158,7 +158,10 @@ def test_commands_load_only_the_packages_that_they_need(line, folder):
 
 
 def test_the_version_is_printed_without_loading_commands():
-    """`hfa --version` prints the version before modules of commands are imported."""
+    """`hfa --version` prints the version before modules of commands are imported. It identifies the
+    code of each package.
+    """
+    assert {*PACKAGES} == {*FOLDERS}
     program = """
 import sys
 from hfa.entry import main

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from hfa_aircraft.model import Model
 from hfa_support.reporting.report import Report
-from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane
 from trim.reports.trim_report import report_of, saved_report
@@ -16,6 +15,8 @@ from trim.reports.trimmed import Trimmed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from trim.linear.linear_model import LinearModel
 
 
 def _is_flexible(model: Model) -> bool:
