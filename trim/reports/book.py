@@ -196,14 +196,14 @@ class _Number(NamedTuple):
     value: number, in `unit`
     share: used share of the travel, percent, or nan
     tone: color of the cell, a key of `TONES`, or ""
-    count: significant digits of the largest number of the column
+    figures: significant digits of the largest number of the column
     """
 
     value: float
     unit: str
     share: float = math.nan
     tone: str = ""
-    count: int = 4
+    figures: int = 4
 
 
 def _column(cells: Sequence[Any]) -> list[str]:
@@ -212,7 +212,7 @@ def _column(cells: Sequence[Any]) -> list[str]:
     shown = [float(shown_values(number.value, number.unit)) for number in numbers]
     largest = max(map(abs, shown), default=0.0)
     before_point = math.floor(math.log10(largest)) + 1 if largest else 0
-    decimals = max(0, numbers[0].count - before_point) if largest else 0
+    decimals = max(0, numbers[0].figures - before_point) if largest else 0
     while decimals and all(round(each, decimals) == round(each, decimals - 1) for each in shown):
         decimals -= 1  # no zeros at the end of all
     texts = iter([f"{each:z.{decimals}f}" for each in shown])
@@ -301,7 +301,7 @@ def _configuration_cells(
         else:
             value, unit = point.model.parameters[name].start, point.model.unit(name)
         heading = with_shown_unit(_LOADED.get(name, name), unit)
-        cells[heading] = value if isinstance(value, str) else _Number(value, unit, count=5)
+        cells[heading] = value if isinstance(value, str) else _Number(value, unit, figures=5)
     return cells
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -209,7 +210,7 @@ class Conditions(StatesAndInputs, Result, Reported):
     def _row_entries(self, row: int) -> dict[str, Any]:
         """Return what a file states about a condition."""
         point, linear = self.points[row], self.linear[row]
-        found = math.nan if point is None else point.values
+        found = {} if point is None else point.values
         levels = self.levels[row]
         return {
             "name": self.names[row],
@@ -217,7 +218,7 @@ class Conditions(StatesAndInputs, Result, Reported):
             "reason": self.reasons[row],
             "condition": self.asked[row].stated,
             "operating_point": {
-                kind: {name: found[name] if point is not None else math.nan for name in names}
+                kind: {name: found.get(name, math.nan) for name in names}
                 for kind, names in (("states", self.model.states), ("inputs", self.model.inputs))
             },
             **{matrix: np.asarray(getattr(self, matrix)[row]) for matrix in _MATRICES},
@@ -338,11 +339,11 @@ class Conditions(StatesAndInputs, Result, Reported):
             arrays[matrix] = axes, np.asarray(getattr(self, matrix))
         model, signals = self.model, self.signals
         vectors: dict[str, tuple[str, int, Callable[[LinearModel], Any]]] = {
-            "X0": ("state", n, lambda linear: linear.state_offsets),
-            "U0": ("input", len(signals.inputs), lambda linear: linear.input_offsets),
-            "Y0": ("output", len(signals.outputs), lambda linear: linear.output_offsets),
-            "trim_states": ("trim_state", len(model.states), lambda linear: linear.point.x),
-            "trim_inputs": ("trim_input", len(model.inputs), lambda linear: linear.point.u),
+            "X0": ("state", n, attrgetter("state_offsets")),
+            "U0": ("input", len(signals.inputs), attrgetter("input_offsets")),
+            "Y0": ("output", len(signals.outputs), attrgetter("output_offsets")),
+            "trim_states": ("trim_state", len(model.states), attrgetter("point.x")),
+            "trim_inputs": ("trim_input", len(model.inputs), attrgetter("point.u")),
         }
         for name, (axis, count, of) in vectors.items():
             arrays[name] = (axis,), self._stacked((count,), of)
@@ -481,7 +482,7 @@ def linear_models(
     for matrix, (rows, columns) in _MATRICES.items():
         names = getattr(signals, rows), getattr(signals, columns)
         shape = (len(names[0]), len(names[1]))
-        stack = _stacked(linear, shape, lambda each, matrix=matrix: getattr(each, matrix))
+        stack = _stacked(linear, shape, attrgetter(matrix))
         matrices[matrix] = with_names(stack, (), *names)
     return Conditions(
         model, tuple(asked), signals, tuple(points), linear, tuple(reasons), **matrices
