@@ -109,9 +109,13 @@ def test_the_command_finds_the_thresholds():
         ("--gust smallest:0", "give lengths above 0"),
         ("--gust smallest --samples 2", "--samples cannot be combined with --gust smallest"),
         ("--gust smallest --noise speed=.3", "add --filter"),
+        (
+            "--aircraft examples/pendulum.py:PENDULUM --gust smallest",
+            "no state that is recognized as its speed",
+        ),
         ("--gust smalest", "give LENGTH:PEAK[:BEGIN] or smallest"),
     ],
 )
 def test_what_the_smallest_gust_cannot_have_is_refused(words, said):
-    """Wrong lengths and words, draws, and noise without a filter are refused."""
-    assert_refused(run("fly", "--dihedral", "5", *words.split()), 2, said)
+    """Wrong lengths and words, draws, noise without a filter, an aircraft without speed are refused."""
+    assert_refused(run("fly", *words.split()), 2, said)

@@ -189,6 +189,7 @@ def smallest_gusts(
 
     Source: FAR 25.341(a); the search is by flights, and finds no gust that it did not fly.
     """
+    speed = gust_speed(point)
     if lengths is None:
         gust_lengths = foot_in_length_unit(model) * np.array(LENGTHS)
     else:
@@ -199,7 +200,6 @@ def smallest_gusts(
     within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
     if not is_limited(within):
         raise BadInputError("the envelope has no limit that a gust could leave; give a limit")
-    speed = gust_speed(point)
     first_gust = _HeldGust(OneMinusCosine(float(gust_lengths[0]), 0.0, speed))
     own_scenario = replace(
         scenario or Scenario(sample=0.01),
