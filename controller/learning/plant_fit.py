@@ -220,18 +220,19 @@ class PlantFit:
         weights = np.pad(game.weights, (0, len(L)))
         if math.isfinite(game.delta):
             weights[n + m :, n + m :] = -(game.delta**2) * np.eye(len(L))
-        loop = M @ V
+        a, J = game.discount, M if game.is_discrete else np.eye(n, M.shape[1])
+        forced = a * (J.T @ P @ change + change.T @ P @ J)
+        sizes = self.scales[:n]  # solved in states of size 1, whatever their units
+        outer = np.outer(sizes, sizes)
+        loop = M @ V * sizes / sizes[:, None]
+        right = V.T @ forced @ V * outer
         if game.is_discrete:
-            a = game.discount
             H = weights + a * M.T @ P @ M
-            forced = a * (M.T @ P @ change + change.T @ P @ M)
-            dP = solve_discrete_lyapunov(math.sqrt(a) * loop.T, V.T @ forced @ V)
+            dP = solve_discrete_lyapunov(math.sqrt(a) * loop.T, right) / outer
             forced = forced + a * M.T @ dP @ M
         else:
-            J = np.eye(n, M.shape[1])
             H = weights
-            forced = J.T @ P @ change + change.T @ P @ J
-            dP = solve_continuous_lyapunov(loop.T, -V.T @ forced @ V)
+            dP = solve_continuous_lyapunov(loop.T, -right) / outer
             forced = forced + J.T @ dP @ M + M.T @ dP @ J
         free = slice(n, n + m + (len(L) if math.isfinite(game.delta) else 0))
         return Bands(dP, np.linalg.solve(H[free, free], (forced @ V)[free])[:m])

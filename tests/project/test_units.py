@@ -188,8 +188,19 @@ def of_smallest_delta(twin):
 
 
 def of_learning(twin):
-    learned = hfa.learn(game_of(twin))
-    return {"K": gain_of(twin, learned.K)}
+    game = game_of(twin)
+    of_states, of_inputs, noise = np.split(
+        np.random.default_rng(0).normal(size=(60, 10)), [4, 6], 1
+    )
+    x, u = of_states / twin.z, of_inputs * [1.0, 1e4] / twin.u
+    rates = x @ game.A.T + u @ game.B.T + 0.01 * noise * twin.second / twin.z
+    recorded = hfa.learn(game, data={"x": x, "u": u, "x_rate": rates})
+    return {
+        "K": gain_of(twin, hfa.learn(game).K),
+        "K of data": gain_of(twin, recorded.K),
+        "band of K": gain_of(twin, recorded.K_band),
+        "misfit": recorded.data.misfit,
+    }
 
 
 def of_value(twin):

@@ -200,6 +200,11 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
     if asked.of_states:
         refuse_normalizer(stated)
     tensors, precision = checked_tensors(without_training(contents.tensors))
+    if any(has_word(name, "logits") for name in tensors) and not any(parts.values()):
+        raise BadInputError(
+            "the policy chooses one of several discrete actions (logits), and is no input u(x); "
+            "train a policy with continuous actions, or name another network by --network"
+        )
     if stated.network:
         parts = _with_policy(parts, stated.network)
     words = "+".join(filter(None, parts.values()))

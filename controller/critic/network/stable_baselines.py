@@ -275,7 +275,9 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> _Box:
     space = _stored(data, name)
     parts = getattr(space, "spaces", None)
     parts = parts if isinstance(parts, dict) and what == "observations" else {"": space}
-    low, high, names = [], [], []
+    low: list[Any] = []
+    high: list[Any] = []
+    names: list[str] = []
     for key, part in parts.items():
         kind = getattr(part, "made_of", type(part).__name__).rpartition(".")[2]
         if kind == "Discrete" and what == "actions":
@@ -283,7 +285,7 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> _Box:
                 f"the policy chooses one of {getattr(part, 'n', 'several')} discrete actions, as "
                 "that of DQN does, and is no input u(x); train a policy with a Box of actions"
             )
-        ends = [getattr(part, end, None) for end in ("low", "high")]
+        ends: list[Any] = [getattr(part, end, None) for end in ("low", "high")]
         if not all(isinstance(end, np.ndarray) for end in ends):
             raise BadInputError(
                 f"the space of the {what} {shortened(str(key))} is a {shortened(kind)}, but only a "
@@ -298,10 +300,8 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> _Box:
         high.append(ends[1])
         count = len(ends[0])
         names += [f"{key}[{place}]" if count > 1 else str(key) for place in range(count)]
-    return _Box(
-        *(np.concatenate(each).astype(float) for each in (low, high)),
-        tuple(names) if space not in parts.values() else (),
-    )
+    lowest, highest = (np.concatenate(each).astype(float) for each in (low, high))
+    return _Box(lowest, highest, () if space in parts.values() else tuple(names))
 
 
 def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:

@@ -287,6 +287,12 @@ def test_the_policy_in_a_checkpoint_is_that_of_its_library(library, write):
     assert "not used" in " ".join(critic.stated.notes) or library.startswith("TD3")
 
 
+def test_a_checkpoint_of_a_discrete_policy_is_refused():
+    tensors = layers("model.a2c_network.", "actor_mlp.0", "logits", widths=(3, 5, 2))
+    path = torch_file("discrete.pth", tensors)
+    assert "one of several discrete actions (logits)" in refusal(path, activation="tanh")
+
+
 #: Library -> names of the mean and the spread of its normalizer, and the divisor of a spread.
 NORMALIZERS = {
     "rsl_rl": ("obs_norm_state_dict._mean", "obs_norm_state_dict._std", lambda s: s + 1e-2),

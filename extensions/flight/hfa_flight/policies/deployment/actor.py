@@ -149,15 +149,15 @@ def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
     listed = box_of(wanted.boxes)
     squash = wanted.policy.get("squash")
     low, high = stated.low, stated.high
+    is_stated = bool(stated.squash) or low is not None
+    if is_stated and squash is not None and squash != bool(stated.squash):
+        raise BadInputError(
+            f"policy.squash is {shown(squash)}, but the file states {stated}; remove policy.squash"
+        )
     if low is None or high is None:
         action = listed._replace(squash=stated.squash or ("tanh" if squash else ""))
     else:
         action = stated
-        if squash is not None and squash != bool(stated.squash):
-            raise BadInputError(
-                f"policy.squash is {shown(squash)}, but the file states {stated}; "
-                "remove policy.squash"
-            )
         for place, (name, box) in enumerate(wanted.boxes.items()):
             stored = [float(low[place]), float(high[place])]
             # Boxes in files are rounded to single precision.
