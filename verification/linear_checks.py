@@ -172,6 +172,8 @@ def _state_lines(exact: Solution, excess: Excess) -> list[str]:
     lines = []
     if _has_worst(excess):
         lines.append(f"Worst initial state, in the box: {state_text(exact, excess.worst)}")
+    if not excess.is_relative:
+        lines.append("Weights indefinite: % of the largest optimal cost of the box")
     if excess.free_state is not None:
         lines.append(
             f"From {state_text(exact, excess.free_state)}, the policy costs "

@@ -137,10 +137,10 @@ def candidate_in_doubles(
             if change is None:
                 break
             units = _changed(solved.equation.units, change.root)
-            if change.X is None:
-                solved = _solved(game, units, delta)
-            else:
+            if change.X is not None:
                 solved = Solved(equation_of(game, units, DoubleBalls, delta), change.X)
+                break
+            solved = _solved(game, units, delta)
         return _corrected(solved)
 
 

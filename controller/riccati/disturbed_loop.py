@@ -13,6 +13,7 @@ Source: Zhou, Doyle and Glover, Robust and Optimal Control, Theorems 4.5, 13.7 a
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,7 +21,12 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import Balls, DoubleBalls, bits, midpoints, norm, scaled_balls
-from controller.riccati.candidate import candidate_in_doubles, corrected_in_bits
+from controller.riccati.candidate import (
+    Candidate,
+    candidate_in_bits,
+    candidate_in_doubles,
+    corrected_in_bits,
+)
 from controller.riccati.enclosure import Enclosure, proved_ball
 from controller.riccati.equation import Entries, users_units
 from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
@@ -93,8 +99,23 @@ class DisturbedLoop(NamedTuple):
             raise FailedError(str(error)) from None
         if not E.any() and not all(entry == 0 for entry in self.E.entries()):
             raise FailedError("the disturbance may be 0")
-        candidate = candidate_in_doubles(game, delta, users_units(game), turns=0)
-        try:
-            return Enclosure(proved_ball(candidate, DoubleBalls), bits())
-        except NotProvedError:
-            return Enclosure(proved_ball(corrected_in_bits(candidate), Balls), bits())
+        units = users_units(game)
+        candidates = (
+            lambda: candidate_in_doubles(game, delta, units, turns=0),
+            lambda: candidate_in_doubles(game, delta, units),
+            lambda: candidate_in_bits(game, delta),
+        )
+        for candidate_of in candidates:
+            with suppress(FailedError, NotProvedError):
+                return _enclosure_of(candidate_of())
+        raise NotProvedError("the value of the loop")
+
+
+def _enclosure_of(candidate: Candidate) -> Enclosure:
+    """Return what a candidate proves, by bounds in doubles or in balls.
+
+    Raises FailedError or NotProvedError.
+    """
+    with suppress(NotProvedError):
+        return Enclosure(proved_ball(candidate, DoubleBalls), bits())
+    return Enclosure(proved_ball(corrected_in_bits(candidate), Balls), bits())

@@ -38,6 +38,7 @@ from controller.riccati.balls import (
     symmetric,
     symmetric_part,
 )
+from controller.riccati.certificate import has_indefinite_weights
 from controller.riccati.disturbed_loop import LoopValue
 from controller.riccati.enclosure import Enclosure, enclosed_in_bits
 from controller.riccati.free_states import FreeStates, free_states
@@ -72,6 +73,8 @@ class Excess:
     from_free: cost from a state of the box where the optimum is 0, the largest of those tried; it
         counts unless the cost of the box is the same double without it
     free_state: this state, (n,), or None without such a cost
+    is_relative: False if the weights are indefinite: in place of the optimal cost of each state is
+        then the largest one, in magnitude, of the ellipsoid within the box
     """
 
     low: float
@@ -84,6 +87,7 @@ class Excess:
     is_summable: bool
     from_free: float = 0.0
     free_state: np.ndarray | None = None
+    is_relative: bool = True
 
     @property
     def is_known(self) -> bool:
@@ -169,6 +173,11 @@ class _Policy:
         if solved is None:
             return excess
         excess = replace(excess, matrix=midpoints(solved.D), disturbance_gain=midpoints(solved.L))
+        if has_indefinite_weights(game):
+            sizes = midpoints(self.enclosure.P) * np.outer(box, box)
+            largest = float(np.abs(np.linalg.eigvalsh(sizes)).max())
+            reference = ball_matrix(np.diag(largest / box**2))
+            return _with_ratio(replace(excess, is_relative=False), solved.D, reference, [], box)
         free = None if is_positive_definite(self.enclosure.P) else free_states(game)
         if free is None:
             return _with_ratio(excess, solved.D, self.enclosure.P, [], box)

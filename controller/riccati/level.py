@@ -143,7 +143,7 @@ class Level:
             with precision(bits), suppress(FailedError, NotProvedError):
                 gain = enclosed_in_bits(self.enclosure, bits).K if K is None else ball_matrix(K)
                 bounds = gain_of(self._disturbed(gain))
-                best = min(best, bounds, key=lambda bounds: bounds.high)
+                best = min(best, bounds, key=lambda each: (each.high, -each.low))
             if best.is_narrow:
                 break
         # The value at delta proves that the gain is below it.

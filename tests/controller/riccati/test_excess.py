@@ -211,6 +211,18 @@ def test_an_excess_does_not_depend_on_units(kind, number):
         assert second.mean == pytest.approx(first.mean, rel=1e-6)
 
 
+def test_costs_of_indefinite_weights_are_parts_of_the_largest_optimum():
+    """P has the eigenvalues -0.12 and 2.6; the optimal gain is optimal, and another one costs z'D z."""
+    game = Game([[1.0, 0.3], [0.0, -2.0]], [[1.0], [0.5]], Q=[2.0, -0.5], R=[1.0], delta=10.0)
+    exact = solve(game)
+    assert judged(game, exact.K).is_optimal
+    found = judged(game, 1.1 * exact.K)
+    assert not found.is_relative
+    largest = np.abs(np.linalg.eigvalsh(exact.P)).max()
+    expected = np.linalg.eigvalsh(loss(game, 1.1 * exact.K)).max() / largest
+    assert found.high == pytest.approx(expected, rel=1e-6)
+
+
 # Values of loops.
 
 #: Loops with one state: F, E, C, δ and the root D in closed form.
