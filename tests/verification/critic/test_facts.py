@@ -62,3 +62,12 @@ def test_inputs_of_the_nonlinear_plant_end_at_their_limits():
     for u, limit in ((1000.0, plant.highest), (-1000.0, plant.lowest)):
         held = np.array(plant.rates(np.zeros(6), limit))
         assert np.array(plant.closed(np.zeros(6), np.full(5, u))) == pytest.approx(held, rel=1e-12)
+
+
+def test_the_pole_of_a_loop_has_the_sign_that_is_proved():
+    """Where rounding decides the sign of a pole in doubles, the pole is enclosed."""
+    A, B = [[-1.0, 1.0], [1.0, -1.0]], [[0.0], [1.0]]
+    game = hfa.Game(A, B, Q=np.eye(2), R=[1.0])
+    checks = verify(game, hfa.from_gain(game, [[0.0, 1e-18]])).checks
+    (pole,) = [check for check in checks if check.name == "control_loop_abscissa"]
+    assert (pole.value, pole.ok) == (pytest.approx(-5e-19, rel=1e-9, abs=0.0), True)
