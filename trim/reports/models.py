@@ -129,7 +129,7 @@ class Conditions(StatesAndInputs, Result, Reported):
     def status(self) -> tuple[str, ...]:
         """Status of each condition: "trimmed", "stalled" (beyond the largest lift) or "no trim"."""
         groups = (self.model.states, self.model.inputs, self.model.parameters)
-        x, u, p = (self._stacked((len(names),), lambda _: math.nan) for names in groups)
+        x, u, p = (np.full((len(self), len(names)), math.nan) for names in groups)
         for row, point in enumerate(self.points):
             if point is not None:
                 x[row], u[row], p[row] = point.states, point.inputs, point.model.p
@@ -188,10 +188,6 @@ class Conditions(StatesAndInputs, Result, Reported):
     def _ipython_key_completions_(self) -> tuple[str, ...]:
         return self.names
 
-    def _stacked(self, shape: tuple[int, ...], of: Callable[[LinearModel], Any]) -> np.ndarray:
-        """Return an array of all linear models, (N, *shape)."""
-        return _stacked(self.linear, shape, of)
-
     # Files.
 
     def _named_signals(self) -> dict[str, Any]:
@@ -208,32 +204,10 @@ class Conditions(StatesAndInputs, Result, Reported):
         return {"dynamics": self.model.name, **self._named_signals(), "models": models}
 
     def _row_entries(self, row: int) -> dict[str, Any]:
-        """Return what a file states about a condition."""
-        point, linear = self.points[row], self.linear[row]
-        found = {} if point is None else point.values
-        levels = self.levels[row]
-        return {
-            "name": self.names[row],
-            "status": self.status[row],
-            "reason": self.reasons[row],
-            "condition": self.asked[row].stated,
-            "operating_point": {
-                kind: {name: found.get(name, math.nan) for name in names}
-                for kind, names in (("states", self.model.states), ("inputs", self.model.inputs))
-            },
-            **{matrix: np.asarray(getattr(self, matrix)[row]) for matrix in _MATRICES},
-            "modes": [
-                {
-                    "name": mode.name,
-                    "level": levels.get(mode.name),
-                    "eigenvalue": mode.eigenvalue,
-                    "damping": mode.damping,
-                    "frequency": mode.frequency,
-                }
-                for mode in self.modes[row]
-            ],
-            "kinks": () if linear is None else linear.kinks,
-        }
+        """Return what a file states about a condition: its name, what it asks for, and `arrays`."""
+        asked = self.asked[row]
+        found = {name: array[row] for name, (_, array) in self.arrays.items()}
+        return {"name": asked.name, "condition": asked.stated, **found}
 
     def report(self) -> Report:
         """Return a report with the status and the eigenvalues of the modes of each condition, and
@@ -316,45 +290,43 @@ class Conditions(StatesAndInputs, Result, Reported):
         records = self.records()
         return pandas.DataFrame(list(records.rows), columns=records.header).set_index(NAME)
 
+    @cached_property
     def arrays(self) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
-        """Return name -> (axes, array) of the results, with the condition as the first axis.
+        """Name -> (axes, array) of the results, with the condition as the first axis.
 
-        They are A to F; X0, U0 and Y0; states and inputs of the trims; status and reason; and the
-        eigenvalues with the names and levels of their modes.
+        They are status and reason; A to F; X0, U0 and Y0; states and inputs of the trims; and the
+        eigenvalues, with the names of their modes and their levels.
         """
-        n = len(self.signals.states)
+        signals, model = self.signals, self.model
+        n = len(signals.states)
+        arrays: dict[str, Any] = {
+            name: ((), np.array(words, dtype=object))
+            for name, words in (("status", self.status), ("reason", self.reasons))
+        }
+        for matrix, (rows, columns) in _MATRICES.items():
+            axes = ("rate" if rows == "states" else "output", columns.removesuffix("s"))
+            arrays[matrix] = axes, np.asarray(getattr(self, matrix))
+        for name, axis, count, of in (
+            ("X0", "state", n, "state_offsets"),
+            ("U0", "input", len(signals.inputs), "input_offsets"),
+            ("Y0", "output", len(signals.outputs), "output_offsets"),
+            ("trim_states", "trim_state", len(model.states), "point.x"),
+            ("trim_inputs", "trim_input", len(model.inputs), "point.u"),
+        ):
+            arrays[name] = (axis,), _stacked(self.linear, (count,), attrgetter(of))
         roots = np.full((len(self), n), complex(math.nan, math.nan))
         names = np.full((len(self), n), "", dtype=object)
         levels = np.full((len(self), n), math.nan)
         for row, modes in enumerate(self.modes):
-            place = 0
-            for mode in modes:
-                for root in dict.fromkeys((mode.eigenvalue, mode.eigenvalue.conjugate())):
-                    roots[row, place], names[row, place] = root, mode.name
-                    levels[row, place] = self.levels[row].get(mode.name) or math.nan
-                    place += 1
-        arrays: dict[str, Any] = {}
-        for matrix, (rows, columns) in _MATRICES.items():
-            axes = ("rate" if rows == "states" else "output", columns.removesuffix("s"))
-            arrays[matrix] = axes, np.asarray(getattr(self, matrix))
-        model, signals = self.model, self.signals
-        vectors: dict[str, tuple[str, int, Callable[[LinearModel], Any]]] = {
-            "X0": ("state", n, attrgetter("state_offsets")),
-            "U0": ("input", len(signals.inputs), attrgetter("input_offsets")),
-            "Y0": ("output", len(signals.outputs), attrgetter("output_offsets")),
-            "trim_states": ("trim_state", len(model.states), attrgetter("point.x")),
-            "trim_inputs": ("trim_input", len(model.inputs), attrgetter("point.u")),
-        }
-        for name, (axis, count, of) in vectors.items():
-            arrays[name] = (axis,), self._stacked((count,), of)
-        for name, values in (
-            ("eigenvalues", roots),
-            ("mode_names", names),
-            ("mode_levels", levels),
-        ):
-            arrays[name] = ("mode",), values
-        for name, words in (("status", self.status), ("reason", self.reasons)):
-            arrays[name] = (), np.array(words, dtype=object)
+            each_root = [
+                (root, mode.name, self.levels[row].get(mode.name) or math.nan)
+                for mode in modes
+                for root in dict.fromkeys((mode.eigenvalue, mode.eigenvalue.conjugate()))
+            ]
+            if modes:
+                roots[row], names[row], levels[row] = zip(*each_root, strict=True)
+        of_modes = {"eigenvalues": roots, "mode_names": names, "mode_levels": levels}
+        arrays |= {name: (("mode",), array) for name, array in of_modes.items()}
         return {name: (("condition", *axes), array) for name, (axes, array) in arrays.items()}
 
     def to_xarray(self) -> xarray.Dataset:
@@ -368,7 +340,7 @@ class Conditions(StatesAndInputs, Result, Reported):
             for axis, names in named.items()
         }
         coordinates |= {"condition": words(self.names), "rate": words(self.signals.states)}
-        return dataset(self.arrays(), coordinates, model.title)
+        return dataset(self.arrays, coordinates, model.title)
 
     def save(self, path: str | Path, provenance: Mapping[str, Any] | None = None) -> None:
         """Write the conditions to a file or folder.
@@ -397,7 +369,7 @@ class Conditions(StatesAndInputs, Result, Reported):
                 plain = re.sub(r"[^\w.-]+", "_", name)
                 write_text(path / f"{row:02}_{plain}.json", json_text(self._file(row - 1) | origin))
         elif suffix == ".npz":
-            arrays = {name: array for name, (_, array) in self.arrays().items()}
+            arrays = {name: array for name, (_, array) in self.arrays.items()}
             words = [name for name, array in arrays.items() if array.dtype == object]
             arrays |= {name: arrays[name].astype(str) for name in words}
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
