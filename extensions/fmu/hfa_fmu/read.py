@@ -19,7 +19,7 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cache
 from multiprocessing.util import get_temp_dir
 from pathlib import Path
@@ -57,22 +57,14 @@ def read_model(text: str) -> Model:
     return, fails, or depends on time.
     """
     content = regular_file(text).read_bytes()
-    return _read(text, _Content(hashlib.sha256(content).hexdigest(), content))
-
-
-@dataclass(frozen=True)
-class _Content:
-    """Bytes of a file, compared by their hash."""
-
-    digest: str
-    content: bytes = field(compare=False, repr=False)
+    return _read(text, hashlib.sha256(content).hexdigest())
 
 
 @cache
-def _read(text: str, file: _Content) -> Model:
+def _read(text: str, digest: str) -> Model:
     """Return the model of a file with this hash. Its library is loaded once in a process."""
     with prefix_errors(text):
-        folder = _unpacked(file.content)
+        folder = _unpacked(Path(text))
         description = described(folder)
         interface = _interface(folder, description)
         start = [
@@ -84,21 +76,20 @@ def _read(text: str, file: _Content) -> Model:
             instance = Instance(interface)
         except OSError as error:
             raise BadInputError(f"its library cannot be loaded ({error})") from error
-        return _model(instance, description, start, Source(text, file.digest))
+        return _model(instance, description, start, Source(text, digest))
 
 
-def _unpacked(content: bytes) -> Path:
+def _unpacked(file: Path) -> Path:
     """Return a new folder with the files of an FMU, which remains until the process ends."""
     # It is in the temporary folder of this process and of the workers that it starts.
     folder = Path(tempfile.mkdtemp(prefix="fmu-", dir=get_temp_dir()))
+    members = unpacked(file.read_bytes())
     try:
-        for name, member in unpacked(content).items():
+        for name, member in members.items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(member)
     except (OSError, ValueError) as error:
-        if isinstance(error, BadInputError):
-            raise
         raise BadInputError(f"the FMU cannot be unpacked ({error}); export it again") from error
     return folder
 

@@ -269,7 +269,7 @@ class _Declaration:
             about=About(
                 notes=(*of_engine_files(self.parts), *grouped(notes)),
                 aliases=_with_short_names(ALIASES | self._own_aliases()),
-                doubts=self._doubts(configuration),
+                doubts_about=partial(self._doubts, configuration),
                 equations="JSBSim",
                 atmosphere="U.S. Standard 1976",
                 configuration=configuration,
@@ -289,22 +289,23 @@ class _Declaration:
         )
 
     def _doubts(
-        self, configuration: Callable[..., dict[str, tuple[float, str]]]
-    ) -> tuple[str, ...]:
-        """Return a sentence if no rigid body has the inertias of the file."""
-        p = [signal.start for signal in self._parameters().values()]
+        self,
+        configuration: Callable[..., dict[str, tuple[float, str]]],
+        parameters: Mapping[str, float],
+    ) -> Iterator[str]:
+        """Yield a sentence if no rigid body has the inertias, and if no throttle moves a thrust."""
+        p = [*parameters.values()]
         x = [signal.start for signal in self._states().values()]
         values = configuration(x, [0.0] * len(self.inputs), p)
         xx, yy, zz, xz = (values[name][0] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
-        doubts = [inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])]
-        doubts.append(self._doubt_of_throttle(x, p))
-        return tuple(filter(None, doubts))
+        inertia = [[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]]
+        yield from filter(None, (inertia_doubt(inertia), self._doubt_of_throttle(x, p)))
 
     def _doubt_of_throttle(self, x: list[float], p: list[float]) -> str:
-        """Return a sentence if no thrust changes with the throttles at start values x and p, with
-        the constant of the files that stops the engines.
+        """Return a sentence if no rate changes with the throttles at the states x and parameters p,
+        with the constant of the files, or the parameter of the engine, that stops the engines.
         """
-        throttles, starts = self._throttles(), self.equations.starts
+        throttles = self._throttles()
 
         def is_moved(values: list[float]) -> bool:
             ends = [
@@ -314,17 +315,17 @@ class _Declaration:
             idle, full = (self._still(x, u, values)[0].full() for u in ends)
             return bool((idle != full).any())
 
-        trials = {"": p}
-        for full_name, name in self.equations.constants.items():
-            other = f"{full_name}={1.0 - starts[name]:g}"
-            trials[other] = [
-                1.0 - value if each == name else value
-                for each, value in zip(self.parameters, p, strict=True)
-            ]
-        moving = [other for other, values in trials.items() if is_moved(values)]
-        if "" in moving or not throttles:
+        if not throttles or is_moved(p):
             return ""
-        return "the throttle moves no thrust" + (f": --hold {moving[0]}" if moving else "")
+        switches = dict(self.equations.constants)
+        switches |= {name: name for name in self.parameters if name.startswith("engine")}
+        names = [*self.parameters]
+        for full_name, name in switches.items():
+            place = names.index(name) if name in names else 0
+            other = 1.0 - p[place]
+            if name in names and is_moved([*p[:place], other, *p[place + 1 :]]):
+                return f"the throttle moves no thrust: --hold {full_name}={other:g}"
+        return "the throttle moves no thrust"
 
     def _configuration(self) -> Callable[..., dict[str, tuple[float, str]]]:
         """Return the function (x, u, p) -> mass, center of gravity, inertias, sizes with units."""

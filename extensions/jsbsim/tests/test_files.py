@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
-from constructs.jet import slope
+from constructs.jet import jet, slope
 from small_aircraft import (
     CONTROL,
     LIFT,
@@ -258,6 +258,20 @@ def test_only_what_moves_a_force_may_not_be_set(tmp_path, name, said):
             load_model(path)
     else:
         assert load_model(path).rates_at([120.0, 0.1, *[0.0] * 7, 1000.0], [0.0] * 3)
+
+
+def test_the_property_that_stops_the_engine_is_named(tmp_path):
+    """Where the throttle moves no thrust, the first lines say which constant starts the engine."""
+    valve = (
+        '<pure_gain name="fcs/probe"> <input>sim/fuel</input> <gain>1</gain>'
+        " <output>propulsion/tank/priority</output> </pure_gain>"
+    )
+    path = written(tmp_path, jet({"channels": f'<channel name="c"> {valve} </channel>'}), "small")
+    model = load_model(path)
+    assert model.doubts == ("the throttle moves no thrust: --hold sim/fuel=1",)
+    assert model.with_parameters(fuel=1.0).doubts == ()
+    stopped = model.with_parameters(fuel=1.0, engine0=0.0)
+    assert stopped.doubts == ("the throttle moves no thrust: --hold engine0=1",)
 
 
 def test_a_constant_whose_loop_is_off_keeps_its_value(tmp_path):
