@@ -128,6 +128,8 @@ def test_the_object_has_points_tables_and_levels(book, tmp_path):
             assert book.levels[row][mode.name] == worst
     assert book["glide"]["thrust"] == 0.0
     assert book["glide"].model.parameters["mass"].start == 20.0
+    masses = book.to_xarray().trim_parameters.sel(trim_parameter="mass").values
+    assert masses.tolist()[:-1] == [13.5, 13.5, 13.5, 20.0, 13.5]
     entry = book.A["alpha", "pitch_rate"]
     dataset = book.to_xarray()
     selected = dataset.A.sel(rate="alpha", state="pitch_rate")

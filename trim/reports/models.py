@@ -190,13 +190,19 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     # Files.
 
+    @property
+    def _axes(self) -> dict[str, tuple[str, ...]]:
+        """Axis of `arrays` -> names of its signals."""
+        model = self.model
+        named = {kind.removesuffix("s"): names for kind, names in self.signals._asdict().items()}
+        groups = {"state": model.states, "input": model.inputs, "parameter": model.parameters}
+        return named | {f"trim_{axis}": tuple(signals) for axis, signals in groups.items()}
+
     def _named_signals(self) -> dict[str, Any]:
         """Return the entries of files with the names and units of the signals."""
-        units = {
-            f"{kind.removesuffix('s')}_units": self.model.units(names)
-            for kind, names in self.signals._asdict().items()
-        }
-        return self.signals._asdict() | units
+        trims = {f"{axis}_names": names for axis, names in self._axes.items() if "_" in axis}
+        units = {f"{axis}_units": self.model.units(names) for axis, names in self._axes.items()}
+        return self.signals._asdict() | trims | units
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -294,8 +300,8 @@ class Conditions(StatesAndInputs, Result, Reported):
     def arrays(self) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
         """Name -> (axes, array) of the results, with the condition as the first axis.
 
-        They are status and reason; A to F; X0, U0 and Y0; states and inputs of the trims; and the
-        eigenvalues, with the names of their modes and their levels.
+        They are status and reason; A to F; X0, U0 and Y0; states, inputs and parameters of the
+        trims; and the eigenvalues, with the names of their modes and their levels.
         """
         signals, model = self.signals, self.model
         n = len(signals.states)
@@ -312,6 +318,7 @@ class Conditions(StatesAndInputs, Result, Reported):
             ("Y0", "output", len(signals.outputs), "output_offsets"),
             ("trim_states", "trim_state", len(model.states), "point.x"),
             ("trim_inputs", "trim_input", len(model.inputs), "point.u"),
+            ("trim_parameters", "trim_parameter", len(model.parameters), "model.p"),
         ):
             arrays[name] = (axis,), _stacked(self.linear, (count,), attrgetter(of))
         roots = np.full((len(self), n), complex(math.nan, math.nan))
@@ -332,12 +339,10 @@ class Conditions(StatesAndInputs, Result, Reported):
     def to_xarray(self) -> xarray.Dataset:
         """Return `arrays` with the names of conditions and signals, and units. Requires xarray."""
         model = self.model
-        named = {kind.removesuffix("s"): names for kind, names in self.signals._asdict().items()}
-        named |= {"trim_state": tuple(model.states), "trim_input": tuple(model.inputs)}
         words = partial(np.array, dtype=object)  # of any length
         coordinates: dict[str, Any] = {
             axis: (axis, words(names), {"units": [*model.units(names)]})
-            for axis, names in named.items()
+            for axis, names in self._axes.items()
         }
         coordinates |= {"condition": words(self.names), "rate": words(self.signals.states)}
         return dataset(self.arrays, coordinates, model.title)
