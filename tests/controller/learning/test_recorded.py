@@ -178,17 +178,18 @@ def test_bands_hold_the_exact_entries_in_95_percent(game, hold):
     """Of 40 noisy records, within the bounds of a binomial law of 600 correlated entries."""
     if hold and game.is_discrete:
         pytest.skip("has its own sample time")
-    exact, inside = solve(game), []
+    exact, runs = solve(game), []
     for seed in range(40):
         noise = 0.02 * (hold or 1.0)
         data = recorded(game.sampled(hold) if hold else game, 60, noise, seed)
-        run = learn(blind(game), data=data | ({"dt": hold} if hold else {}))
-        for found, right, band in (
-            (run.P, exact.P, run.P_band),
-            (run.K, exact.K, run.K_band),
-        ):
-            inside.append(np.abs(found - right) <= band)
-    assert 0.90 < np.concatenate([each.ravel() for each in inside]).mean() < 0.99
+        runs.append(learn(blind(game), data=data | ({"dt": hold} if hold else {})))
+        run = runs[-1]
+    for name in "PK":
+        found = np.array([getattr(run, name) for run in runs])
+        bands = np.array([getattr(run, f"{name}_band") for run in runs])
+        assert 0.90 < np.mean(np.abs(found - getattr(exact, name)) <= bands) < 0.99
+        ratio = bands.mean(axis=0) / (2.004 * found.std(axis=0))  # Student's t of 55 rows
+        assert 0.9 < ratio.mean() < 1.15
     assert 0.3 * noise < run.data.noise.mean() < 2.0 * noise
 
 

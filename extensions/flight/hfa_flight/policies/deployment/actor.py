@@ -14,7 +14,13 @@ from controller.critic.critic_file import entries_in, is_network, matrix_of_gain
 from controller.critic.network.network_file import SUFFIXES, Asked, NetworkFile, network_in
 from controller.critic.network.row_network import RowNetwork
 from controller.critic.network.stable_baselines import read_normalizer
-from controller.critic.network.stated import NOTHING, ActionBox, Normalizer, Stated
+from controller.critic.network.stated import (
+    NOTHING,
+    ActionBox,
+    Normalizer,
+    Stated,
+    notes_on_statistics,
+)
 from hfa_aircraft.readers.matrices_file import NAME_KEYS, sample_time, words
 from hfa_support.errors import BadInputError, prefix_errors, shown
 from hfa_support.files import MATRIX_FILES
@@ -197,8 +203,9 @@ def _normalizer(stated: Stated, wanted: Wanted) -> tuple[Normalizer | None, tupl
             f"deployment file lists {wanted.observations}; give the normalizer of this policy"
         )
     least, most = stated.seen
-    if count == 0 or least <= count <= most:
-        return normalizer, ()
+    unseen = normalizer and notes_on_statistics(normalizer.mean, normalizer.variance)
+    if unseen or count == 0 or least <= count <= most:
+        return normalizer, unseen or ()
     reason = "it was not saved with this policy"
     if count > most:
         reason += ", unless learn() was called several times"
