@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from fractions import Fraction
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -67,6 +66,8 @@ def _count(start: float, stop: float, step: float) -> int:
 
     Doubles would miss the last value of 35:35.3:0.1, because (35.3 - 35) / 0.1 is below 3 in them.
     """
+    from fractions import Fraction
+
     first, last, width = (Fraction(repr(value)) for value in (start, stop, step))
     return (last - first) // width + 1
 
