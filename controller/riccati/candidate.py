@@ -276,9 +276,10 @@ def half_plane_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
     if isinstance(equation, ContinuousEquation):
         return hamiltonian(equation.free.midpoint, equation.S.midpoint, equation.cost.midpoint)
     assert isinstance(equation, StepEquation)
-    parts = equation.A, equation.G, equation.Q, equation.W, equation.C
-    blocks = pencil_blocks(*(each.midpoint for each in parts), np.eye(equation.n))
-    L, M = map(np.block, blocks)
+    A, G, Q, W, C = (
+        each.midpoint for each in (equation.A, equation.G, equation.Q, equation.W, equation.C)
+    )
+    L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(equation.n)))
     return np.linalg.solve(L + M, L - M)
 
 
