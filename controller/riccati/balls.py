@@ -22,7 +22,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -67,64 +67,6 @@ def bits() -> int:
     from flint import ctx
 
     return int(ctx.prec)
-
-
-class BallMatrix(Protocol):
-    """Matrix whose entries are balls. All operations contain the exact result."""
-
-    @classmethod
-    def of(cls, matrix: Exact) -> Self:
-        """Return a matrix that contains the given one, itself if it is of this kind."""
-
-    @property
-    def midpoint(self) -> np.ndarray:
-        """Midpoints, rounded to doubles, (n, m)."""
-
-    @property
-    def radius(self) -> np.ndarray:
-        """Radii about the midpoints, before these are rounded, (n, m); rounded up."""
-
-    @property
-    def rows(self) -> int:
-        """Number of rows."""
-
-    @property
-    def T(self) -> Self:
-        """The transpose."""
-
-    def beside(self, right: Self) -> Self:
-        """Return [self right]."""
-
-    def block(self, rows: slice, columns: slice) -> Self:
-        """Return some rows and columns."""
-
-    def __neg__(self) -> Self: ...
-    def __add__(self, other: Self) -> Self: ...
-    def __sub__(self, other: Self) -> Self: ...
-    def __matmul__(self, other: Self) -> Self: ...
-    def times(self, factor: arb) -> Self:
-        """Return the product with a ball."""
-
-
-class BoundMatrix(BallMatrix, Protocol):
-    """Matrix of balls in which bounds are computed."""
-
-    @classmethod
-    def around(cls, middle: Exact, spread: Sequence[arb]) -> Self:
-        """Return the symmetric matrix with the radius s_i s_j about each entry ij of a middle.
-
-        middle: (n, n), exact, or a matrix that contains it
-        spread: s, (n,)
-        """
-
-    def norm(self) -> arb:
-        """Return an upper bound of the spectral norm, infinite or nan if none is known."""
-
-    def inverse_norm(self) -> arb:
-        """Return an upper bound of the spectral norm of the inverse, infinite if none is known."""
-
-    def is_positive_definite(self) -> bool:
-        """Return whether all symmetric matrices in the balls are proved positive definite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -367,6 +309,10 @@ class DoubleBalls:
         scaled[np.diag_indices_from(scaled)] -= float(shift) * UP
         _, failed = dpotrf(scaled, lower=1)
         return bool(np.isfinite(scaled).all() and not failed)
+
+
+#: Matrix of balls of one of the arithmetics.
+Matrix = TypeVar("Matrix", Balls, DoubleBalls)
 
 
 def ball_matrix(matrix: np.ndarray | list[list[arb]]) -> arb_mat:

@@ -17,6 +17,7 @@ from controller.riccati.balls import (
     UP,
     Balls,
     DoubleBalls,
+    Matrix,
     ball_matrix,
     bits,
     identity,
@@ -36,7 +37,6 @@ from controller.riccati.candidate import (
 from controller.riccati.equation import Equation, Units, equation_of
 from controller.riccati.free_states import states_without_cost
 from controller.riccati.lyapunov import (
-    Bound,
     FailedError,
     NotProvedError,
     lyapunov_in_bits,
@@ -258,7 +258,7 @@ def enclosed_in_bits(enclosure: Enclosure, n_bits: int) -> Enclosure:
 
 
 def _outcome(
-    candidate: Candidate, arithmetic: type[Bound], *, digits: bool, in_bits: bool
+    candidate: Candidate, arithmetic: type[Matrix], *, digits: bool, in_bits: bool
 ) -> Enclosure | str:
     """Return what a candidate proves: an enclosure, a reason why there is no value, or "".
 
@@ -279,7 +279,7 @@ def _outcome(
     return enclosure
 
 
-def proved_ball(candidate: Candidate, arithmetic: type[Bound]) -> Stabilizing[Bound]:
+def proved_ball(candidate: Candidate, arithmetic: type[Matrix]) -> Stabilizing[Matrix]:
     """Return the ball of a value that a candidate proves, where there is one without disturbance.
 
     Raises FailedError or NotProvedError.
@@ -299,7 +299,7 @@ def prove_value(ball: Stabilizing[Any]) -> None:
         prove_control_loop(ball, _shape_of(ball.control_loop, ball.bounds))
 
 
-def _shape_of(loop: Bound, equation: Equation[Bound]) -> Balls | np.ndarray:
+def _shape_of(loop: Matrix, equation: Equation[Matrix]) -> Balls | np.ndarray:
     """Return a candidate Y of F'Y + Y F = -1 of a loop F, in discrete time of F'Y F - Y = -1.
 
     Raises FailedError.

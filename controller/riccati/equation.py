@@ -10,27 +10,26 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
-    BallMatrix,
     Balls,
-    BoundMatrix,
+    DoubleBalls,
+    Matrix,
     ball_matrix,
     identity,
     scaled_balls,
     stacked,
     symmetric_part,
 )
-from controller.riccati.lyapunov import Matrix
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
-Other = TypeVar("Other", bound=BallMatrix)
+Other = TypeVar("Other", Balls, DoubleBalls)
 
 
 class Units(NamedTuple):
@@ -176,6 +175,13 @@ class Equation(ABC, Generic[Matrix]):
     """
 
     is_discrete: ClassVar[bool]
+    arithmetic: type[Matrix]
+    A: Matrix
+    B: Matrix
+    E: Matrix
+    Q: Matrix
+    R: Matrix
+    N: Matrix
 
     def __init__(
         self,
@@ -376,7 +382,7 @@ class ContinuousEquation(Equation[Matrix]):
         """Return |S|, |R⁻¹ B'| and 0: the equation is quadratic."""
         from flint import arb
 
-        return Sensitivity(_norm(self.S), _norm(self._B_over_R), arb(0))
+        return Sensitivity(self.S.norm(), self._B_over_R.norm(), arb(0))
 
     def hamiltonian(self) -> arb_mat:
         """Return [[A - B R⁻¹N', -S], [-(Q - N R⁻¹N'), -(A - B R⁻¹N')']], (2n, 2n), in `Balls`."""
@@ -464,10 +470,10 @@ class StepEquation(Equation[Matrix]):
 
         The gains of X + Z are k + (V + G'Z G)⁻¹ G'Z F, and |(V + G'Z G)⁻¹| <= 2 |V⁻¹|.
         """
-        G = _norm(self.G)
-        inverse = cast(BoundMatrix, self.price(X)).inverse_norm()
+        G = self.G.norm()
+        inverse = self.price(X).inverse_norm()
         gains = 2 * inverse * G
-        return Sensitivity(gains * G * _norm(loop), gains, inverse * G**2)
+        return Sensitivity(gains * G * loop.norm(), gains, inverse * G**2)
 
     def pencil(self) -> tuple[arb_mat, arb_mat]:
         """Return L and M, (2n + m + k, 2n + m + k), in `Balls`, whose pencil L - z M is singular at
@@ -501,12 +507,7 @@ def pencil_blocks(A: Any, G: Any, Q: Any, W: Any, C: Any, one: Any, growth: Any 
     return L, M
 
 
-def _norm(matrix: BallMatrix) -> arb:
-    """Return the bound of the norm of a matrix in the arithmetic of the bounds."""
-    return cast(BoundMatrix, matrix).norm()
-
-
-def _in_flint(matrix: BallMatrix) -> arb_mat:
+def _in_flint(matrix: Balls | DoubleBalls) -> arb_mat:
     """Return the matrix of FLINT of an equation in `Balls`."""
     assert isinstance(matrix, Balls)
     return matrix.matrix

@@ -5,16 +5,15 @@ Candidate solutions are computed in doubles or in many bits; balls prove what fo
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Self, TypeVar
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
-    BallMatrix,
     Balls,
-    BoundMatrix,
     DoubleBalls,
+    Matrix,
     bits,
     identity,
     is_positive_definite,
@@ -27,9 +26,6 @@ from hfa_support.matrices import balanced
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
-
-Matrix = TypeVar("Matrix", bound=BallMatrix)
-Bound = TypeVar("Bound", bound=BoundMatrix)
 
 #: Largest number of steps of Newton's method.
 NEWTON_STEPS = 150
@@ -233,7 +229,7 @@ def half_the_bits() -> arb:
     return arb(2) ** (-bits() // 2)
 
 
-def proves_stable(loop: Bound, Y: Bound, most: float = 1.0, *, is_discrete: bool) -> bool:
+def proves_stable(loop: Matrix, Y: Matrix, most: float = 1.0, *, is_discrete: bool) -> bool:
     """Return whether Y proves a loop F stable: Y > 0 and |F'Y + Y F + 1| < most <= 1.
 
     In discrete time, |F'Y F - Y + 1| < most.
@@ -243,7 +239,7 @@ def proves_stable(loop: Bound, Y: Bound, most: float = 1.0, *, is_discrete: bool
     return bool(defect < most) and Y.is_positive_definite()
 
 
-def symmetric_in(arithmetic: type[Bound], Y: Balls | np.ndarray) -> Bound:
+def symmetric_in(arithmetic: type[Matrix], Y: Balls | np.ndarray) -> Matrix:
     """Return the exact midpoints of the symmetric part of Y, in an arithmetic."""
     return arithmetic.of((Y + Y.T) / 2.0 if isinstance(Y, np.ndarray) else Y.symmetric())
 

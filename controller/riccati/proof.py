@@ -41,9 +41,9 @@ from typing import TYPE_CHECKING, Generic
 
 import numpy as np
 
-from controller.riccati.balls import UNDERFLOW, UP, Balls
+from controller.riccati.balls import UNDERFLOW, UP, Balls, Matrix
 from controller.riccati.equation import Equation, Sensitivity
-from controller.riccati.lyapunov import Bound, NotProvedError, proves_stable, symmetric_in
+from controller.riccati.lyapunov import NotProvedError, proves_stable, symmetric_in
 
 if TYPE_CHECKING:
     from flint import arb
@@ -53,7 +53,7 @@ DEFECT = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Stabilizing(Generic[Bound]):
+class Stabilizing(Generic[Matrix]):
     """Ball that contains the stabilizing solution P: the loop of both players is stable.
 
     bounds: the Riccati equation in exact units, in the arithmetic of the bounds
@@ -62,18 +62,18 @@ class Stabilizing(Generic[Bound]):
     gains: of P, (m, n), in discrete time (m + k, n)
     """
 
-    bounds: Equation[Bound]
+    bounds: Equation[Matrix]
     X: Balls
     spread: tuple[arb, ...]
     gains: Balls
 
     @cached_property
-    def P(self) -> Bound:
+    def P(self) -> Matrix:
         """P, (n, n), in the arithmetic of the bounds."""
         return self.bounds.arithmetic.around(self.X, self.spread)
 
     @cached_property
-    def control_loop(self) -> Bound:
+    def control_loop(self) -> Matrix:
         """A - B K, (n, n), in the arithmetic of the bounds."""
         return self.bounds.control_loop(self.P, self.bounds.arithmetic.of(self.gains))
 
@@ -94,8 +94,8 @@ class Stabilizing(Generic[Bound]):
 
 
 def stabilizing(
-    equation: Equation[Balls], X: Balls, Y: Balls | np.ndarray, arithmetic: type[Bound]
-) -> Stabilizing[Bound]:
+    equation: Equation[Balls], X: Balls, Y: Balls | np.ndarray, arithmetic: type[Matrix]
+) -> Stabilizing[Matrix]:
     """Return the ball about X that is proved to contain the stabilizing solution.
 
     equation: the Riccati equation
@@ -124,7 +124,7 @@ def stabilizing(
 
 
 def proved_zeta(
-    loop: Bound, Y: Bound, residual_norm: arb, sensitivity: Sensitivity, *, is_discrete: bool
+    loop: Matrix, Y: Matrix, residual_norm: arb, sensitivity: Sensitivity, *, is_discrete: bool
 ) -> arb:
     """Return ζ for which the stabilizing solution is proved to be X + Z with -ζ Y <= Z <= ζ Y.
 
@@ -152,7 +152,7 @@ def proved_zeta(
     return zeta
 
 
-def prove_prices(found: Stabilizing[Bound]) -> None:
+def prove_prices(found: Stabilizing[Matrix]) -> None:
     """Prove that both players pay: R + B'P B > 0, in continuous time R > 0, and δ² - E'P E > 0.
 
     Raises NotProvedError if the ball does not prove it.
@@ -163,7 +163,7 @@ def prove_prices(found: Stabilizing[Bound]) -> None:
             raise NotProvedError("a player pays")
 
 
-def prove_control_loop(found: Stabilizing[Bound], Y: Balls | np.ndarray) -> None:
+def prove_control_loop(found: Stabilizing[Matrix], Y: Balls | np.ndarray) -> None:
     """Prove that the loop without disturbance, A - B K, is stable, for all P of the ball.
 
     Y: as in `stabilizing`, for that loop

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, is_positive_definite
+from controller.riccati.balls import Balls, DoubleBalls, Matrix, ball_matrix, is_positive_definite
 from controller.riccati.candidate import half_plane_in_doubles
 from controller.riccati.equation import ContinuousEquation, Equation, StepEquation
-from controller.riccati.lyapunov import Bound, stability_of
+from controller.riccati.lyapunov import stability_of
 from controller.riccati.proof import Stabilizing
 from controller.riccati.rationals import (
     Boundary,
@@ -45,7 +45,7 @@ class ModeError(NoSolutionError):
 
 def why_no_value(
     equation: Equation[Balls],
-    found: Stabilizing[Bound] | None,
+    found: Stabilizing[Matrix] | None,
     frequency: float | None = None,
     *,
     in_bits: bool,
@@ -158,7 +158,7 @@ def _sign_of(value: acb) -> int:
     return 1 if value.real > 0 else -1 if value.real < 0 else 0
 
 
-def _unpaid(found: Stabilizing[Bound]) -> str:
+def _unpaid(found: Stabilizing[Matrix]) -> str:
     """Return that the disturbance, or an input, does not pay, proved by one of them, or ""."""
     equation = found.equation
     of_inputs = equation.input_price(found.P_in_balls)
@@ -172,7 +172,7 @@ def _unpaid(found: Stabilizing[Bound]) -> str:
     return ""
 
 
-def _unstable_without_disturbance(found: Stabilizing[Bound]) -> str:
+def _unstable_without_disturbance(found: Stabilizing[Matrix]) -> str:
     """Return that A - B K is proved unstable for the only stabilizing solution, or ""."""
     equation = found.equation
     if not equation.is_disturbed:
