@@ -146,7 +146,8 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
         yield from (named_value_text(point, name) for name in [*imposed][:_MOST_VALUES])
     if condition is not None:
         for name in freed_parameters(condition):
-            yield f"{name} {value_text(model, name, model.parameters[name].start)}"
+            if name != ISA:  # said in any flight
+                yield f"{name} {value_text(model, name, model.parameters[name].start)}"
         for name, rate in condition.rates.items():
             if rate:
                 yield f"{name}_dot {value_text(model, f'{name}_dot', rate)}"
