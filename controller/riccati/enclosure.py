@@ -195,7 +195,7 @@ def decided_at(
     if len(game.A) > MOST_STATES_IN_BITS:
         why = (
             "neither a value nor that there is none is proved in doubles, and more digits take long"
-            f" for more than {MOST_STATES_IN_BITS} states; leave out states that decay fast"
+            f" for more than {MOST_STATES_IN_BITS} states; leave out states that no input reaches"
         )
     raise UndecidedError(f"not decided: {why}; change delta or the weights slightly")
 

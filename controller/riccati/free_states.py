@@ -22,6 +22,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, identity, midpoints
 from controller.riccati.lyapunov import discounted, stability_of
 from controller.riccati.rationals import (
+    MOST_STATES,
     columns_of,
     disturbance_never_costs,
     echelon,
@@ -118,12 +119,14 @@ def disturbance_costs_nothing(game: Game, K: np.ndarray | None = None) -> bool:
 def free_states(game: Game) -> FreeStates | None:
     """Return the states without optimal cost, or None if there are none or they are not known.
 
-    They are not known if an eigenvalue of the loop on the largest output-nulling subspace may be on
-    the boundary of stability.
+    They are not known for many states, or if an eigenvalue of the loop on the largest
+    output-nulling subspace may be on the boundary of stability.
     """
     from flint import fmpq_mat
 
     n, m = game.B.shape
+    if n > MOST_STATES:
+        return None
     weights = game.weights
     cost = rational(weights + weights.T)
     A, B = rational(game.A), rational(game.B)

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 #: A prime: a matrix that has a rank modulo it has at least this rank in rationals.
 PRIME = 2**61 - 1
+#: Largest number of states that are decided in rationals, which takes seconds.
+MOST_STATES = 50
 
 
 def rational(matrix: np.ndarray) -> fmpq_mat:

@@ -19,6 +19,7 @@ from controller.riccati.equation import ContinuousEquation, Equation, StepEquati
 from controller.riccati.lyapunov import stability_of
 from controller.riccati.proof import Stabilizing
 from controller.riccati.rationals import (
+    MOST_STATES,
     Boundary,
     RationalGame,
     boundary_of,
@@ -189,6 +190,8 @@ def why_never(game: Game) -> str:
     Without a disturbance, the stabilizing solution exists if and only if the inputs reach all
     modes that are not stable, and all undamped modes have a cost.
     """
+    if len(game.A) > MOST_STATES:
+        return ""
     # √discount is taken into A if it is rational; modes on the boundary are then decided.
     root = rational_root(game.discount)
     growth = 1.0 if root is not None else math.sqrt(game.discount)

@@ -30,6 +30,14 @@ def test_a_saddle_point_is_no_value_without_a_lower_bound_of_the_cost():
     assert minimum_delta(bounded).value == pytest.approx(1.0, rel=2e-6)
 
 
+def test_an_input_that_gains_cost_has_no_value():
+    """P = 1 stabilizes x⁺ = x / 2 + u with q = 5/8 and R = -3, but R + P = -2: u gains cost."""
+    game = Game([[0.5]], [[1.0]], Q=[[0.625]], R=[[-3.0]], dt=True)
+    with pytest.raises(NoSolutionError, match="an input gains cost"):
+        solve(game)
+    assert solve(Game([[0.5]], [[1.0]], Q=[[4.0]], R=[[-3.0]], dt=True)).P[0, 0] > 3.0
+
+
 @pytest.mark.parametrize("dt", [None, True])
 def test_indefinite_weights_have_the_value_of_many_digits(dt):
     """P is that of 60 digits, and the first line of the report says that they are."""
