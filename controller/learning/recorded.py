@@ -98,7 +98,8 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
         what = ", ".join((*names.states, *names.inputs)) or "alpha, alpha_next, elevator"
         raise BadInputError(
             f"the data have neither x and u nor columns of all states and inputs ({what})"
-            f"{found_in(entries)}; name the columns so, with units as in alpha [deg]"
+            f"{found_in(entries)}; name the columns so, with units as in alpha [deg], or "
+            "give a plant that names them"
         )
     matrices: dict[str, Any] = {key: columns[key].values for key in _OTHERS if key in columns}
     for key, of_matrix in (("x", states), ("u", inputs), ("d", d)):
