@@ -12,7 +12,7 @@ import sys
 import warnings
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.io.matlab import loadmat
@@ -21,7 +21,7 @@ from scipy.sparse import issparse
 #: Type of a compressed element of a .mat file, and bytes of the header before the first element.
 _COMPRESSED, _HEADER = 15, 128
 #: Byte order in the header -> that of Python.
-_ORDERS = {b"IM": "little", b"MI": "big"}
+_ORDERS: dict[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
 _PIECE = 2**20
 
 

@@ -58,6 +58,7 @@ _CONSTANT = (
     "nothing in the files sets these constants, which --hold NAME=VALUE does; ?inputs=NAME after "
     "the aircraft's name makes one an input"
 )
+_SET_TWICE = "set here and by the pilot; earlier components read the pilot's value"
 _COMMAND = (
     "nothing in the files sets these commands; --free NAME solves for one, --hold NAME=VALUE sets "
     "it"
@@ -182,8 +183,8 @@ def _refuse_unsupported_attributes(element: Element) -> None:
 def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
     """Return notes on built-in JSBSim properties that the files set.
 
-    The notes concern settings without effect. Raises BadInputError for a property that cannot be
-    set.
+    The notes concern pilot commands that the files also set, and settings without effect. Raises
+    BadInputError for a property that cannot be set.
     """
     properties = equations.properties
     notes = []
@@ -211,6 +212,8 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
                 in_files[-1],
                 f"{shortened(name)} moves a force in JSBSim and cannot be set here",
             )
+        if "-cmd-norm" in name and name in properties.names_read and len(writers) > len(in_files):
+            notes.append(Note(_SET_TWICE, shortened(name), in_files[-1].where))
     return notes
 
 

@@ -165,8 +165,9 @@ class Properties:
     def at_start(self, value: Any) -> float | None:
         """Return a value with all constants at their values in the files, or None if it varies."""
         constants = self.constants.values()
-        symbols, starts = ([each[k] for each in constants] for k in (0, 1))
-        number = ca.substitute(ca.SX(value), ca.vertcat(*symbols), ca.SX(starts))
+        symbols = ca.vertcat(*(each.symbol for each in constants))
+        starts = ca.SX([each.start for each in constants])
+        number = ca.substitute(ca.SX(value), symbols, starts)
         return float(number) if number.is_constant() else None
 
     def freeze(self, value: Any) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from hfa_support.units import STANDARD_GRAVITY
 
@@ -17,6 +17,11 @@ Values = Callable[[str], float]
 #: outside those of the others.
 _BEYOND = 1.5
 _DEGREE = math.degrees(1.0)
+
+
+def _entry(name: str) -> Callable[[Values], float]:
+    """Return the function from entries to one of them."""
+    return lambda of: of(name)
 
 
 def _ratio(one: str, other: str) -> Callable[[Values], float]:
@@ -61,7 +66,7 @@ FIGURES: Mapping[str, Callable[[Values], float]] = {
     "(Izz - Iyy) / Ixx": lambda of: (of("Izz") - of("Iyy")) / (of("Ixx") or math.nan),
     "thrust / weight": lambda of: of("thrust") / (of("mass") * of("gravity")),
     "CD_0 + CD_CL2 CL_0^2": _drag,
-    **{name: (lambda of, name=name: of(name)) for name in _ENTRIES},
+    **{name: _entry(name) for name in _ENTRIES},
     "-Cm_alpha / CL_alpha (static margin)": lambda of: -_ratio("Cm_alpha", "CL_alpha")(of),
     "CD_CL2 or CD_alpha / (2 CL_0 CL_alpha), times pi aspect ratio": _induced,
     "CT_u / (CD_0 + CD_CL2 CL_0^2)": lambda of: of("CT_u") / (_drag(of) or math.nan),
@@ -96,7 +101,12 @@ def _published() -> list[Values]:
     text = files(__package__).joinpath("published.csv").read_text("utf-8")
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     rows = [{**row, "gravity": STANDARD_GRAVITY} for row in csv.DictReader(lines)]
-    return [lambda name, row=row: float(row.get(name) or math.nan) for row in rows]
+    return [partial(_value_in, row) for row in rows]
+
+
+def _value_in(row: Mapping[str, Any], name: str) -> float:
+    """Return an entry of a published aircraft, or nan."""
+    return float(row.get(name) or math.nan)
 
 
 def unusual(figure: str, value: float) -> str:
