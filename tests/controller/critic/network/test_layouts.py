@@ -395,18 +395,6 @@ ASKED = {
     "shared": chain("trunk.0", "trunk.2", widths=(3, 5, 4))
     | chain("actor", widths=(4, 2))
     | chain("critic", widths=(4, 1)),
-    "CleanRL": chain("0.fc1", "0.fc2", "0.fc_mu")
-    | chain("1.fc1", "1.fc2", "1.fc3", widths=(5, 6, 6, 1))
-    | {"0.action_scale": np.ones((1, 2)), "0.action_bias": np.zeros((1, 2))},
-    "rsl_rl": chain(*(f"actor_state_dict.mlp.{place}" for place in (0, 2, 4)))
-    | chain(*(f"critic_state_dict.mlp.{place}" for place in (0, 2, 4)), widths=CRITIC)
-    | {"actor_state_dict.distribution.std_param": np.ones(2)},
-    "rl_games": chain(
-        "model.a2c_network.actor_mlp.0", "model.a2c_network.actor_mlp.2", widths=(3, 5, 4)
-    )
-    | chain("model.a2c_network.mu", widths=(4, 2))
-    | chain("model.a2c_network.value", widths=(4, 1))
-    | {"model.a2c_network.sigma": np.zeros(2)},
 }
 
 
