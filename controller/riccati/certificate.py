@@ -13,8 +13,9 @@ import numpy as np
 from controller.game.zero_sum import SYMMETRIC, Game, least_scaled_eigenvalue
 from controller.riccati.balls import Balls, ball_matrix, midpoints, precision
 from controller.riccati.candidate import sizes_of
-from controller.riccati.enclosure import Enclosure, has_semidefinite_weights
+from controller.riccati.enclosure import Enclosure
 from controller.riccati.lyapunov import FailedError, lyapunov_in_bits, lyapunov_of
+from controller.riccati.refusal import has_semidefinite_weights
 from hfa_support.reporting.results import Result
 
 #: Largest relative change of P and K that their data determine: two digits are known.

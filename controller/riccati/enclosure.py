@@ -44,7 +44,12 @@ from controller.riccati.lyapunov import (
 )
 from controller.riccati.pickled_balls import make_balls_picklable
 from controller.riccati.proof import Stabilizing, prove_control_loop, prove_prices, stabilizing
-from controller.riccati.refusal import why_never, why_never_at, why_no_value
+from controller.riccati.refusal import (
+    has_semidefinite_weights,
+    why_never,
+    why_never_at,
+    why_no_value,
+)
 from hfa_support.errors import NoSolutionError
 
 if TYPE_CHECKING:
@@ -309,16 +314,3 @@ def _shape_of(loop: Matrix, equation: Equation[Matrix]) -> Balls | np.ndarray:
         return Balls(lyapunov_in_bits(loop.matrix.mid(), one, is_discrete=equation.is_discrete))
     with failures():
         return shape_in_doubles(loop.midpoint, is_discrete=equation.is_discrete)
-
-
-def has_semidefinite_weights(game: Game) -> bool:
-    """Return whether [[Q, N], [N', R]] is proved positive semidefinite by its diagonal or by balls.
-
-    False proves nothing.
-    """
-    weights = game.weights
-    has_weight = weights.any(1)
-    inner = weights[np.ix_(has_weight, has_weight)]
-    if not inner[~np.eye(len(inner), dtype=bool)].any():
-        return bool((np.diag(inner) >= 0.0).all())
-    return bool((inner == inner.T).all()) and DoubleBalls.of(inner).is_positive_definite()

@@ -232,7 +232,9 @@ def why_never_at(game: Game, delta: float) -> str:
     if boundary is Boundary.CLEAR:
         return ""
     if math.isinf(delta):
-        return "an undamped motion has no cost, whatever the input; give it weight in Q"
+        if has_semidefinite_weights(game):
+            return "an undamped motion has no cost, whatever the input; give it weight in Q"
+        return "the cost has no lower bound, or an undamped motion has no cost, whatever the input"
     return f"for every input, the gain from the disturbance is at least {delta:.6g}"
 
 
@@ -241,3 +243,16 @@ def _mode_text(value: complex, game: Game) -> str:
     pair = f" ± {abs(value.imag):.4g}i" if value.imag else ""
     whose = " of sqrt(discount) A" if game.is_discrete else ""
     return f"mode with eigenvalue {value.real + 0.0:.4g}{pair}{whose}"
+
+
+def has_semidefinite_weights(game: Game) -> bool:
+    """Return whether [[Q, N], [N', R]] is proved positive semidefinite by its diagonal or by balls.
+
+    False proves nothing.
+    """
+    weights = game.weights
+    has_weight = weights.any(1)
+    inner = weights[np.ix_(has_weight, has_weight)]
+    if not inner[~np.eye(len(inner), dtype=bool)].any():
+        return bool((np.diag(inner) >= 0.0).all())
+    return bool((inner == inner.T).all()) and DoubleBalls.of(inner).is_positive_definite()

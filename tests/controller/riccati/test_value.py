@@ -35,7 +35,10 @@ def test_an_input_that_gains_cost_has_no_value():
     game = Game([[0.5]], [[1.0]], Q=[[0.625]], R=[[-3.0]], dt=True)
     with pytest.raises(NoSolutionError, match="an input gains cost"):
         solve(game)
-    assert solve(Game([[0.5]], [[1.0]], Q=[[4.0]], R=[[-3.0]], dt=True)).P[0, 0] > 3.0
+    with pytest.raises(NoSolutionError, match="cost has no lower bound"):
+        solve(Game([[0.5]], [[1.0]], Q=[[4.0]], R=[[-3.0]], dt=True))
+    pays = solve(Game([[0.5]], [[1.0]], Q=[[6.875]], R=[[-3.0]], dt=True))
+    assert pays.P[0, 0] == pytest.approx(5.0, rel=1e-14)
 
 
 @pytest.mark.parametrize("dt", [None, True])
