@@ -39,6 +39,15 @@ def test_every_task_has_its_result(count):
     assert _gone()
 
 
+def test_several_processes_share_the_tasks():
+    """One process is that which asks; two are others, and each has its own memory."""
+    tasks = [(key, ()) for key in range(4)]
+    with open_workers(1) as run:
+        assert {pid for _, pid in run(os.getpid, tasks)} == {os.getpid()}
+    with open_workers(2) as run:
+        assert os.getpid() not in {pid for _, pid in run(os.getpid, tasks)}
+
+
 @pytest.mark.slow
 def test_an_error_in_a_task_is_raised():
     """An error in a task is raised, and no worker process is left."""
