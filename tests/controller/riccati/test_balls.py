@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat, fmpq
 
-from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, midpoints, precision
+from controller.riccati.balls import (
+    Balls,
+    DoubleBalls,
+    ball_matrix,
+    is_positive_definite,
+    midpoints,
+    precision,
+)
 from controller.riccati.pickled_balls import make_balls_picklable
 
 make_balls_picklable()
@@ -93,6 +100,9 @@ def test_only_positive_matrices_are_proved_positive(arithmetic):
                 around = arithmetic.around(middle.mid(), [arb(size)] * 4)
                 assert around.is_positive_definite() == is_positive
         assert not arithmetic.of(np.ones((2, 2))).is_positive_definite()
+        for middle, expected in ((2.0, True), (0.5, None), (-2.0, False)):
+            last = arb(middle, 1.0)
+            assert is_positive_definite(arb_mat([[arb(4), arb(2)], [arb(2), last + 1]])) is expected
         assert not arithmetic.of(np.diag([1.0, np.nan])).is_positive_definite()
         assert not arithmetic.of(np.diag([1.0, 0.0])).is_positive_definite()
 

@@ -156,9 +156,12 @@ def test_accepted_proposals_contain_the_solution_and_its_gains(name, arithmetic)
         equation = equation_of(game, users_units(game), Balls)
         truth = solution(list(right))
         gains = equation.gains_and_residual(Balls(truth))[0].matrix
-        for size in (0.0, 1e-40, 1e-12, 1e-6, 1e-3, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0):
+        worst = exact_Y(equation, truth)  # the change with a residual of one size everywhere
+        for size, is_worst in product(
+            (0.0, 1e-40, 1e-12, 1e-6, 1e-3, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0), (False, True)
+        ):
             change = T_INVERSE.T @ rng.standard_normal((2, 2)) @ T_INVERSE
-            X = truth + ball_matrix(size * (change + change.T))
+            X = truth + (worst * arb(size) if is_worst else ball_matrix(size * (change + change.T)))
             ys = exact_Y(equation, X), exact_Y(equation, truth)
             for Y, factor in product(ys, (0.7, 0.97, 1.0, 1.03, 1.3)):
                 try:
