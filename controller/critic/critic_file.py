@@ -116,7 +116,6 @@ def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> C
 def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
     """Return the critic in the entries of a file of arrays."""
     refuse_other_step(entries, game.dt)
-    _refuse_other_time(entries, game)
     scales = file_scales(entries, game.names)
     notes = (*_other_names(entries, game.names), *_other_game(entries, game, scales))
     of_critic, reader = ["W", "P", "K", "policy_weights"], _critic_of_parts
@@ -259,44 +258,38 @@ def matrix_of_gain(K: Any, inputs: int | None = None) -> np.ndarray:
     return checked_matrix("K", gain, LARGEST_CRITIC_ENTRY)
 
 
-def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> None:
-    """Raise BadInputError if a critic's file has a sample time, but not that of the game.
-
-    dt: sample time of the game, s, True if it is not known, None in continuous time
-    """
-    stored = sample_time(entries) or (True if is_discrete(entries) else None)
-    if stored is None or (dt is not None and (dt is True or stored is True)):
-        return
-    if dt is None or not math.isclose(stored, dt, rel_tol=1e-6):
-        own = "continuous time" if dt is None else f"steps of {dt:g} s"
-        steps = "discrete time" if stored is True else f"steps of {stored:g} s"
-        raise BadInputError(
-            f"the file has a policy in {steps}, but the game is in {own}; give a policy of this "
-            "game, --dt and --discount to hfa verify, or a sampled gain to hfa assess FILE "
-            "--sample-time S"
-        )
-
-
 #: Schemas of files with P and K of a game, beside H in discrete time.
 _OF_A_GAME = ("hfa.learning-result/1", "hfa.game-solution/1")
 
 
-def _refuse_other_time(entries: Mapping[str, Any], game: Game) -> None:
-    """Raise BadInputError if a file has a critic of a game in the other kind of time.
+def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> None:
+    """Raise BadInputError if a critic's file is of another sample time than the game, or of the
+    other kind of time.
 
-    A Q-function H is one of discrete time. A file of `hfa learn` and `hfa solve` without H is of
-    continuous time.
+    H is of discrete time. A file of `hfa learn` and `hfa solve` without H is of continuous time.
+
+    dt: sample time of the game, s, True if it is not known, None in continuous time
     """
-    if "H" in entries and not game.is_discrete:
-        raise BadInputError(
-            "the file has H, a Q-function of discrete time, but the game is in continuous time; "
-            'add time = "discrete" to the plant, or give a critic of this game'
-        )
-    if game.is_discrete and "H" not in entries and str(entries.get("schema")) in _OF_A_GAME:
-        raise BadInputError(
-            "the file has the result of a game in continuous time, but the game is in discrete "
-            "time; learn or solve the game in discrete time"
-        )
+    stored = sample_time(entries) or is_discrete(entries) or "H" in entries
+    is_known = stored or "time" in entries or str(entries.get("schema")) in _OF_A_GAME
+    is_same_kind = bool(stored) == (dt is not None)
+    is_any_step = not stored or stored is True or dt is True
+    if not is_known or (
+        is_same_kind and (is_any_step or math.isclose(stored, dt or 0.0, rel_tol=1e-6))
+    ):
+        return
+    raise BadInputError(
+        f"the file has a policy in {_time_text(stored)}, but the game is in {_time_text(dt)}; give "
+        "a policy of this game, --dt and --discount to hfa verify, or a sampled gain to hfa assess "
+        "FILE --sample-time S"
+    )
+
+
+def _time_text(dt: float | bool | None) -> str:
+    """Return the kind of time of a sample time as text."""
+    if not dt:
+        return "continuous time"
+    return "discrete time" if dt is True else f"steps of {dt:g} s"
 
 
 def read_critic(

@@ -207,6 +207,7 @@ NAMED = replace(
         ({"state_labels": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
         ({"state_names": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
         ({"time": "discrete"}, "a policy in discrete time"),
+        ({"H": np.eye(6)}, "a policy in discrete time"),
         ({"inputs": ["Aileron", "Elevator"]}, "the inputs are Aileron, Elevator in the file"),
         ({"states": ["alpha", "V"]}, "the states are alpha, V in the file"),
     ],
@@ -342,6 +343,9 @@ def test_h_is_read_in_the_order_that_its_file_lists():
     for signals in (["u", "x"], names):
         turned = stored("turned.json", H=H[np.ix_(places, places)], H_signals=signals)
         np.testing.assert_array_equal(critic_in(turned, STEPS).K, own.K)
+    for entries in ({"schema": "hfa.game-solution/1"}, {"time": "continuous"}):
+        with pytest.raises(BadInputError, match="a policy in continuous time"):
+            critic_in(stored("old.json", K=I2, **entries), STEPS)
     with pytest.raises(BadInputError, match="H_signals lists u, z; give the blocks x, u, w, or"):
         critic_in(stored("odd.json", H=H, H_signals=["u", "z"]), STEPS)
 
