@@ -157,10 +157,9 @@ def _read(root: ElementTree.Element) -> Description:
     states = [state_of[rate] for rate in structure.rates]
     _refuse_states(structure.rates, states, variables)
     inputs = [each for each in variables.values() if each.causality == "input" and each.is_real]
-    if len(states) + len(inputs) > _MOST_STATES:
+    if (count := len(states) + len(inputs)) > _MOST_STATES:
         raise BadInputError(
-            f"the FMU has {len(states)} states and {len(inputs)} inputs; export a model with at "
-            f"most {_MOST_STATES} together"
+            f"the FMU has {count} states and inputs; export a model with at most {_MOST_STATES}"
         )
     constants = [each for each in variables.values() if each.is_constant]
     outputs = [variables[name] for name in structure.outputs if name not in {*states}]

@@ -83,13 +83,12 @@ def _unpacked(file: Path) -> Path:
     """Return a new folder with the files of an FMU, which remains until the process ends."""
     # It is in the temporary folder of this process and of the workers that it starts.
     folder = Path(tempfile.mkdtemp(prefix="fmu-", dir=get_temp_dir()))
-    members = unpacked(file.read_bytes())
     try:
-        for name, member in members.items():
+        for name, member in unpacked(file.read_bytes()).items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(member)
-    except (OSError, ValueError) as error:
+    except OSError as error:
         raise BadInputError(f"the FMU cannot be unpacked ({error}); export it again") from error
     return folder
 

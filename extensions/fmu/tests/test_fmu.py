@@ -277,7 +277,7 @@ UNSUITABLE = {
             )
             + "</ModelVariables>",
         ),
-        "20001 inputs",
+        "2000",
     ),
     "no states": (SUITABLE.replace("Derivatives>", "Others>"), "no continuous states"),
 }
