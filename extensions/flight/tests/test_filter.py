@@ -174,7 +174,6 @@ class Recursion:
             np.full(6, np.nan),
             known.point.x[known.point.model.state_places(known.states)],
         )
-        self.is_doubtful = True
         A, N = known.Phi[6:, 6:], known.air[6:, 6:]
         self.climate = solve_discrete_lyapunov(A, N)
         model = known.point.model
@@ -235,16 +234,14 @@ class Recursion:
         away = np.abs(y - self.trim - C @ self.x)
         finite = np.isfinite(y) & (y != self.last)
         self.last = np.where(np.isfinite(y), y, self.last)
-        size = 8.0 if self.samples else 4.0
-        used = finite & (away <= size * np.sqrt(np.diag(C @ self.P @ C.T + R)))
+        used = finite & (away <= 8.0 * np.sqrt(np.diag(C @ self.P @ C.T + R)))
         impossible = finite & ~used
         if impossible.any():
             self.in_a_row += 1
         elif finite.any():
             self.in_a_row = 0
         most = self.in_a_row >= 10 and 2 * impossible.sum() > finite.sum()
-        begins = impossible.any() and (self.is_doubtful or most)
-        self.is_doubtful = not self.samples and impossible.any()
+        begins = not self.samples or (impossible.any() and (self.samples == 1 or most))
         if begins:
             self.in_a_row, self.share = 0, 0.0
             self.x, self.P = np.append(self.x[:6], np.zeros(3)), self.P.copy()
@@ -255,7 +252,7 @@ class Recursion:
             self.P[6:, 6:] = self.climate
             self.G = self.P
         else:
-            self.share = min(self.share + 0.01, 1.0) if self.samples else 1.0
+            self.share = min(self.share + 0.01, 1.0)
             self.left_out += not used.all()
             for j in range(6):
                 L = self.G @ C[j] / (C[j] @ self.G @ C[j] + R[j, j])
@@ -349,6 +346,7 @@ def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
     policy = known.policy(gain)
     y = np.array([point[name] for name in known.sensors])
     small = 1e-4 * innovations_of(known)
+    policy.begin(point.x)
     U = policy(0.0, dict(zip(known.sensors, y + small, strict=True)))
     np.testing.assert_allclose(U, point.u - gain @ known.sight @ known.L @ small, rtol=1e-6)
     others = copy.copy(policy), pickle.loads(pickle.dumps(policy))
@@ -360,10 +358,13 @@ def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
     policy.reset()
     np.testing.assert_allclose(policy(0.0, y), point.u, atol=1e-12)
     limits = point.model.inputs["elevator_center"]
-    strong = known.policy(1e6 * gain)(0.0, y + innovations_of(known))
+    strong = known.policy(1e6 * gain)
+    strong.begin(point.x)
+    strong = strong(0.0, y + innovations_of(known))
     elevator = list(point.model.inputs).index("elevator_center")
     assert limits.min <= strong[elevator] <= limits.max
     critic = known.policy(hfa.from_gain(hfa.paper.published_game(linear), gain))
+    critic.begin(point.x)
     np.testing.assert_allclose(critic(0.0, y + small), U)
 
 
@@ -374,7 +375,7 @@ def test_a_delay_is_known_to_the_filter(point, linear, gain, delay, samples):
     """
     known = hfa.filter(linear, NOISE)
     late, _ = known.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=delay))
-    late.reset()
+    late.begin(point.x)
     y = np.array([point[name] for name in known.sensors])
     small = 1e-4 * innovations_of(known)
     U = late(0.0, y + small)

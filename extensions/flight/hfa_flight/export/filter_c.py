@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.export.c_text import comment_lines, enumerators, filled, units_of
-from hfa_flight.policies.estimate import AWAY, IMPOSSIBLE, LOST, memory_size
+from hfa_flight.policies.estimate import IMPOSSIBLE, LOST, memory_size
 from hfa_flight.policies.filtered_policy import FilteredPolicy, sample_of
 from hfa_support.native.c_code import c_function
 
@@ -28,7 +28,7 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
         "dt": repr(policy.dt),
         "memory": memory_size(policy.filter),
         "impossible": IMPOSSIBLE,
-        "away": AWAY,
+        "share": len(policy.filter.Phi) + 2,
         "fade": policy.fade,
         "lost": LOST,
         "sample": c_function(filter_sample(policy), "sample", ("memory", "y"), ("u", "later")),

@@ -20,8 +20,6 @@ from hfa_flight.policies.kalman import KalmanFilter
 
 #: A value is impossible if its innovation is beyond this number of its standard deviations.
 IMPOSSIBLE = 8.0
-#: The same at a first sample that may be in flight; one start at the trim in 2,600 passes for one.
-AWAY = 4.0
 #: After this number of samples in a row with impossible values, the estimate begins anew if most
 #: of them are impossible.
 LOST = 10
@@ -39,9 +37,9 @@ class Estimate(NamedTuple):
     P: covariance of their errors, (n, n)
     G: covariance from which the gains follow, (n, n): P without the samples that have no value
     missed: number of samples in a row with impossible values, (1,)
-    begun: 0 before the first sample, 1 after a first one away from the trim, 2 later, (1,)
+    begun: 0 before the first values, 1 after a sample at whose values it began first, 2 later, (1,)
     share: share of the policy's command that acts, (1,): an estimate that begins in flight fades
-        commands in. Before the first sample, that with which it would begin.
+        commands in. Before the first values it is 0 in flight, and 1 if the states are known.
     last: last finite value of each sensor, (p,)
     """
 
@@ -111,31 +109,37 @@ def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> Upd
     """Return the estimate with the measured deviations y, (p,).
 
     A value that is not finite is missing, and so is one that equals the last one to the bit: it is
-    frozen. A missing or impossible value is left out. The estimate begins at the values that are
-    given if one is impossible at the first sample, or then at the second, because the first was, or
-    most are at the end of LOST such samples in a row. Unless the beginning of a flight is known, it
-    is in flight if a first value is AWAY from the trim: of the air only the turbulence is then
-    known, and commands are faded in.
+    frozen. A missing or impossible value is left out. In flight, the estimate begins at the first
+    values that are given, in air of which only the turbulence is known, and commands are faded in;
+    so it does where most values are impossible at the end of LOST such samples in a row. From known
+    states it begins at the values if one is impossible at the first sample, and commands act at
+    once. It begins again at the second sample if a value is impossible then.
 
     fade: time in which commands are faded in, s
     """
     gate = _gate(known, before, y)
     x, P, G = _corrected_by_values(known, before, y, gate.is_used)
-    is_first, is_settled = before.begun == 0, before.begun == 2
     impossible, given = sum(gate.is_impossible, ca.SX(0)), sum(gate.is_given, ca.SX(0))
     missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(given > 0, 0, before.missed))
     is_lost = ca.logic_and(missed >= LOST, 2 * impossible > given)
-    begins = ca.logic_and(impossible > 0, ca.logic_or(ca.logic_not(is_settled), is_lost))
+    is_first, is_settled = before.begun == 0, before.begun == 2
+    in_flight = ca.logic_and(is_first, before.share == 0)
+    begins = ca.logic_or(
+        ca.logic_and(in_flight, given > 0),
+        ca.logic_and(impossible > 0, ca.logic_or(ca.logic_not(is_settled), is_lost)),
+    )
+    waits = ca.logic_and(in_flight, ca.logic_not(begins))
     new_x, new_P = _at_values(known, before, y, gate.is_given)
     fading = ca.if_else(is_settled, 0.0, before.share) if fade else 1.0
     faded = ca.fmin(before.share + known.dt / fade, 1.0) if fade else 1.0
+    begun = ca.if_else(waits, 0, ca.if_else(ca.logic_and(is_first, begins), 1, 2))
     estimate = Estimate(
         x=ca.if_else(begins, new_x, x),
         P=ca.if_else(begins, new_P, P),
         G=ca.if_else(begins, new_P, G),
         missed=ca.if_else(begins, 0, missed),
-        begun=ca.if_else(ca.logic_and(is_first, impossible > 0), 1, 2),
-        share=ca.if_else(begins, fading, ca.if_else(is_first, 1.0, faded)),
+        begun=begun,
+        share=ca.if_else(ca.logic_or(begins, waits), fading, faded),
         last=ca.if_else(ca.fabs(y) <= _FINITE, y, before.last),
     )
     return Updated(estimate, ca.if_else(begins, 0, sum(gate.is_used) < len(known.sensors)))
@@ -152,13 +156,12 @@ class _Gate(NamedTuple):
 def _gate(known: KalmanFilter, before: Estimate, y: ca.SX) -> _Gate:
     """Return which of the measured deviations y, (p,), are used."""
     gate = _Gate([], [], [])
-    farthest = ca.if_else(ca.logic_and(before.begun == 0, before.share == 0), AWAY, IMPOSSIBLE)
     for place, (row, variance) in enumerate(_rows_and_variances(known)):
         deviation = ca.sqrt(before.P[row, row] + variance)
         innovation = ca.fabs(y[place] - before.x[row])
         is_new = ca.logic_or(before.begun == 0, y[place] != before.last[place])
         is_given = ca.logic_and(is_new, innovation <= _FINITE)  # false for NaN
-        is_used = ca.logic_and(is_given, innovation <= farthest * deviation)
+        is_used = ca.logic_and(is_given, innovation <= IMPOSSIBLE * deviation)
         gate.is_given.append(is_given)
         gate.is_used.append(is_used)
         gate.is_impossible.append(ca.logic_and(is_given, ca.logic_not(is_used)))

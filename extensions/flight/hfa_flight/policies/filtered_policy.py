@@ -139,11 +139,12 @@ class FilteredPolicy(SampledPolicy):
     gate follow the values that are there. Without any value the gains do not grow, because a fast
     policy leaves its limits where it learns a large error at once.
 
-    If a value is away from the trim at the first sample after `reset`, or most are impossible at
-    the end of ten such samples in a row, the estimate begins at the measured values, in air of
-    which the turbulence is known, and commands are faded in. With a delay the law acts on the state
-    predicted over the commands under way; a deployment with a delay of its own acts on the estimate
-    of its sample.
+    After `reset`, it is switched on in flight: the estimate begins at the measured values, in air
+    of which the turbulence is known, and commands are faded in; so it is where most values are
+    impossible at the end of ten such samples in a row. After `begin`, and in flights of `hfa.fly`,
+    the states at the first sample are known, and commands act at once. With a delay the law acts on
+    the state predicted over the commands under way; a deployment with a delay of its own acts on
+    the estimate of its sample.
 
     The law sees flow angles relative to the air, as a vane measures them, and the component of the
     speed over the ground along the path of the trim: without what an updraft adds. A law that plans
@@ -198,9 +199,7 @@ class FilteredPolicy(SampledPolicy):
         self.reset()
 
     def reset(self) -> None:
-        """Forget the samples before: the next one is the first, at the trim or, if a value is away
-        from it, in flight.
-        """
+        """Forget the samples before: the next one is the first, in flight."""
         object.__setattr__(self, "_memory", self._memory_at_trim())
 
     def begin(self, X: Any, following: NextSample | None = None) -> None:

@@ -195,7 +195,7 @@ def test_an_fmu_behind_a_filter_simulates_the_flight(folder):
 
 def test_an_exported_filter_equals_the_policy_behind_it(folder):
     """The C code commands what the policy does, to rounding, for random samples, impossible values
-    and values that are not numbers.
+    and values that are not numbers, switched on in flight and from known states.
     """
     exported(*FILTER, "-o", "c")
     compiled(folder / "c", "-O0", "-shared", "-fPIC", "hfa_filter.c", "-o", "library.so")
@@ -204,9 +204,11 @@ def test_an_exported_filter_equals_the_policy_behind_it(folder):
     last = trim = np.array([linear.point[name] for name in policy.filter.sensors])
     random = np.random.default_rng(1)
     header = Path("c/hfa_filter.h").read_text("utf-8")
-    size = re.search(r"FILTER_MEMORY (\d+)", header)
-    memory, u = np.zeros(int(size[1])), np.zeros(5)
-    for number in range(60):
+    size, share = (
+        int(re.search(rf"FILTER_{word} (\d+)", header)[1]) for word in ("MEMORY", "KNOWN")
+    )
+    memory, u = np.zeros(size), np.zeros(5)
+    for number in range(120):
         y = trim + innovations_of(policy.filter) * random.uniform(-1.0, 1.0, 4)
         if number in (0, 20, 21) or 30 <= number < 45:
             y[1] += 20.0 * innovations_of(policy.filter)[1]
@@ -216,7 +218,13 @@ def test_an_exported_filter_equals_the_policy_behind_it(folder):
             y[:] = math.nan
         if 22 <= number < 25:
             y = last
+        if number == 100:
+            policy.begin(linear.point.x)
+            memory = np.eye(1, size, share).ravel()
         last = y
         called(folder / "c", "hfa_filter", memory, y, u)
         np.testing.assert_allclose(u, policy(0.01 * number, y), rtol=1e-12, atol=1e-12)
+        assert (number in (0, 1)) == np.array_equal(
+            u, linear.point.u
+        )  # of the first two, 1 begins anew
     assert policy.unused > 0
