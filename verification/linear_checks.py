@@ -38,15 +38,22 @@ class LinearLoop:
 
     exact: solution of the game
     critic: the critic
-    excess: cost above the optimum, enclosed
+    box: half-widths of the box of states, (n,)
     is_exact: whether the critic equals the exact solution, which is then not shown beside it unless
         the critic costs more than `NEAR` percent
     """
 
     exact: Solution
     critic: Critic
-    excess: Excess
+    box: np.ndarray
     is_exact: bool
+
+    @cached_property
+    def excess(self) -> Excess:
+        """Cost above the optimum, enclosed."""
+        if not self.critic.is_finite:
+            return without_bound(self.exact.game)
+        return excess_of(self.exact.enclosure, self.critic.K, self.box)
 
     @cached_property
     def gain(self) -> float:
@@ -103,10 +110,9 @@ class LinearLoop:
             ("% above the optimum, mean over cases", _percent(excess, excess.mean), *zeros),
             ("L2 gain", *(f"{loop.gain:.4g}" for loop in shown)),
             ("distance to instability", *(f"{loop.distance:.3g}" for loop in shown)),
-            ("margin of all inputs, disk", *(_margin(loop, "disk") for loop in shown)),
-            ("margin of all inputs, gain", *(_margin(loop, "gain") for loop in shown)),
-            ("margin of all inputs, phase, deg", *(_margin(loop, "phase") for loop in shown)),
         ]
+        for name in ("disk", "gain", "phase, deg"):
+            rows.append((f"margin of all inputs, {name}", *(_margin(loop, name) for loop in shown)))
         table = Table(("linear loop with the worst disturbance", *self.robustness), rows)
         return (table, *_state_lines(self.exact, excess))
 
@@ -130,16 +136,6 @@ class LinearLoop:
             discount=game.discount if game.is_discrete else None,
             dt=None if game.dt is True else game.dt,
         )
-
-
-def linear_loop(exact: Solution, critic: Critic, box: np.ndarray, is_exact: bool) -> LinearLoop:
-    """Return the loop u = -K z.
-
-    box: half-widths of the box of states, (n,)
-    """
-    game = exact.game
-    excess = excess_of(exact.enclosure, critic.K, box) if critic.is_finite else without_bound(game)
-    return LinearLoop(exact, critic, excess, is_exact)
 
 
 def _proved_check(name: str, value: float, limit: float, ok: bool, reason: str, kind: str) -> Check:
@@ -223,5 +219,8 @@ def _percent(excess: Excess, ratio: float) -> str:
 
 
 def _margin(loop: _Robustness, name: str) -> str:
-    """Return a number of a disk margin as text, "-" without one."""
-    return f"{getattr(loop.margin, name):.4g}" if loop.margin else "-"
+    """Return a number of a disk margin as text, "-" without one.
+
+    name: name of the number, which its unit may follow: "phase, deg"
+    """
+    return f"{getattr(loop.margin, name.partition(',')[0]):.4g}" if loop.margin else "-"

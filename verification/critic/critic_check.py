@@ -29,7 +29,7 @@ from hfa_support.reporting.parts import Part
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import LIMIT, critic_errors, is_gain_right
-from verification.linear_checks import LinearLoop, linear_loop, value_check
+from verification.linear_checks import LinearLoop, value_check
 from verification.plant import nonlinear_plant
 from verification.verdict import Section, Verdict, explained
 
@@ -118,7 +118,7 @@ def verify(
     # The linear game judges the linear part of what the nonlinear one has judged.
     compared = judged if nonlinear is None else judged.linear_part
     errors = critic_errors(compared, exact, limit, widths)
-    loop = linear_loop(exact, judged, widths, all(check.ok for check in errors))
+    loop = LinearLoop(exact, judged, widths, all(check.ok for check in errors))
     findings = None
     if nonlinear is None and not judged.is_quadratic:
         from verification.network.search import findings_of
