@@ -44,8 +44,10 @@ def pages(folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", "1700000000")
         written(folder, "--document", "TR-12, revision B", "-o", str(folder / "book.pdf"))
-    read = pypdf.PdfReader(folder / "book.pdf").pages
-    return ["".join(page.extract_text().split()) for page in read]
+    read = pypdf.PdfReader(folder / "book.pdf")
+    assert read.metadata.author == "TR-12, revision B"
+    assert read.metadata.creation_date.date().isoformat() == "2023-11-14"
+    return ["".join(page.extract_text().split()) for page in read.pages]
 
 
 def test_the_cover_says_what_the_book_is_of(pages):
@@ -180,7 +182,9 @@ def test_the_cover_has_the_mass_as_loaded_and_in_the_conditions(held, said, fold
         "trim", "--aircraft", f"{ROOT}/examples/uav.toml", *options, "-q", "-o", str(path)
     )
     assert run.code == 0, run.err
-    assert said in path.read_text("utf-8")
+    text = path.read_text("utf-8")
+    assert said in text
+    assert "mass [kg]" in text  # a column of the matrix, also where all conditions set it
 
 
 def test_a_single_sheet_has_its_document_too(folder):
