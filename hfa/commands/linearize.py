@@ -96,7 +96,7 @@ def _of_conditions(request: LinearizeRequest, given: TrimInput) -> Outcome:
     return Outcome(
         report=replace(report, notes=()),
         source=source,
-        notes=report.notes,
+        notes=(*given.notes_on_rows, *report.notes),
         write=partial(book.save, provenance=origin),
     )
 

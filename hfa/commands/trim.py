@@ -187,7 +187,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
         records=matrix(stated, sheets),
         failure=f"{failed} of {len(results)} conditions have no trim" if failed else "",
-        notes=(*_notes_on_repeated(points), *_notes_on_replaced(points)),
+        notes=points.trims.notes_on_rows,
     )
     return overview, conditions
 
@@ -199,28 +199,6 @@ def _counts_in_words(results: Sequence[str]) -> str:
     if UNTRIMMED in results:
         counts.append(f"{results.count(UNTRIMMED)} without a trim")
     return ", ".join(counts)
-
-
-def _notes_on_repeated(points: GivenPoints) -> tuple[str, ...]:
-    """Return notes on conditions of a file that are those of an earlier row."""
-    rows = points.trims.rows
-    names = [row.name or str(number) for number, row in enumerate(rows, start=1)]
-    unnamed = [row._replace(name="", where="") for row in rows]
-    firsts = [unnamed.index(condition) for condition in unnamed]
-    return tuple(
-        f"condition {names[place]} is that of condition {names[first]} again"
-        for place, first in enumerate(firsts)
-        if first < place
-    )
-
-
-def _notes_on_replaced(points: GivenPoints) -> list[str]:
-    """Return notes on cells that replace a value of --hold."""
-    return [
-        f"{name} of {', '.join(row.name or 'a condition' for row in rows)} is that of the file, "
-        "not that of the option"
-        for name, rows in points.trims.rows_replacing_options().items()
-    ]
 
 
 def _with_name(report: Report, name: str) -> Report:

@@ -179,6 +179,25 @@ class TrimInput(NamedTuple):
         stated = {name: [row for row in self.rows if name in row.values] for name in names}
         return {name: rows for name, rows in stated.items() if rows}
 
+    @property
+    def notes_on_rows(self) -> list[str]:
+        """Notes on conditions that are those of an earlier row, and on cells that replace a value
+        of --hold.
+        """
+        names = [row.name or str(number) for number, row in enumerate(self.rows, start=1)]
+        unnamed = [row._replace(name="", where="") for row in self.rows]
+        firsts = [unnamed.index(condition) for condition in unnamed]
+        repeated = [
+            f"condition {names[place]} is that of condition {names[first]} again"
+            for place, first in enumerate(firsts)
+            if first < place
+        ]
+        return repeated + [
+            f"{name} of {', '.join(row.name or 'a condition' for row in rows)} is that of the "
+            "file, not that of the option"
+            for name, rows in self.rows_replacing_options().items()
+        ]
+
     def trim_of(self, row: ListedCondition) -> GivenTrim:
         """Return the trim of a condition, of a file or of a grid."""
         return self.for_row(row).single() if self.rows else self.trim(None, row.values)
