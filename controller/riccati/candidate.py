@@ -56,7 +56,7 @@ MODERATE = 12
 SAME = 10
 #: The states are changed until the least eigenvalue of |P| is at least this fraction of the
 #: largest, at most so often. Each change gains the digits of doubles.
-LEVEL, TURNS = 1e-3, 4
+LEVEL, TURNS = 1e-5, 4
 #: A smaller fraction is not resolved by doubles, and after two changes it is that of P = 0.
 NOISE = 1e-14
 #: A candidate whose eigenvalues are above this fraction of the largest begins Newton's method.
