@@ -184,6 +184,8 @@ def _kinds_in(annotation: ast.expr) -> Iterator[_Alternative]:
         case ast.BinOp(left=left, op=ast.BitOr(), right=right):
             yield from _kinds_in(left)
             yield from _kinds_in(right)
+        case ast.Subscript(slice=ast.Name(id="Quantity")):  # its fields may be symbols
+            yield _Alternative("Any")
         case ast.Subscript(value=kind, slice=ast.Name(id=elements)):  # Sequence[str]
             yield _Alternative(ast.unparse(kind), elements)
         case ast.Subscript(
