@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import os
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -23,16 +20,14 @@ from hfa_aircraft.rigid.motion import STATES, inertia_doubt
 from hfa_aircraft.signals import ISA, Signal
 from hfa_jsbsim.accounting import notes_on_omitted
 from hfa_jsbsim.aircraft import GUSTS, LEVERS, WINDS, Equations
+from hfa_jsbsim.aircraft_files import choices_of, find_aircraft
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.equations import EquationsOfMotion
 from hfa_jsbsim.notes import Note, grouped
-from hfa_jsbsim.parts import Choices, Parts
-from hfa_jsbsim.properties import canonical
+from hfa_jsbsim.parts import Parts
 from hfa_jsbsim.reasons import explain, of_engine_files
-from hfa_jsbsim.xml_file import Folders
-from hfa_support.errors import BadInputError, advice, choice_of, shortened
-from hfa_support.files import resolved
+from hfa_support.errors import BadInputError, advice, shortened
 from hfa_support.native.bound import RowFunction
 
 #: Outputs that are surface positions: name -> property, in rad.
@@ -104,86 +99,12 @@ def read_model(text: str) -> Model:
     that is not supported.
     """
     name, _, chosen = text.partition("?")
-    path, folders = _find(name)
-    parts = Parts(path, folders, _choices(chosen))
+    path, folders = find_aircraft(name)
+    parts = Parts(path, folders, choices_of(chosen))
     equations = Equations(parts)
     declaration = _Declaration(parts, equations)
     notes = [*equations.notes, *notes_on_omitted(parts, equations)]
     return declaration.model(Source(text, folders.digest), notes)
-
-
-#: Options after the question mark: field of `Choices` -> its only value, which makes it True.
-_CHOICES = {"filters": "states", "engines": "states", "throttles": "each"}
-
-
-def _choices(text: str) -> Choices:
-    """Return the options in the text after a question mark."""
-    made: dict[str, Any] = {}
-    for word in text.split("&") if text else []:
-        name, _, value = word.partition("=")
-        if name == "inputs" and value:
-            made["inputs"] = tuple(dict.fromkeys(map(canonical, value.split(","))))
-            continue
-        if _CHOICES.get(name) != value:
-            known = ", ".join(f"{key}={only}" for key, only in _CHOICES.items())
-            known += " or inputs=PROPERTY,PROPERTY"
-            raise BadInputError(
-                f"{shortened(word)} is not an option of a JSBSim aircraft; use {known}"
-            )
-        made[name] = True
-    return Choices(**made)
-
-
-def _find(text: str) -> tuple[Path, Folders]:
-    """Return the path of an aircraft's file, and the folders of further files."""
-    root = data_folder()
-    if text.startswith("jsbsim:"):
-        path = _in_data(text.removeprefix("jsbsim:"), root)
-    else:
-        path = resolved(text)
-    data = None if root is None else resolved(root)
-    shared = [path.parent.parent.parent]
-    if data is not None and data not in shared:
-        shared.append(data)
-    return path, Folders(path.parent, tuple(shared), data)
-
-
-def _in_data(name: str, root: Path | None) -> Path:
-    """Return the path of the file of an aircraft that is included with JSBSim."""
-    if root is None:
-        raise BadInputError(
-            f"jsbsim:{shortened(name)}: JSBSim is not installed; type"
-            " python -m pip install jsbsim, or set"
-            " JSBSIM_ROOT to the folder that contains aircraft, engine and systems"
-        )
-    folders = sorted(folder.name for folder in (root / "aircraft").iterdir() if folder.is_dir())
-    if name not in folders:
-        raise BadInputError(
-            f"JSBSim has no aircraft {shortened(name)!r}; {choice_of(name, folders)}"
-        )
-    return resolved(root / "aircraft" / name / f"{name}.xml")
-
-
-def data_folder() -> Path | None:
-    """Return the folder of JSBSim's data, or None.
-
-    The folder contains `aircraft`, `engine` and `systems`. It is $JSBSIM_ROOT, else the folder of
-    the installed package jsbsim. The package is not imported. Without both the result is None.
-
-    Raises BadInputError if $JSBSIM_ROOT contains no folder `aircraft`.
-    """
-    root = os.environ.get("JSBSIM_ROOT")
-    if root:
-        if not (Path(root) / "aircraft").is_dir():
-            raise BadInputError(
-                f"JSBSIM_ROOT is {shortened(root)}, which contains no folder named aircraft; set "
-                "JSBSIM_ROOT to JSBSim's data folder"
-            )
-        return Path(root)
-    package = importlib.util.find_spec("jsbsim")
-    if package is None or not package.submodule_search_locations:
-        return None
-    return Path(next(iter(package.submodule_search_locations)))
 
 
 class _Arguments(NamedTuple):

@@ -7,7 +7,7 @@ from jsbsim_reference import measured
 from small_aircraft import needs_jsbsim
 
 from hfa import load_model
-from hfa_jsbsim.reader import data_folder
+from hfa_jsbsim.aircraft_files import data_folder
 
 pytestmark = needs_jsbsim
 #: Aircraft for which this comparison is not possible: they are refused, their engine stops, or
