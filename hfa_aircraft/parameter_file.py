@@ -17,8 +17,7 @@ from hfa_support.errors import (
     refuse_unknown,
     shown,
 )
-from hfa_support.files import read_toml
-from hfa_support.schema import NUMBER, checked
+from hfa_support.files import NUMBER, checked, read_toml
 
 #: Entries of such a file. Other readers use [covariance]; [bands] is checked with an aircraft.
 _FILE: dict[str, Any] = {

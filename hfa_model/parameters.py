@@ -13,12 +13,11 @@ import numpy as np
 from hfa_aircraft.uncertain import is_covariance, spread_of_set
 from hfa_model.vectors import T
 from hfa_support.errors import BadInputError, refuse_unless_whole
-from hfa_support.files import write_text
+from hfa_support.files import NUMBER, POSITIVE, read_named, write_text
 from hfa_support.provenance import Change
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue
 from hfa_support.reporting.text import Table
-from hfa_support.schema import NUMBER, POSITIVE, read_named
 
 
 class Parameters(NamedTuple, Generic[T]):

@@ -1,13 +1,17 @@
-"""Matrices: checks of those given by users, spectral radius and quadratic forms."""
+"""Arrays of users: matrices, labels of their rows, tables between points."""
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, numbers_in
+from hfa_support.errors import BadInputError, numbers_in, shortened
+from hfa_support.reporting.results import ByValue
 
 #: Larger numbers (or numbers below its inverse) overflow in products and are meaningless in a
 #: model.
@@ -98,3 +102,102 @@ def power_of_two(sizes: np.ndarray) -> np.ndarray:
     """Return the power of two nearest to each size, and 1 for a size of 0."""
     positive = np.where(sizes > 0.0, sizes, 1.0)
     return np.asarray(np.exp2(np.round(np.log2(positive))))
+
+
+def labels_of(value: Any) -> list[tuple[str, ...]]:
+    """Return the labels along each axis of a labelled array, () for an axis that is numbered.
+
+    An array of pandas or polars, or of xarray, has labels. Another value has no axes with labels,
+    [].
+    """
+    if hasattr(value, "coords") and hasattr(value, "dims"):  # xarray
+        axes = [value.coords.get(axis, ()) for axis in value.dims]
+        axes = [axis.to_numpy().tolist() if len(axis) else axis for axis in axes]
+    elif hasattr(value, "to_dicts"):  # polars
+        axes = [(), value.columns]
+    else:  # pandas
+        axes = value.axes if hasattr(type(value), "loc") else []
+    return [tuple(axis) if _are_names(axis) else () for axis in axes]
+
+
+def _are_names(labels: Sequence[Any]) -> bool:
+    """Return whether labels of an axis are names, and not numbers."""
+    has_texts = any(isinstance(label, str) for label in labels)
+    return has_texts and not all(re.fullmatch(r"(column_)?\d+", str(label)) for label in labels)
+
+
+def in_order(what: str, value: Any, *orders: Sequence[str]) -> Any:
+    """Return a labelled array as numbers in the given order, and another value unchanged.
+
+    what: name of the array, for messages
+    orders: names along each axis, () for an axis that keeps its order; an array with fewer axes has
+        the last ones
+
+    Raises BadInputError unless the labels of each axis are the names of its order, in any order.
+    """
+    labels = labels_of(value)
+    if not labels:
+        return value
+    numbers = value.to_numpy()
+    for axis, (given, order) in enumerate(zip(labels, orders[-len(labels) :], strict=False)):
+        if not given or not order:
+            continue
+        if sorted(map(str, given)) != sorted(order):
+            raise BadInputError(
+                f"{what} has the labels {shortened(', '.join(map(str, given)), 200)}; label each "
+                f"of {', '.join(order)} once, or give {what}.to_numpy() in this order"
+            )
+        numbers = numbers.take([given.index(name) for name in order], axis=axis)
+    return numbers
+
+
+@dataclass(frozen=True, eq=False)
+class LinearTable(ByValue):
+    """Array of any shape that is piecewise linear in one variable and constant beyond both ends.
+
+    breakpoints: (N,), strictly increasing
+    values: (N, ...), the array at each breakpoint
+
+    Raises BadInputError if the breakpoints do not increase, or if the numbers of breakpoints and
+    values differ.
+    """
+
+    breakpoints: np.ndarray
+    values: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Convert both fields to arrays of floats.
+
+        Raises BadInputError, as described for the class.
+        """
+        breakpoints = np.asarray(self.breakpoints, dtype=float)
+        values = np.asarray(self.values, dtype=float)
+        increasing = (
+            breakpoints.ndim == 1 and breakpoints.size > 0 and (np.diff(breakpoints) > 0).all()
+        )
+        if not increasing or len(values) != len(breakpoints):
+            raise BadInputError(
+                "a table is invalid; give increasing breakpoints, and one value for each"
+            )
+        vars(self).update(breakpoints=breakpoints, values=values)
+
+    def at(self, where: float | np.ndarray) -> np.ndarray:
+        """Return the array at x, interpolated linearly and constant beyond both ends.
+
+            v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i)
+
+        where: x, a number or an array of any shape
+
+        The shape of the result is the shape of x, followed by the shape of the tabulated array.
+        """
+        x = np.clip(where, self.breakpoints[0], self.breakpoints[-1])
+        if len(self.breakpoints) == 1:
+            return np.broadcast_to(self.values[0], (*np.shape(x), *self.values.shape[1:])).copy()
+        last = len(self.breakpoints) - 2
+        left = np.clip(np.searchsorted(self.breakpoints, x, side="right") - 1, 0, last)
+        right = left + 1
+        width = self.breakpoints[right] - self.breakpoints[left]
+        share = (x - self.breakpoints[left]) / width
+        share = share.reshape(np.shape(share) + (1,) * (self.values.ndim - 1))
+        change = self.values[right] - self.values[left]
+        return np.asarray(self.values[left] + share * change)

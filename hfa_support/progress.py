@@ -1,16 +1,16 @@
-"""Progress callbacks, and text on the standard streams.
-
-The exit code does not depend on whether the reader of a pipe stops early (`hfa ... | head`).
-"""
+"""Progress of long work, and its interruption."""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import os
+import signal
 import sys
 import textwrap
+import threading
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Protocol, TextIO, TypeVar
 
 from hfa_support.errors import on_one_line
@@ -74,3 +74,29 @@ def drop(stream: TextIO) -> None:
         descriptor = stream.fileno()
         os.close(descriptor)  # frees the descriptor for the null device
         os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
+
+
+@contextmanager
+def interruption() -> Iterator[threading.Event]:
+    """Yield an event that is set by the first Ctrl-C.
+
+    A second Ctrl-C has its usual effect. The event is never set outside the main thread, or if
+    SIGINT is ignored. An exception could not replace the event, because CasADi discards exceptions
+    that are raised during IPOPT.
+    """
+    interrupted = threading.Event()
+    before = signal.getsignal(signal.SIGINT)
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if before in (None, signal.SIG_IGN) or not in_main_thread:
+        yield interrupted
+        return
+
+    def on_interrupt(number: int, frame: object) -> None:
+        signal.signal(signal.SIGINT, before)
+        interrupted.set()
+
+    signal.signal(signal.SIGINT, on_interrupt)
+    try:
+        yield interrupted
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -20,7 +20,7 @@ from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.matrices import checked_matrix, shape_text
-from hfa_support.reporting.checks import Check, at_most
+from hfa_support.reporting.report import Check, at_most
 from hfa_support.reporting.text import percent
 from verification.box import balanced_units
 

@@ -9,10 +9,17 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_model.published import PublishedModel, published_models
-from hfa_support.reporting.checks import Check, Checked, at_most, checks_block, verdict_text
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.report import (
+    Check,
+    Checked,
+    Picture,
+    Report,
+    Reported,
+    at_most,
+    checks_block,
+    verdict_text,
+)
 from hfa_support.reporting.results import ByValue, Result, Roots, storable
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.hfa.printed import (

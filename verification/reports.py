@@ -11,9 +11,7 @@ import numpy as np
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.excess import Excess
-from hfa_support.reporting.checks import Check, verdict_text
-from hfa_support.reporting.parts import Part
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Check, Part, Report, verdict_text
 from hfa_support.reporting.text import Cell, Table, entry_rows, percent
 from verification.box_flights import SHARE
 from verification.nonlinear_game import GRADES, NonlinearComparison

@@ -13,9 +13,7 @@ from controller.critic.critic import Critic
 from controller.critic.network.stated import NOTHING
 from controller.riccati.excess import SAME_DOUBLE, Excess
 from controller.riccati.gare import Solution
-from hfa_support.reporting.checks import Check, Checked
-from hfa_support.reporting.parts import Part
-from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.report import Check, Checked, Part, Report, Reported
 from hfa_support.reporting.results import Result, storable, without_empty
 from verification.box import Box
 from verification.nonlinear_game import GRADES, NonlinearComparison

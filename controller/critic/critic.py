@@ -23,8 +23,7 @@ from controller.game.q_function import q_extremum
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
-from hfa_support.labels import in_order
-from hfa_support.matrices import checked_matrix, shape_text
+from hfa_support.matrices import checked_matrix, in_order, shape_text
 from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix

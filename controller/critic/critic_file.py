@@ -34,8 +34,7 @@ from hfa_aircraft.readers.matrices_file import (
     sample_time,
     words,
 )
-from hfa_support.arrays.one_matrix import UNKNOWN
-from hfa_support.arrays.read import read_arrays
+from hfa_support.arrays.read import UNKNOWN, read_arrays
 from hfa_support.entry_points import CRITICS, loaded, offered
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shortened
 from hfa_support.files import MATRIX_FILES, regular_file, unpacked

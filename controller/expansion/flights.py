@@ -13,7 +13,7 @@ from hfa_aircraft.march.ending import FAR_OF_EXPANSION, OF_EXPANSION, has_decaye
 from hfa_aircraft.march.march import History, Rows, march
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction
-from hfa_support.native.machine_code import machine_code
+from hfa_support.native.row_code import machine_code
 
 #: Step times the magnitude of the fastest eigenvalue of the loop.
 _STEP = 0.2

@@ -19,7 +19,7 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError
-from hfa_support.labels import in_order, labels_of
+from hfa_support.matrices import in_order, labels_of
 from trim.linear.linear_model import LinearModel, is_state_space
 
 if TYPE_CHECKING:

@@ -15,8 +15,7 @@ from controller.game.zero_sum import Game
 from controller.learning.recording import Transitions
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_aircraft.readers.matrices_file import NAME_KEYS, found_in, sample_time, words
-from hfa_support.arrays.csv_file import columns_of
-from hfa_support.arrays.read import read_arrays
+from hfa_support.arrays.read import columns_of, read_arrays
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shortened
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.units import conversion_factor

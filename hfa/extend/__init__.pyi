@@ -21,6 +21,5 @@ from hfa_aircraft.about import (
     Trimming as Trimming,
 )
 from hfa_aircraft.loading import AircraftReader as AircraftReader
-from hfa_support.reporting.checks import Check as Check
-from hfa_support.reporting.report import Report as Report
+from hfa_support.reporting.report import Check as Check, Report as Report
 from hfa_support.reporting.text import Table as Table

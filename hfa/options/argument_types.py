@@ -16,8 +16,7 @@ from typing import TypeVar
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, choice_of, shortened
-from hfa_support.files import note_read
-from hfa_support.schema import NUMBER, POSITIVE, Number
+from hfa_support.files import NUMBER, POSITIVE, Number, note_read
 from hfa_support.units import split_unit
 
 PICTURES = (".png", ".svg", ".pdf")

@@ -1,17 +1,314 @@
-"""Reading of named arrays from .json, .npz, .npy, .mat and .csv files."""
+"""Named arrays of data files."""
 
 from __future__ import annotations
 
+import csv
 import io
+import pickle
+import re
+import subprocess
+import sys
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, prefix_errors, shortened
-from hfa_support.files import read_json, regular_file, unpacked
+from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened
+from hfa_support.files import LARGEST, read_json, regular_file, unpacked
+
+#: Matrix -> its sides that belong to the states.
+_SIDES_OF_STATES = {
+    **dict.fromkeys("AQP", ("rows", "columns")),
+    **dict.fromkeys("BE", ("rows",)),
+    "K": ("columns",),
+}
+
+
+def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
+    """Return the matrices of .csv files, and the names and units of states and inputs, by name.
+
+    The names are stored as "states" and "inputs", the units as "state_units" and "input_units".
+    Names and units that the files do not contain are omitted.
+
+    files: name of the matrix -> file
+
+    Raises ValueError for a faulty file.
+    """
+    tables = {}
+    for name, file in files.items():
+        with file_faults(file):
+            tables[name] = _table(name, file)
+    return _names_and_units(tables) | {name: table.matrix for name, table in tables.items()}
+
+
+def columns_of(path: Path) -> dict[str, np.ndarray]:
+    """Return the columns of a .csv file by the labels in its first row, (N,) each.
+
+    Raises ValueError for a faulty file.
+    """
+    table = _table("the file", path)
+    if table.rows or not table.columns:
+        raise ValueError("the file has no first row of names above columns of numbers; add one")
+    labels = [label.strip() for label in table.columns]
+    if len(set(labels)) < len(labels):
+        raise ValueError("two columns have the same name; rename one of them")
+    return dict(zip(labels, table.matrix.T, strict=True))
+
+
+class _Entry(NamedTuple):
+    """Row of the table of P and K that `hfa solve` and `hfa learn` write."""
+
+    matrix: str
+    row: str
+    column: str
+    value: str
+    unit: str
+
+
+#: Unit of an entry of K: unit of the input, unit of the state.
+_UNIT_OF_GAIN = re.compile(r"\((.*)\)/\((.*)\)")
+
+
+def matrices_of_entries(path: Path) -> dict[str, Any] | None:
+    """Return the matrices of a table with a row for each entry, or None for another file.
+
+    The columns of the table are the fields of `_Entry`. The names and units of states and inputs,
+    stored as in `matrices_and_names`, are those of K.
+
+    Raises ValueError for a faulty file.
+    """
+    with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
+        header, *lines = [*csv.reader(stream)] or [[]]
+    width = len(_Entry._fields)  # a column with the provenance follows
+    if header[:width] != [*_Entry._fields]:
+        return None
+    by_matrix: dict[str, list[_Entry]] = {}
+    for line in lines:
+        if len(line) < width:
+            raise ValueError(f"a row has {len(line)} cells; give {', '.join(_Entry._fields)}")
+        entry = _Entry(*line[:width])
+        by_matrix.setdefault(entry.matrix, []).append(entry)
+    stored: dict[str, Any] = {}
+    for matrix, entries in by_matrix.items():
+        rows = list(dict.fromkeys(entry.row for entry in entries))
+        columns = list(dict.fromkeys(entry.column for entry in entries))
+        entry_at = {(entry.row, entry.column): entry for entry in entries}
+        if len(entry_at) != len(rows) * len(columns):
+            raise ValueError(f"{matrix} lacks an entry; give a row for each")
+        stored[matrix] = np.array(
+            [[float(entry_at[row, column].value) for column in columns] for row in rows]
+        )
+        if matrix == "K":
+            stored |= {"inputs": rows, "states": columns} | _units_of_gain(entries)
+    return stored
+
+
+def _units_of_gain(entries: Sequence[_Entry]) -> dict[str, list[str]]:
+    """Return "input_units" and "state_units" of K, or {} unless each entry states both."""
+    of_input: dict[str, str] = {}
+    of_state: dict[str, str] = {}
+    for entry in entries:
+        units = _UNIT_OF_GAIN.fullmatch(entry.unit)
+        if units is None:
+            return {}
+        of_input[entry.row], of_state[entry.column] = units.groups()
+    return {"input_units": [*of_input.values()], "state_units": [*of_state.values()]}
+
+
+class _Table(NamedTuple):
+    """Matrix in a .csv file, and the texts of its rows and of its columns, [] if it has none."""
+
+    matrix: np.ndarray
+    rows: list[str]
+    columns: list[str]
+
+
+def _table(name: str, path: Path) -> _Table:
+    """Return the matrix in a .csv file, with the names of its rows and columns.
+
+    A first row, or a first column, without a number contains the names.
+    """
+    # Raises ValueError for rows of different lengths, a file without rows of numbers, and a cell
+    # that is not a number.
+    with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
+        rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
+    _refuse_separators(name, rows)
+    column_names: list[str] = []
+    if rows and not any(map(_is_number, rows[0])):
+        column_names = rows.pop(0)
+    row_names: list[str] = []
+    if rows and len(rows[0]) > 1:
+        first_column = [row[0] for row in rows]
+        if not any(map(_is_number, first_column)):
+            row_names = first_column
+            rows = [row[1:] for row in rows]
+            column_names = column_names[1:]
+    widths = {len(row) for row in rows}
+    if column_names:
+        widths.add(len(column_names))
+    if not rows:
+        raise ValueError(f"{name} has no numbers; give rows of numbers")
+    if len(widths) > 1:
+        cells = " and of ".join(map(str, sorted(widths)))
+        raise ValueError(f"{name} has rows of {cells} cells; give rows of equal length")
+    return _Table(np.array(rows, dtype=float), row_names, column_names)
+
+
+def _refuse_separators(name: str, rows: list[list[str]]) -> None:
+    """Raise ValueError if the numbers in a .csv file are not separated by commas."""
+    for cell in (cell for row in rows for cell in row):
+        parts, words = re.split(r"[;\t]", cell), cell.split()
+        has_separator = len(parts) > 1 and any(map(_is_number, parts))
+        has_blanks = len(words) > 1 and all(map(_is_number, words))
+        if has_separator or has_blanks:
+            raise ValueError(
+                f"{name} has the cell {shortened(cell)!r}; separate numbers by commas, and write "
+                "decimals with a point"
+            )
+
+
+class _Label(NamedTuple):
+    """Name of a row or a column, and its unit or ""."""
+
+    name: str
+    unit: str
+
+    @classmethod
+    def of(cls, text: str) -> _Label:
+        """Return the label of a text such as "speed [ft/s]"."""
+        ((name, unit),) = re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", text.strip(), re.DOTALL)
+        return cls(name, unit)
+
+
+class _Sides(NamedTuple):
+    """Labels of the rows and of the columns of a matrix, [] where the file has none."""
+
+    rows: list[_Label]
+    columns: list[_Label]
+
+
+def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
+    """Return the names and units of the states and inputs that .csv files contain.
+
+    The result has the keys "states", "inputs", "state_units" and "input_units", as far as known.
+    Names of states come from the matrix A, and names of inputs from the columns of B; of a critic,
+    from P and K. Units are returned only if each state, or each input, has a unit.
+
+    Raises ValueError if another matrix names the states in another order.
+    """
+    sides = {
+        matrix: _Sides([*map(_Label.of, table.rows)], [*map(_Label.of, table.columns)])
+        for matrix, table in tables.items()
+    }
+    A, B, P, K = (sides.get(matrix, _Sides([], [])) for matrix in "ABPK")
+    states = A.rows or A.columns or P.rows or P.columns or K.columns
+    inputs = B.columns or K.rows
+    stored = {}
+    for kind, labels in (("state", states), ("input", inputs)):
+        if labels:
+            stored[f"{kind}s"] = [label.name for label in labels]
+        if labels and all(label.unit for label in labels):
+            stored[f"{kind}_units"] = [label.unit for label in labels]
+    state_names = stored.get("states", [])
+    for matrix, of_matrix in sides.items():
+        for side in _SIDES_OF_STATES.get(matrix, ()):
+            names = [label.name for label in getattr(of_matrix, side)]
+            if names != state_names and sorted(names) == sorted(state_names):
+                raise ValueError(
+                    f"the {side} of {matrix} are {', '.join(names)}, but the states are "
+                    f"{', '.join(state_names)}; give them in this order"
+                )
+    return stored
+
+
+def _is_number(text: str) -> bool:
+    """Return whether a cell is a number, which may be inf or nan."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+#: Names of the matrices of a plant, in files next to A.csv, and of a critic.
+PLANT = ("A", "B", "E", "Q", "R", "N", "delta")
+CRITIC = ("W", "P", "K", "weights")
+#: Name of the matrix in a .npy file that is not named after one of these.
+UNKNOWN = "the array"
+
+
+def matrices(path: Path) -> dict[str, Any]:
+    """Return the matrices read from a .npy or .csv file, which contains one matrix, by their names.
+
+    - a file named A: the result also contains the other matrices of the plant in the same folder
+    - a .csv file: the result also contains the names and units of states and inputs in the file
+    - a .csv table of `hfa solve`: P and K
+    - a .npy file that is not named after a matrix of a plant or critic: its matrix has the name
+      `UNKNOWN`
+
+    Raises BadInputError as `_matrix_files` does.
+    """
+    if path.suffix.lower() == ".csv":
+        with file_faults(path):
+            entries = matrices_of_entries(path)
+        if entries is not None:
+            return entries
+        return matrices_and_names(_matrix_files(path))
+    files = _matrix_files(path) if path.stem in (*PLANT, *CRITIC) else {UNKNOWN: path}
+    arrays = {}
+    for name, file in files.items():
+        with file_faults(file):
+            arrays[name] = np.load(regular_file(file), allow_pickle=False)
+    return arrays
+
+
+def _matrix_files(path: Path) -> dict[str, Path]:
+    """Return matrix name -> path, of a file named A also of the other matrices of its plant.
+
+    Raises BadInputError for a file that is named after no matrix of a plant or critic.
+    """
+    if path.stem not in ("A", *CRITIC):
+        raise BadInputError(
+            f"{path}: a plant is read from A{path.suffix} (with B in the same folder), a critic "
+            "from K, P or W; give such a file, or use .json, .npz or .mat"
+        )
+    files = {path.stem: path}
+    if path.stem == "A":
+        for name in PLANT:
+            file = path.with_name(name + path.suffix)
+            if file.is_file():
+                files.setdefault(name, file)
+    return files
+
+
+#: Time limit, s; reading the largest .mat file takes a few seconds.
+_LONGEST = 60.0
+_CHILD = Path(__file__).with_name("_loadmat.py")
+
+
+def structures(path: Path) -> dict[str, Any]:
+    """Return name -> array for the content of a .mat file. A structure is a nested mapping.
+
+    A damaged file may crash or hang SciPy. The file is therefore read in a child process.
+
+    Raises ValueError if the file cannot be read, or not within `_LONGEST` seconds.
+    """
+    command = [sys.executable, "-P", str(_CHILD), str(regular_file(path).absolute()), str(LARGEST)]
+    try:
+        child = subprocess.run(command, capture_output=True, timeout=_LONGEST)
+    except subprocess.TimeoutExpired as error:
+        raise ValueError(
+            f"reading takes longer than {_LONGEST:g} s; save the file as .npz"
+        ) from error
+    if child.returncode:
+        message = ""
+        if child.returncode == 1:
+            message = child.stderr.decode("utf-8", "replace").strip()
+        raise ValueError(message or "the file is damaged: SciPy crashes on it")
+    content: dict[str, Any] = pickle.loads(child.stdout)  # of `_loadmat.py`, not of the file
+    return content
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
@@ -81,13 +378,11 @@ def _npz(path: Path) -> dict[str, Any]:
 
 
 def _mat(path: Path) -> dict[str, Any]:
-    from hfa_support.arrays.mat_file import structures
 
     return structures(path)
 
 
 def _named_by_file(path: Path) -> dict[str, Any]:
-    from hfa_support.arrays.one_matrix import matrices
 
     return matrices(path)
 

@@ -1,21 +1,22 @@
-"""Reports of results, and their conversion to text, Markdown, HTML and data files."""
+"""Reports: checks, parts, and their files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+import operator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, imported, printable, shortened
-from hfa_support.reporting.checks import Check, checks_block
-from hfa_support.reporting.parts import Contents, Part, Picture
+from hfa_support.errors import BadInputError, imported, printable, refuse_unknown, shortened
 from hfa_support.reporting.results import Entries, Result
-from hfa_support.reporting.rows import Group
+from hfa_support.reporting.rows import Group, Sheet
 from hfa_support.reporting.text import (
     WIDTH,
+    Cell,
     Table,
     columns,
     matrix_records,
@@ -23,6 +24,198 @@ from hfa_support.reporting.text import (
     numbered,
     wrapped,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+#: Relation between value and limit -> function. A value of nan satisfies none.
+RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "==": operator.eq,
+}
+
+
+@dataclass(frozen=True)
+class Check(Result):
+    """A number that must satisfy `value relation limit`.
+
+    name: name of the quantity
+    value: the measured number
+    limit: the limit
+    ok: whether the relation is satisfied
+    reason: reason for a failure, or "" if `ok`.
+    relation: "<=", "<", ">=", ">" or "=="
+    kind: "error", "rest" (of an equilibrium), "stability", "game loop", "cost", "gain", "data" or
+        "".
+    """
+
+    name: str
+    value: float
+    limit: float
+    ok: bool
+    reason: str
+    relation: str = "<="
+    kind: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """Sentence with the value and its limit, for reports and error messages."""
+        return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
+
+    def _entries(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "name": self.name,
+            "value": self.value,
+            "limit": self.limit,
+            "ok": self.ok,
+            "reason": self.reason,
+        }
+
+
+class Checked:
+    """Base class of results that consist of checks. The result passes if all its checks pass."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def checks(self) -> tuple[Check, ...]:
+            """All checks of this result."""
+
+    @property
+    def ok(self) -> bool:
+        """True if every check passes."""
+        return all(check.ok for check in self.checks)
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+    def __getitem__(self, name: str) -> float:
+        """Return the measured value of the check with this name.
+
+        Raises BadInputError for an unknown name.
+        """
+        values = {check.name: check.value for check in self.checks}
+        refuse_unknown("unknown check", name, values)
+        return values[name]
+
+
+def checked(
+    name: str, value: float, limit: float, reason: str = "", kind: str = "", relation: str = "<="
+) -> Check:
+    """Return a check that passes if `value relation limit` is true.
+
+    A value of nan fails.
+
+    name: name of the quantity
+    value: the measured number
+    limit: the limit
+    reason: reason for a failure
+    kind: as in `Check`
+    relation: a key of `RELATIONS`, for example "<="
+    """
+    ok = RELATIONS[relation](float(value), float(limit))
+    return Check(name, float(value), float(limit), ok, "" if ok else reason, relation, kind)
+
+
+#: Functions that return a check of value <= limit, value >= limit, and value < limit.
+at_most = partial(checked, relation="<=")
+at_least = partial(checked, relation=">=")
+below = partial(checked, relation="<")
+
+
+def checks_block(checks: Iterable[Check]) -> tuple[Table | str, ...]:
+    """Return a table of the checks, followed by a line with the reason for each failed check."""
+    listed = tuple(checks)
+    rows = [
+        (check.name, f"{check.value:.3g}", f"{check.limit:.3g}", verdict_text(check.ok))
+        for check in listed
+    ]
+    reasons = [f"FAIL {check.name}: {check.reason}" for check in listed if not check.ok]
+    return Table(("check", "value", "limit", "verdict"), rows), *reasons
+
+
+def verdict_text(ok: bool) -> str:
+    """Return the table cell PASS or FAIL."""
+    return Cell("PASS", "good") if ok else Cell("FAIL", "bad")
+
+
+#: Who signs a book, and what is left blank for a signature.
+SIGNERS = ("author", "checked", "approved")
+BLANKS = ("name", "date", "signature")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """Figure in a report, drawn when the report is shown.
+
+    name: name of the picture
+    text: description of the picture, for readers who cannot see it
+    draw: function that draws the figure
+    """
+
+    name: str
+    text: str
+    draw: Callable[[], Figure]
+
+    @cached_property
+    def figure(self) -> Figure:
+        """The figure, drawn at the first access."""
+        return self.draw()
+
+    @cached_property
+    def png(self) -> bytes:
+        """Content of a PNG file of the figure."""
+        from hfa_support.reporting.figure import png_bytes
+
+        return png_bytes(self.figure)
+
+
+NO_RECORDS = Table((), ())
+Part: TypeAlias = "str | Table | Group | tuple[str | Table, ...] | Picture | Contents"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Contents:
+    """What a report contains, in reading order.
+
+    title: heading, and further lines that are printed below the heading
+    parts: paragraphs (str), tables of formatted cells (Table), rows of a sheet (Group), pictures,
+      nested reports, and tuples of paragraphs and tables that are printed without a blank line
+      between them
+    notes: notes on the result
+    data: entries of the result by name, for JSON, .npz and .mat
+    records: the result for CSV, with numbers in full precision
+    source: the provenance, shown last
+    head: label -> text of a sheet or of a book of sheets, shown in HTML and PDF with lines to sign
+    anchor: key by which cells of tables link to the report, or ""
+    failure: reason why the command fails after it has shown this report, or ""
+    sheet: all rows of a sheet, found by name, also those that `parts` leave out
+    """
+
+    title: str
+    parts: Sequence[Part] = ()
+    notes: Sequence[str] = ()
+    data: Mapping[str, Any] = field(default_factory=dict)
+    records: Table = NO_RECORDS
+    source: str = ""
+    failure: str = ""
+    head: Mapping[str, str] = field(default_factory=dict)
+    anchor: str = ""
+    sheet: Sheet = field(default_factory=Sheet)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "data", Entries(self.data))
+
+    @property
+    def is_book(self) -> bool:
+        """Whether it contains the reports of several trims behind a cover."""
+        return bool(self.head) and any(isinstance(part, Contents) for part in self.parts)
+
 
 #: Largest size of matrices and arrays whose entries are shown, and longest text of a field.
 _MOST = 12
@@ -95,13 +288,13 @@ class Report(Contents):
 
     def latex(self) -> str:
         """Return the report in LaTeX without pictures. Requires pandas and Jinja2."""
-        from hfa_support.reporting.latex import latex_of
+        from hfa_support.reporting.markup import latex_of
 
         return latex_of(self)
 
     def json(self) -> str:
         """Return the data of the report as JSON text. Numbers that are not finite become null."""
-        from hfa_support.reporting.data_files import json_text
+        from hfa_support.reporting.results import json_text
 
         return json_text(self.data).rstrip()
 
@@ -121,7 +314,7 @@ class Report(Contents):
         Raises BadInputError for another suffix.
         """
         from hfa_support.files import write_text
-        from hfa_support.reporting.data_files import save_data
+        from hfa_support.reporting.results import save_data
 
         if document:
             self.with_document(document).save(path)

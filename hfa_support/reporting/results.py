@@ -1,16 +1,179 @@
-"""Results: dataclasses that are written to files. The dictionary `Result.to_dict` is the file."""
+"""Results as dictionaries, and the files that hold them."""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
+import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from enum import Enum
 from functools import cached_property
-from typing import Any, ClassVar
+from pathlib import Path
+from typing import IO, Any, ClassVar
 
 import numpy as np
 
-from hfa_support.reporting.data_files import jsonable
+from hfa_support.errors import BadInputError
+from hfa_support.files import write_text, written_whole
+from hfa_support.reporting.text import Table
+
+
+def jsonable(value: Any) -> Any:
+    """Return a value as objects that `json` can write.
+
+    Mappings, lists, tuples, arrays, texts and numbers are converted. Numbers that are not finite
+    become None, because JSON has none.
+    """
+    if isinstance(value, (float, np.floating)):  # tested first, because most values are floats
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, (list, tuple)):
+        return [jsonable(item) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        values = value.tolist()
+        return values if value.dtype == float and np.isfinite(value).all() else jsonable(values)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def json_text(value: Any) -> str:
+    """Return a value as indented JSON text, with each innermost list and object on one line."""
+    text = json.dumps(jsonable(value), indent=1, allow_nan=False)
+    return (
+        re.sub(r"[\[{][^][{}]*[]}]", lambda innermost: re.sub(r"\n *", " ", innermost[0]), text)
+        + "\n"
+    )
+
+
+_MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
+
+
+def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
+    """Write one data file, completely or not at all, with numbers in full precision.
+
+    - .json: `data`
+    - .npz: one array for each leaf of `data`, whose name is its keys joined by dots
+    - .mat: `data` as nested structs, with N matrices as one array (rows, columns, N)
+    - .csv: `records`, with a last column that contains schema and provenance as JSON in its first
+      row
+
+    Raises BadInputError for any other suffix, and for a .csv of a result without records.
+    """
+    suffix = target.suffix.lower()
+    if suffix == ".json":
+        write_text(target, json_text(data))
+    elif suffix == ".npz":
+        with written_whole(target) as stream:
+            np.savez(stream, allow_pickle=False, **_leaves(data))
+    elif suffix == ".mat":
+        with written_whole(target) as stream:
+            stream.write(_mat(data))
+    elif suffix == ".csv":
+        if not records.header:
+            raise BadInputError(
+                f"{target}: this result is not a table; use .json, .npz, .mat, .html or .md"
+            )
+        origin = {name: data[name] for name in ("schema", "provenance") if name in data}
+        with written_whole(target) as stream:
+            _write_csv(stream, records, json.dumps(jsonable(origin)))
+    else:
+        raise BadInputError(
+            f"{target}: the suffix {suffix!r} is unknown; use .json, .npz, .mat, .csv, .html, "
+            ".pdf, .md or .tex"
+        )
+
+
+def _leaves(data: Any, name: str = "") -> dict[str, np.ndarray]:
+    """Return name -> array for nested mappings and lists of mappings: "modes.0.zeta".
+
+    name: name of `data` itself
+    """
+    if isinstance(data, list) and data and isinstance(data[0], Mapping):
+        data = {str(index): item for index, item in enumerate(data)}
+    if not isinstance(data, Mapping):
+        return {name: np.asarray(_numbers(data))}
+    leaves: dict[str, np.ndarray] = {}
+    for key, value in data.items():
+        leaves |= _leaves(value, f"{name}.{key}" if name else key)
+    return leaves
+
+
+def _mat(data: Mapping[str, Any]) -> bytes:
+    """Return the content of a .mat file."""
+    from scipy.io import savemat
+
+    stream = io.BytesIO()
+    savemat(stream, _for_matlab(data), long_field_names=True)
+    # SciPy would write the time into the free text at the beginning. Equal results must give equal
+    # files.
+    return b"MATLAB 5.0 MAT-file, written by hfa".ljust(_MAT_TEXT) + stream.getvalue()[_MAT_TEXT:]
+
+
+def _for_matlab(data: Any) -> Any:
+    """Return data as SciPy writes them to structs, arrays of structs with the same fields, cell
+    arrays, and arrays, of N matrices with N as the last axis.
+    """
+    if isinstance(data, Mapping):
+        return {_field_name(key): _for_matlab(value) for key, value in data.items()}
+    if isinstance(data, list) and data and isinstance(data[0], Mapping):
+        names = [*data[0]]
+        if names and all([*item] == names for item in data):  # an array of structs
+            structs = np.empty(len(data), dtype=[(_field_name(name), object) for name in names])
+            structs[:] = [tuple(_for_matlab(value) for value in item.values()) for item in data]
+            return structs
+    if isinstance(data, list) and data and isinstance(data[0], (Mapping, str)):
+        cells = np.empty(len(data), dtype=object)
+        cells[:] = [_for_matlab(item) for item in data]
+        return cells
+    if not isinstance(data, list | np.ndarray):
+        return _numbers(data)
+    array = np.asarray(_numbers(data))
+    return np.moveaxis(array, 0, -1) if array.ndim == 3 else array
+
+
+def _numbers(data: Any) -> Any:
+    """Return nested lists, or a single value, with None replaced by nan."""
+    if isinstance(data, list):
+        return [_numbers(item) for item in data]
+    return np.nan if data is None else data
+
+
+def _field_name(key: str) -> str:
+    """Return the name of a MATLAB struct field for a key, for example "x15_0" for "15.0"."""
+    name = re.sub(r"\W", "_", key)
+    return name if name[:1].isalpha() else f"x{name}"
+
+
+def _write_csv(stream: IO[bytes], records: Table, about: str) -> None:
+    """Write a table as CSV in UTF-8, row by row.
+
+    about: text in the first row of values of a last column, which is called "about"
+    """
+    text = io.TextIOWrapper(stream, "utf-8", newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow((*records.header, "about"))
+    for number, row in enumerate(records.rows):
+        writer.writerow([*map(_cell, row), about if number == 0 else ""])
+    text.detach()
+
+
+def _cell(cell: Any) -> Any:
+    """Return the content of a CSV cell, in which numbers have all digits."""
+    if isinstance(cell, (float, np.floating)):
+        # The library polars does not parse "nan" as a number.
+        return float(cell) if cell == cell else "NaN"
+    return _inert(cell) if isinstance(cell, str) else cell
+
+
+def _inert(text: str) -> str:
+    """Return a text in a form that spreadsheets do not read as a formula."""
+    # A text that looks like a formula gets an apostrophe before the first character.
+    formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
+    return f"'{text}" if re.match(formula, text) else text
+
 
 #: Arrays with one, two and three axes.
 Vector = np.ndarray

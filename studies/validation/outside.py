@@ -14,8 +14,7 @@ import numpy as np
 import hfa_model
 from hfa_aircraft.model import Model
 from hfa_model.vectors import INPUTS, LINEAR_STATES, Input
-from hfa_support.reporting.checks import Check, Checked, at_most, checks_block
-from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.report import Check, Checked, Report, Reported, at_most, checks_block
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 from trim.hfa.level_flight import level_flight
 from trim.hfa.printed import EntryRow, eigenvalue_errors, entries_records, entries_table

@@ -6,7 +6,7 @@ import pytest
 
 from hfa import Model, Signal, linearize, sweep, trim
 from hfa.extend import Domain
-from hfa_support.linear_table import LinearTable
+from hfa_support.matrices import LinearTable
 from trim import release, usual_condition
 
 

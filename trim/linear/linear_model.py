@@ -15,11 +15,10 @@ from hfa_aircraft.signals import Signal, StatesAndInputs
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors
 from hfa_support.files import read_json
-from hfa_support.labels import in_order, labels_of
-from hfa_support.matrices import LARGEST, balanced, checked_matrix, shape_text
-from hfa_support.reporting.named import ByName, with_names
+from hfa_support.matrices import LARGEST, balanced, checked_matrix, in_order, labels_of, shape_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, Vector, without_empty
+from hfa_support.reporting.rows import ByName, with_names
 from hfa_support.reporting.text import numbered
 from trim.linear.modes import Mode, fastest_first, modes_of
 from trim.point.operating_point import OperatingPoint, origin

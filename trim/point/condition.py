@@ -13,7 +13,7 @@ import numpy as np
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
-from hfa_support.linear_table import LinearTable
+from hfa_support.matrices import LinearTable
 from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.text import shown_values, with_shown_unit
 from hfa_support.units import si_unit

@@ -12,8 +12,8 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, prefix_errors, shown
-from hfa_support.linear_table import LinearTable
-from hfa_support.schema import NUMBER, checked, read_named
+from hfa_support.files import NUMBER, checked, read_named
+from hfa_support.matrices import LinearTable
 from trim.point.condition import TrimCondition, release
 
 #: Entries of a condition file, with their types.

@@ -14,12 +14,10 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model, recognized
 from hfa_aircraft.signals import StatesAndInputs, record
 from hfa_support.errors import BadInputError, file_faults, refuse_unknown, shortened
-from hfa_support.files import read_json, write_text
-from hfa_support.reporting.data_files import json_text
+from hfa_support.files import NUMBER, checked, read_json, write_text
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Record, Result
+from hfa_support.reporting.results import Record, Result, json_text
 from hfa_support.reporting.text import in_degrees
-from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion_factor, si_unit
 from trim.point.status import BALANCE, Status
 
@@ -27,8 +25,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
-    from hfa_support.reporting.named import ByName
-    from hfa_support.reporting.rows import Sheet
+    from hfa_support.reporting.rows import ByName, Sheet
     from trim import LinearModel, Mode
     from trim.point.margins import Margin
     from trim.point.problem import TrimProblem

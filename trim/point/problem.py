@@ -12,7 +12,7 @@ import numpy as np
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NotFiniteError
-from hfa_support.linear_table import LinearTable
+from hfa_support.matrices import LinearTable
 from trim.point.condition import TrimCondition, release
 from trim.point.halving import newton
 from trim.point.status import BALANCE

@@ -18,7 +18,7 @@ import numpy as np
 from hfa_aircraft.layout import Layout, column, components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_support.linear_table import LinearTable
+from hfa_support.matrices import LinearTable
 from hfa_support.native.bound import RowFunction
 from trim.point.condition import TrimCondition
 

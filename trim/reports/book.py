@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Picture, Report
 from hfa_support.reporting.text import (
     Cell,
     Table,

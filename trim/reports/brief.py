@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hfa_support.reporting.parts import Part
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.rows import Group, Row, Sheet
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import TRIMMED

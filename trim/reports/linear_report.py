@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_support.reporting.parts import Part
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.results import storable
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import WIDTH, Table, five_decimals, matrix_table, wrapped

@@ -18,10 +18,9 @@ from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.errors import BadInputError, NoSolutionError, imported, refuse_unknown
 from hfa_support.files import write_text
 from hfa_support.progress import Progress
-from hfa_support.reporting.data_files import json_text, save_data
-from hfa_support.reporting.named import with_names
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result, Stack, storable
+from hfa_support.reporting.results import Result, Stack, json_text, save_data, storable
+from hfa_support.reporting.rows import with_names
 from hfa_support.reporting.text import Table, eigenvalue_text, shown_values, with_shown_unit
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import direct_disturbances

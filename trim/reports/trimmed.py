@@ -15,7 +15,7 @@ from hfa_aircraft.layout import Linearization
 from hfa_aircraft.model import Model, recognized
 from hfa_support.errors import BadInputError, NoSolutionError, NotFiniteError
 from hfa_support.matrices import ROUNDING, balanced, spectral_abscissa
-from hfa_support.reporting.named import ByName
+from hfa_support.reporting.rows import ByName
 from hfa_support.reporting.text import digits_with_unit
 from hfa_support.units import conversion_factor
 from trim.linear.kinks import linearization_at

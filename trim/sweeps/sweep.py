@@ -15,10 +15,9 @@ from hfa_aircraft.signals import StatesAndInputs, record
 from hfa_support.errors import BadInputError, NoSolutionError, imported, refuse_unknown
 from hfa_support.progress import Progress
 from hfa_support.reporting.figure import new_figure, pyplot_figure
-from hfa_support.reporting.named import ByName, with_names
-from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack, storable
+from hfa_support.reporting.rows import ByName, with_names
 from hfa_support.reporting.text import (
     RowsMade,
     Table,

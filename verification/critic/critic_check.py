@@ -22,10 +22,9 @@ from hfa_support.errors import (
     refuse_unless_whole,
     shown,
 )
-from hfa_support.labels import labels_of
+from hfa_support.matrices import labels_of
 from hfa_support.progress import Progress
-from hfa_support.reporting.checks import Check, at_least
-from hfa_support.reporting.parts import Part
+from hfa_support.reporting.report import Check, Part, at_least
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import LIMIT, critic_errors, is_gain_right

@@ -16,7 +16,7 @@ from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
 from hfa_aircraft.march.ending import Outcome
 from hfa_support.matrices import quadratic_forms
-from hfa_support.reporting.checks import Check, at_most
+from hfa_support.reporting.report import Check, at_most
 from hfa_support.reporting.text import percent
 from verification.box import starts_in
 from verification.network.loops import Loop, plant_loop, undisturbed_loop, worst_loop

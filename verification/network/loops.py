@@ -20,8 +20,7 @@ from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
 from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, Outcome, has_decayed
 from hfa_support.matrices import quadratic_forms, spectral_abscissa
-from hfa_support.native.bound import BoundFunction
-from hfa_support.native.columns import of_rows
+from hfa_support.native.bound import BoundFunction, of_rows
 from verification.plant import NonlinearPlant
 
 #: A tick of a simulation in continuous time is as long as the slowest linear loop needs to decay to

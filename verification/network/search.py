@@ -15,7 +15,7 @@ import numpy as np
 from controller.critic.critic import FUNCTIONS, Critic
 from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
-from hfa_support.reporting.checks import Check, at_most, below
+from hfa_support.reporting.report import Check, at_most, below
 from hfa_support.reporting.text import percent
 from verification.box import starts_in
 from verification.critic_errors import error_check, floored

@@ -39,8 +39,7 @@ from hfa_support.errors import (
     shortened,
     shown,
 )
-from hfa_support.files import regular_file, unpacked
-from hfa_support.schema import Number
+from hfa_support.files import Number, regular_file, unpacked
 
 
 def _layout(algorithm: str, words: str, activation: str, squash: str) -> Layout:

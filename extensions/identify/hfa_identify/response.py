@@ -24,7 +24,7 @@ from hfa_identify.records import Record
 from hfa_identify.sensors import biases
 from hfa_support.matrices import spectral_radius
 from hfa_support.native.bound import BoundFunction, RowFunction
-from hfa_support.native.machine_code import machine_code
+from hfa_support.native.row_code import machine_code
 
 #: Largest integration step, in time constants of the fastest mode.
 STEP = 0.3

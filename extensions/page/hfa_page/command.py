@@ -43,8 +43,8 @@ from hfa_page.main_job import (
 )
 from hfa_support.errors import BadInputError, NoSolutionError, printable
 from hfa_support.files import write_text, written_whole
-from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import jsonable
 from trim.hfa.reports import trim_report
 from trim.reports.book import Condition
 

@@ -23,9 +23,7 @@ from hfa_page.plots import InteractivePlot, pictures_over
 from hfa_page.turbulence import flight_in_turbulence
 from hfa_support.errors import missing_package
 from hfa_support.provenance import Provenance
-from hfa_support.reporting.checks import verdict_text
-from hfa_support.reporting.parts import Part, Picture
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Part, Picture, Report, verdict_text
 from hfa_support.reporting.text import Cell, Table
 from trim.hfa.printed import printed_at
 from trim.hfa.reports import linear_model_report

@@ -9,8 +9,7 @@ import numpy as np
 
 from hfa_page.main_job import Position
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Picture, Report
 
 if TYPE_CHECKING:
     from hfa_flight.simulate.flight import Flight

@@ -17,7 +17,7 @@ from hfa_prove.fields import Fields, naming
 from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
 from hfa_support.errors import BadInputError, file_faults, on_one_line
 from hfa_support.files import regular_file, write_text
-from hfa_support.reporting.data_files import jsonable
+from hfa_support.reporting.results import jsonable
 from hfa_support.version import identity
 
 SCHEMA = "hfa.certificate/11"

@@ -5,12 +5,12 @@ import math
 import casadi as ca
 import pytest
 
-from hfa_support.native.machine_code import machine_code
+from hfa_support.native.row_code import machine_code
 
 
 def test_a_function_is_evaluated_without_a_compiler(tmp_path, monkeypatch, capsys):
     """A compiler that fails is noted, CasADi evaluates the function, and no file remains."""
-    monkeypatch.setattr("hfa_support.native.machine_code.c_compiler", lambda: "false")
+    monkeypatch.setattr("hfa_support.native.row_code.c_compiler", lambda: "false")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     x = ca.SX.sym("x")
     function = machine_code(ca.Function("f", [x], [ca.sin(x)]))

@@ -25,9 +25,9 @@ from hfa_flight.export.exported_loop import LONGEST_STEP, ExportedLoop
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import written_whole
 from hfa_support.native.c_code import c_function
-from hfa_support.native.machine_code import c_compiler
+from hfa_support.native.row_code import c_compiler
 from hfa_support.provenance import Provenance
-from hfa_support.reporting.data_files import json_text
+from hfa_support.reporting.results import json_text
 
 #: Folder and suffix of the library in the FMU, by platform.
 IDENTIFIER = "hfa_aircraft"

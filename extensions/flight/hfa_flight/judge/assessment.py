@@ -12,8 +12,7 @@ from hfa_flight.judge.assessment_report import records_table, report_parts
 from hfa_flight.judge.findings import Finding, Severity, findings_at_trims, where_text, worst_first
 from hfa_flight.needs import IN_AIR, SHARE
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_support.reporting.checks import verdict_text
-from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.report import Report, Reported, verdict_text
 from hfa_support.reporting.results import Result, storable
 
 #: Name of a requirement -> sentence if it is not satisfied.

@@ -20,11 +20,9 @@ from hfa_flight.simulate.flight_figure import Curve, flight_figure, signals_of
 from hfa_flight.simulate.returned import RULE
 from hfa_flight.simulate.row import FlightRow
 from hfa_support.reporting.figure import new_figure, pyplot_figure
-from hfa_support.reporting.named import with_names
-from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector, storable
-from hfa_support.reporting.rows import Group, Row
+from hfa_support.reporting.rows import Group, Row, with_names
 from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:

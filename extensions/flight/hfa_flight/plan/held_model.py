@@ -13,7 +13,7 @@ from hfa_aircraft.march.steppers import rk4
 from hfa_flight.plan.scaled import ScaledProblem
 from hfa_flight.plan.smooth import smooth_rates
 from hfa_support.native.bound import BoundFunction
-from hfa_support.native.machine_code import machine_code
+from hfa_support.native.row_code import machine_code
 
 #: Largest error of the fastest mode over a hold, x^5 / 120 for each Runge-Kutta step of x time
 #: constants. The gradient of a plan at the trim is then exact to 1e-5.

@@ -16,7 +16,7 @@ from hfa_flight.plan.plan_program import AlongHolds, Change, PlanCost, PlanProgr
 from hfa_flight.plan.scaled import ScaledProblem
 from hfa_flight.policies.sampled_policy import NextSample
 from hfa_support.native.bound import BoundFunction
-from hfa_support.native.machine_code import machine_code
+from hfa_support.native.row_code import machine_code
 
 #: Factors on a step of the quadratic program that are tried until the flight is cheaper.
 _SHARES = (1.0, 0.35, 0.1225, 0.042875)

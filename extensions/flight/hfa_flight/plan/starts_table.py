@@ -17,8 +17,7 @@ from hfa_flight.simulate.returned import RULE
 from hfa_flight.simulate.row import FlightRow
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import NoSolutionError
-from hfa_support.interruption import interruption
-from hfa_support.progress import Progress
+from hfa_support.progress import Progress, interruption
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, storable
 from hfa_support.reporting.rows import Group, Row

@@ -26,7 +26,7 @@ from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, refuse_unless_positive, shown
 from hfa_support.native.bound import BoundFunction
-from hfa_support.native.machine_code import machine_code
+from hfa_support.native.row_code import machine_code
 from trim.point.operating_point import OperatingPoint
 
 #: Points of the Gauss quadrature on the ray from the trim to the state.

@@ -16,7 +16,7 @@ from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.policies.tables import table_expression
 from hfa_flight.schedule.gain_schedule import GainSchedule
 from hfa_support.errors import BadInputError
-from hfa_support.linear_table import LinearTable
+from hfa_support.matrices import LinearTable
 from hfa_support.reporting.results import Result
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from hfa_aircraft.rigid.tables import Interpolator, lines_of_cells
-from hfa_support.linear_table import LinearTable
+from hfa_support.matrices import LinearTable
 
 
 def table_expression(table: LinearTable, where: ca.SX) -> ca.SX:

@@ -17,8 +17,7 @@ from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import FileScales, file_scales
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors
-from hfa_support.linear_table import LinearTable
-from hfa_support.matrices import checked_matrix, shape_text
+from hfa_support.matrices import LinearTable, checked_matrix, shape_text
 from hfa_support.reporting.report import Reported
 
 #: Share of the range of breakpoints by which a value may be beyond an end, where the gain is that

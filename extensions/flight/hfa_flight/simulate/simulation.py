@@ -20,7 +20,7 @@ from hfa_flight.simulate.closed_loop import ClosedLoop, StateParts
 from hfa_flight.simulate.runge_kutta import RungeKutta, step_function
 from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import BoundFunction, RowFunction
-from hfa_support.native.machine_code import machine_code
+from hfa_support.native.row_code import machine_code
 from hfa_support.progress import Progress
 
 #: Number of ticks from which compilation to machine code saves time: measured are 10,000 for the

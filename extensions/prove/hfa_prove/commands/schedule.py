@@ -22,8 +22,7 @@ from hfa.options.trims import (
 )
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shortened
-from hfa_support.files import MATRIX_FILES
-from hfa_support.schema import Number
+from hfa_support.files import MATRIX_FILES, Number
 
 if TYPE_CHECKING:
     from hfa_prove.statements.schedule import Gains

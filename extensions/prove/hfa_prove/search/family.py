@@ -15,7 +15,7 @@ from hfa_prove.check.trims import SteadyFlight
 from hfa_prove.statements.flight import Flight, in_model_unit, unknowns_of
 from hfa_prove.statements.schedule import Gains
 from hfa_support.errors import BadInputError
-from hfa_support.linear_table import LinearTable
+from hfa_support.matrices import LinearTable
 from trim.linear.linearize import linearize
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint

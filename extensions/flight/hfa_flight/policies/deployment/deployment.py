@@ -20,10 +20,9 @@ from hfa_aircraft.readers.matrices_file import sample_time
 from hfa_flight.policies.deployment.actor import Actor, Wanted, box_of, gain_function, read_actor
 from hfa_flight.policies.deployment.toml_text import toml_text
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown
-from hfa_support.files import read_toml, write_text
+from hfa_support.files import NUMBER, POSITIVE, Number, checked, read_toml, write_text
 from hfa_support.matrices import shape_text
 from hfa_support.reporting.report import Reported
-from hfa_support.schema import NUMBER, POSITIVE, Number, checked
 
 if TYPE_CHECKING:
     import casadi as ca
