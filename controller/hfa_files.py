@@ -16,10 +16,10 @@ from controller.game.game_file import Defaults, stored_game
 from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names
-from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_aircraft.readers.matrices_file import file_scales
+from hfa_aircraft.signals import UNNAMED, PlantNames
+from hfa_model.parameters import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_model.published import published_data
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import numpy as np
 
 from controller.game.linear_game import names_of_linear
 from hfa_aircraft.model import Model
-from hfa_aircraft.names import PlantNames
-from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
+from hfa_aircraft.signals import PlantNames
+from hfa_model.parameters import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.units import si_factor, si_unit
 
 if TYPE_CHECKING:

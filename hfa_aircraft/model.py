@@ -262,7 +262,7 @@ class Model(Reported):
 
     def report(self) -> Report:
         """Return a report with tables of the signals: units, limits and trim values."""
-        from hfa_aircraft.signals_table import signals_report
+        from hfa_aircraft.signals import signals_report
 
         kinds = ("states", "inputs", "outputs", "parameters", "disturbances")
         signals = {kind: getattr(self, kind) for kind in kinds}

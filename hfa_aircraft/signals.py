@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections import namedtuple
+import re
+from collections import Counter, namedtuple
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hfa_support.errors import refuse_unknown
+from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, numbered, shown_unit, shown_value
 
 #: Vectors of a model's equations in CasADi's order -> declarations of their components.
 VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
@@ -126,3 +130,101 @@ class StatesAndInputs:
     def input_units(self) -> tuple[str, ...]:
         """Unit of each input."""
         return self.model.units(self.input_names)
+
+
+def signals_report(
+    title: str,
+    signals: Mapping[str, Mapping[str, Signal]],
+    trim: Mapping[str, float],
+    notes: Sequence[str],
+) -> Report:
+    """Return a report with a table for each kind of signal: names, units, limits and values.
+
+    The value of a parameter is its `start`. The value of another signal is the one that a trim
+    imposes by default, if any. Angles are in degrees in the text, and in the signals' units in the
+    data.
+
+    title: title of the report
+    signals: kind, such as "states" -> name -> signal
+    trim: signal -> value that a trim imposes by default
+    notes: notes of the report
+    """
+    parts = []
+    records: list[tuple[Any, ...]] = []
+    for kind, declared in signals.items():
+        rows = []
+        for name, signal in declared.items():
+            imposed = signal.start if kind == "parameters" else trim.get(name, math.nan)
+            numbers = (signal.min, signal.max, imposed)
+            shown = [
+                shown_value(number, signal.unit) if math.isfinite(number) else ""
+                for number in numbers
+            ]
+            rows.append((name, shown_unit(signal.unit), *shown))
+            records.append((kind, name, signal.unit, *numbers))
+        value = "value" if kind == "parameters" else "trim"
+        if rows:
+            parts.append(Table((kind, "unit", "lowest", "highest", value), rows))
+    columns = ("kind", "name", "unit", "min", "max", "value")
+    data = {row[1]: dict(zip(columns, row, strict=True)) for row in records}
+    return Report(title, parts, notes, data, Table(columns, records))
+
+
+def identifiers(names: Iterable[str]) -> dict[str, str]:
+    """Return name in a file -> name in the model, an identifier that no other name has."""
+    found: dict[str, str] = {}
+    seen: Counter[str] = Counter()
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "variable"
+        plain = f"v_{plain}" if plain[0].isdigit() else plain
+        found[name] = plain + "_" * seen[plain]  # no plain name ends with "_"
+        seen[plain] += 1
+    return found
+
+
+class PlantNames(NamedTuple):
+    """Names and units of a plant's states and inputs, () where unknown.
+
+    states: n names
+    inputs: m names
+    state_units: n units, with "" for an unknown unit
+    input_units: m units, with "" for an unknown unit
+    origin: name of the plant in the title of a report
+    disturbances: names of the columns of a game's E, where they are winds of the model
+    """
+
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    state_units: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = ()
+    origin: str = "the plant"
+    disturbances: tuple[str, ...] = ()
+
+    def completed(self, n: int, m: int) -> PlantNames:
+        """Return names and units for n states and m inputs.
+
+        Unknown states are named x1, x2, ..., unknown inputs u1, u2, ..., and unknown units are "".
+
+        Raises BadInputError if the number of known names or units is not n for states or m for
+        inputs.
+        """
+        return PlantNames(
+            _as_many("states", self.states, numbered("x", n)),
+            _as_many("inputs", self.inputs, numbered("u", m)),
+            _as_many("state_units", self.state_units, ("",) * n),
+            _as_many("input_units", self.input_units, ("",) * m),
+            self.origin,
+            self.disturbances,
+        )
+
+
+def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the given names or units, or the default ones if none are given."""
+    if not texts:
+        return usual
+    if len(texts) != len(usual):
+        raise BadInputError(f"{key} has {len(texts)} entries; give {len(usual)} for this plant")
+    return tuple(texts)
+
+
+UNNAMED = PlantNames()

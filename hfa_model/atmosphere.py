@@ -9,7 +9,7 @@ from __future__ import annotations
 import casadi as ca
 
 from hfa_aircraft.rigid.atmosphere import HEAT_RATIO
-from hfa_model.vectors import HIGHEST_ALTITUDE, Quantity
+from hfa_model.parameters import HIGHEST_ALTITUDE, Quantity
 from hfa_support.errors import BadInputError
 from hfa_support.units import EARTH_RADIUS, FOOT, STANDARD_GRAVITY
 

@@ -2,12 +2,78 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from hfa_aircraft.model import Model
-from hfa_model.declaration import rigid_panels
-from hfa_model.parameters import Parameters, default_parameters
-from hfa_model.trim_loads import panel_groups
+from hfa_model.atmosphere import density
+from hfa_model.declaration import check_in_range, parameters_of, rigid_panels, variant_of
+from hfa_model.dynamics import Loads, aircraft_loads
+from hfa_model.parameters import INPUTS, STATES, Input, Parameters, State, default_parameters
 from hfa_model.variants import Variant, variant_named
-from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
+from hfa_support.reporting.rows import Row
+from hfa_support.reporting.text import without_rounding
+from hfa_support.units import si_factor
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
+    """Return the forces and moments on the flexible aircraft and on its panels.
+
+    The units are lbf and ft lbf, or N and N m for a model in SI units.
+
+    model: a model for which `is_hfa` is true
+    x: (7,), in the order of `STATES`, in the units of the model
+    u: (5,), in the order of `INPUTS`, in the units of the model
+
+    Raises BadInputError for another shape, or if the state is out of range (`check_in_range`).
+    """
+    for vector, values, names in (("x", x, STATES), ("u", u, INPUTS)):
+        shape = numbers_in(vector, values).shape
+        if shape != (len(names),):
+            raise BadInputError(f"{vector} has shape {shape}; give {len(names)} numbers")
+    native = model.native
+    state = State(*model.native_values(STATES, x).tolist())
+    control = Input(*model.native_values(INPUTS, u).tolist())
+    check_in_range(state)
+    air = density(state.altitude)
+    in_lbf = aircraft_loads(state, control, air, parameters_of(native), variant_of(native))
+    return in_lbf if native is model else _loads_in_si(in_lbf)
+
+
+def _loads_in_si(loads: Any) -> Any:
+    """Return the loads in N and N m."""
+    converted = {}
+    for name, value in loads._asdict().items():
+        if isinstance(value, tuple):
+            converted[name] = _loads_in_si(value)
+        else:
+            converted[name] = value * si_factor("ft lbf" if name.endswith("moment") else "lbf")
+    return loads._replace(**converted)
+
+
+def panel_groups(point: Any) -> list[tuple[str, list[Row], tuple[str, ...]]]:
+    """Return the group of a trim's sheet with the loads on the center and on one outer panel."""
+    aircraft = point.model
+    forces = loads(aircraft, point.states, point.inputs)
+    names = ("dynamic_pressure", "reference_area", "weight", "hinge_moment_total")
+    given = aircraft.outputs_at(point.states, point.inputs, names)
+    force, moment = aircraft.unit("lift"), aircraft.unit("hinge_moment")
+    # q S of one of the three panels, for its lift coefficient.
+    panel_force = given["dynamic_pressure"] * given["reference_area"] / 3
+    rows = [Row("weight of a panel", given["weight"] / 3, force)]
+    for name, panel in (("center", forces.center), ("outer", forces.outer)):
+        rows.append(Row(f"lift {name}", panel.lift, force))
+        rows.append(Row(f"drag {name}", panel.drag, force))
+        rows.append(Row(f"lift coefficient {name}", panel.lift / panel_force))
+    rows.append(Row("hinge moment", forces.hinge_moment, moment))
+    nominal = aircraft.outputs["hinge_moment_total"].nominal
+    total = without_rounding(given["hinge_moment_total"], nominal)
+    rows.append(Row("hinge moment total", total, moment, "with hinge spring"))
+    return [("loads on the panels", rows, ())]
+
 
 #: Parameters that must not be negative. Inertias are not included: a fit to one printed angle does
 #: not determine one of them, and it may be negative.

@@ -16,17 +16,18 @@ from hfa_aircraft.signals import Signal
 from hfa_model.atmosphere import refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_of
 from hfa_model.outputs import OUTPUTS, instant_of, outputs_of
-from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.published import published_data
-from hfa_model.variants import Variant
-from hfa_model.vectors import (
+from hfa_model.parameters import (
+    FIELDS,
     INPUT_SIGNALS,
     INPUTS,
     LINEAR_STATES,
     STATE_SIGNALS,
     STATES,
+    Parameters,
     State,
 )
+from hfa_model.published import published_data
+from hfa_model.variants import Variant
 from hfa_support.errors import BadInputError
 
 

@@ -21,8 +21,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from hfa_model.parameters import Parameters
-from hfa_model.vectors import Quantity, State
+from hfa_model.parameters import Parameters, Quantity, State
 
 
 class Wind(NamedTuple):

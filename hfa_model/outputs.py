@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density, speed_of_sound
-from hfa_model.dynamics import rates_from_loads
+from hfa_model.dynamics import Loads, aircraft_loads, rates_from_loads
 from hfa_model.kinematics import (
     Winds,
     angle_of_attack,
@@ -25,9 +24,8 @@ from hfa_model.kinematics import (
     outer_height,
     outer_velocity,
 )
-from hfa_model.parameters import Parameters
+from hfa_model.parameters import Input, Parameters, Quantity, State
 from hfa_model.variants import Variant
-from hfa_model.vectors import Input, Quantity, State
 
 
 class Instant(NamedTuple):

@@ -36,10 +36,16 @@ import casadi as ca
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_model.aerodynamics import Loads, PanelLoads, panel_loads, sum_of_panels
 from hfa_model.atmosphere import density
 from hfa_model.declaration import hfa_about, rigid_panels
-from hfa_model.dynamics import pitch_inertia, rates_from_loads
+from hfa_model.dynamics import (
+    Loads,
+    PanelLoads,
+    panel_loads,
+    pitch_inertia,
+    rates_from_loads,
+    sum_of_panels,
+)
 from hfa_model.kinematics import (
     Velocity,
     Wind,
@@ -53,9 +59,15 @@ from hfa_model.kinematics import (
     winds_of,
 )
 from hfa_model.outputs import Instant, outputs_of
-from hfa_model.parameters import Parameters, default_parameters
+from hfa_model.parameters import (
+    LINEAR_STATES,
+    STATE_SIGNALS,
+    STATES,
+    Parameters,
+    Quantity,
+    default_parameters,
+)
 from hfa_model.variants import Newton, variant_named
-from hfa_model.vectors import LINEAR_STATES, STATE_SIGNALS, STATES, Quantity
 
 NEWTON = Newton()
 

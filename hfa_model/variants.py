@@ -25,8 +25,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from hfa_model.parameters import Parameters
-from hfa_model.vectors import Quantity, State
+from hfa_model.parameters import Parameters, Quantity, State
 from hfa_support.errors import BadInputError, refuse_unknown
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.hfa_game import ordinary_deviations
-from hfa_aircraft.names import PlantNames
-from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
+from hfa_aircraft.signals import PlantNames
+from hfa_model.parameters import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.reporting.results import Vector
 from trim.linear.balancing import units_of
 

@@ -12,9 +12,7 @@ import numpy as np
 from controller.expansion.expansion import Expansion
 from controller.expansion.flights import TESTED, flown_until_decayed, scales_of_time
 from controller.riccati.balls import ROUNDOFF
-from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.ending import FAR_OF_EXPANSION
-from hfa_aircraft.march.refinement import Figures, ReportedFigure, resolved
+from hfa_aircraft.batch_simulation import FAR_OF_EXPANSION, Cost, Figures, ReportedFigure, resolved
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.row_code import row_code
 from hfa_support.reporting.results import Result, Vector

@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 
 from controller.expansion.deviations import rates_about_trim
+from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.march.march import saturated
 from trim.linear.linear_model import LinearModel
 
 

@@ -22,7 +22,6 @@ from controller.critic.reading import DIMENSIONS, CriticFile, Reading, in_plant_
 from controller.game.basis import Basis
 from controller.game.game_file import DISCRETE_KEYS, MODEL_KEYS, unused
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
-from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import (
     NAME_ALIASES,
     NAME_KEYS,
@@ -34,6 +33,7 @@ from hfa_aircraft.readers.matrices_file import (
     sample_time,
     words,
 )
+from hfa_aircraft.signals import PlantNames
 from hfa_support.arrays.read import UNKNOWN, read_arrays
 from hfa_support.entry_points import CRITICS, loaded, offered
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shortened

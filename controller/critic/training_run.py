@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from controller.game.basis import basis
-from hfa_aircraft.names import UNNAMED, PlantNames
+from hfa_aircraft.signals import UNNAMED, PlantNames
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector, storable, without_empty
 from hfa_support.reporting.text import Table, matrix_table

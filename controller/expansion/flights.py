@@ -8,9 +8,15 @@ import casadi as ca
 import numpy as np
 
 from controller.expansion.expansion import Expansion
-from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.ending import FAR_OF_EXPANSION, OF_EXPANSION, has_decayed
-from hfa_aircraft.march.march import History, Rows, march
+from hfa_aircraft.batch_simulation import (
+    FAR_OF_EXPANSION,
+    OF_EXPANSION,
+    Cost,
+    History,
+    Rows,
+    has_decayed,
+    march,
+)
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.row_code import machine_code

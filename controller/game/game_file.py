@@ -12,7 +12,6 @@ import numpy as np
 
 from controller.game.weights import weights_of_sizes
 from controller.game.zero_sum import Game
-from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import (
     NAME_KEYS,
     entries_of,
@@ -22,6 +21,7 @@ from hfa_aircraft.readers.matrices_file import (
     plant_names,
     words,
 )
+from hfa_aircraft.signals import PlantNames
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, prefix_errors, shortened
 

@@ -16,7 +16,7 @@ from controller.game.weights import (
 )
 from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.names import PlantNames
+from hfa_aircraft.signals import PlantNames
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError
 from hfa_support.matrices import in_order, labels_of

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_aircraft.names import UNNAMED, PlantNames
-from hfa_aircraft.signals import StatesAndInputs
+from hfa_aircraft.signals import UNNAMED, PlantNames, StatesAndInputs
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import (
     BadInputError,

@@ -13,8 +13,8 @@ import numpy as np
 from controller.game.weights import weights_of_sizes
 from controller.game.zero_sum import Game
 from controller.learning.recording import Transitions
-from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_aircraft.readers.matrices_file import NAME_KEYS, found_in, sample_time, words
+from hfa_aircraft.signals import UNNAMED, PlantNames
 from hfa_support.arrays.read import columns_of, read_arrays
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shortened
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text

@@ -19,7 +19,7 @@ from controller.riccati.poles import Poles
 from controller.riccati.refusal import ModeError, why_never
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from controller.riccati.stability import stabilizes
-from hfa_aircraft.names import PlantNames
+from hfa_aircraft.signals import PlantNames
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.reporting.report import Report, Reported

@@ -31,7 +31,7 @@ from hfa.options.option import option, refuse
 from hfa.options.plants import is_own
 from hfa.options.trims import OF_THE_TRIM, GivenTrim, TrimOptions, given_trim
 from hfa_aircraft.model import Model
-from hfa_aircraft.names import PlantNames
+from hfa_aircraft.signals import PlantNames
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import Result, without_empty

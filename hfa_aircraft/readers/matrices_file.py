@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.matrices import plant_model
+from hfa_aircraft.control_systems import plant_model
 from hfa_aircraft.model import Model
-from hfa_aircraft.names import PlantNames
+from hfa_aircraft.signals import PlantNames
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, advice, numbers_in, prefix_errors, shortened, shown
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text

@@ -7,13 +7,26 @@ rounding, and within 2e-5 with `hfa_model.atmosphere`, whose constants are the s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
-from hfa_support.units import EARTH_RADIUS, FOOT, KNOT, STANDARD_GRAVITY, si_factor
+from hfa_aircraft.model import Model, altitudes, recognized
+from hfa_aircraft.signals import AIRSPEEDS, ISA
+from hfa_support.errors import BadInputError
+from hfa_support.units import (
+    EARTH_RADIUS,
+    FOOT,
+    KNOT,
+    STANDARD_GRAVITY,
+    conversion_factor,
+    si_factor,
+)
 
 #: Ratio of specific heats of air.
 HEAT_RATIO = 1.4
@@ -181,3 +194,226 @@ def _pressure_ratio(base_temperature: float, lapse: float, climb: Any) -> Any:
 
 
 SEA_LEVEL = Air(*(float(value) for value in vars(air_at(ca.DM(0.0), "english")).values()))
+
+
+#: ft/s.
+_KNOT = KNOT / FOOT
+#: Accuracy of a crossover altitude, relative to that of all altitudes: a nanometre.
+_ACCURACY = 1e-14
+#: Outputs from which the air of a model follows, with their units here.
+_OF_AIR = {"dynamic_pressure": "lbf/ft^2", "mach": "1"}
+
+
+def with_airspeed(model: Model, imposed: Mapping[str, Any]) -> Model:
+    """Return the model of a trim, with the airspeed that it imposes without an altitude as an
+    output of its equations, which follows from the outputs `dynamic_pressure` and `mach`.
+
+    imposed: variable, output, airspeed or parameter -> value
+    """
+    names = [name for name in model.airspeeds if name in imposed]
+    is_needed = len(names) == 1 and names[0] not in model.outputs
+    if not (is_needed and {*_OF_AIR} <= {*model.outputs}) or altitudes(model)[0] in imposed:
+        return model
+    (name,) = names
+    speed = recognized(model.states)["speed"]
+    factors = [_factor_to_model(model, each, unit) for each, unit in _OF_AIR.items()]
+    equations = _with_output(
+        model.equations, name, speed, (*factors, _factor_to_model(model, speed, "kt"))
+    )
+    return replace(model, equations=equations, outputs={**model.outputs, name: AIRSPEEDS[name]})
+
+
+@lru_cache(maxsize=16)
+def _with_output(equations: Any, name: str, speed: str, factors: tuple[float, ...]) -> Any:
+    """Return equations whose outputs have an airspeed in kt, too.
+
+    speed: name of the true airspeed
+    factors: from lbf/ft^2, 1 and kt to the units of dynamic pressure, Mach number and speed
+    """
+
+    def with_output(x: Any, u: Any, p: Any, w: Any) -> tuple[Any, dict[str, Any]]:
+        """Return rates by state, and outputs by name."""
+        rates, outputs = equations(x, u, p, w)
+        values = (*(outputs[each] for each in _OF_AIR), getattr(x, speed))
+        dynamic, mach, ktas = (
+            value / factor for value, factor in zip(values, factors, strict=True)
+        )
+        airspeed = ktas
+        if name == "keas":
+            airspeed = ca.sqrt(2.0 * dynamic / SEA_LEVEL.density) / _KNOT
+        elif name == "kcas":
+            airspeed = calibrated_speed(mach, 2.0 * dynamic / (HEAT_RATIO * mach**2)) / _KNOT
+        return rates, {**outputs, name: airspeed}
+
+    return with_output
+
+
+def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a trim, with the speed in place of an imposed airspeed.
+
+    An airspeed that is an output of the model's own equations is kept: these equations determine
+    the speed. It is also kept without an imposed altitude. Two airspeeds without an altitude, such
+    as kcas and mach at a crossover, give the altitude too.
+
+    imposed: variable, output, airspeed or parameter -> number, or array of a common length
+
+    Raises BadInputError for one airspeed that is no output without an altitude, for two speeds at
+    an altitude, for two that agree at no altitude, and for a speed that is not positive.
+    """
+    names = [name for name in model.airspeeds if name in imposed]
+    if not names:
+        return dict(imposed)
+    speed, altitude = recognized(model.states)["speed"], altitudes(model)[0]
+    for each in names:
+        least = np.min(imposed[each])
+        if not least > 0.0:
+            raise BadInputError(f"{each} is {model.describe(each, least)}; give a positive speed")
+    name = names[0]
+    if altitude not in imposed:
+        if {*names} <= {*model.outputs}:  # the model's equations find the speed and the altitude
+            return dict(imposed)
+        imposed = _with_crossover(model, names, speed, altitude, imposed)
+    elif len(names) > 1 or speed in imposed:  # two speeds at an altitude
+        speeds = [*names, speed] if speed in imposed else names
+        raise BadInputError(
+            f"{' and '.join(speeds[:2])} are both imposed, and each gives the speed at the"
+            f" altitude; give one of them, or free {altitude}"
+        )
+    # The model's equations find the speed, or else the standard atmosphere gives it.
+    if name in model.outputs and ISA not in model.parameters:
+        return dict(imposed)
+    others = {each: imposed[each] for each in imposed if each != name}
+    in_ft_per_s = _true_airspeed_of(model, name, altitude, imposed)
+    return others | {speed: in_ft_per_s * _factor_to_model(model, speed, "ft/s")}
+
+
+def _with_crossover(
+    model: Model, names: Sequence[str], speed: str, altitude: str, imposed: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the imposed values with the altitude at which two airspeeds agree, for the second one.
+
+    Raises BadInputError unless two airspeeds and no speed are imposed.
+    """
+    if len(names) != 2 or speed in imposed:
+        raise BadInputError(f"{names[0]} is imposed without an altitude; impose {altitude} too")
+    first, second = names
+    imposed = {**imposed, altitude: _crossover(model, first, second, altitude, imposed)}
+    del imposed[second]
+    return imposed
+
+
+def _crossover(
+    model: Model, first: str, second: str, altitude: str, imposed: Mapping[str, Any]
+) -> Any:
+    """Return the altitude at which two airspeeds are one true airspeed, a number or an array.
+
+    The true airspeed of a lower Mach number or of a higher kcas, keas and ktas grows with altitude:
+    two different kinds agree at one altitude at most.
+
+    Raises BadInputError if they agree at no altitude of the atmosphere.
+    """
+    from scipy.optimize import brentq
+
+    lowest, highest = (each * _factor_to_model(model, altitude, "ft") for each in ALTITUDES)
+
+    def speed_difference(height: float, at_point: Mapping[str, float]) -> float:
+        """Return the first minus the second true airspeed, ft/s, at an altitude."""
+        there = {**at_point, altitude: height}
+        of_first, of_second = (
+            _true_airspeed_of(model, name, altitude, there) for name in (first, second)
+        )
+        return float(of_first - of_second)
+
+    names = {first, second, *model.parameters} & {*imposed}
+    columns = np.broadcast_arrays(*(imposed[name] for name in names))
+    heights = []
+    for values in zip(*(column.ravel() for column in columns), strict=True):
+        at_point = dict(zip(names, map(float, values), strict=True))
+        at_lowest, at_highest = (speed_difference(end, at_point) for end in (lowest, highest))
+        if at_lowest * at_highest > 0.0:
+            words = " and ".join(
+                f"{name} {model.describe(name, at_point[name])}" for name in (first, second)
+            )
+            between = " and ".join(model.describe(altitude, end) for end in (lowest, highest))
+            raise BadInputError(
+                f"{words} are one speed at no altitude between {between}; give other values"
+            )
+        accuracy = _ACCURACY * (highest - lowest)
+        heights.append(brentq(speed_difference, lowest, highest, (at_point,), xtol=accuracy))
+    return np.reshape(heights, columns[0].shape) if columns[0].ndim else heights[0]
+
+
+def _true_airspeed_of(model: Model, name: str, altitude: str, imposed: Mapping[str, Any]) -> Any:
+    """Return the true airspeed of an imposed airspeed, ft/s, as a number or an array.
+
+    name: the airspeed, such as kcas
+    altitude: name of the altitude
+    imposed: airspeed, altitude or parameter -> value in the units of the model
+    """
+    start = {each: signal.start for each, signal in model.parameters.items()}
+    if ISA in model.parameters or not {*_OF_AIR} <= {*model.outputs}:
+        height = imposed[altitude] / _factor_to_model(model, altitude, "ft")
+        return _evaluated(
+            _in_standard_air(name), imposed[name], height, imposed.get(ISA, start.get(ISA, 0.0))
+        )
+    p = [imposed.get(each, value) for each, value in start.items()]
+    function = _in_own_air(model, name, altitude)
+    return _evaluated(function, imposed[name], imposed[altitude], *p)
+
+
+def _factor_to_model(model: Model, name: str, unit: str) -> float:
+    """Return the factor from a unit to that of a signal of a model."""
+    factor = conversion_factor(unit, model.unit(name))
+    if factor is None:
+        raise BadInputError(f"{name} is in {model.unit(name)}; declare it in {unit}")
+    return factor
+
+
+def _evaluated(function: ca.Function, *arguments: Any) -> Any:
+    """Return the value of a function of scalars, for numbers or arrays of a common length."""
+    rows = np.broadcast_arrays(*(np.atleast_1d(np.asarray(each, float)) for each in arguments))
+    found = function.map(rows[0].size)(*(row[None] for row in rows)).full().ravel()
+    return float(found[0]) if all(np.ndim(each) == 0 for each in arguments) else found
+
+
+@lru_cache
+def _in_standard_air(name: str) -> ca.Function:
+    """Return the function (airspeed, altitude in ft, deviation in K) -> true airspeed, ft/s."""
+    value, altitude, warmer = ca.SX.sym("value"), ca.SX.sym("altitude"), ca.SX.sym("warmer")
+    speed = _true_airspeed(name, value, air_at(altitude, "english", warmer))
+    return ca.Function("speed", [value, altitude, warmer], [speed])
+
+
+@lru_cache(maxsize=16)
+def _in_own_air(model: Model, name: str, altitude: str) -> ca.Function:
+    """Return the function (airspeed, altitude, *parameters) -> true airspeed, ft/s."""
+    # Air density and speed of sound follow from dynamic pressure and Mach number at any one speed,
+    # here the nominal speed.
+    speed = recognized(model.states)["speed"]
+    airspeed, height, *p = (ca.SX.sym(each) for each in (name, altitude, *model.parameters))
+    start: dict[str, Any] = {
+        each: model.signals[each].start for each in (*model.states, *model.inputs)
+    }
+    start |= {altitude: height, speed: model.signals[speed].nominal}
+    x, u = ([start[each] for each in group] for group in (model.states, model.inputs))
+    _, outputs = model.layout.expressions((x, u, p), tuple(_OF_AIR))
+    pressure, mach = (
+        output / _factor_to_model(model, each, unit)
+        for output, (each, unit) in zip(ca.vertsplit(outputs), _OF_AIR.items(), strict=True)
+    )
+    nominal = start[speed] / _factor_to_model(model, speed, "ft/s")
+    density, sound = 2.0 * pressure / nominal**2, nominal / mach
+    air = Air(None, density * sound**2 / HEAT_RATIO, density, sound)
+    return ca.Function("speed", [airspeed, height, *p], [_true_airspeed(name, airspeed, air)])
+
+
+def _true_airspeed(name: str, value: Any, air: Air) -> Any:
+    """Return the true airspeed, ft/s, of an airspeed in kt or a Mach number."""
+    if name == "mach":
+        return value * air.sound
+    if name == "ktas":
+        return value * _KNOT
+    if name == "keas":
+        return value * _KNOT * ca.sqrt(SEA_LEVEL.density / air.density)
+    impact = pitot_pressure(value * _KNOT / SEA_LEVEL.sound, SEA_LEVEL_PRESSURE)
+    return mach_of_pitot(impact - SEA_LEVEL_PRESSURE, air.pressure) * air.sound

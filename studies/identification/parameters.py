@@ -16,10 +16,18 @@ import numpy as np
 
 import hfa
 from hfa_model.declaration import Equations
-from hfa_model.parameters import FIELDS, Parameters, ParameterSet, save_parameters
+from hfa_model.parameters import (
+    FIELDS,
+    INPUTS,
+    LINEAR_ROWS,
+    LINEAR_STATES,
+    Input,
+    Parameters,
+    ParameterSet,
+    save_parameters,
+)
 from hfa_model.published import PublishedModel, published_models
 from hfa_model.variants import Newton, Published, Variant
-from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, Input
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported

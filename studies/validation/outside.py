@@ -13,7 +13,7 @@ import numpy as np
 
 import hfa_model
 from hfa_aircraft.model import Model
-from hfa_model.vectors import INPUTS, LINEAR_STATES, Input
+from hfa_model.parameters import INPUTS, LINEAR_STATES, Input
 from hfa_support.reporting.report import Check, Checked, Report, Reported, at_most, checks_block
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 from trim.hfa.level_flight import level_flight

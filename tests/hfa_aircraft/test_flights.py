@@ -2,7 +2,7 @@
 
 import pytest
 
-from hfa_aircraft.march.refinement import ReportedFigure, resolved
+from hfa_aircraft.batch_simulation import ReportedFigure, resolved
 
 
 def test_the_stated_change_is_that_with_half_the_step():

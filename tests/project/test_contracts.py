@@ -61,7 +61,7 @@ BREACHES = {
         "verification/reports.py": "verification.figures",
         "verification/verdict.py": "verification.reports",
     },
-    "Enclosures are arithmetic": {f"{PROVE}/enclosure/balls.py": "hfa_aircraft.rigid.motion"},
+    "Enclosures are arithmetic": {f"{PROVE}/enclosure/balls.py": "hfa_aircraft.rigid.aircraft"},
     "Enclosures serve": {"verification/box.py": "hfa_prove.enclosure.balls"},
     "Flights:": {
         f"{FLIGHT}/air/scenario.py": "hfa_flight.simulate.simulation",
@@ -116,7 +116,7 @@ BREACHES = {
     },
     "Only these import the flexible aircraft": {
         "hfa_support/rows/workers.py": "hfa_model.choice",
-        f"{PROVE}/subject.py": "hfa_model.vectors",
+        f"{PROVE}/subject.py": "hfa_model.parameters",
     },
 }
 #: Places of an import: when the module is loaded, in a function, for type checkers.

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from hfa_model.declaration import parameters_of
-from hfa_model.parameters import default_parameters
+from hfa_model.parameters import INPUTS, LINEAR_STATES, default_parameters
 from hfa_model.variants import VARIANTS
-from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Table
 from trim.hfa.other_dynamics import differences_group, mode_differences, with_other_dynamics

@@ -19,10 +19,17 @@ from hfa_aircraft.limits import SLACK
 from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
 from hfa_model.declaration import Equations
-from hfa_model.parameters import Parameters, ParameterSet, default_parameters
+from hfa_model.parameters import (
+    INPUTS,
+    LINEAR_ROWS,
+    LINEAR_STATES,
+    STATES,
+    Parameters,
+    ParameterSet,
+    default_parameters,
+)
 from hfa_model.published import PublishedModel, published_models
 from hfa_model.variants import variant_named
-from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
 from hfa_support.errors import BadInputError
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.matrices import plant_model
-from hfa_aircraft.names import PlantNames
-from hfa_aircraft.signals import Signal, StatesAndInputs
+from hfa_aircraft.control_systems import plant_model
+from hfa_aircraft.signals import PlantNames, Signal, StatesAndInputs
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors
 from hfa_support.files import read_json

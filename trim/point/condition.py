@@ -173,7 +173,7 @@ class TrimCondition:
         """
         if model.airspeeds.keys().isdisjoint(self.imposed):
             return model, self
-        from hfa_aircraft.rigid.airspeeds import with_airspeed, with_speed
+        from hfa_aircraft.rigid.atmosphere import with_airspeed, with_speed
 
         model = with_airspeed(model, self.imposed)
         return model, replace(self, model=model, imposed=with_speed(model, self.imposed))

@@ -216,7 +216,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         notes = [*self.model.about.notes]
         declared = self.model.native
         if any(signal.unit == "deg" for signal in declared.signals.values()):
-            from hfa_aircraft.degrees import notes_on_degrees
+            from hfa_aircraft.units import notes_on_degrees
 
             notes += notes_on_degrees(self.model)
         return notes + beyond_range(

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from typing import Any, NamedTuple
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid.motion import inertia_doubt
+from hfa_aircraft.rigid.aircraft import inertia_doubt
 from hfa_support.reporting.rows import Lacking, Row
 from hfa_support.reporting.text import digits, shown_value
 from hfa_support.units import si_factor, si_unit

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from hfa_aircraft.matrices import LINEAR
+from hfa_aircraft.control_systems import LINEAR
 from hfa_aircraft.model import altitudes
 from hfa_aircraft.readers.derivatives.published import unusual
 from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at

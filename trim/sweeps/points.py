@@ -178,7 +178,7 @@ def _with_true_speed(
     given = {**condition.imposed, **columns}
     if model.airspeeds.keys().isdisjoint(given):
         return _Imposed(model, variables, values, condition)
-    from hfa_aircraft.rigid.airspeeds import with_airspeed, with_speed
+    from hfa_aircraft.rigid.atmosphere import with_airspeed, with_speed
 
     model = with_airspeed(model, given)
     condition = replace(condition, model=model)

@@ -14,7 +14,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
-from hfa_aircraft.march.ending import Outcome
+from hfa_aircraft.batch_simulation import Outcome
 from hfa_support.matrices import quadratic_forms
 from hfa_support.reporting.report import Check, at_most
 from hfa_support.reporting.text import percent

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.march import saturated
+from hfa_aircraft.batch_simulation import saturated
 from hfa_support.errors import BadInputError, is_finite, numbers_in
 from hfa_support.reporting.results import Result, Vector
 

@@ -32,9 +32,16 @@ import casadi as ca
 import hfa_daveml.names as names
 from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid.aircraft import GRAVITY, Motion, rigid_aircraft
+from hfa_aircraft.rigid.aircraft import (
+    GRAVITY,
+    STATES,
+    Motion,
+    inertia_doubt,
+    inertia_matrix,
+    rigid_aircraft,
+    wind_axes,
+)
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
-from hfa_aircraft.rigid.motion import STATES, inertia_doubt, inertia_matrix, wind_axes
 from hfa_aircraft.rigid.tables import Interpolator
 from hfa_aircraft.signals import ISA, Signal
 from hfa_daveml.check_cases import refuse_wrong

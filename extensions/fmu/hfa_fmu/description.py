@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from hfa_aircraft.names import identifiers
+from hfa_aircraft.signals import identifiers
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import xml_root
 

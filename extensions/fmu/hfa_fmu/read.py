@@ -30,8 +30,7 @@ import numpy as np
 
 from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
-from hfa_aircraft.names import identifiers
-from hfa_aircraft.signals import Signal
+from hfa_aircraft.signals import Signal, identifiers
 from hfa_fmu.description import Description, Variable, described, library_of
 from hfa_fmu.function import STEP, Evaluator, casadi_function
 from hfa_fmu.library import FmuError, Instance, Interface, Parameter

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.batch_simulation import rk4
 from hfa_aircraft.layout import column, components
-from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.records import Record

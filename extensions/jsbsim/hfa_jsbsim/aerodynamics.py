@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_aircraft.rigid.motion import wind_axes
+from hfa_aircraft.rigid.aircraft import wind_axes
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Loads, Metrics
 from hfa_jsbsim.functions import function_value

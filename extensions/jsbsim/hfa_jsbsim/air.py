@@ -8,6 +8,7 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.rigid.aircraft import angular_velocity, rotation, turn_rate, wind_axes
 from hfa_aircraft.rigid.atmosphere import (
     SEA_LEVEL,
     Air,
@@ -16,7 +17,6 @@ from hfa_aircraft.rigid.atmosphere import (
     density_altitude,
     pitot_pressure,
 )
-from hfa_aircraft.rigid.motion import angular_velocity, rotation, turn_rate, wind_axes
 from hfa_jsbsim.airframe import Mass, Metrics
 from hfa_support.units import FOOT, KNOT
 

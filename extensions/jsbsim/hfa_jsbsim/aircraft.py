@@ -12,7 +12,7 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_aircraft.rigid.motion import (
+from hfa_aircraft.rigid.aircraft import (
     STATES,
     acceleration,
     angular_acceleration,

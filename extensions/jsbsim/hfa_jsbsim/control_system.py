@@ -12,7 +12,7 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_aircraft.march.march import saturated
+from hfa_aircraft.batch_simulation import saturated
 from hfa_jsbsim.component_parts import (
     after_deadband,
     coefficients,

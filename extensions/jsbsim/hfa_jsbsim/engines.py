@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.rigid.motion import rotation
+from hfa_aircraft.rigid.aircraft import rotation
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Mass, Tank
 from hfa_jsbsim.functions import function_value, read_table, table_value

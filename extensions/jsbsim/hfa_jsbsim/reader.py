@@ -14,9 +14,8 @@ import numpy as np
 from hfa_aircraft.about import About, Domain, Source, Trimming
 from hfa_aircraft.layout import column
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid.aircraft import DEVIATION, GRAVITY, coordinated
+from hfa_aircraft.rigid.aircraft import DEVIATION, GRAVITY, STATES, coordinated, inertia_doubt
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
-from hfa_aircraft.rigid.motion import STATES, inertia_doubt
 from hfa_aircraft.signals import ISA, Signal
 from hfa_jsbsim.accounting import notes_on_omitted
 from hfa_jsbsim.aircraft import GUSTS, LEVERS, WINDS, Equations

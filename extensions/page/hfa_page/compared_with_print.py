@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from hfa_model.parameters import INPUTS, LINEAR_STATES
 from hfa_model.published import PublishedModel
-from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.reporting.text import TONES, Cell, Table, four_decimals
 from trim.hfa.printed import EntryRow, compare
 from trim.linear.linear_model import LinearModel

@@ -19,9 +19,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from hfa_aircraft.names import identifiers
-from hfa_aircraft.readers.derivatives.entries import Entry, number
-from hfa_aircraft.readers.derivatives.names import COEFFICIENTS, INDUCED, THRUST_INPUT, UNITS
+from hfa_aircraft.readers.derivatives.names import (
+    COEFFICIENTS,
+    INDUCED,
+    THRUST_INPUT,
+    UNITS,
+    Entry,
+    number,
+)
+from hfa_aircraft.signals import identifiers
 from hfa_support.errors import BadInputError, shown
 from hfa_support.files import regular_file
 from hfa_support.units import conversion_factor

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 from hfa_aircraft.readers.derivatives.names import LARGEST_LIFT
 from hfa_aircraft.readers.derivatives.published import FIGURES, Values, unusual
 from hfa_aircraft.readers.derivatives.table import Table
+from hfa_aircraft.rigid.aircraft import inertia_doubt
 from hfa_aircraft.rigid.atmosphere import air_at
-from hfa_aircraft.rigid.motion import inertia_doubt
 
 #: Entries without which an aircraft moves differently, though it is read.
 _NEEDED = ("Cm_q", "CY_beta", "Cl_beta", "Cl_p", "Cn_beta", "Cn_r")

@@ -54,9 +54,17 @@ from hfa_aircraft.readers.derivatives.names import (
 )
 from hfa_aircraft.readers.derivatives.plausible import doubts_about
 from hfa_aircraft.readers.derivatives.table import Table, read_table, table_of
-from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY, LENGTH, Motion, rigid_aircraft
+from hfa_aircraft.rigid.aircraft import (
+    FORCE,
+    GRAVITY,
+    LENGTH,
+    Motion,
+    flow_rates,
+    inertia_matrix,
+    rigid_aircraft,
+    wind_axes,
+)
 from hfa_aircraft.rigid.atmosphere import air_at
-from hfa_aircraft.rigid.motion import flow_rates, inertia_matrix, wind_axes
 from hfa_aircraft.signals import Signal
 from hfa_support.errors import BadInputError
 from hfa_support.units import conversion_factor

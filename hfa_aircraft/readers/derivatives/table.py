@@ -19,18 +19,12 @@ from hfa_aircraft.readers.derivatives.avl import (
     read_stability_file,
     with_stability_file,
 )
-from hfa_aircraft.readers.derivatives.dimensional import (
-    DIVIDED,
-    DimensionalDerivative,
-    dimensional_names,
-    dimensional_of,
-)
-from hfa_aircraft.readers.derivatives.entries import Entry, number
 from hfa_aircraft.readers.derivatives.names import (
     ARGUMENTS,
     CENTER,
     CENTERS,
     COEFFICIENTS,
+    DIVIDED,
     INDUCED,
     REQUIRED,
     TAIL_ARM,
@@ -39,7 +33,12 @@ from hfa_aircraft.readers.derivatives.names import (
     UNITS,
     WORDS,
     Derivative,
+    DimensionalDerivative,
+    Entry,
     derivative_of,
+    dimensional_names,
+    dimensional_of,
+    number,
 )
 from hfa_aircraft.rigid.aircraft import GRAVITY
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, air_at

@@ -13,7 +13,7 @@ import hfa
 from controller import minimum_delta
 from hfa import BadInputError, learn, solve
 from hfa.main import DONE
-from hfa_aircraft.names import PlantNames
+from hfa_aircraft.signals import PlantNames
 from verification import relative_error
 
 RNG = np.random.default_rng(0)

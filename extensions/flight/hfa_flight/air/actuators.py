@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.march import saturated
+from hfa_aircraft.batch_simulation import saturated
 from hfa_support.errors import BadInputError, refuse_unless_positive
 
 

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid.motion import flow_rates, rotation, wind_axes
+from hfa_aircraft.rigid.aircraft import flow_rates, rotation, wind_axes
 from hfa_aircraft.signals import VECTORS, Signal
 from hfa_flight.air.names import UPDRAFT, state_of
 from hfa_support.units import conversion_factor

@@ -8,8 +8,8 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.batch_simulation import rk4
 from hfa_aircraft.layout import Layout, components
-from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
 from hfa_flight.air.delay import steps_of
 from hfa_flight.air.gust_equations import in_gusts

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_aircraft.march.refinement import IntegrationError
+from hfa_aircraft.batch_simulation import IntegrationError
 from hfa_flight.judge.action_effects import ActionEffect
 from hfa_flight.judge.cost_above_optimum import CostAboveOptimum
 from hfa_flight.judge.flight_costs import FlightCosts

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from hfa_aircraft.matrices import LINEAR
+from hfa_aircraft.control_systems import LINEAR
 from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.assessment_report import records_table, report_parts
 from hfa_flight.judge.findings import Finding, Severity, findings_at_trims, where_text, worst_first

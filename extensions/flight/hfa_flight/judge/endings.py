@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hfa_aircraft.march.ending import Outcome, is_within
-from hfa_aircraft.march.march import History
+from hfa_aircraft.batch_simulation import History, Outcome, is_within
 
 #: Half-widths of the ball within which a flight has converged, in half-widths of the
 #: initial-condition box.

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_aircraft.march.ending import Outcome
-from hfa_aircraft.march.march import History
+from hfa_aircraft.batch_simulation import History, Outcome
 from hfa_flight.judge.endings import BALL, Endings
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Chain

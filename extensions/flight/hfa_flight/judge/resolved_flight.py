@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
+from hfa_aircraft.batch_simulation import Figures, IntegrationError, ReportedFigure, resolved
 from hfa_flight.judge.outcomes import TrimCase, seeded_starts
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_flight.simulate.sampled_flights import SampledFlight

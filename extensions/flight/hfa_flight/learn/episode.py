@@ -10,9 +10,8 @@ from typing import Any, Self
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.batch_simulation import all_finite, is_within, saturated
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.march.ending import all_finite, is_within
-from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.air.turbulence import Turbulence

@@ -12,8 +12,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.critic.symbols import symbols_for
-from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.ending import FAR
+from hfa_aircraft.batch_simulation import FAR, Cost
 from hfa_flight.air.delay import steps_of
 from hfa_flight.air.history import Deviations
 from hfa_flight.air.scenario import Scenario

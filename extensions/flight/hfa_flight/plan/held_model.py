@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.steppers import rk4
+from hfa_aircraft.batch_simulation import rk4
 from hfa_flight.plan.scaled import ScaledProblem
 from hfa_flight.plan.smooth import smooth_rates
 from hfa_support.native.bound import BoundFunction

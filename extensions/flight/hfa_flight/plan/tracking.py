@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.march import saturated
+from hfa_aircraft.batch_simulation import saturated
 from hfa_flight.air.delay import steps_of
 from hfa_flight.plan.collocation import Proposal
 from hfa_flight.plan.problem import FlightProblem

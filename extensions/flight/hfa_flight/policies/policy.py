@@ -12,8 +12,8 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.network.stated import NOTHING, Stated
+from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.scenario import Scenario

@@ -13,8 +13,8 @@ import numpy as np
 from controller.critic.critic_file import refuse_other_step
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from hfa_aircraft.model import Model
-from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import FileScales, file_scales
+from hfa_aircraft.signals import PlantNames
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors
 from hfa_support.matrices import LinearTable, checked_matrix, shape_text

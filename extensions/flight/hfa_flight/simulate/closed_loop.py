@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.batch_simulation import Cost
 from hfa_aircraft.layout import column, components
-from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack

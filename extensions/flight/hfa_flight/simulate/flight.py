@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa.options.output import ProgressLine
+from hfa_aircraft.batch_simulation import RESOLVED, Cost
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.refinement import RESOLVED
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.gust_equations import in_gusts

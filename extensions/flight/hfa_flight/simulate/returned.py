@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfa_aircraft.march.ending import has_decayed
+from hfa_aircraft.batch_simulation import has_decayed
 from hfa_aircraft.model import Model
 from hfa_support.matrices import quadratic_forms
 

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from hfa_aircraft.march.ending import Outcome
-from hfa_aircraft.march.refinement import RESOLVED
+from hfa_aircraft.batch_simulation import RESOLVED, Outcome
 from hfa_flight.simulate.envelope import Departure
 from hfa_support.reporting.results import Result
 

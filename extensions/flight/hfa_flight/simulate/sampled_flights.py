@@ -23,9 +23,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.network.row_network import RowNetwork
-from hfa_aircraft.march.ending import is_within
-from hfa_aircraft.march.march import History, Over, march
-from hfa_aircraft.march.steppers import Stepper
+from hfa_aircraft.batch_simulation import History, Over, Stepper, is_within, march
 from hfa_flight.air.delay import Delay, in_samples, steps_of
 from hfa_flight.air.held_step import held_step
 from hfa_flight.policies.deployment.deployed import Deployed

@@ -12,7 +12,7 @@ from jsbsim_reference import GRAVITY
 from scipy.optimize import root
 
 from hfa import trim
-from hfa_aircraft.march.steppers import rk4
+from hfa_aircraft.batch_simulation import rk4
 from hfa_jsbsim.reader import read_model
 
 CONDITIONS = {"737": (250.0, 10000.0), "c172p": (90.0, 3000.0), "DHC6": (110.0, 3000.0)}

@@ -21,9 +21,9 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.symbols import symbols_for
+from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.formulas import Formula, read_formula

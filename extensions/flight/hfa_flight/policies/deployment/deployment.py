@@ -15,8 +15,8 @@ import numpy as np
 from controller.critic.critic_file import entries_in, gain_in, is_network
 from controller.critic.network.network_file import refuse_normalizer
 from controller.critic.network.stated import Normalizer
-from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import sample_time
+from hfa_aircraft.signals import PlantNames
 from hfa_flight.policies.deployment.actor import Actor, Wanted, box_of, gain_function, read_actor
 from hfa_flight.policies.deployment.toml_text import toml_text
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown

@@ -1,1 +1,0 @@
-"""Simulation of closed loops, and the cost of their flights."""
