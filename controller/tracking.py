@@ -26,7 +26,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector, storable
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 from trim.linear.linear_model import LinearModel
-from trim.point.commanded import CommandedTrim, commanded_trim
+from trim.point.solve import CommandedTrim, commanded_trim
 
 #: Usual time over which means are computed, s.
 DURATION = 20.0

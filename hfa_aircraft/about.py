@@ -28,7 +28,7 @@ class About:
     trained_at: value of the scheduling variable at which environments begin, or None for the
         default trim
     configuration: function (x, u, p) of arrays -> name -> (value, unit) of mass, center of gravity,
-        inertias and sizes, and words on flap and gear (`trim.reports.configuration`); None if only
+        inertias and sizes, and words on flap and gear (`trim.reports.warnings`); None if only
         signals have them
     weights: default cost, {} without one. Of the file of a linear plant "Q", "R" and "N" as they
         are stored, for states and inputs divided by their nominal values. Of other models "Q" and
@@ -107,7 +107,7 @@ class Trimming:
     begin: function (imposed values by name) -> initial values of the other variables in a trim
         search. Values are numbers or arrays. None for the declared initial values.
     explain: function (imposed values, solve) -> reason why no trim exists, in terms of the aircraft
-        (`trim.point.diagnosis`), or ""; None for no explanation
+        (`trim.point.solve`), or ""; None for no explanation
     describe: function (operating point) -> further groups of its sheet, (title, rows, sentences)
         each; None for none
     """

@@ -12,7 +12,7 @@ from controller.hfa_game import ordinary_deviations
 from hfa_aircraft.signals import PlantNames
 from hfa_model.parameters import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.reporting.results import Vector
-from trim.linear.balancing import units_of
+from trim.linear.frequency_response import units_of
 
 
 class Box(NamedTuple):

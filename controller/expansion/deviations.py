@@ -8,8 +8,8 @@ import numpy as np
 from controller.game.zero_sum import Game
 from hfa_aircraft.layout import components
 from hfa_support.errors import BadInputError
-from trim.linear.kinks import near_switches, rates_of
 from trim.linear.linear_model import LinearModel
+from trim.linear.nonsmooth import near_switches, rates_of
 
 #: Largest difference between A or B of the game and of the aircraft, relative to the largest entry
 #: of its row and column.

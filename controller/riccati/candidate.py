@@ -43,7 +43,7 @@ from controller.riccati.lyapunov import (
     sign_function,
 )
 from hfa_support.matrices import balanced
-from trim.linear.balancing import hamiltonian
+from trim.linear.frequency_response import hamiltonian
 
 if TYPE_CHECKING:
     from flint import arb_mat

@@ -24,8 +24,14 @@ from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots, without_empty
-from trim.linear.loop_margins import LoopMargin, named_margins, single_margin
-from trim.linear.margins import ClosedLoop, DiskMargin, disk_of
+from trim.linear.margins import (
+    ClosedLoop,
+    DiskMargin,
+    LoopMargin,
+    disk_of,
+    named_margins,
+    single_margin,
+)
 
 if TYPE_CHECKING:
     import control

@@ -15,8 +15,7 @@ from controller.riccati.balls import identity, midpoints
 from controller.riccati.disturbed_loop import DisturbedLoop
 from controller.riccati.lyapunov import FailedError, NotProvedError
 from hfa_support.errors import NoSolutionError
-from trim.linear.bilinear import System
-from trim.linear.frequency_response import peak_of, scaled_root
+from trim.linear.frequency_response import System, peak_of, scaled_root
 
 if TYPE_CHECKING:
     from flint import acb_mat

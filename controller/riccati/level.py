@@ -30,7 +30,7 @@ from controller.riccati.l2_gain import GainBounds, gain_of
 from controller.riccati.lyapunov import FailedError, NotProvedError, discounted, loop_units
 from controller.riccati.poles import Poles, poles_of
 from controller.riccati.stability import loop_with, stabilizes
-from trim.linear.balancing import is_stable_in_doubles
+from trim.linear.frequency_response import is_stable_in_doubles
 from trim.linear.margins import ClosedLoop, DiskMargin, disk_of, loop_of
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from controller.riccati.stability import loop_with, stabilizes
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import NoSolutionError
 from trim.linear.linear_model import LinearModel
-from trim.linear.loop_margins import LoopMargin, single_margin
-from trim.linear.margins import loop_of
+from trim.linear.margins import LoopMargin, loop_of, single_margin
 
 
 def margins(linear: LinearModel | Game, K: ArrayLike) -> dict[str, LoopMargin]:

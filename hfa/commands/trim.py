@@ -24,14 +24,11 @@ from hfa_support.reporting.rows import Row, Sheet
 from hfa_support.reporting.text import Table
 from trim.hfa.reports import trim_figure, trim_report
 from trim.point.condition import stated_cells
+from trim.point.operating_point import DOUBTED, NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
 from trim.point.solve import TrimError
-from trim.point.status import DOUBTED, NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
-from trim.reports.book import Condition, book_of, matrix_figure
-from trim.reports.brief import brief, brief_list
+from trim.reports.book import Condition, book_of, matrix_figure, with_range
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
-from trim.reports.matrix import matrix, result_of
-from trim.reports.point_figure import with_range
-from trim.reports.trim_report import revision
+from trim.reports.sheet import brief, brief_list, matrix, result_of, revision
 
 if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint

@@ -51,7 +51,7 @@ BREACHES = {
         "controller/expansion/radius.py": "controller.expansion.expansion_report",
     },
     "Results reach": {
-        "trim/reports/stability.py": "trim",
+        "trim/reports/figures.py": "trim",
         "controller/riccati/cost.py": "controller",
         "verification/plant.py": "verification",
     },

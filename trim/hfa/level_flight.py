@@ -52,6 +52,6 @@ def load_condition(name: str, usual: TrimCondition | None = None) -> TrimConditi
 
     Raises BadInputError, which names the file and the fault, if the file is not a valid condition.
     """
-    from trim.point.condition_file import read_condition
+    from trim.point.condition import read_condition
 
     return read_condition(name, usual or _flat_wing(), CONDITIONS)

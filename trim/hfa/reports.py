@@ -10,7 +10,7 @@ from hfa_aircraft.model import Model
 from hfa_support.reporting.report import Report
 from trim.point.operating_point import OperatingPoint
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane
-from trim.reports.trim_report import report_of, saved_report
+from trim.reports.sheet import report_of, saved_report
 from trim.reports.trimmed import Trimmed
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def trim_report(
     trimmed = Trimmed(point)
     if not point.ok or not _is_flexible(point.model):
         return report_of(trimmed, full=full, airplane=airplane)
-    from trim.hfa.other_dynamics import differences_group, mode_differences, with_other_dynamics
+    from trim.hfa.beside import differences_group, mode_differences, with_other_dynamics
 
     other = with_other_dynamics(point)
     if other is None:
@@ -89,6 +89,6 @@ def trim_figure(point: OperatingPoint) -> Figure:
         from trim.hfa.front_view import front_view
 
         return front_view(point)
-    from trim.reports.point_figure import point_figure
+    from trim.reports.book import point_figure
 
     return point_figure(point)

@@ -11,8 +11,83 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_support.errors import NoSolutionError
-from trim.linear.balancing import hamiltonian, spectrum
-from trim.linear.bilinear import System, in_continuous_time
+from hfa_support.matrices import balanced, spectral_abscissa, spectral_radius
+
+
+def spectrum(matrix: np.ndarray) -> np.ndarray:
+    """Return the eigenvalues of a matrix, (n,) complex, sorted by real, then by imaginary part."""
+    return np.sort_complex(np.linalg.eigvals(matrix))  # LAPACK balances the matrix first
+
+
+def is_stable_in_doubles(loop: np.ndarray, *, is_discrete: bool) -> bool:
+    """Return whether the eigenvalues of a loop are stable in doubles, which proves nothing."""
+    return spectral_radius(loop) < 1.0 if is_discrete else spectral_abscissa(loop) < 0.0
+
+
+def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    """Return the Hamiltonian matrix [[A, -S], [-Q, -A']], (2n, 2n)."""
+    rows = np.concatenate([A, -S], axis=1), np.concatenate([-Q, -A.T], axis=1)
+    return np.concatenate(rows)  # half the time of np.block
+
+
+def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    """Return units u, (n,), in which the Hamiltonian is balanced: its states are y, z_i = u_i y_i.
+
+    The units are powers of two, in which nothing rounds. They do not depend on P. If Q = 0, and A
+    and S are not, the largest entries of S and A are also of similar size.
+
+    A, S, Q: (n, n)
+
+    Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001).
+    """
+    _, scaling = balanced(hamiltonian(A, S, Q))
+    of_states, of_costates = np.split(np.log2(scaling), 2)
+    # The nearest symplectic scaling: that of the costates is the inverse of that of the states.
+    units = np.exp2(np.round(0.5 * (of_states - of_costates)))
+    if not Q.any() and S.any() and A.any():
+        S_in_units = S / np.outer(units, units)
+        A_in_units = A * units / units[:, None]
+        with np.errstate(all="ignore"):
+            logarithm = np.log2(largest(S_in_units)) - np.log2(largest(A_in_units))
+            units = units * np.exp2(np.round(0.5 * logarithm))
+    return units
+
+
+def largest(matrix: np.ndarray) -> float:
+    """Return the largest magnitude of an entry of a matrix."""
+    return float(np.abs(matrix).max())
+
+
+class System(NamedTuple):
+    """System C (s I - A)⁻¹ B + D.
+
+    A: (n, n)
+    B: (n, k)
+    C: (p, n)
+    D: (p, k)
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+
+
+def in_continuous_time(steps: System) -> System:
+    """Return the system in s = (z - 1) / (z + 1) of a system in z, C (z I - A)⁻¹ B + D.
+
+    The unit circle becomes the imaginary axis, and stable poles remain stable. A must not have the
+    eigenvalue -1.
+
+    Source: Zhou, Doyle and Glover, Section 21.2.
+    """
+    A, B, C, D = steps
+    one = np.eye(len(A))
+    enters = np.linalg.solve(A + one, B)
+    leaves = np.linalg.solve((A + one).T, C.T).T
+    root = math.sqrt(2.0)
+    return System(np.linalg.solve(A + one, A - one), root * enters, root * leaves, D - C @ enters)
+
 
 # These guide the search, and decide nothing: the gain is proved.
 

@@ -23,10 +23,10 @@ from hfa_support.reporting.text import (
 from trim.linear.modes import Mode
 from trim.point.freed import freed_parameters
 from trim.point.margins import Margin
-from trim.point.status import BALANCE
-from trim.reports.doubts import doubts_of
-from trim.reports.performance import stall_lines_at
+from trim.point.operating_point import BALANCE
+from trim.reports.figures import stall_lines_at
 from trim.reports.trimmed import Trimmed, named_value_text, value_text
+from trim.reports.warnings import doubts_of
 
 #: Difference of load factors that is said: that of a bank of 8 deg.
 _LOAD = 1e-2

@@ -12,11 +12,10 @@ from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.results import storable
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import WIDTH, Table, five_decimals, matrix_table, wrapped
-from trim.linear.frequency import responses_at_modes, responses_table
 from trim.linear.linear_model import LinearModel
-from trim.linear.modes import modes_table
+from trim.linear.modes import modes_table, responses_at_modes, responses_table
 from trim.reports.first_lines import first_lines, mode_lines, without_line_numbers
-from trim.reports.handling_qualities import handling_qualities
+from trim.reports.levels import handling_qualities
 from trim.reports.trimmed import Trimmed
 
 #: Units of length.

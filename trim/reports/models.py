@@ -26,11 +26,9 @@ from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import direct_disturbances
 from trim.linear.modes import Mode
 from trim.point.condition import StatedValues, stated_cells
-from trim.point.operating_point import OperatingPoint
-from trim.point.stalls import stalled
-from trim.point.status import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
-from trim.reports.handling_qualities import mode_figures
-from trim.reports.levels import DEFAULT_AIRPLANE
+from trim.point.margins import stalled
+from trim.point.operating_point import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED, OperatingPoint
+from trim.reports.levels import DEFAULT_AIRPLANE, mode_figures
 from trim.reports.trimmed import Trimmed
 from trim.tables import dataset, entry_headings
 

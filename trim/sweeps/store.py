@@ -18,13 +18,12 @@ from hfa_support.reporting.text import Table
 from hfa_support.rows.store import RowJob, fill_store, template_variable
 from trim.linear.modes import fastest_first
 from trim.point.condition import TrimCondition
+from trim.point.margins import stalled
 from trim.point.operating_point import OperatingPoint
-from trim.point.stalls import stalled
 from trim.point.system import TrimSystem
 from trim.sweeps.points import CHUNK, STATUS, TRIMMED, parameters_at
 from trim.sweeps.sweep import run_points, slow_note, trimmed_words
-from trim.sweeps.sweep_arrays import arrays_of, at_limit, labels_of, limited
-from trim.sweeps.sweep_plan import SweepPlan
+from trim.sweeps.sweep_plan import SweepPlan, arrays_of, at_limit, labels_of, limited
 
 #: Number of points in a chunk if each point is trimmed separately: seconds of work.
 SLOW_CHUNK = 1_000

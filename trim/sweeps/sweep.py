@@ -30,20 +30,19 @@ from hfa_support.reporting.text import (
     shown_values,
     with_shown_unit,
 )
-from trim.linear.kinks import mean_at_kinks
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_of
+from trim.linear.nonsmooth import mean_at_kinks
 from trim.point.condition import (
     TrimCondition,
     exact_cell,
     imposed_heading,
     usual_condition,
 )
-from trim.point.diagnosis import beyond_limits
-from trim.point.operating_point import OperatingPoint
+from trim.point.margins import stalled
+from trim.point.operating_point import NAME, RESULTS, STALLED, UNTRIMMED, OperatingPoint, Status
 from trim.point.problem import TrimProblem
-from trim.point.stalls import stalled
-from trim.point.status import NAME, RESULTS, STALLED, UNTRIMMED, Status
+from trim.point.solve import beyond_limits
 from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import (
     BEYOND_LIMITS,
@@ -54,8 +53,7 @@ from trim.sweeps.points import (
     parameters_at,
     trim_points,
 )
-from trim.sweeps.sweep_arrays import arrays_of, at_limit, labels_of, limited
-from trim.sweeps.sweep_plan import SweepPlan
+from trim.sweeps.sweep_plan import SweepPlan, arrays_of, at_limit, labels_of, limited
 from trim.tables import draw_curves, entry_headings, write_netcdf
 
 if TYPE_CHECKING:
@@ -234,7 +232,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @cached_property
     def stalled(self) -> np.ndarray:
-        """Mask of the trims beyond the largest lift, (N,): `trim.point.stalls.stalled`."""
+        """Mask of the trims beyond the largest lift, (N,): `trim.point.margins.stalled`."""
         parameters = parameters_at(self.model, self.variables, self.values)
         return stalled(self.model, self.states, self.inputs, parameters)
 

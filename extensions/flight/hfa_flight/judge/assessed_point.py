@@ -19,7 +19,7 @@ from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Delays, Margins
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.reporting.results import Result, without_empty
-from trim.linear.loop_margins import LoopMargin
+from trim.linear.margins import LoopMargin
 from trim.point.operating_point import OperatingPoint
 
 

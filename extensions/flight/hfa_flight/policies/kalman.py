@@ -22,9 +22,9 @@ from hfa_support.errors import (
 )
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Result
-from trim.linear.kinks import linearization_at
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_of
+from trim.linear.nonsmooth import linearization_at
 from trim.point.operating_point import OperatingPoint
 
 #: Default drift of a state in one second: share of its sensor noise, or without a sensor of a

@@ -22,7 +22,7 @@ from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.policy import SAME_TIME, Measurements, Policy
 from hfa_support.errors import BadInputError
-from trim.linear.kinks import linearization_at
+from trim.linear.nonsmooth import linearization_at
 from trim.point.operating_point import OperatingPoint
 
 #: Disturbance of the model -> value. Disturbances that are not listed are 0.

@@ -17,7 +17,7 @@ from hfa_prove.search.family import Family, exact_gains
 from hfa_prove.statements.aircraft import SAME_TRIM
 from hfa_prove.statements.schedule import ScheduleStatement
 from hfa_prove.subject import Given, close_to, within
-from trim.point.status import BALANCE
+from trim.point.operating_point import BALANCE
 
 #: Options that name an aircraft or its trim.
 _OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", *OF_THE_TRIM)

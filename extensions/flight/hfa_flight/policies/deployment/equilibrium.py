@@ -15,7 +15,7 @@ from hfa_aircraft.limits import Limits
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Matrix
-from trim.linear.kinks import linearization_at
+from trim.linear.nonsmooth import linearization_at
 from trim.point.operating_point import OperatingPoint
 
 _MOST_STEPS = 60

@@ -23,9 +23,8 @@ from hfa_flight.air.delay import in_samples
 from hfa_flight.policies.deployment.deployment import MOST_SAMPLES
 from hfa_flight.policies.deployment.equilibrium import NominalLoop
 from hfa_support.matrices import balanced, spectral_radius
-from trim.linear.bilinear import System, in_continuous_time
-from trim.linear.loop_margins import LoopMargin, single_margin
-from trim.linear.margins import ClosedLoop, DiskMargin, disk_of
+from trim.linear.frequency_response import System, in_continuous_time
+from trim.linear.margins import ClosedLoop, DiskMargin, LoopMargin, disk_of, single_margin
 
 #: Largest delay that is searched, s.
 MOST_SECONDS = 3.0

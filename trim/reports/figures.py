@@ -1,0 +1,383 @@
+"""Rows of a sheet that describe the flight: air, performance and stability."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from hfa_aircraft.limits import NEAR
+from hfa_aircraft.rigid.atmosphere import (
+    GAS_CONSTANT,
+    HEAT_RATIO,
+    calibrated_airspeed,
+    equivalent_airspeed,
+)
+from hfa_support.reporting.rows import Lacking, Row, Sheet
+from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_value, without_rounding
+from hfa_support.units import conversion_factor
+from trim.point.operating_point import BALANCE, is_in_range
+from trim.reports.trimmed import Trimmed
+
+#: Outputs of the flight: relative to the ground, which are read first in a steady wind, and to the
+#: air. They are not repeated among the loads.
+_OVER_GROUND = ("ground_speed", "track")
+_OF_AIR = ("mach", "dynamic_pressure", "load_factor")
+OUTPUTS = (*_OVER_GROUND, *_OF_AIR)
+
+
+def flight_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield the rows of the flight: airspeeds, air, load factor, unbalanced rates, distances from
+    the condition of the derivatives, and ranges in which the model is valid.
+    """
+    if "speed" in trimmed.roles:
+        yield from airspeed_rows(trimmed)
+        parameters = trimmed.model.parameters.items()
+        in_wind = any(name.startswith("wind_") and each.start for name, each in parameters)
+        yield from output_rows(trimmed, _OVER_GROUND, rare=not in_wind)
+        yield from output_rows(trimmed, _OF_AIR)
+        yield from air_rows(trimmed)
+    elif trimmed.model.about.atmosphere:
+        yield Row("atmosphere", trimmed.model.about.atmosphere)
+    yield from unbalanced_rates(trimmed)
+    yield from distances_from_the_table(trimmed)
+    yield from validity_rows(trimmed)
+
+
+def output_rows(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) -> Iterator[Row]:
+    """Yield a row for each of the named outputs that the model has, in its units."""
+    given = trimmed.point.model
+    for name in names:
+        if name in given.outputs:
+            value = without_rounding(trimmed.point[name], given.signal(name).nominal)
+            yield Row(name.replace("_", " "), value, given.unit(name), rare=rare)
+
+
+def airspeed_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield the true, the calibrated and the equivalent airspeed, kt, or what is missing for the
+    last two. A speed without a known unit has no row of the true airspeed.
+    """
+    speed = trimmed.roles["speed"]
+    knots = conversion_factor(trimmed.unit(speed), "kt")
+    if knots is not None:
+        yield Row("true airspeed", trimmed[speed] * knots, "kt", "KTAS")
+    pressure = dynamic_pressure(trimmed)
+    if isinstance(pressure, str):
+        yield Lacking("calibrated airspeed", pressure)
+        yield Lacking("equivalent airspeed", pressure)
+        return
+    yield Row("calibrated airspeed", calibrated_airspeed(pressure, trimmed["mach"]), "kt", "KCAS")
+    yield Row("equivalent airspeed", equivalent_airspeed(pressure), "kt", "KEAS")
+
+
+def dynamic_pressure(trimmed: Trimmed) -> float | str:
+    """Return the dynamic pressure, N/m², or what is missing for it or for the Mach number."""
+    names = ("dynamic_pressure", "mach")
+    if reason := trimmed.lacks(*names) or trimmed.zero(*names):
+        return reason
+    unit = trimmed.unit("dynamic_pressure")
+    factor = conversion_factor(unit, "N/m^2")
+    if factor is None:
+        return f"no unit of pressure in {unit}"
+    return trimmed["dynamic_pressure"] * factor
+
+
+def air_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield density and temperature, which follow from dynamic pressure, speed and Mach number, or
+    else the name of the atmosphere.
+    """
+    atmosphere = trimmed.model.about.atmosphere
+    if not atmosphere:
+        yield Lacking("atmosphere", "")
+        return
+    speed = trimmed.roles["speed"]
+    unit = trimmed.unit(speed)
+    to_metres = conversion_factor(unit, "m/s")
+    pressure = dynamic_pressure(trimmed)
+    if isinstance(pressure, str) or to_metres is None or not trimmed[speed]:
+        yield Row("atmosphere", atmosphere)
+        return
+    velocity = trimmed[speed] * to_metres
+    density = 2.0 * pressure / velocity**2  # kg/m³
+    if unit == "m/s":
+        yield Row("density", density, "kg/m^3", atmosphere)
+    else:
+        slugs_per_foot3 = density * (conversion_factor("kg/m^3", "slug/ft^3") or 1.0)
+        yield Row("density", slugs_per_foot3, "slug/ft^3", atmosphere)
+    temperature = (velocity / trimmed["mach"]) ** 2 / (HEAT_RATIO * GAS_CONSTANT)
+    yield Row("temperature", temperature, "K")
+
+
+def unbalanced_rates(trimmed: Trimmed) -> Iterator[Row]:
+    """Yield the rates that the condition does not balance and that are not 0."""
+    model = trimmed.point.model
+    balanced = trimmed.point.trim_problem.asked.rates
+    for name, rate in trimmed.rates.items():
+        if name not in balanced and abs(rate) > BALANCE * model.rate_scale(name):
+            yield Row(f"{name}_dot", rate, model.rate_unit(name), "not balanced")
+
+
+def distances_from_the_table(trimmed: Trimmed) -> Iterator[Row]:
+    """Yield the difference of each value from that for which a table's derivatives are."""
+    model = trimmed.point.model
+    for name, stated in model.domain.reference.items():
+        unit = model.unit(name)
+        text = digits_with_unit(stated, unit, 4) if math.isfinite(stated) else "unknown"
+        difference = trimmed.point[name] - stated
+        is_same = _is_as_in_the_table(trimmed, name)
+        yield Row(f"{name} from the table's", difference, unit, f"table: {text}", rare=is_same)
+
+
+def same_as_the_table(trimmed: Trimmed) -> list[str]:
+    """Return a list with a sentence on the values that are those of a table's derivatives."""
+    reference = trimmed.point.model.domain.reference
+    same = [name for name in reference if _is_as_in_the_table(trimmed, name)]
+    return [f"condition of the derivatives: {', '.join(same)} as in the table"] if same else []
+
+
+def _is_as_in_the_table(trimmed: Trimmed, name: str) -> bool:
+    """Return whether a value is that of a table's derivatives, up to `NEAR`."""
+    model = trimmed.point.model
+    stated = model.domain.reference[name]
+    difference = abs(trimmed.point[name] - stated)
+    return difference <= NEAR * (model.signal(name).nominal + abs(stated))
+
+
+def validity_rows(trimmed: Trimmed) -> Iterator[Row]:
+    """Yield for each range of validity whether the trim is in it."""
+    model = trimmed.point.model
+    for name, (lowest, highest, source) in model.domain.range.items():
+        unit = model.unit(name)
+        ends = " to ".join(shown_value(end, unit, ".5g") for end in (lowest, highest))
+        is_inside = is_in_range(model, name, trimmed.point[name])
+        yield Row(
+            f"{name} in its range",
+            "inside" if is_inside else "OUTSIDE",
+            note=f"{beside_unit(ends, unit)}, {source}",
+            tone="" if is_inside else "bad",
+        )
+
+
+#: Unit of a power in a model -> unit on the sheet, and factor.
+_POWERS = {"lbf ft/s": ("hp", 1.0 / 550.0), "N m/s": ("kW", 1e-3)}
+#: Unit of a speed in a model -> unit of a rate of climb on the sheet.
+_CLIMBS = {"ft/s": ("ft/min", 60.0), "m/s": ("m/s", 1.0)}
+#: Outputs that the loads begin with, and those that other rows have.
+_LOADS = ("weight", "lift", "drag", "thrust", "thrust_force")
+_KNOWN = (*OUTPUTS, *_LOADS, "largest_lift_coefficient")
+#: Rows from which a stall is seen, and why the last one is missing then.
+_LIFT, _LARGEST, _RATIO = "lift coefficient", "largest lift coefficient", "speed / stall speed"
+_PASSED = "beyond the largest lift"
+#: Difference of the load factor from 1 that four printed digits show.
+_LOAD = 1e-3
+
+
+def performance_rows(trimmed: Trimmed) -> list[Row | Lacking]:
+    """Return loads, L/D, thrust, climb, power and stall of an aircraft."""
+    rows: list[Row | Lacking] = [*output_rows(trimmed, _LOADS)]
+    if {"speed", "alpha"} <= {*trimmed.roles}:
+        rows += [*lift_and_drag(trimmed), *thrust(trimmed), *stall(trimmed)]
+    return rows
+
+
+def other_outputs(trimmed: Trimmed, rows: Iterable[Row | Lacking]) -> Iterator[Row]:
+    """Yield the outputs of a model that no variable, imposed value or row of the loads is."""
+    model = trimmed.point.model
+    known = {*_KNOWN, *model.variables, *trimmed.point.trim_problem.asked.imposed}
+    known |= {row.name.replace(" ", "_") for row in rows}
+    others = tuple(name for name in model.outputs if name not in known)
+    yield from output_rows(trimmed, others, rare=True)
+
+
+def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield L/D, the power D V, and the coefficients of lift and drag."""
+    speed = trimmed.roles["speed"]
+    if reason := trimmed.lacks("lift", "drag"):
+        yield Lacking("L/D", reason)
+        yield Lacking("power required", reason)
+    else:
+        reason = trimmed.zero("drag")
+        yield Lacking("L/D", reason) if reason else Row("L/D", trimmed["lift"] / trimmed["drag"])
+        unit = f"{trimmed.unit('drag')} {trimmed.unit(speed)}"
+        shown, factor = _POWERS.get(unit, (unit, 1.0))
+        yield Row("power required", trimmed["drag"] * trimmed[speed] * factor, shown)
+    if not lacks_coefficient(trimmed):
+        force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
+        yield Row(_LIFT, trimmed["lift"] / force)
+        if "drag" in trimmed.model.outputs:
+            yield Row("drag coefficient", trimmed["drag"] / force)
+
+
+def lacks_coefficient(trimmed: Trimmed) -> str:
+    """Return why the lift has no coefficient, or ""."""
+    names = ("lift", "dynamic_pressure", "reference_area")
+    return trimmed.lacks(*names) or trimmed.zero(*names[1:])
+
+
+def thrust(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield the thrust with all engine inputs at their highest values, the excess over the thrust,
+    and the rate of climb that it allows at constant speed, excess V cos α / weight.
+    """
+    available = trimmed.thrust_available
+    if isinstance(available, str):
+        for name in ("thrust available", "excess thrust", "rate of climb left"):
+            yield Lacking(name, available)
+        return
+    unit = trimmed.unit(trimmed.thrust_name)
+    excess = available - trimmed[trimmed.thrust_name]
+    yield Row("thrust available", available, unit)
+    yield Row("excess thrust", excess, unit)
+    if reason := trimmed.lacks("weight") or trimmed.zero("weight"):
+        yield Lacking("rate of climb left", reason)
+        return
+    speed, alpha = (trimmed[trimmed.roles[role]] for role in ("speed", "alpha"))
+    given = trimmed.unit(trimmed.roles["speed"])
+    shown, factor = _CLIMBS.get(given, (given, 1.0))
+    climb = excess * math.cos(alpha) * speed / trimmed["weight"]
+    yield Row("rate of climb left", climb * factor, shown, "at constant speed")
+
+
+def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield the largest lift coefficient, the speed over the stall speed at 1 g, the same at the
+    load factor of the trim if it is another one, and the stall speed at 1 g, V sqrt(W / largest
+    lift). Without a weight, the load factor is that of the lift.
+    """
+    reason = lacks_coefficient(trimmed) or trimmed.zero("lift")
+    largest = None if reason else trimmed.largest_lift
+    if largest is None:
+        yield Lacking(_RATIO, reason or "no CL_max, and lift without a maximum")
+        return
+    force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
+    where = ""
+    if math.isfinite(largest.alpha):
+        where = f"at alpha {math.degrees(largest.alpha):.4g} deg"
+    yield Row(_LARGEST, largest.lift / force, note=where)
+    if largest.lift <= 0.0:
+        return
+    if largest.passed:
+        yield Lacking(_RATIO, _PASSED)
+    else:
+        yield from _speed_ratios(trimmed, largest.lift)
+    if _has_weight(trimmed):
+        yield from stall_speed(trimmed, math.sqrt(trimmed["weight"] / largest.lift))
+
+
+def _speed_ratios(trimmed: Trimmed, largest_lift: float) -> Iterator[Row]:
+    """Yield the speed over the stall speed at 1 g, and at the load factor of the trim if it is
+    another one; without a weight, over the stall speed at the lift of the trim.
+    """
+    if _has_weight(trimmed):
+        ratio = math.sqrt(largest_lift / trimmed["weight"])
+        yield Row(_RATIO, ratio, note="V/Vs, stall at 1 g")
+        load = trimmed["load_factor"] if "load_factor" in trimmed.model.outputs else 1.0
+        if load > 0.0 and abs(load - 1.0) > _LOAD:
+            at_load = "V/Vs, stall at this load factor"
+            yield Row(f"{_RATIO} at n", ratio / math.sqrt(load), note=at_load)
+    elif trimmed["lift"] > 0.0:
+        ratio = math.sqrt(largest_lift / trimmed["lift"])
+        yield Row(_RATIO, ratio, note="V/Vs, stall at this lift")
+
+
+def _has_weight(trimmed: Trimmed) -> bool:
+    """Return whether the model has the output weight, and it is positive."""
+    return "weight" in trimmed.model.outputs and trimmed["weight"] > 0.0
+
+
+def stall_speed(trimmed: Trimmed, share: float) -> Iterator[Row]:
+    """Yield the stall speed at 1 g, kt: a share of the speed."""
+    speed = trimmed.roles["speed"]
+    knots = conversion_factor(trimmed.unit(speed), "kt")
+    if knots is None:
+        return
+    true = trimmed[speed] * knots * share
+    pressure = dynamic_pressure(trimmed)
+    if isinstance(pressure, str):
+        yield Row("stall speed at 1 g", true, "kt", "Vs, KTAS")
+    else:
+        from hfa_aircraft.rigid.atmosphere import equivalent_airspeed
+
+        equivalent = equivalent_airspeed(pressure) * share
+        yield Row("stall speed at 1 g", equivalent, "kt", f"Vs, KEAS; {true:.4g} KTAS")
+
+
+def stall_lines_at(trimmed: Trimmed) -> list[str]:
+    """Return sentences on a trim beyond the largest lift."""
+    if not trimmed.point.ok or not {"speed", "alpha"} <= {*trimmed.roles}:
+        return []
+    return stall_lines(Sheet.of([("", [*lift_and_drag(trimmed), *stall(trimmed)], ())]))
+
+
+def stall_lines(sheet: Sheet) -> list[str]:
+    """Return sentences on a trim beyond the largest lift, by the rows of its sheet."""
+    rows = {row.name: row for row in sheet}
+    if _LARGEST not in rows:
+        return []
+    largest, lift = float(rows[_LARGEST]), float(rows[_LIFT])
+    if sheet.lacking.get(_RATIO) == _PASSED:
+        return [f"STALLED: {_PASSED}, CL {largest:.4g} {rows[_LARGEST].note}"]
+    if lift > largest:
+        return [f"STALLED: CL {lift:.4g} is above CL_max {largest:.4g} of the table"]
+    return []
+
+
+#: Methods of the control gradients.
+_PER_G = "steady pull-up; lags follow"
+_PER_KNOT = "trims 0.5 kt slower and faster"
+#: Figures that derivatives give.
+_FIGURES = ("static margin", "neutral point behind c.g.", "control per g", "control per knot")
+
+
+def stability_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield static margin and neutral point, and the control per load factor and per knot."""
+    if not {"speed", "alpha"} <= {*trimmed.roles}:
+        return
+    if trimmed.fault:
+        for name in _FIGURES:
+            yield Lacking(name, "a derivative is not a number")
+        return
+    yield from static_margin(trimmed)
+    yield from control_gradients(trimmed)
+
+
+def static_margin(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield the slopes of lift and pitching moment, the static margin -(∂M/∂α) / (c ∂L/∂α) with the
+    other rigid-body states and the inputs fixed while lags follow, and the neutral point, margin
+    times chord behind the center of gravity.
+    """
+    names = ("lift", "pitching_moment", "dynamic_pressure", "reference_area", "reference_chord")
+    if reason := trimmed.lacks(*names) or trimmed.zero(*names[2:]):
+        yield Lacking("static margin", reason)
+        yield Lacking("neutral point behind c.g.", reason)
+        return
+    chord = trimmed["reference_chord"]
+    steady = trimmed.quasi_steady
+    place = steady.states.index(trimmed.roles["alpha"])
+    lift, moment = (float(steady.outputs[name].by_states[place]) for name in names[:2])
+    force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
+    yield Row("CL_alpha", lift / force, "1/rad")
+    yield Row("Cm_alpha", moment / (force * chord), "1/rad")
+    if lift:
+        margin = -moment / (lift * chord)
+        yield Row("static margin", margin, "chord")
+        yield Row("neutral point behind c.g.", margin * chord, trimmed.unit("reference_chord"))
+
+
+def control_gradients(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield the changes of the pitching input per load factor and per knot."""
+    pull_up = trimmed.pull_up
+    if pull_up is None:
+        for name in ("control per g", "CAP", "control per knot"):
+            yield Lacking(name, "no input pitches the aircraft without delay")
+        return
+    unit = trimmed.unit(pull_up.name)
+    control = pull_up.name.replace("_", " ")
+    if "load_factor" not in trimmed.model.outputs:
+        yield Lacking("control per g", "no output load_factor")
+        yield Lacking("CAP", "no output load_factor")
+    elif pull_up.load_factor:
+        yield Row(f"{control} per g", 1.0 / pull_up.load_factor, f"{unit}/g", _PER_G)
+    change = trimmed.change_per_knot(pull_up.name)
+    if change is None:
+        reason = "no trims 0.5 kt slower and faster that free the control"
+        yield Lacking("control per knot", reason)
+    else:
+        yield Row(f"{control} per knot", change, f"{unit}/kt", _PER_KNOT)

@@ -1,0 +1,545 @@
+"""The sheet of a trim, its report, and what of it is printed."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from hfa_aircraft.model import Model
+from hfa_support.provenance import Change
+from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.results import Entries, storable, without_empty
+from hfa_support.reporting.rows import Group, Row, Sheet, matrix_of
+from hfa_support.reporting.text import (
+    Table,
+    beside_unit,
+    five_decimals,
+    short_number,
+    shown_unit,
+    shown_value,
+    shown_values,
+)
+from hfa_support.units import conversion_factor
+from trim.linear.modes import modes_table
+from trim.point.condition import stated_cells, stated_values
+from trim.point.margins import Margin
+from trim.point.operating_point import (
+    BALANCE,
+    DOUBTED,
+    FREE,
+    LIMIT,
+    RESULTS,
+    STALLED,
+    TRIMMED,
+    UNTRIMMED,
+    OperatingPoint,
+)
+from trim.reports.figures import (
+    flight_rows,
+    lacks_coefficient,
+    other_outputs,
+    performance_rows,
+    same_as_the_table,
+    stability_rows,
+    stall_lines,
+)
+from trim.reports.first_lines import (
+    condition_words,
+    control_lines,
+    engines_without_power,
+    mode_lines,
+    subject,
+    title_of,
+    uniqueness_lines,
+    without_line_numbers,
+)
+from trim.reports.levels import DEFAULT_AIRPLANE, Airplane, chosen_airplane, mode_figures
+from trim.reports.trimmed import Trimmed, balance_row, equations_of, equations_table
+from trim.reports.warnings import configuration_lines, configuration_rows, doubts_of
+
+#: Number of nearest limits whose margins are named in data, in addition to those that bind.
+_NEAREST = 3
+#: Verdict on a free variable at its limit.
+_BINDS = "BINDS"
+#: Note on the star beside a limit.
+ASSUMED = "* assumed: no data of the aircraft state this limit"
+
+
+def variable_rows(trimmed: Trimmed) -> list[Row]:
+    """Return the states, relevant outputs and inputs with their status and limits."""
+    rows = []
+    for name, margin in trimmed.point.margins.items():
+        role = "imposed" if margin.role == "held" else margin.role
+        limits = _limits_text(margin, name in trimmed.model.inputs)
+        note = f"{role}, {limits}" if limits else role
+        rows.append(Row(name, margin.value, margin.unit, note, digits=6))
+    return rows
+
+
+def _limits_text(margin: Margin, is_input: bool) -> str:
+    """Return the limits of a variable as text, "" without limits: with the used share of an input,
+    "±25, 12 % used", or the margin of another variable, "0* to 60*, margin 5" (* assumed).
+    """
+    star = "*" * margin.assumed
+    low, high = (
+        f"{shown_value(end, margin.unit)}{star}" for end in (margin.lowest, margin.highest)
+    )
+    if not margin.nearer:
+        return ""
+    if math.isinf(margin.lowest):
+        limits = f"up to {high}"
+    elif math.isinf(margin.highest):
+        limits = f"from {low}"
+    elif margin.lowest == -margin.highest:
+        limits = f"±{high}"
+    else:
+        limits = f"{low} to {high}"
+    if is_input:
+        return limits if math.isnan(margin.used) else f"{limits}, {100 * margin.used:.1f} % used"
+    return f"{limits}, margin {short_number(margin.distance, margin.unit)}"
+
+
+def nearest_first(trimmed: Trimmed) -> list[Margin]:
+    """Return the variables whose limits matter, the nearest limit first.
+
+    These are free variables and held inputs. Those at their limit come first, then declared limits,
+    then assumed ones. The angle of attack is also limited by that of the largest lift.
+    """
+    inputs, margins = trimmed.model.inputs, trimmed.point.margins
+    limited = [
+        margin
+        for name, margin in margins.items()
+        if margin.nearer and (margin.role != "held" or name in inputs)
+    ]
+    alpha = margins.get(trimmed.roles.get("alpha", ""))
+    if alpha is not None and (stalling := _limit_of_the_largest_lift(trimmed, alpha)):
+        limited = [each for each in limited if each.name != alpha.name] + [stalling]
+    return sorted(limited, key=lambda margin: _rank(margin, margin.name in inputs))
+
+
+def _limit_of_the_largest_lift(trimmed: Trimmed, alpha: Margin) -> Margin | None:
+    """Return the margin of alpha with its value at the largest lift as highest, if it is nearer."""
+    if "speed" not in trimmed.roles or not trimmed.point.ok or lacks_coefficient(trimmed):
+        return None
+    largest = trimmed.largest_lift
+    if largest is None or largest.passed or not math.isfinite(largest.alpha):
+        return None
+    highest = largest.alpha * (conversion_factor("rad", alpha.unit) or 1.0)
+    if highest > alpha.highest:
+        return None
+    margin = replace(alpha, highest=highest, assumed=False, highest_is="alpha of the largest lift")
+    return margin if margin.nearer == "highest" else None
+
+
+def _rank(margin: Margin, is_input: bool) -> tuple[bool, bool, bool, float]:
+    """Return the key that sorts limits: those reached, then declared ones, then those of variables
+    with two limits, then the nearest.
+    """
+    has_one_limit = math.isinf(margin.highest - margin.lowest)
+    share = margin.share
+    if margin.assumed and not is_input and margin.nearer == "lowest" and margin.lowest >= 0.0:
+        # Assumed limits of a positive state may be decades apart: its distance is compared with
+        # its value too.
+        share = max(share, margin.distance / max(abs(margin.value), margin.scale))
+    return not margin.at_limit, margin.assumed, has_one_limit, share
+
+
+def limit_rows(limited: Sequence[Margin]) -> list[Row]:
+    """Return a row for the nearest declared and the nearest assumed limit, and one for the margin
+    of each variable.
+
+    limited: the variables, the nearest limit first (`nearest_first`)
+    """
+    rows = []
+    for kind, is_assumed in (("declared", False), ("assumed", True)):
+        of_kind = [margin for margin in limited if margin.assumed == is_assumed]
+        if of_kind:
+            nearest = of_kind[0]
+            note = _verdict(nearest) or _distance_text(nearest)
+            rows.append(Row(f"nearest {kind} limit", _limit_text(nearest), note=note))
+    for margin in limited:
+        verdict = _verdict(margin)
+        tone = "far" if verdict == _BINDS else ""
+        assumed = "assumed" if margin.assumed else ""
+        note = ", ".join(filter(None, (verdict, _limit_text(margin), assumed)))
+        name = f"{margin.name} margin"
+        rows.append(Row(name, margin.distance, margin.unit, note, tone=tone, rare=not verdict))
+    return rows
+
+
+def _verdict(margin: Margin) -> str:
+    """Return that a variable is at its limit, as held or as found by the trim, or ""."""
+    if not margin.at_limit:
+        return ""
+    return "held there" if margin.role == "held" else _BINDS
+
+
+def _limit_text(margin: Margin) -> str:
+    """Return the nearer limit as text: "thrust lowest 0 N"."""
+    is_other = margin.highest_is and margin.nearer == "highest"
+    limit = margin.highest_is if is_other else f"{margin.name} {margin.nearer}"
+    return beside_unit(f"{limit} {short_number(margin.nearer_limit, margin.unit, 6)}", margin.unit)
+
+
+def _distance_text(margin: Margin) -> str:
+    """Return the distance to the nearer limit as text: "margin 18.85 N, 31.4 % of its range"."""
+    distance = beside_unit(short_number(margin.distance, margin.unit), margin.unit)
+    is_ranged = math.isfinite(margin.highest - margin.lowest)
+    share = f", {100 * margin.share:.1f} % of its range" if is_ranged else ""
+    return f"margin {distance}{share}"
+
+
+def named_nearest(limited: Sequence[Margin]) -> list[Margin]:
+    """Return the margins of the `_NEAREST` nearest limits, and of all limits that are reached."""
+    return [margin for index, margin in enumerate(limited) if index < _NEAREST or margin.at_limit]
+
+
+def result_of(sheet: Sheet) -> str:
+    """Return the result of a trim by its sheet: "no trim", "stalled", "doubted" or "trimmed"."""
+    names = {row.name for row in sheet}
+    for row, result in (("failure", UNTRIMMED), ("stalled", STALLED), ("doubts", DOUBTED)):
+        if row in names:
+            return result
+    return TRIMMED
+
+
+def asked_of(point: OperatingPoint) -> dict[str, Any]:
+    """Return the cells that state the condition of a point: values, free variables, limits."""
+    model = point.model
+    stated = stated_values(point.trim_problem.asked)
+    changed = {
+        name: model.parameters[name].start for name in model.changed if name not in stated.free
+    }
+    return stated_cells(model, stated._replace(held={**stated.held, **changed}))
+
+
+def matrix(asked: Sequence[Mapping[str, Any]], sheets: Sequence[Sheet]) -> Table:
+    """Return the table of trims: what was asked, the column `results`, and what was found.
+
+    A file of conditions may be this table: its columns before `results` state the conditions.
+
+    asked: heading -> cell that states a part of a condition, for each trim (`stated_cells`)
+    """
+    found = matrix_of(sheets)
+    headings = [*dict.fromkeys(heading for cells in asked for heading in cells)]
+    last = [each for each in (FREE, LIMIT) if each in headings]
+    headings = [each for each in headings if each not in last] + last
+    worst = [{row.name: row.note for row in sheet}.get("worst level", "") for sheet in sheets]
+    rows = [
+        (*(cells.get(heading, "") for heading in headings), result_of(sheet), *row, qualities)
+        for cells, sheet, row, qualities in zip(asked, sheets, found.rows, worst, strict=True)
+    ]
+    return Table((*headings, RESULTS, *found.header, "qualities of the worst level"), rows)
+
+
+#: Title of the group whose rows have the names of the model's variables.
+VARIABLES = "trim"
+
+
+def sheet_of(point: OperatingPoint) -> Sheet:
+    """Return the sheet of a trim: its figures as rows, found by name.
+
+    The groups are condition, configuration, trim (variables with their limits), limits,
+    performance, stability, modes with the levels of MIL-F-8785C for the class that weight and load
+    factor suggest, and category B.
+
+    point: the trim
+
+    >>> import hfa
+    >>> sheet = hfa.trim(hfa.aircraft()).sheet
+    >>> round(sheet["static margin"].value, 4), sheet["static margin"].unit
+    (0.4425, 'chord')
+    """
+    return sheet_at(Trimmed(point), DEFAULT_AIRPLANE)
+
+
+def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
+    """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
+    point = trimmed.point
+    condition, variables, *others = first_groups(trimmed, airplane)
+    configuration = ("configuration", configuration_rows(trimmed), configuration_lines(trimmed))
+    groups = [condition, configuration, variables]
+    groups.append(("limits", limit_rows(nearest_first(trimmed)), ()))
+    if others:
+        describe = point.model.trimming.describe
+        of_model = [] if describe is None else describe(point)
+        repeated = {row.name for _, rows, _ in of_model for row in rows}
+        (title, rows, lines), *rest = others
+        rows = [*rows, *other_outputs(trimmed, rows)]
+        loads = [row for row in rows if row.name not in repeated]
+        groups += [(title, loads, lines), *of_model, *rest]
+    sheet = Sheet.of(groups, first=VARIABLES)
+    return Sheet.of([*groups, ("findings", findings(trimmed, sheet, airplane), ())], VARIABLES)
+
+
+def first_groups(trimmed: Trimmed, airplane: Airplane) -> list[tuple[str, Any, Any]]:
+    """Return the groups of a sheet with the figures that are read first: condition, variables, and
+    of a trim performance, stability and modes.
+    """
+    point = trimmed.point
+    has_assumed = any(each.nearer and each.assumed for each in point.margins.values())
+    variables = variable_rows(trimmed)
+    variable_names = {row.name for row in variables}
+    flight = [row for row in flight_rows(trimmed) if row.name not in variable_names]
+    flight.append(balance_row(point))
+    groups: list[tuple[str, Any, Any]] = [
+        ("condition", flight, same_as_the_table(trimmed)),
+        (VARIABLES, variables, [ASSUMED] if has_assumed else []),
+    ]
+    if point.ok:
+        groups.append(("performance", performance_rows(trimmed), ()))
+        groups.append(("stability", [*stability_rows(trimmed)], ()))
+        groups.append(("modes and levels", *mode_figures(trimmed, airplane)))
+    return groups
+
+
+def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
+    """Return rows with what the first lines and the sentences of a sheet say, the limits that are
+    reached, and the worst level.
+
+    sheet: the other groups of the sheet
+    """
+    point = trimmed.point
+    margins = point.margins.values()
+    said: dict[str, Iterable[str]] = {
+        "stalled": stall_lines(sheet),
+        "doubts": doubts_of(trimmed),
+        "not determined": uniqueness_lines(trimmed),
+        "far out": point._large_angles,
+        "engines out": engines_without_power(trimmed).values(),
+        "limits reached": [each.name for each in nearest_first(trimmed) if each.at_limit],
+        "assumed limits": [each.name for each in margins if each.nearer and each.assumed],
+        "search": [*trimmed.search.sentences, *trimmed.search.unlimited],
+        "notes": without_line_numbers(point.warnings),
+    }
+    for title, _, lines in sheet.groups:
+        said[f"on {title}"] = [line for line in lines if line != ASSUMED]
+    rows = [Row(name, _joined(words), rare=True) for name, words in said.items() if words]
+    levels = {row.name: row for row in sheet if row.level is not None}
+    if levels:
+        chosen, why = chosen_airplane(trimmed, airplane)
+        worst = max(levels.values(), key=lambda row: row.level or 0)
+        named = [name for name, row in levels.items() if row.level == worst.level != 1]
+        rows += [
+            Row("airplane class", chosen.class_, note=why, rare=True),
+            Row("flight phase category", chosen.category, rare=True),
+            Row("worst level", worst.stated_level, note=", ".join(named), rare=True),
+        ]
+    return rows
+
+
+def _joined(words: Iterable[str]) -> str:
+    """Return names with commas between them, or sentences with semicolons."""
+    return ("; " if any(" " in word for word in words) else ", ").join(words)
+
+
+def report_of(
+    trimmed: Trimmed, *, full: bool, airplane: Airplane, others: Sequence[Group] = ()
+) -> Report:
+    """Return the report of a trim with its sheet (`trim.trim_report`).
+
+    others: figures of other models at the same condition
+    """
+    point = trimmed.point
+    sheet = sheet_at(trimmed, airplane)
+    head = {
+        "aircraft": subject(point.model),
+        "data": revision(point.model),
+        "condition": ", ".join(condition_words(trimmed)),
+    }
+    return Report(
+        title=title_with_controls(trimmed, sheet),
+        parts=[*_parts(trimmed, sheet, full=full), *others],
+        notes=point.warnings if full else without_line_numbers(point.warnings),
+        data=Entries(partial(_data, trimmed, sheet)),
+        records=matrix([asked_of(point)], [sheet]),
+        head=head,
+        sheet=sheet,
+    )
+
+
+def title_with_controls(trimmed: Trimmed, rows: Iterable[Row]) -> str:
+    """Return the first lines of a sheet: those of the point, and below them alpha, controls, L/D.
+
+    rows: rows of the sheet
+    """
+    controls = control_lines(trimmed, {row.name: row for row in rows}.get("L/D"))
+    return "\n".join(filter(None, [title_of(trimmed), controls]))
+
+
+def _parts(trimmed: Trimmed, sheet: Sheet, *, full: bool) -> list[Any]:
+    """Return the parts of a report: the sheet, tables of equations and modes, and sentences on the
+    search. The table of equations is also in a report that is not full if one does not balance.
+    """
+    point, search = trimmed.point, trimmed.search
+    parts: list[Any] = [*sheet.shown(full)]
+    equations = equations_of(point)
+    if full or not all(entry["ok"] for entry in equations.values()):
+        parts.append(equations_table(point, equations))
+    if full and point.ok and trimmed.modes:
+        parts.append(modes_table(trimmed.modes, point.model.time_unit))
+    if search.sentences:
+        parts.append(tuple(search.sentences))
+    return [*parts, *search.unlimited]
+
+
+def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
+    """Return the entries of the file of a trim, name -> value."""
+    point = trimmed.point
+    nearest = named_nearest(nearest_first(trimmed))
+    return {
+        "schema": "hfa.trim/1",
+        "dynamics": point.dynamics,
+        "operating_point": point,
+        "status": point.status,
+        "sheet": sheet.to_dict(),
+        "not_in_model": sheet.lacking,
+        "variables": point.margins,
+        "nearest_limits": [margin.name for margin in nearest],
+        "binding": [each.name for each in nearest if each.at_limit and each.role != "held"],
+        "equations": equations_of(point),
+        "scaled_residuals": point.scaled_residuals,
+        "balance_limit": BALANCE,
+        "modes": trimmed.modes if point.ok else (),
+        "search": trimmed.search.data,
+        "warnings": point.warnings,
+    } | without_empty(
+        dihedral_deg=point.dihedral_deg,
+        scheduled=point.scheduled,
+        doubts=doubts_of(trimmed),
+        stalled=stall_lines(sheet),
+    )
+
+
+def revision(model: Model) -> str:
+    """Return the file of an aircraft with its digest and the changed parameters, or the digest of
+    its parameters.
+    """
+    model = model.native
+    source = model.source
+    if source.digest:
+        changes = []
+        for name, usual in model.changed.items():
+            signal = model.parameters[name]
+            change = Change(signal.start, usual, signal.unit)
+            changes.append(f"{name} {change.words('as loaded')}")
+        return ", ".join((f"{source.text} (SHA-256 {source.digest[:12]})", *changes))
+    values = ",".join(
+        f"{name}={value!r}" for name, value in zip(model.parameters, model.p.tolist(), strict=True)
+    )
+    return f"parameters (SHA-256 {hashlib.sha256(values.encode()).hexdigest()[:12]})"
+
+
+def saved_report(point: OperatingPoint) -> Report:
+    """Return a report of the states and inputs of a point that was not found by a search. Its
+    records have the residuals too.
+    """
+    unit = point.model.unit
+    rows: list[tuple[str, str, float, str]] = []
+    for kind, values in (("state", point.states), ("input", point.inputs)):
+        rows += [(kind, name, value, unit(name)) for name, value in values._asdict().items()]
+    shown = [(kind, name, *five_decimals(value, unit)) for kind, name, value, unit in rows]
+    for name, value in point.residuals.items():
+        rows.append(("residual", name, value, point.equation_unit(name)))
+    header = ("kind", "name", "value", "unit")
+    records = [
+        (kind, name, float(shown_values(value, unit)), shown_unit(unit))
+        for kind, name, value, unit in rows
+    ]
+    notes = without_line_numbers(point.warnings)
+    title = title_of(Trimmed(point))
+    return Report(title, [Table(header, shown)], notes, storable(point), Table(header, records))
+
+
+#: Group of a sheet -> names of the rows that are printed. A row with a tone is printed too.
+_ROWS = {
+    "condition": ("true airspeed", "calibrated airspeed", "mach", "ground speed", "track"),
+    "performance": (
+        "weight",
+        "thrust",
+        "thrust force",
+        "thrust available",
+        "rate of climb left",
+        "speed / stall speed",
+        "speed / stall speed at n",
+        "stall speed at 1 g",
+    ),
+    "stability": ("static margin",),
+}
+#: Beginning or end of the name of a row that is printed too: distances from the condition of the
+#: data, and stick-free gradients.
+_ALSO = (" from the table's", " per g", " per knot")
+
+
+def brief(point: OperatingPoint, airplane: Airplane) -> Report:
+    """Return the report of a trim with the rows that are read first, and no others.
+
+    These are airspeeds, variables that are not 0 with their limits, limits that are reached,
+    performance, stability, the modes, and levels that are not 1.
+
+    point: the trim
+    airplane: class and flight phase category for the levels
+    """
+    trimmed = Trimmed(point)
+    condition, variables, *others = first_groups(trimmed, airplane)
+    reached = [margin for margin in nearest_first(trimmed) if margin.at_limit]
+    groups = [condition, variables, ("limits", limit_rows(reached), ()), *others]
+    sheet = Sheet.of(groups, first=VARIABLES)
+    shown = [group for each in sheet.groups if (group := _shortened(each)).rows]
+    modes = f"no modes: {trimmed.fault}"
+    if not trimmed.fault:
+        modes = mode_lines(trimmed.modes, point.model)
+    sentences = trimmed.search.sentences
+    of_the_file = without_line_numbers(point.model.about.notes)
+    all_notes = without_line_numbers(point.warnings)
+    notes = [note for note in all_notes if note not in of_the_file]
+    left_out = "--full adds rows" + " and notes" * (len(notes) < len(all_notes))
+    parts: list[Part] = [*shown]
+    if modes:
+        parts.append(modes)
+    if sentences:
+        parts.append(tuple(sentences))
+    parts.append(f"{left_out}; -o FILE has all")
+    return Report(title_with_controls(trimmed, sheet), parts, notes)
+
+
+def brief_list(report: Report) -> Report:
+    """Return the report of several trims with their overview, and the first lines of those that
+    have no trim, are stalled, or are doubted. The data and records are those of the report.
+
+    report: the overview, then a report for each trim
+    """
+    overview, *sheets = report.parts
+    titles = [
+        each.title
+        for each in sheets
+        if isinstance(each, Report) and result_of(each.sheet) != TRIMMED
+    ]
+    return replace(report, parts=[overview, *titles, "--full prints each sheet; -o FILE has all"])
+
+
+def _shortened(group: Group) -> Group:
+    """Return a group with the rows that are read first, and the meaning of the stars in them."""
+    rows = tuple(row for row in group.rows if _is_read_first(group.title, row))
+    has_star = any("*" in row.note for row in rows)
+    return group._replace(rows=rows, lines=(ASSUMED,) if has_star else ())
+
+
+def _is_read_first(title: str, row: Row) -> bool:
+    """Return whether a short sheet prints a row of a group."""
+    if row.rare or title == "configuration":  # the last line says what was changed
+        return False
+    match title:
+        case "trim":
+            return row.cells()[1] != "0"
+        case "limits":
+            return row.tone != ""
+        case "modes and levels":
+            return row.level is not None and row.level > 1
+    is_named = row.name in _ROWS.get(title, ()) or row.name.endswith(_ALSO)
+    is_load = row.name == "load factor" and row.cells()[1] != "1"
+    return is_named or is_load or row.tone != ""
