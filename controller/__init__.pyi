@@ -1,12 +1,14 @@
 """Zero-sum games, their exact solution, critics and learners."""
 
 from .critic.critic_file import critic_in as critic_in
-from .expansion.expansion_figure import expansion_figure as expansion_figure
-from .expansion.expansion_report import expansion_report as expansion_report
+from .expansion.expansion_report import (
+    expansion_figure as expansion_figure,
+    expansion_report as expansion_report,
+)
 from .expansion.radius import Radius as Radius, radii_of as radii_of
 from .game.basis import basis as basis
-from .hfa_files import load_game as load_game
+from .hfa_game import load_game as load_game
+from .learning.published import run as run
 from .learning.recording import Stack as Stack, random_pool as random_pool
-from .learning.ticks import run as run
 from .riccati.smallest_delta import minimum_delta as minimum_delta
 from .riccati.solution_report import solution_report as solution_report

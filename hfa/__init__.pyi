@@ -14,9 +14,12 @@ from controller.expansion.expansion import Expansion as Expansion, expand as exp
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
 from controller.learning.laws import learn as learn
-from controller.riccati.gare import Solution as Solution, solve as solve
-from controller.riccati.lqr import lqr as lqr
-from controller.riccati.margins import margins as margins
+from controller.riccati.gare import (
+    Solution as Solution,
+    lqr as lqr,
+    margins as margins,
+    solve as solve,
+)
 from controller.tracking import track as track
 from hfa.options.trims import conditions as conditions
 from hfa_aircraft.loading import load_model as load_model

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from controller.expansion.expansion import Expansion
-from controller.expansion.flights import TESTED, flown_until_decayed, scales_of_time
+from controller.expansion.radius import TESTED, flown_until_decayed, scales_of_time
 from controller.riccati.balls import ROUNDOFF
 from hfa_aircraft.batch_simulation import FAR_OF_EXPANSION, Cost, Figures, ReportedFigure, resolved
 from hfa_support.matrices import quadratic_forms

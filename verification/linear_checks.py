@@ -11,8 +11,8 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.riccati.balls import ball_matrix
-from controller.riccati.excess import Excess, excess_of, without_bound
 from controller.riccati.gare import Solution
+from controller.riccati.suboptimality import Excess, excess_of, without_bound
 from hfa_support.matrices import spectral_abscissa, spectral_radius
 from hfa_support.reporting.report import Check, Part, at_least
 from hfa_support.reporting.results import without_empty

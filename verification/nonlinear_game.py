@@ -12,8 +12,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.expansion.expansion import HIGHEST, LOWEST, Expansion, expand
-from controller.expansion.monomials import homogeneous, name_of
-from controller.expansion.series import directions, least_squares
+from controller.expansion.series import directions, homogeneous, least_squares, name_of
 from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.expansion.deviations import rates_about_trim
+from controller.expansion.expansion import rates_about_trim
 from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.limits import Limits
 from trim.linear.linear_model import LinearModel

@@ -14,9 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.critic.labels import blocks_in_order
-from controller.game.basis import Basis
-from controller.game.q_function import q_extremum
+from controller.critic.features import blocks_in_order
+from controller.game.basis import Basis, q_extremum
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
 from hfa_support.reporting.text import numbered, percent

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.weights import weights_line
+from controller.game.linear_game import weights_line
 from controller.game.zero_sum import Game
-from controller.riccati.excess import Excess
+from controller.riccati.suboptimality import Excess
 from hfa_support.reporting.report import Check, Part, Report, verdict_text
 from hfa_support.reporting.text import Cell, Table, entry_rows, percent
 from verification.box_flights import SHARE

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.critic.network.stated import NOTHING
-from controller.riccati.excess import SAME_DOUBLE, Excess
+from controller.critic.network.declared import NOTHING
 from controller.riccati.gare import Solution
+from controller.riccati.suboptimality import SAME_DOUBLE, Excess
 from hfa_support.reporting.report import Check, Checked, Part, Report, Reported
 from hfa_support.reporting.results import Result, storable, without_empty
 from verification.box import Box

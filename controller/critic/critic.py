@@ -15,11 +15,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.critic.features import basis_of
-from controller.critic.network.stated import NOTHING, Stated
-from controller.critic.symbols import symbols_for
-from controller.game.basis import Basis, bases_of_size, monomials
-from controller.game.q_function import q_extremum
+from controller.critic.features import basis_of, symbols_for
+from controller.critic.network.declared import NOTHING, Stated
+from controller.game.basis import Basis, bases_of_size, monomials, q_extremum
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
@@ -406,7 +404,7 @@ def _with_one_step_policy(game: Game, critic: Critic) -> Critic:
     """
     if not game.is_discrete or critic.is_quadratic or not critic.is_finite:
         return critic
-    from controller.critic.implied_policy import policy_of_next
+    from controller.critic.features import policy_of_next
 
     V, gradient, P = critic.value, critic.gradient, critic.P
     assert gradient is not None  # V or its gradient is known

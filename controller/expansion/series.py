@@ -2,13 +2,154 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import combinations_with_replacement, permutations
+
+import casadi as ca
 import numpy as np
 
-from controller.expansion.monomials import homogeneous, monomial_scales
-from controller.expansion.rays import Rays
+from controller.game.basis import Basis, monomials
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
+
+
+@lru_cache(maxsize=64)
+def homogeneous(n: int, degree: int) -> Basis:
+    """Return all monomials of n variables with a degree, z1², z1 z2, z2² for n = 2."""
+    exponents = monomials(n, degree)
+    exponents.setflags(write=False)
+    return Basis(f"degree {degree}", exponents)
+
+
+@lru_cache(maxsize=64)
+def monomial_scales(n: int, degree: int) -> np.ndarray:
+    """Return sqrt(d! / (a1! ... an!)) of each monomial z^a of a degree d, (M,).
+
+    With these factors, the squares of all monomials sum to |z|^(2 d), and a rotation of z changes
+    the weights by an orthogonal matrix.
+    """
+    counts = [
+        math.factorial(degree) / math.prod(map(math.factorial, row))
+        for row in homogeneous(n, degree).exponents.tolist()
+    ]
+    return np.sqrt(counts)
+
+
+def in_coordinates(weights: np.ndarray, degree: int, T: np.ndarray) -> np.ndarray:
+    """Return the weights in z of a homogeneous polynomial that is given in y = T z, (k, M).
+
+    A polynomial of degree 3 is Σ C_abc y_a y_b y_c with a symmetric array C, of which an entry is
+    the weight of its monomial divided by the number of permutations of (a, b, c). In z, each axis
+    of C is multiplied by T.
+
+    weights: (k, M), k polynomials of the given degree
+    degree: their degree
+    T: (n, n)
+    """
+    n = len(T)
+    factors = list(combinations_with_replacement(range(n), degree))  # (a, b, c) of y_a y_b y_c
+    arrangements = monomial_scales(n, degree) ** 2  # number of permutations of (a, b, c)
+    entries = weights / arrangements
+    C = np.zeros((*(n,) * degree, len(weights)))  # C_abc of each polynomial
+    for monomial, indices in enumerate(factors):
+        for permuted in set(permutations(indices)):
+            C[permuted] = entries[:, monomial]
+    for axis in range(degree):  # y_a = sum of T_ai z_i
+        C = np.moveaxis(np.tensordot(T, C, axes=(0, axis)), 0, axis)
+    in_z = [C[indices] for indices in factors]
+    return np.stack(in_z, axis=1) * arrangements
+
+
+def polynomial(y: ca.SX, degree: int, weights: np.ndarray) -> ca.SX:
+    """Return homogeneous polynomials W ψ(y) as CasADi expressions, (k,).
+
+    y: (n,), expressions
+    degree: degree of the monomials ψ
+    weights: W, (k, M), of the monomials scaled by `monomial_scales`
+    """
+    # (a, b, c) -> y_a y_b y_c; a <= b <= c, so that each monomial is made once
+    products: dict[tuple[int, ...], ca.SX] = {(): ca.SX(1.0)}
+    for _ in range(degree):
+        products = {
+            (*factors, following): product * y[following]
+            for factors, product in products.items()
+            for following in range(factors[-1] if factors else 0, y.numel())
+        }
+    psi = ca.vertcat(*products.values()) * ca.DM(monomial_scales(y.numel(), degree))
+    return ca.densify(ca.DM(weights) @ psi)
+
+
+def name_of(exponents: Sequence[int], names: Sequence[str]) -> str:
+    """Return a monomial as text, such as "speed*alpha**2".
+
+    exponents: (n,)
+    names: names of the n variables
+    """
+    factors = [
+        name if power == 1 else f"{name}**{power}"
+        for name, power in zip(names, exponents, strict=True)
+        if power
+    ]
+    return "*".join(factors)
+
+
+class Rays:
+    """Taylor coefficients of the rates F(z, u) along rays, computed at many rays at once.
+
+    The ray is t -> (t z, t u1 + t² u2 + ...), with the coefficients f1, f2, ... of the rates. Along
+    the gradient λ(t) = t λ1 + t² λ2 + ... of a value, the derivative of λ'F with respect to u has
+    the coefficients g1, g2, ...
+    """
+
+    def __init__(self, rates: ca.Function, highest: int) -> None:
+        """Differentiate the rates.
+
+        rates: CasADi Function (z, u) -> F(z, u)
+        highest: order of the last coefficient
+        """
+        n = rates.size1_in(0)
+        m = rates.size1_in(1)
+        t = ca.SX.sym("t")
+        z = ca.SX.sym("z", n)
+        u = [ca.SX.sym(f"u{order}", m) for order in range(1, highest + 1)]
+        gradients = [ca.SX.sym(f"l{order}", n) for order in range(1, highest + 1)]
+        u_on_ray = sum((t**order * part for order, part in enumerate(u, 1)), ca.SX.zeros(m))
+        derivative = rates(t * z, u_on_ray)
+        f: list[ca.SX] = []  # f1, f2, ...: derivatives at t = 0 over 1!, 2!, ...
+        self._functions = []
+        for order in range(1, highest + 1):
+            derivative = ca.jacobian(derivative, t)
+            f.append(ca.substitute(derivative, t, 0) / math.factorial(order))
+            # the coefficient of λ'F: λ1'f_k + λ2'f_(k-1) + ... + λk'f1
+            terms = zip(f, reversed(gradients[:order]), strict=True)
+            product = sum((ca.dot(rate, gradient) for rate, gradient in terms), ca.SX(0))
+            arguments = [z, *u[:order], *gradients[:order]]
+            results = [ca.densify(f[-1]), ca.densify(ca.gradient(product, u[0]))]
+            self._functions.append(ca.Function(f"ray{order}", arguments, results))
+
+    def __call__(
+        self, z: np.ndarray, u: list[np.ndarray], gradients: list[np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the coefficients f_k (n, N) and g_k (m, N) on N rays.
+
+        z: (n, N), directions
+        u: k arrays (m, N), u1 ... uk. g_k does not depend on uk.
+        gradients: k arrays (n, N), λ1 ... λk
+
+        Raises BadInputError if a derivative is not finite.
+        """
+        results = self._functions[len(u) - 1](z, *u, *gradients)
+        rates, slopes = (np.array(result) for result in results)
+        if not (np.isfinite(rates).all() and np.isfinite(slopes).all()):
+            raise BadInputError(
+                f"the derivatives of order {len(u)} of the equations are not finite at the trim; "
+                "choose a lower order or another trim"
+            )
+        return rates, slopes
+
 
 #: Number of rays for each unknown coefficient of the highest degree, and the least number of rays.
 _RAYS_PER_COEFFICIENT = 1.5

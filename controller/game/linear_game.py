@@ -2,28 +2,184 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controller.game.weights import (
-    default_delta,
-    default_disturbance,
-    default_weight,
-    weights_of_sizes,
-)
 from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model
+from hfa_aircraft.readers.matrices_file import (
+    NAME_KEYS,
+    entries_of,
+    is_discrete,
+    one_number,
+    plant_matrices,
+    plant_names,
+    words,
+)
 from hfa_aircraft.signals import PlantNames
 from hfa_support.arguments import ArrayLike
-from hfa_support.errors import BadInputError
-from hfa_support.matrices import in_order, labels_of
+from hfa_support.arrays.read import read_arrays
+from hfa_support.errors import (
+    BadInputError,
+    numbers_in,
+    prefix_errors,
+    refuse_unknown,
+    refuse_unless_positive,
+    shortened,
+)
+from hfa_support.matrices import LARGEST, checked_matrix, in_order, labels_of, shape_text
+from hfa_support.reporting.text import with_unit
 from trim.linear.linear_model import LinearModel, is_state_space
 
 if TYPE_CHECKING:
     import control
+
+
+#: Matrices with more entries are summarized.
+_SHOWN = 40
+
+
+def default_weight(
+    matrix: str, model: Model, states: Sequence[str], inputs: Sequence[str]
+) -> np.ndarray:
+    """Return the default Q, R or N: that of the model, else diag(1/nominal²) or 0.
+
+    With diag(1/nominal²), the cost rate of a deviation of nominal size is 1.
+
+    matrix: "Q", "R" or "N"
+    states, inputs: linear states and inputs of the rows and columns
+
+    Raises BadInputError, which names the model, if the matrix in the file has a wrong shape.
+    """
+    names_of = {"Q": (states, states), "R": (inputs, inputs), "N": (states, inputs)}
+    rows, columns = names_of[matrix]
+    stored = model.about.weights.get(matrix)
+    if stored is None and matrix == "N":
+        return np.zeros((len(states), len(inputs)))
+    if stored is None:
+        return np.diag([model.signals[name].nominal ** -2.0 for name in rows])
+    if isinstance(stored, Mapping):
+        declared = [stored.get(name, 0.0) for name in rows]
+        units = [model.native_factor(name) for name in rows]
+        return np.diag(declared / np.square(units))
+    # A plant file has the weights of states and inputs divided by their nominal values.
+    weight = _matrix_of_file(matrix, model)
+    places = {name: place for place, name in enumerate(model.linear)}
+    places |= {name: place for place, name in enumerate(model.inputs)}
+    row_places = [places[name] for name in rows]
+    column_places = [places[name] for name in columns]
+    weight_of_names = weight[np.ix_(row_places, column_places)]
+    return np.asarray(weight_of_names / np.outer(model.nominal(rows), model.nominal(columns)))
+
+
+def weights_of_sizes(
+    sizes: Mapping[str, float], states: Sequence[str], inputs: Sequence[str]
+) -> dict[str, dict[str, float]]:
+    """Return Q and R, name -> 1/size², of deviations that are as bad as one another.
+
+    Source: Bryson and Ho, Applied Optimal Control, 1975, Section 5.2.
+
+    Raises BadInputError for an unknown name, and a size that is not positive.
+    """
+    for name, size in sizes.items():
+        refuse_unknown("sizes has an unknown name", name, (*states, *inputs))
+        refuse_unless_positive(f"the size of {name}", size)
+    weights = {name: 1.0 / size / size for name, size in sizes.items()}
+    signals = {"Q": states, "R": inputs}
+    return {
+        matrix: {name: weights[name] for name in names if name in weights}
+        for matrix, names in signals.items()
+    }
+
+
+def sizes_text(game: Game) -> str:
+    """Return the sizes of which Q and R are 1/size² as text: "speed 10 ft/s, alpha 5 deg"."""
+    states, inputs, state_units, input_units, *_ = game.names
+    weights = np.diag(game.weights).tolist()
+    rows = zip(states + inputs, state_units + input_units, weights, strict=True)
+    return ", ".join(f"{name} {with_unit(w**-0.5, unit, 0.0)}" for name, unit, w in rows if w)
+
+
+def _matrix_of_file(matrix: str, model: Model) -> np.ndarray:
+    """Return Q, R or N of the file of a linear plant, for all linear states and inputs.
+
+    Raises BadInputError, which names the model, if the matrix has a wrong shape.
+    """
+    n, m = len(model.linear), len(model.inputs)
+    shape = {"Q": (n, n), "R": (m, m), "N": (n, m)}[matrix]
+    with prefix_errors(model.name):
+        weight = numbers_in(matrix, model.about.weights[matrix])
+        if weight.ndim == 1 and matrix != "N":
+            weight = np.diag(weight)
+        weight = checked_matrix(matrix, weight, LARGEST)
+        if weight.shape != shape:
+            rule = f"give {shape_text(shape)}, to match A and B"
+            raise BadInputError(f"{matrix} is {shape_text(weight.shape)}; {rule}")
+    return weight
+
+
+def default_delta(model: Model) -> float:
+    """Return the default disturbance weight δ: that of the model, else inf (LQR)."""
+    return float(model.about.weights.get("delta", np.inf))
+
+
+def default_disturbance(model: Model, states: Sequence[str]) -> np.ndarray:
+    """Return the default E, (n, k): a column for each state that the model names, or for all.
+
+    A column is a unit in which the model declares the rate of the state.
+    """
+    named = model.about.weights.get("E", states)
+    disturbed = [place for place, name in enumerate(states) if name in named]
+    units = [model.rate_scale(name) / model.native.rate_scale(name) for name in states]
+    return np.diag(units)[:, disturbed]
+
+
+def weights_line(game: Game, whose: Mapping[str, str] | None = None) -> str:
+    """Return Q, R and delta, N unless it is 0, and E as one line of text.
+
+    The text is, for example, "Q diag(1, 2) (given), R diag(1) (default), delta inf (default), E
+    identity".
+
+    whose: "Q", "R", "delta" and "N" -> source of the weight; None if all weights are those of a
+        given game
+    """
+    texts = {"Q": matrix_text(game.Q), "R": matrix_text(game.R), "delta": f"{game.delta:g}"}
+    if game.N.any():
+        texts["N"] = matrix_text(game.N)
+    whose = whose or dict.fromkeys(texts, "of the game")
+    weights = [f"{name} {text} ({whose[name]})" for name, text in texts.items()]
+    return ", ".join([*weights, disturbance_text(game)])
+
+
+def disturbance_text(game: Game) -> str:
+    """Return the disturbance matrix of a game as text: "E identity", "E gust" or "E [0; 1]"."""
+    if np.array_equal(game.E, np.eye(len(game.A))):
+        return "E identity"
+    return f"E {', '.join(game.names.disturbances) or matrix_text(game.E)}"
+
+
+def matrix_text(matrix: np.ndarray) -> str:
+    """Return a weight matrix as one line of text: "diag(1, 2)" or "[1 0; 3 2]".
+
+    If more than `_SHOWN` numbers would be listed, the text contains their count and range instead.
+    """
+    diagonal = np.diag(matrix)
+    is_diagonal = len(matrix) == matrix.shape[1] and np.array_equal(matrix, np.diag(diagonal))
+    shown = diagonal if is_diagonal else matrix
+    if shown.size > _SHOWN:
+        kind = "diag" if is_diagonal else "matrix"
+        return f"{kind} of {shown.size} entries from {shown.min():g} to {shown.max():g}"
+    if is_diagonal:
+        return f"diag({', '.join(f'{entry:g}' for entry in diagonal)})"
+    rows = [" ".join(f"{entry:g}" for entry in row) for row in matrix]
+    return f"[{'; '.join(rows)}]"
 
 
 def game(
@@ -123,3 +279,163 @@ def names_of_linear(linear: LinearModel) -> PlantNames:
     """
     origin = f"{linear.model.title} {linear.point.at_scheduled}".rstrip()
     return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)
+
+
+MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta", "N")
+#: Further entries of a plant in discrete time (time = "discrete").
+DISCRETE_KEYS = ("time", "dt", "discount")
+
+
+@dataclass(frozen=True)
+class Defaults:
+    """Default values for entries that a plant file does not contain.
+
+    values: "E", "Q", "R" or "delta" -> default; entries without a default are omitted
+    words: the same keys -> source of the default, for a note: "as in the paper"
+    """
+
+    values: Mapping[str, Any] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
+
+
+class StoredGame(NamedTuple):
+    """Game read from a plant file, with notes for the user.
+
+    game: the game
+    notes: texts on unused entries, on defaults that were used, and on ignored names
+    provenance: entry -> text on the origin of the plant, as stored in the file
+    has_time: True if the file declares continuous or discrete time
+    stated: names of the entries A, B, E, Q, R, delta and N that the file contains
+    """
+
+    game: Game
+    notes: tuple[str, ...]
+    provenance: dict[str, str]
+    has_time: bool = False
+    stated: tuple[str, ...] = ()
+
+
+def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
+    """Return no default values, for plants other than the paper's aircraft."""
+    return Defaults()
+
+
+def stored_game(
+    path: str | Path,
+    *,
+    defaults: Callable[[Mapping[str, Any], PlantNames], Defaults] = no_defaults,
+    sizes: Callable[[PlantNames], Mapping[str, float]] | None = None,
+    **changes: Any,
+) -> StoredGame:
+    """Return the game of the plant in a file with A, B, Q, R and optionally E, delta and N.
+
+    - Q, R, delta and N are taken from `changes`, else from the file, else from the defaults.
+    - Without any value, E is the identity, delta is inf (linear quadratic regulator) and N is 0.
+    - In a file with the entry `disturbances`, E describes the wind and is not used.
+    - If neither A nor B is at the top level, the entries of the only structure with both are read.
+    - With time = "discrete", or the sample time dt, the game is in discrete time, and `defaults` is
+      not used. The file may then also contain `discount`.
+
+    path: the plant file
+    defaults: function (entries, names) -> defaults for missing entries
+    sizes: function of the names -> deviations of which Q and R are 1/size² (`weights_of_sizes`)
+    changes: Q, R, delta or N in place of the entry of the file; None keeps the entry
+
+    Raises BadInputError, which names the file, if the file cannot be read, A or B is missing, Q or
+    R has no value, or an entry is not valid.
+    """
+    contents = read_arrays(path)
+    with prefix_errors(path):
+        stored, notes = entries_of(contents, {"A", "B"})
+        parts = {key: stored[key] for key in MODEL_KEYS if key in stored}
+        if "disturbances" in stored and "E" in parts:  # a file written by `hfa linearize`
+            del parts["E"]
+            notes.append("E describes the wind and is not used")
+        parts["A"], parts["B"] = A, B = plant_matrices(stored)
+        parts |= {key: value for key, value in changes.items() if value is not None}
+        used = (*MODEL_KEYS, *NAME_KEYS, *(DISCRETE_KEYS if is_discrete(stored) else ()))
+        notes += unused(stored, used, f"a model file contains {', '.join(MODEL_KEYS)}")
+        names = plant_names(stored, len(A), B.shape[1], notes)
+        names = names._replace(origin=str(path))
+        if sizes is not None:
+            named = names.completed(*B.shape)
+            parts |= weights_of_sizes(sizes(named), named.states, named.inputs)
+        if is_discrete(stored):
+            defaults = no_defaults
+        parts |= _time(stored)
+        game = _completed(parts | {"names": names}, defaults(parts, names), notes)
+        noted = tuple(f"{path}: {note}" for note in notes)
+        return StoredGame(
+            game,
+            noted,
+            _provenance(stored),
+            has_time="time" in stored or "dt" in stored,
+            stated=tuple(key for key in MODEL_KEYS if key in stored),
+        )
+
+
+def _time(stored: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries dt and discount of a game in discrete time, {} in continuous time."""
+    if not is_discrete(stored):
+        if "discount" in stored:
+            raise BadInputError(
+                'discount requires a discrete-time plant; remove it, or add time = "discrete"'
+            )
+        return {}
+    time: dict[str, Any] = {"dt": True}  # discrete time with an unknown sample time
+    if stored.get("dt", True) is not True:
+        time["dt"] = one_number("dt", stored["dt"])
+    if "discount" in stored:
+        time["discount"] = one_number("discount", stored["discount"])
+    if not time["dt"]:
+        raise BadInputError('dt is 0, but time is "discrete"; give the sample time in s')
+    return time
+
+
+def unused(stored: Mapping[str, Any], used: Iterable[str], rule: str) -> list[str]:
+    """Return a list with one note that names the entries of a file that are not used.
+
+    rule: what the file contains
+    """
+    schema = words(stored, "schema")
+    if schema and schema[0].startswith("hfa."):  # written by hfa: no entry is misspelled
+        return []
+    names = shortened(", ".join(sorted(set(stored).difference(used))), 200)
+    return [f"unused: {names}; {rule}"] if names else []
+
+
+def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> Game:
+    """Return the game of a plant file, with defaults for the entries that are missing."""
+    n, m = parts["B"].shape
+    values = {"E": np.eye(n), "delta": math.inf, **defaults.values}
+    described = {"E": "the identity", "delta": "inf (no disturbance)", **defaults.words}
+    missing = [key for key in MODEL_KEYS if key not in parts and key != "N"]
+    for key, size in (("Q", n), ("R", m)):
+        if key in missing and key not in values:
+            raise BadInputError(
+                f"there is no {key}; give {key} ({size} x {size}) in the file or as an argument"
+            )
+    if missing:
+        taken = ", ".join(f"{key} {described[key]}" for key in missing)
+        notes.append(f"not given: {', '.join(missing)}; used: {taken}")
+    complete = values | parts
+    return Game(**complete | {"delta": one_number("delta", complete["delta"])})
+
+
+def _provenance(stored: dict[str, Any]) -> dict[str, str]:
+    """Return name -> text for the entries of a plant file that describe the origin of the plant.
+
+    They are in a table `provenance` (TOML, JSON) or have keys `provenance.NAME` (flat files).
+    Entries that are not one text are left out.
+    """
+    table = stored.get("provenance", {})
+    entries = dict(table) if isinstance(table, dict) else {}
+    for key in stored:
+        if key.startswith("provenance."):
+            entries[key.removeprefix("provenance.")] = stored[key]
+    origin = {}
+    for name in entries:
+        texts = words(entries, name)
+        if len(texts) == 1 and texts[0]:
+            origin[name] = texts[0]
+    return origin

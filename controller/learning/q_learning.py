@@ -15,8 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from controller.critic.training_run import SETTLED, Excitation, TrainingRun
-from controller.game.basis import Basis, basis
-from controller.game.q_function import q_extremum, q_function
+from controller.game.basis import Basis, basis, q_extremum, q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
 from controller.learning.recording import RelativeResidual, excitation, plant_of, refuse_poor
 from hfa_support.errors import BadInputError, NoSolutionError

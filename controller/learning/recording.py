@@ -2,14 +2,37 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from controller.critic.training_run import Excitation
+from controller.game.linear_game import weights_of_sizes
 from controller.game.zero_sum import Game
-from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
-from hfa_support.matrices import quadratic_forms, spectral_abscissa, spectral_radius
+from hfa_aircraft.readers.matrices_file import NAME_KEYS, found_in, sample_time, words
+from hfa_aircraft.signals import UNNAMED, PlantNames
+from hfa_support.arrays.read import columns_of, read_arrays
+from hfa_support.errors import (
+    BadInputError,
+    file_faults,
+    numbers_in,
+    prefix_errors,
+    refuse_unless_whole,
+    shortened,
+)
+from hfa_support.matrices import (
+    LARGEST,
+    checked_matrix,
+    quadratic_forms,
+    shape_text,
+    spectral_abscissa,
+    spectral_radius,
+)
+from hfa_support.units import conversion_factor
 
 #: Singular values of the unit rows below this fraction of the largest count as 0. The weights can
 #: have the rounding error of a sample, 1e-16, divided by this fraction: eight digits remain
@@ -198,4 +221,366 @@ def refuse_poor(recorded: Excitation) -> None:
             f"the rank of the recorded samples is {recorded.rank} of {recorded.size} (singular "
             f"values below {RANK_TOLERANCE:g} of the largest do not count); record more different "
             "states"
+        )
+
+
+#: Suffix of the columns of the ends of transitions -> name of their matrix.
+_ENDS = {"_next": "x_next", "_rate": "x_rate"}
+#: Columns that are no signals.
+_OTHERS = ("time", "dt", "episode")
+#: Entries of the matrices of transitions, all else is not used.
+_KEYS = ("x", "u", "d", *_ENDS.values(), *_OTHERS, "Ts", *NAME_KEYS)
+
+
+def matrices_in(data: Any, names: PlantNames) -> dict[str, dict[str, Any]]:
+    """Return the matrices of each source of data, source -> entry -> value (`learn`).
+
+    Columns by name become matrices, with names and units.
+
+    data: file, mapping or table, or a list of them
+    names: names of a plant, by which columns are states and inputs; without them, states are the
+        columns with one of the end of a transition
+
+    Raises BadInputError, which names the source, if it cannot be read.
+    """
+    sources = data if isinstance(data, (list, tuple)) else [data]
+    found = {}
+    for place, source in enumerate(sources, start=1):
+        name = str(source) if isinstance(source, (str, Path)) else f"data {place}"
+        with prefix_errors(name):
+            entries = _entries(source)
+            found[name] = entries if "x" in entries else _of_columns(entries, names)
+    if not found:
+        raise BadInputError("data is an empty list; give at least one episode")
+    return found
+
+
+def _entries(source: Any) -> dict[str, Any]:
+    """Return the entries of a file, a mapping or a table."""
+    if isinstance(source, Mapping):
+        return {str(name): values for name, values in source.items()}
+    if hasattr(source, "columns"):
+        return {str(name): np.asarray(source[name]) for name in source.columns}
+    if not isinstance(source, (str, Path)):
+        raise BadInputError("the data are neither a file nor a mapping of arrays; give one of them")
+    if Path(source).suffix.lower() == ".csv":
+        with file_faults(source):
+            return dict(columns_of(Path(source)))
+    return read_arrays(source)
+
+
+class _Column(NamedTuple):
+    """Column of a table, with its unit or ""."""
+
+    unit: str
+    values: np.ndarray
+
+
+def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]:
+    """Return the matrices of a table, by the names of its columns."""
+    columns: dict[str, _Column] = {}
+    for label, values in entries.items():
+        if words(entries, label):
+            continue
+        ((name, unit),) = re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", label.strip(), re.DOTALL)
+        columns[name] = _Column(unit, np.ravel(numbers_in(name, values)))
+    if len({len(column.values) for column in columns.values()}) > 1:
+        raise BadInputError("the columns differ in length; give x and u, or columns of one length")
+    ends = {end for end in _ENDS for name in columns if name.endswith(end)}
+    by_ends = [name for name in columns if any(f"{name}{end}" in columns for end in _ENDS)]
+    others = [name for name in columns if name not in by_ends and not name.endswith(tuple(_ENDS))]
+    d = [name for name in others if re.fullmatch(r"d\d*", name)]
+    is_named = bool(names.states) and set(names.states) <= set(columns)
+    states = list(names.states) if is_named else by_ends
+    inputs = [name for name in others if name not in (*d, *_OTHERS, *states)]
+    if names.inputs and set(names.inputs) <= set(columns):
+        inputs = list(names.inputs)
+    if len(ends) > 1:
+        raise BadInputError("the data have columns _next and _rate; remove those of one kind")
+    if not states or not inputs:
+        what = ", ".join((*names.states, *names.inputs)) or "alpha, alpha_next, elevator"
+        raise BadInputError(
+            f"the data have neither x and u nor columns of all states and inputs ({what})"
+            f"{found_in(entries)}; name the columns so, with units as in alpha [deg], or "
+            "give a plant that names them"
+        )
+    matrices: dict[str, Any] = {key: columns[key].values for key in _OTHERS if key in columns}
+    for key, of_matrix in (("x", states), ("u", inputs), ("d", d)):
+        if of_matrix:
+            matrices[key] = np.column_stack([columns[name].values for name in of_matrix])
+    for end in ends:
+        matrices[_ENDS[end]] = np.column_stack([_end(columns, name, end) for name in states])
+    for key, of_key in (("state", states), ("input", inputs)):
+        matrices[f"{key}s"] = of_key
+        matrices[f"{key}_units"] = [columns[name].unit for name in of_key]
+    used = {*states, *inputs, *d, *_OTHERS, *(f"{name}{end}" for name in states for end in ends)}
+    return matrices | {name: None for name in columns if name not in used}
+
+
+def _end(columns: Mapping[str, _Column], state: str, end: str) -> np.ndarray:
+    """Return the column of a state's next values or rates, in the unit of the state's column."""
+    if (name := f"{state}{end}") not in columns:
+        raise BadInputError(f"there is no column {name}; add it, or remove the others{end}")
+    unit, unit_of_state = columns[name].unit, columns[state].unit
+    wanted = f"{unit_of_state}/s" if unit_of_state and end == "_rate" else unit_of_state
+    factor = conversion_factor(unit, wanted)
+    if factor is None:
+        raise BadInputError(
+            f"{name} is in {unit or 'no unit'}, {state} in {unit_of_state or 'no unit'}; give "
+            f"{name} in {wanted or 'no unit'}"
+        )
+    return factor * columns[name].values
+
+
+def transitions_in(data: Any, game: Game) -> Transitions:
+    """Return the transitions of recorded data in the order and the units of a game (`learn`).
+
+    Raises BadInputError, with the source and the row, for data that are no transitions of the game.
+    """
+    parts = []
+    for name, entries in matrices_in(data, game.names).items():
+        with prefix_errors(name):
+            parts.append(_Source(entries, game).transitions())
+    if len({(part.begins.shape[1], part.hold) for part in parts}) > 1:
+        raise BadInputError(
+            "the episodes differ in sample time or in disturbances; give equal ones"
+        )
+    begins, ends, follows = (np.concatenate(each) for each in list(zip(*parts, strict=True))[:3])
+    rounding = np.min([part.rounding for part in parts], axis=0)
+    notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
+    return Transitions(begins, ends, follows, rounding, parts[0].hold, notes)
+
+
+def game_of_data(
+    data: Any,
+    sizes: Callable[[PlantNames], Mapping[str, float]] | None = None,
+    **weights: Any,
+) -> Game:
+    """Return the game of recorded data without a plant: A and B are 0, names are those of the data.
+
+    Rates are of continuous time, and so are samples whose entry `time` is "continuous".
+
+    sizes: function of the names -> deviations of which Q and R are 1/size² (`weights_of_sizes`)
+    weights: Q, R, and optionally delta and N
+    """
+    name, entries = next(iter(matrices_in(data, UNNAMED).items()))
+    with prefix_errors(name):
+        if "u" not in entries:
+            raise BadInputError(f"there is no u{found_in(entries)}; add it")
+        n, m = ((*np.shape(entries[key])[1:], 1)[-2:][0] for key in "xu")
+        is_continuous = "x_rate" in entries or words(entries, "time") == ("continuous",)
+        dt = None if is_continuous else sample_time(entries) or True
+        named = {key: words(entries, key) for key in NAME_KEYS}
+        names = UNNAMED._replace(origin=name, **named)
+        if sizes is not None:
+            names = names.completed(n, m)
+            weights |= weights_of_sizes(sizes(names), names.states, names.inputs)
+        for matrix in {"Q", "R"} - weights.keys():
+            raise BadInputError(f"data without a plant require a cost; give {matrix} (--{matrix})")
+        return Game(np.zeros((n, n)), np.zeros((n, m)), names=names, dt=dt, **weights)
+
+
+class _Source:
+    """One file, mapping or table of matrices, and the game whose transitions it has."""
+
+    def __init__(self, entries: Mapping[str, Any], game: Game) -> None:
+        self.entries = entries
+        self.game = game
+        self.notes: list[str] = []
+        unused = [name for name in entries if name not in _KEYS]
+        if unused:
+            self.notes.append(f"not used: {shortened(', '.join(unused), 200)}")
+
+    def transitions(self) -> Transitions:
+        """Return the transitions."""
+        names = self.game.names
+        x, scale = self._signals("x", names.states, names.state_units)
+        rounding = _last_digits(x / scale) * scale
+        ends = [key for key in _ENDS.values() if key in self.entries]
+        if len(ends) > 1:
+            raise BadInputError("the data have x_next and x_rate; remove one of them")
+        if ends == ["x_rate"] and self.game.is_discrete:
+            raise BadInputError("x_rate is of continuous time, the game is discrete; give x_next")
+        count = len(x)
+        u, scale_of_u = self._signals("u", names.inputs, names.input_units)
+        blocks = [x, u]
+        rounding = np.append(rounding, _last_digits(u / scale_of_u) * scale_of_u)
+        if "d" in self.entries:
+            blocks.append(self._disturbances())
+            rounding = np.append(rounding, _last_digits(blocks[-1]))
+        starts = self._starts(count)
+        if not ends:  # successive samples; the last of an episode has no end
+            last = count - 1 if len(u) == count - 1 else count
+            kept = np.flatnonzero(~starts[1:])
+            kept = kept[kept < last]
+            after = x[kept + 1]
+        else:
+            kept = np.arange(count)
+            after = self._matrix(ends[0], len(names.states))[:, self._places("x", names.states)]
+            after = after * scale
+        short = [f"{len(each)}" for each in (*blocks[1:], after) if len(each) < len(kept)]
+        if short:
+            raise BadInputError(
+                f"x has {count} rows, another matrix {short[0]}; give a row of each for each sample"
+            )
+        begins = np.hstack([each[kept] for each in blocks])
+        follows = np.zeros(len(kept), dtype=bool)
+        if len(kept) and ends != ["x_rate"]:
+            follows[1:] = (after[:-1] == x[kept][1:]).all(axis=1)
+        hold = None if ends == ["x_rate"] else self._hold(starts, bool(ends))
+        return Transitions(begins, after, follows, rounding, hold, tuple(self.notes))
+
+    def _matrix(self, key: str, columns: int) -> np.ndarray:
+        """Return a matrix (N, columns) of finite numbers, of episodes (e, N, columns) too."""
+        if key not in self.entries:
+            raise BadInputError(f"there is no {key}{found_in(self.entries)}; add it")
+        values = checked_matrix(key, self.entries[key], LARGEST, None)
+        if values.ndim < 2:
+            values = values.reshape(-1, 1)
+        if values.ndim > 3 or not values.size or columns not in (0, values.shape[-1]):
+            raise BadInputError(
+                f"{key} is {shape_text(values.shape)}; give a row for each sample, with"
+                f" {columns or 'its'} columns"
+            )
+        return values.reshape(-1, values.shape[-1])
+
+    def _signals(
+        self, key: str, names: tuple[str, ...], units: tuple[str, ...]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return x or u in the order and the units of the game, and the factors of the units."""
+        values = self._matrix(key, len(names))
+        places = self._places(key, names)
+        of_file = words(self.entries, "state_units" if key == "x" else "input_units")
+        factors = np.ones(len(names))
+        if any(of_file):
+            if len(of_file) != len(names):
+                raise BadInputError(
+                    f"there are {len(of_file)} units of {key}; give {len(names)}, one for each"
+                )
+            for place, (source, unit) in enumerate(zip(places, units, strict=True)):
+                factor = conversion_factor(of_file[source], unit)
+                if factor is None and of_file[source] and unit:
+                    raise BadInputError(
+                        f"{names[place]} is in {shortened(of_file[source])}, which is not converted"
+                        f" to {unit}; give {unit}"
+                    )
+                factors[place] = factor or 1.0
+        elif any(units):
+            self.notes.append(f"{key} without units, taken in {', '.join(units)}")
+        return values[:, places] * factors, factors
+
+    def _places(self, key: str, names: tuple[str, ...]) -> list[int]:
+        """Return the columns of a matrix that are the signals of these names."""
+        of_file = words(self.entries, "states" if key == "x" else "inputs")
+        if set(of_file) == set(names):
+            return [of_file.index(name) for name in names]
+        if of_file and of_file != names:
+            wanted = ", ".join(names)
+            self.notes.append(f"{', '.join(of_file)} of the data, taken as {wanted}")
+            if set(of_file) & set(names):
+                raise BadInputError(
+                    f"the data have {', '.join(of_file)}, the game has {wanted}; name all signals "
+                    "as the game does"
+                )
+        return list(range(len(names)))
+
+    def _disturbances(self) -> np.ndarray:
+        """Return the recorded disturbances, (N, k)."""
+        d = self._matrix("d", 0)
+        if math.isfinite(self.game.delta) and d.shape[1] != self.game.E.shape[1]:
+            self.notes.append(f"E of the game is replaced by {d.shape[1]} recorded disturbances")
+        return d
+
+    def _starts(self, count: int) -> np.ndarray:
+        """Return whether a row is the first of an episode, (N,), by `episode` or by 3-D arrays."""
+        starts = np.zeros(count, dtype=bool)
+        starts[0] = True
+        shape = np.shape(self.entries["x"])
+        if len(shape) == 3:
+            starts[:: shape[1]] = True
+        if "episode" in self.entries:
+            labels = np.ravel(numbers_in("episode", self.entries["episode"]))
+            if len(labels) != count:
+                raise BadInputError(
+                    f"episode has {len(labels)} entries, x has {count} rows; give one for each"
+                )
+            starts[1:] |= labels[1:] != labels[:-1]
+        return starts
+
+    def _hold(self, starts: np.ndarray, are_apart: bool) -> float | None:
+        """Return the time for which inputs are constant, s, of a game in continuous time.
+
+        are_apart: whether the rows are transitions that need not follow each other
+
+        Raises BadInputError if it is not known, or is not that of a game in discrete time.
+        """
+        dt = sample_time(self.entries)
+        accuracy = 0.0
+        if isinstance(self.entries.get("time"), str) or "time" not in self.entries:
+            times = None
+        else:
+            times = np.ravel(numbers_in("time", self.entries["time"]))
+            of_times, accuracy = self._step_of(times, starts, are_apart)
+            if of_times is not None:
+                _refuse_other_time("their dt", dt, of_times, accuracy)
+                dt = of_times
+        if self.game.is_discrete:
+            _refuse_other_time("the game", self.game.dt, dt, accuracy)
+            return None
+        if dt is None or dt is True:
+            raise BadInputError(
+                "the sample time of the data is not known, for a game in continuous time; add dt "
+                "(s), or time of successive samples, or x_rate in place of x_next"
+            )
+        return dt
+
+    def _step_of(
+        self, times: np.ndarray, starts: np.ndarray, are_apart: bool
+    ) -> tuple[float | None, float]:
+        """Return the step of the times of successive samples, s, and its accuracy.
+
+        Raises BadInputError if times go back, or if steps differ by more than their rounding.
+        """
+        if len(times) != len(starts):
+            raise BadInputError(f"time has {len(times)} entries, x has {len(starts)} rows")
+        steps = np.where(starts[1:], np.nan, np.diff(times))
+        for place in np.flatnonzero(~(steps > 0.0) & ~starts[1:])[:1]:
+            raise BadInputError(
+                f"time goes back at row {place + 2} ({times[place + 1]:g} s after "
+                f"{times[place]:g} s); sort the rows, or give episode, a number for each row"
+            )
+        if are_apart or np.isnan(steps).all():
+            return None, 0.0
+        mean = float(np.nanmean(steps))
+        # Two times, each rounded to half a unit of their last digit, if it is not that of the step.
+        (rounding,) = _last_digits(times[:, None])
+        if 2.0 * rounding > mean:
+            rounding = 8.0 * float(np.spacing(np.abs(times).max()))
+        for place in np.flatnonzero(np.abs(steps - mean) > rounding)[:1]:
+            raise BadInputError(
+                f"the samples are not equally spaced: {steps[place]:g} s at row {place + 2}, "
+                f"{mean:g} s on average; give x_next for each row, with dt, or the rows of equal "
+                "steps"
+            )
+        return mean, rounding
+
+
+def _last_digits(columns: np.ndarray) -> np.ndarray:
+    """Return the unit of the last decimal of each column (N, k), (k,), as of a printed record."""
+    largest = np.abs(columns).max(axis=0)
+    precision = 4.0 * np.spacing(largest)
+    for place in range(16, -1, -1):
+        is_rounded = (np.abs(np.round(columns, place) - columns) <= precision).all(axis=0)
+        precision = np.where(is_rounded, np.maximum(precision, 10.0**-place), precision)
+    return precision
+
+
+def _refuse_other_time(whose: str, one: Any, other: Any, accuracy: float) -> None:
+    """Raise BadInputError if two known sample times differ by more than the accuracy."""
+    if all(isinstance(each, float) for each in (one, other)) and not math.isclose(
+        one, other, rel_tol=1e-6, abs_tol=accuracy
+    ):
+        raise BadInputError(
+            f"the sample time of the data is {other:g} s, but that of {whose} is {one:g} s; give "
+            "data of this sample time, or correct dt"
         )

@@ -32,7 +32,6 @@ from controller.riccati.equation import (
     pencil_blocks,
     users_units,
 )
-from controller.riccati.free_states import states_without_cost
 from controller.riccati.lyapunov import (
     NEWTON_STEPS,
     FailedError,
@@ -42,6 +41,7 @@ from controller.riccati.lyapunov import (
     shape_in_doubles,
     sign_function,
 )
+from controller.riccati.rationals import states_without_cost
 from hfa_support.matrices import balanced
 from trim.linear.frequency_response import hamiltonian
 

@@ -9,26 +9,28 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from controller.game.q_function import q_function
+from controller.game.basis import q_function
+from controller.game.linear_game import game
 from controller.game.zero_sum import Game
-from controller.riccati.certificate import Certificate, certificate_of
-from controller.riccati.enclosure import Enclosure, decided
+from controller.riccati.balls import BITS, ball_matrix, midpoints, precision
+from controller.riccati.enclosure import Certificate, Enclosure, certificate_of, decided
 from controller.riccati.l2_gain import GainBounds
-from controller.riccati.level import Level
-from controller.riccati.poles import Poles
+from controller.riccati.level import Level, Poles, poles_of
+from controller.riccati.lyapunov import loop_with, stabilizes
 from controller.riccati.refusal import ModeError, why_never
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
-from controller.riccati.stability import stabilizes
 from hfa_aircraft.signals import PlantNames
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots, without_empty
+from trim.linear.linear_model import LinearModel, is_state_space
 from trim.linear.margins import (
     ClosedLoop,
     DiskMargin,
     LoopMargin,
     disk_of,
+    loop_of,
     named_margins,
     single_margin,
 )
@@ -309,3 +311,76 @@ def _rounded(matrix: arb_mat) -> np.ndarray:
     rounded = np.reshape(entries, (matrix.nrows(), matrix.ncols()))
     rounded.setflags(write=False)
     return rounded
+
+
+def lqr(
+    A: ArrayLike | LinearModel | control.StateSpace,
+    B: ArrayLike | None = None,
+    Q: ArrayLike | None = None,
+    R: ArrayLike | None = None,
+    N: ArrayLike | None = None,
+) -> Solution:
+    """Return the linear-quadratic regulator u = -K z of z' = A z + B u.
+
+    The regulator minimizes ∫ z'Qz + 2z'Nu + u'Ru. It is the solution of the game without
+    disturbance. As in python-control, write lqr(A, B, Q, R) or lqr(linear, Q, R).
+
+    A: (n, n); or a linear model, in place of A and B
+    B: (n, m)
+    Q: (n, n), symmetric positive semidefinite; or its diagonal, (n,)
+    R: (m, m), symmetric positive definite; or its diagonal, (m,)
+    N: (n, m), cross weights; by default 0
+
+    Raises BadInputError if a matrix is missing or does not fit, and NoSolutionError if there is no
+    certified solution.
+
+    >>> import hfa
+    >>> hfa.lqr([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [1.0, 0.0], [1.0]).K.round(4).tolist()
+    [[1.0, 1.4142]]
+    """
+    if isinstance(A, LinearModel) or is_state_space(A):
+        of_linear = [weight for weight in (B, Q, R) if weight is not None]
+        if len(of_linear) not in (2, 3):
+            raise BadInputError("lqr: Q or R is missing; write lqr(linear, Q, R)")
+        Q, R, *crossed = of_linear
+        return solve(game(A, Q=Q, R=R, delta=math.inf, N=crossed[0] if crossed else N))
+    if B is None or Q is None or R is None:
+        raise BadInputError("lqr: a matrix is missing; write lqr(A, B, Q, R) or lqr(linear, Q, R)")
+    return solve(Game(A=A, B=B, Q=Q, R=R, N=N))
+
+
+def margins(linear: LinearModel | Game, K: ArrayLike) -> dict[str, LoopMargin]:
+    """Return the stability margins of u = -K x at each input, with the other loops closed.
+
+    linear: the linear model or the game, with A and B
+    K: (m, n)
+
+    Returns input -> `LoopMargin`.
+
+    Raises BadInputError if K is not m x n, and NoSolutionError if A - B K is not Hurwitz.
+
+    >>> import hfa
+    >>> linear = hfa.LinearModel.of([[0.0]], [[1.0]])
+    >>> round(hfa.margins(linear, [[2.0]])["u1"].phase, 4)
+    90.0
+    """
+    if isinstance(linear, Game):
+        plant, inputs = linear, linear.names.inputs
+    else:
+        n, m = linear.B.shape
+        plant, inputs = Game(linear.A, linear.B, Q=np.eye(n), R=np.eye(m)), linear.inputs
+    K = plant.checked_gain(K)
+    if not stabilizes(plant, K):
+        raise NoSolutionError(f"{_unstable(plant, K)} and no margins; give a stabilizing gain")
+    with precision(BITS):
+        closed = midpoints(loop_with(plant, ball_matrix(K)))
+    loop = loop_of(closed, plant.B, -K, plant.dt)
+    return {name: single_margin(loop, i) for i, name in enumerate(inputs)}
+
+
+def _unstable(plant: Game, K: np.ndarray) -> str:
+    """Return a clause on the pole that is not stable."""
+    poles = poles_of(lambda _: loop_with(plant, ball_matrix(K)), is_discrete=plant.is_discrete)
+    if plant.is_discrete:
+        return f"the loop has the spectral radius {poles.spectral_radius:.4g}"
+    return f"the loop has a pole at {poles.abscissa:+.4g} 1/s"

@@ -17,8 +17,8 @@ from controller.riccati.candidate import (
 )
 from controller.riccati.enclosure import Enclosure, UndecidedError, decided_at
 from controller.riccati.equation import Equation, Units, equation_of
-from controller.riccati.free_states import disturbance_costs_nothing
 from controller.riccati.lyapunov import FailedError, lyapunov_of
+from controller.riccati.rationals import disturbance_costs_nothing
 from controller.riccati.refusal import ModeError, why_never
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import LARGEST

@@ -8,10 +8,10 @@ from itertools import chain
 
 import numpy as np
 
-from controller.game.weights import disturbance_text, matrix_text
-from controller.riccati.certificate import has_indefinite_weights, warning_of
+from controller.game.linear_game import disturbance_text, matrix_text
+from controller.riccati.enclosure import has_indefinite_weights, warning_of
 from controller.riccati.gare import Solution
-from controller.riccati.stability import stabilizes
+from controller.riccati.lyapunov import stabilizes
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.results import storable
 from hfa_support.reporting.text import (

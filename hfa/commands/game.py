@@ -197,7 +197,7 @@ def given_learning(request: LearnRequest) -> NamedGame:
     if is_plant or not request.data:
         return given_game(request)
     refuse(request, OF_THE_TRIM, "applies only to the aircraft; remove this option")
-    from controller.learning.recorded import game_of_data
+    from controller.learning.recording import game_of_data
 
     weights = given_weights(request, None)
     game = game_of_data(list(request.data), **weights)

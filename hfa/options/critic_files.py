@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from controller.critic.critic_file import critic_suffixes
-from controller.critic.reading import Reading
+from controller.critic.critic_file import Reading, critic_suffixes
 from hfa.options.argument_types import input_file, listed_numbers
 from hfa.options.option import option
 from hfa_support.errors import BadInputError, choice_of

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from controller.critic.reading import CriticFile
-from controller.game.linear_game import game as game_of
-from controller.game.weights import sizes_text, weights_line
+from controller.critic.critic_file import CriticFile
+from controller.game.linear_game import game as game_of, sizes_text, weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names
 from controller.riccati.refusal import ModeError
@@ -253,8 +252,8 @@ def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> N
 
     Raises BadInputError if an option of the aircraft or its trim is given.
     """
-    from controller.game.game_file import stored_game
-    from controller.hfa_files import paper_defaults
+    from controller.game.linear_game import stored_game
+    from controller.hfa_game import paper_defaults
 
     if request.at is not None or request.dihedral is not None:
         raise BadInputError(

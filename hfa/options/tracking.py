@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.riccati.stability import stabilizes
+from controller.riccati.lyapunov import stabilizes
 from controller.tracking import tracked
 from hfa.options.argument_types import each_of, linear_state
 from hfa.options.option import option

@@ -43,7 +43,7 @@ BREACHES = {
     "Games:": {
         "controller/game/basis.py": "controller.riccati.gare",
     },
-    "What learns knows critics": {"controller/game/weights.py": "controller.critic.critic"},
+    "What learns knows critics": {"controller/game/linear_game.py": "controller.critic.critic"},
     "Nonlinear games": {"controller/riccati/level.py": "controller.expansion.series"},
     "Solutions do not know": {"controller/riccati/gare.py": "controller.riccati.solution_report"},
     "Expansions do not know": {
@@ -86,7 +86,7 @@ BREACHES = {
     "Doors:": {"hfa_aircraft/units.py": "hfa_support.entry_points"},
     "What learns never imports": {
         "controller/learning/recording.py": "controller.riccati.gare",
-        "controller/learning/q_learning.py": "controller.riccati.proof",
+        "controller/learning/q_learning.py": "controller.riccati.refusal",
     },
     "Only the commands that learn": {
         "hfa/options/game.py": "controller.learning.policy_iteration",

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.critic.critic import Critic, from_parts
-from controller.critic.critic_file import critic_in, part_by_shape
-from controller.critic.reading import Reading
+from controller.critic.critic_file import Reading, critic_in, part_by_shape
 from controller.critic.training_run import TrainingRun
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution, solve

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
+from controller.riccati.suboptimality import Excess
 from hfa_aircraft.batch_simulation import Outcome
 from hfa_support.matrices import quadratic_forms
 from hfa_support.reporting.report import Check, at_most

@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
+from controller.riccati.suboptimality import Excess
 from hfa_aircraft.batch_simulation import FAR_OF_VALUE, OF_EXACT, OF_VALUE, Outcome, has_decayed
 from hfa_support.matrices import quadratic_forms, spectral_abscissa
 from hfa_support.native.bound import BoundFunction, of_rows

@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
-from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
+from controller.riccati.suboptimality import Excess
 from hfa_support.reporting.report import Check, at_most, below
 from hfa_support.reporting.text import percent
 from verification.box import starts_in

@@ -6,14 +6,34 @@ and CleanRL. RLlib and tianshou map their actions to the box outside the checkpo
 
 from __future__ import annotations
 
+import base64
+import json
+import math
 import re
 from collections.abc import Mapping
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.critic.network.layers import has_word, is_deviation, is_of_critic
-from controller.critic.network.stated import ActionBox, Normalizer, Stated, notes_on_statistics
+from controller.critic.network.declared import ActionBox, Normalizer, Stated, notes_on_statistics
+from controller.critic.network.layers import activation_named, has_word, is_deviation, is_of_critic
+from controller.critic.network.tensors import (
+    Inert,
+    checked_tensors,
+    flattened,
+    torch_content,
+    unpickled,
+)
+from hfa_support.errors import (
+    BadInputError,
+    file_faults,
+    numbers_in,
+    prefix_errors,
+    shortened,
+    shown,
+)
+from hfa_support.files import Number, regular_file, unpacked
 
 Tensors = Mapping[str, np.ndarray]
 #: Origin of a normalizer, for messages.
@@ -245,3 +265,312 @@ def _box(layout: Layout, root: str, tensors: Tensors) -> ActionBox:
         return ActionBox(layout.squash)
     half, middle = (np.ravel(tensors[name]).astype(float) for name in _of_box(root))
     return ActionBox(layout.squash, middle - half, middle + half)
+
+
+def _layout(algorithm: str, words: str, activation: str, squash: str) -> Layout:
+    """Return the layout of a policy class, with its default activation and squash."""
+    return Layout(algorithm, "", words, squash=squash, activation=activation)
+
+
+_ON_POLICY = _layout("A2C", "shared_net+policy_net+action_net", "tanh", "")
+_SAC = _layout("SAC", "latent_pi+mu", "relu", "tanh")
+_TD3 = _layout("TD3", "actor", "relu", "tanh")
+_CLASSES = {
+    "stable_baselines3.common.policies.ActorCriticPolicy": _ON_POLICY,
+    "stable_baselines3.common.policies.MultiInputActorCriticPolicy": _ON_POLICY,
+    "stable_baselines3.sac.policies.SACPolicy": _SAC,
+    "stable_baselines3.sac.policies.MultiInputPolicy": _SAC,
+    "sb3_contrib.tqc.policies.TQCPolicy": _SAC._replace(algorithm="TQC"),
+    "sb3_contrib.tqc.policies.MultiInputPolicy": _SAC._replace(algorithm="TQC"),
+    "stable_baselines3.td3.policies.TD3Policy": _TD3,
+    "stable_baselines3.td3.policies.MultiInputPolicy": _TD3,
+    "sb3_contrib.ars.policies.ARSPolicy": _layout("ARS", "action_net", "relu", "tanh"),
+    "sb3_contrib.ars.policies.ARSLinearPolicy": _layout("ARS", "action_net", "relu", ""),
+}
+#: Entry of the file `data` that only this algorithm of the on-policy class has.
+_ALGORITHMS = {"clip_range": "PPO", "cg_max_steps": "TRPO"}
+#: Features extractors without weights.
+_EXTRACTORS = tuple(
+    f"stable_baselines3.common.torch_layers.{name}"
+    for name in ("FlattenExtractor", "CombinedExtractor")
+)
+#: Settings that are read, or that do not affect the output of a trained actor.
+_SETTINGS = (
+    *("net_arch", "activation_fn", "use_sde", "squash_output", "clip_mean", "with_bias"),
+    *("features_extractor_class", "features_extractor_kwargs", "share_features_extractor"),
+    *("log_std_init", "full_std", "use_expln", "ortho_init", "normalize_images", "device"),
+    *("optimizer_class", "optimizer_kwargs", "n_critics", "n_quantiles", "lr_scheduler_class"),
+)
+#: Largest magnitude of the mean of SAC and TQC with gSDE, by default.
+_CLIP_MEAN = 2.0
+_TO_ONNX = "export the policy to ONNX"
+
+
+def is_stable_baselines(path: Path) -> bool:
+    """Return whether a file is a zip of Stable-Baselines3: with `data` and `policy.pth`."""
+    try:
+        return {"data", "policy.pth"} <= unpacked(regular_file(path).read_bytes()).keys()
+    except (OSError, BadInputError):
+        return False
+
+
+def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Stated]:
+    """Return the tensors of a zip of Stable-Baselines3, and what it states of its policy.
+
+    Raises BadInputError for a policy that is no feed-forward network of a vector.
+    """
+    members = unpacked(regular_file(path).read_bytes())
+    data = json.loads(members["data"])
+    if not isinstance(data, dict):
+        raise BadInputError(
+            'the member "data" of the zip file is not a dictionary; save the model again'
+        )
+    tensors = flattened(torch_content(members["policy.pth"]))
+    doubles, _ = checked_tensors(tensors)
+    return tensors, _stated(data, doubles)
+
+
+def _stated(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Stated:
+    """Return what the member `data` of a zip states of the policy with these tensors."""
+    actions = _stored_box(data, "action_space", "actions")
+    settings = _settings_of(data)
+    of_class = _class_of(data, tensors)
+    observations = _stored_box(data, "observation_space", "observations")
+    activation = settings.get("activation_fn")
+    class_of_activation = str(getattr(activation, "made_of", activation)).rpartition(".")[2]
+    return Stated(
+        algorithm=_algorithm(of_class, data, settings),
+        network=words_in(of_class.words, tensors),
+        activation=(
+            of_class.activation if activation is None else activation_named(class_of_activation)
+        ),
+        action=_action_box(of_class, actions, data, settings),
+        is_normalized=of_class.algorithm == "A2C" and _is_normalized(data),
+        seen=_seen(data, of_class.algorithm),
+        observations=observations.names,
+        inputs=observations.low.size,
+    )
+
+
+def _settings_of(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of a policy. Raises BadInputError for one that is not supported."""
+    settings = _stored(data, "policy_kwargs") or {}
+    if not isinstance(settings, dict):
+        raise BadInputError("policy_kwargs is not a dictionary; save the model again")
+    for name in settings:
+        if name not in _SETTINGS:
+            raise BadInputError(
+                f"policy_kwargs sets {shown(name)}, which is not supported; {_TO_ONNX}"
+            )
+    _class_name("features_extractor_class", settings, _EXTRACTORS)
+    return settings
+
+
+def _action_box(
+    of_class: Layout, actions: _Box, data: Mapping[str, Any], settings: Mapping[str, Any]
+) -> ActionBox:
+    """Return the way from the output of a policy's network to its action."""
+    uses_sde = bool(settings.get("use_sde", data.get("use_sde", False)))
+    squash = of_class.squash
+    if of_class.algorithm in ("A2C", "ARS") and settings.get("squash_output") is not None:
+        squash = "tanh" if settings["squash_output"] else ""
+    if of_class.algorithm == "A2C" and squash and not uses_sde:
+        squash = "linear"
+    is_clipped = of_class.words == _SAC.words and uses_sde
+    clip_mean = _number(settings, "clip_mean", _CLIP_MEAN) if is_clipped else 0.0
+    return ActionBox(squash, actions.low, actions.high, clip_mean or math.inf)
+
+
+def _class_of(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Layout:
+    """Return the class of a policy. Raises BadInputError for one that is not supported."""
+    names = " ".join(tensors)
+    if "features_extractor." in names:
+        raise BadInputError(
+            f"the policy has a features extractor with weights, which is not supported; {_TO_ONNX}"
+        )
+    if any(name.startswith("actor.") and "running_mean" in name for name in tensors):
+        raise BadInputError(
+            "the actor uses batch normalization, as in CrossQ, which is not supported in a zip "
+            f"file; {_TO_ONNX}"
+        )
+    if "lstm" in names:
+        raise BadInputError(
+            "the policy is recurrent, which is not supported; give a feed-forward policy"
+        )
+    policy_class = _class_name("policy_class", data, tuple(_CLASSES))
+    if not policy_class:
+        raise BadInputError(f"the zip file does not state its policy_class; {_TO_ONNX}")
+    return _CLASSES[policy_class]
+
+
+def _algorithm(of_class: Layout, data: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
+    """Return the name of the algorithm that trained a policy of a class."""
+    if of_class is _ON_POLICY:
+        return next((name for key, name in _ALGORITHMS.items() if key in data), "A2C")
+    is_ddpg = of_class is _TD3 and settings.get("n_critics") == 1  # as its constructor sets it
+    return "DDPG" if is_ddpg else of_class.algorithm
+
+
+def _class_name(entry: str, data: Mapping[str, Any], known: tuple[str, ...]) -> str:
+    """Return the class in an entry, or "" without one. Raises BadInputError unless it is known."""
+    if data.get(entry) is None:
+        return ""
+    try:
+        stored = _stored(data, entry)
+    except BadInputError as error:  # its message names the class or function
+        raise BadInputError(
+            f"{entry} is not a class of Stable-Baselines3 ({str(error).partition(';')[0]}); "
+            f"{_TO_ONNX}"
+        ) from error
+    made_of = getattr(stored, "made_of", None) or shown(stored)
+    if made_of not in known:
+        raise BadInputError(f"{entry} is {shortened(made_of)}, which is not supported; {_TO_ONNX}")
+    return str(made_of)
+
+
+def _is_normalized(data: Mapping[str, Any]) -> bool:
+    """Return whether the last observations of the training prove a normalizer before the policy.
+
+    PPO, A2C and TRPO store the observations before a VecNormalize, and no others.
+    """
+    try:
+        seen, original = (_stored(data, name) for name in ("_last_obs", "_last_original_obs"))
+    except BadInputError:
+        return False
+    are_arrays = isinstance(seen, np.ndarray) and isinstance(original, np.ndarray)
+    return are_arrays and seen.shape == original.shape and bool(np.any(seen != original))
+
+
+def _seen(data: Mapping[str, Any], algorithm: str) -> tuple[float, float]:
+    """Return the least and largest number of observations that a VecNormalize of a training saw.
+
+    It sees those of the steps, of the first reset of each environment (not in old versions), and of
+    all trials of ARS.
+    """
+    steps, environments = data.get("num_timesteps"), data.get("n_envs")
+    if not isinstance(steps, int) or steps == 0:
+        return 0.0, math.inf
+    if algorithm == "ARS" or not isinstance(environments, int):
+        return steps, math.inf
+    return steps, steps + environments
+
+
+def _stored(data: Mapping[str, Any], name: str) -> Any:
+    """Return an entry of the zip's file `data` by name, or None if it is missing."""
+    entry = data.get(name)
+    if isinstance(entry, dict) and ":serialized:" in entry:
+        with prefix_errors(name):
+            try:
+                content = base64.b64decode(entry[":serialized:"])
+            except (TypeError, ValueError) as error:
+                raise BadInputError(
+                    f"the entry is not base64 ({error}); save the model again"
+                ) from error
+            return unpickled(content)
+    return entry
+
+
+def _number(entries: Mapping[str, Any], name: str, usual: float | None = None) -> float:
+    """Return a nonnegative number among the entries, or `usual` without it."""
+    entry = entries.get(name, usual)
+    number = Number(0.0).of(entry.item() if isinstance(entry, np.generic) else entry)
+    if number is None:
+        raise BadInputError(f"{name} is {shown(entry)}; give {Number(0.0)}")
+    return number
+
+
+class _Box(NamedTuple):
+    """Box of actions or observations.
+
+    low, high: lowest and highest values, (k,) each
+    names: names of the entries, if it is a dictionary of Boxes, else ()
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    names: tuple[str, ...] = ()
+
+
+def _stored_box(data: Mapping[str, Any], name: str, what: str) -> _Box:
+    """Return the Box in an entry of the zip, or its dictionary of observations as one Box.
+
+    Raises BadInputError for another space than Boxes of vectors.
+    """
+    space = _stored(data, name)
+    parts = getattr(space, "spaces", None)
+    parts = parts if isinstance(parts, dict) and what == "observations" else {"": space}
+    low: list[Any] = []
+    high: list[Any] = []
+    names: list[str] = []
+    for key, part in parts.items():
+        kind = getattr(part, "made_of", type(part).__name__).rpartition(".")[2]
+        if kind == "Discrete" and what == "actions":
+            raise BadInputError(
+                f"the policy chooses one of {getattr(part, 'n', 'several')} discrete actions, as "
+                "that of DQN does, and is no input u(x); train a policy with a Box of actions"
+            )
+        ends: list[Any] = [getattr(part, end, None) for end in ("low", "high")]
+        if not all(isinstance(end, np.ndarray) for end in ends):
+            raise BadInputError(
+                f"the space of the {what} {shortened(str(key))} is a {shortened(kind)}, but only a "
+                "Box is supported; train a policy with a Box"
+            )
+        if ends[0].shape != ends[1].shape or ends[0].ndim != 1 or np.any(ends[0] > ends[1]):
+            raise BadInputError(
+                f"the Box of the {what} has {ends[0].ndim} axes or has a lower limit above the "
+                "upper limit; train a policy with a flat Box"
+            )
+        low.append(ends[0])
+        high.append(ends[1])
+        count = len(ends[0])
+        names += [f"{key}[{place}]" if count > 1 else str(key) for place in range(count)]
+    lowest, highest = (np.concatenate(each).astype(float) for each in (low, high))
+    return _Box(lowest, highest, () if space in parts.values() else tuple(names))
+
+
+def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
+    """Return the normalizer in a file of `VecNormalize.save`, and how many observations it saw.
+
+    That of a dictionary of observations is one of its entries, in the order of its space. The
+    normalizer is None if the VecNormalize does not normalize observations. Raises a BadInputError
+    that names the file and the fault if the file contains no normalizer of all observations.
+    """
+    with prefix_errors(path), file_faults(path):
+        stored = unpickled(regular_file(path).read_bytes())
+        if not isinstance(stored, Inert) or not {"clip_obs", "epsilon"} <= vars(stored).keys():
+            raise BadInputError(
+                "the file does not contain a VecNormalize object; give a file written by "
+                "VecNormalize.save"
+            )
+        if getattr(stored, "norm_obs", True) is False:
+            return None, 0
+        running_means = _statistics(stored)
+        mean, variance = (
+            np.concatenate(
+                [np.ravel(numbers_in(f"its {name}", each.get(name))) for each in running_means]
+            )
+            for name in ("mean", "var")
+        )
+        epsilon, clip = (_number(vars(stored), name) for name in ("epsilon", "clip_obs"))
+        count = running_means[0].get("count")
+        seen = int(count) if isinstance(count, (int, float)) else 0
+        return Normalizer(mean, variance, epsilon, clip, Path(path).name), seen
+
+
+def _statistics(stored: Inert) -> list[dict[str, Any]]:
+    """Return the attributes of each running mean of a VecNormalize object.
+
+    They are in the order of the observation space, a single one if it has no parts.
+    """
+    running = getattr(stored, "obs_rms", None)
+    if not isinstance(running, dict):
+        running = {"observations": running}
+    names = getattr(getattr(stored, "observation_space", None), "spaces", running)
+    missing = [name for name in names if not isinstance(running.get(name), Inert)]
+    if missing or not running:
+        listed = shortened(", ".join(map(str, missing)))
+        raise BadInputError(
+            f"the VecNormalize object contains no obs_rms of {listed}; give mean and variance in "
+            "the deployment file, 0 and 1 where nothing is normalized"
+        )
+    return [vars(running[name]) for name in names]

@@ -8,15 +8,159 @@ Any other tensor may act on the network, and is refused.
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import combinations, pairwise
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 
-from controller.critic.network.row_network import Layer
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, refuse_unknown, shortened
+
+#: NumPy's functions by CasADi's names. nan stays nan, where np.fmax would return the other number.
+ON_ARRAYS = SimpleNamespace(
+    tanh=np.tanh, sin=np.sin, expm1=np.expm1, fmax=np.maximum, fmin=np.minimum, fabs=np.abs
+)
+
+
+def _leaky_relu(x: Any, f: Any = ca, alpha: float = 0.01) -> Any:
+    return f.fmax(x, 0.0) + alpha * f.fmin(x, 0.0)
+
+
+def _sigmoid(x: Any, f: Any = ca) -> Any:
+    # 1 / (1 + exp(-x)) overflows for large -x, and its derivative is then nan.
+    return 0.5 + 0.5 * f.tanh(0.5 * x)
+
+
+def _elu(x: Any, f: Any = ca, alpha: float = 1.0) -> Any:
+    return f.fmax(x, 0.0) + alpha * f.expm1(f.fmin(x, 0.0))
+
+
+def _selu(
+    x: Any, f: Any = ca, alpha: float = 1.6732632423543772, gamma: float = 1.0507009873554805
+) -> Any:
+    return gamma * _elu(x, f, alpha)
+
+
+def _softplus(x: Any) -> Any:
+    # log(1 + exp(x)); beyond 40 it is x to the last digit.
+    return ca.if_else(x > 40.0, x, ca.log1p(ca.exp(ca.fmin(x, 40.0))))
+
+
+def _gelu(x: Any, approximate: str = "none") -> Any:
+    if approximate == "tanh":
+        return 0.5 * x * (1.0 + ca.tanh(math.sqrt(2.0 / math.pi) * (x + 0.044715 * x**3)))
+    return 0.5 * x * (1.0 + ca.erf(x / math.sqrt(2.0)))
+
+
+def hard_sigmoid(x: Any, f: Any = ca, alpha: float = 1.0 / 6.0, beta: float = 0.5) -> Any:
+    """Return alpha x + beta limited to [0, 1]."""
+    return f.fmin(f.fmax(alpha * x + beta, 0.0), 1.0)
+
+
+#: Activations by the names of `--set activation`: those of torch's classes, in lower case.
+ACTIVATIONS: Mapping[str, Callable[..., Any]] = {
+    "tanh": lambda x, f=ca: f.tanh(x),
+    "relu": lambda x, f=ca: f.fmax(x, 0.0),
+    "leaky_relu": _leaky_relu,
+    "sigmoid": _sigmoid,
+    "softplus": _softplus,
+    "elu": _elu,
+    "gelu": _gelu,
+    "silu": lambda x, f=ca: x * _sigmoid(x, f),
+    "selu": _selu,
+    "sin": lambda x, f=ca: f.sin(x),
+    "identity": lambda x, f=ca: x,
+    "hardtanh": lambda x, f=ca: f.fmin(f.fmax(x, -1.0), 1.0),
+    "softsign": lambda x, f=ca: x / (1.0 + f.fabs(x)),
+    "hardswish": lambda x, f=ca: x * hard_sigmoid(x, f),
+    "mish": lambda x: x * ca.tanh(_softplus(x)),
+}
+#: Activations that only CasADi evaluates.
+OF_CASADI = ("softplus", "gelu", "mish")
+
+
+def activation_named(name: str) -> str:
+    """Return the name of an activation in `ACTIVATIONS`: "relu" for "ReLU" and "relu".
+
+    Raises BadInputError for an unknown activation.
+    """
+    by_letters = {each.replace("_", ""): each for each in ACTIVATIONS}
+    known = by_letters.get(name.strip().lower().replace("_", ""), name)
+    refuse_unknown("unknown activation", known, ACTIVATIONS)
+    return known
+
+
+#: Function x (N, n) -> y (N, k).
+RowNetwork = Callable[[np.ndarray], np.ndarray]
+#: A network with a matrix of at least this many entries, those of 128 x 128, is wide.
+_WIDE = 2**14
+#: Number of rows per product. The values between the layers then fit into the cache.
+_TOGETHER = 500
+
+
+class Layer(NamedTuple):
+    """Layer y = activation(weight x + bias).
+
+    name: name in the file, without ".weight"
+    weight: (k, n)
+    bias: (k,)
+    activation: name in `ACTIVATIONS`, or "" for none
+    """
+
+    name: str
+    weight: np.ndarray
+    bias: np.ndarray
+    activation: str = ""
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return self.weight.shape[1]
+
+    @property
+    def outputs(self) -> int:
+        """Number of outputs."""
+        return len(self.weight)
+
+
+def precision_of(matrix: np.ndarray) -> type[np.floating]:
+    """Return the precision for products with a matrix: single for at least `_WIDE` entries."""
+    return np.float32 if matrix.size >= _WIDE else np.float64
+
+
+def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
+    """Return the function x (N, n) -> (N, k) of a chain of layers.
+
+    The result is None if only CasADi evaluates an activation.
+    """
+    if any(layer.activation in OF_CASADI for layer in layers):
+        return None
+    kind = precision_of(max((layer.weight for layer in layers), key=np.size))
+    columns = [np.ascontiguousarray(layer.weight.T, dtype=kind) for layer in layers]
+    biases = [layer.bias.astype(kind) for layer in layers]
+    names = [layer.activation for layer in layers]
+
+    def on_block(x: np.ndarray) -> np.ndarray:
+        """Return the outputs for a few rows."""
+        for weight, bias, name in zip(columns, biases, names, strict=True):
+            x = x @ weight
+            x += bias
+            x = ACTIVATIONS[name](x, ON_ARRAYS) if name else x
+        return x
+
+    def on_rows(x: np.ndarray) -> np.ndarray:
+        """Return the outputs for all rows, block by block."""
+        x = x.astype(kind, copy=False)
+        parts = [on_block(x[first : first + _TOGETHER]) for first in range(0, len(x), _TOGETHER)]
+        return np.concatenate(parts).astype(float, copy=False)
+
+    return on_rows
+
 
 Tensors = Mapping[str, np.ndarray]
 #: Words in the names of critics' tensors, which a policy does not use.

@@ -14,7 +14,7 @@ of deployment files. Arithmetic is in double precision, whatever the precision o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -23,23 +23,106 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.critic.network.activations import ACTIVATIONS, activation_named
-from controller.critic.network.checkpoints import checkpoint_of
+from controller.critic.network.checkpoints import checkpoint_of, is_stable_baselines, read_zip
+from controller.critic.network.declared import NOTHING, Stated
 from controller.critic.network.layers import (
+    ACTIVATIONS,
+    Layer,
+    RowNetwork,
+    activation_named,
     has_word,
     layers_of,
     refuse_others,
     roots,
+    row_network,
     without_training,
 )
 from controller.critic.network.onnx_graph import FEW_WEIGHTS, check_width, graph_functions
-from controller.critic.network.row_network import Layer, RowNetwork, row_network
-from controller.critic.network.stable_baselines import is_stable_baselines, read_zip
-from controller.critic.network.stated import NOTHING, Stated
 from controller.critic.network.tensors import ORDERED, checked_tensors, flattened, stored_in
-from controller.critic.network.torch_module import is_module, module_contents
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened, shown
 from hfa_support.files import regular_file
+
+_ADVICE = "export the network to ONNX (torch.onnx.export) and give the ONNX file"
+#: Activation class in torch.nn -> the settings that it must have.
+_ACTIVATIONS: dict[str, dict[str, Any]] = {
+    "ELU": {"alpha": 1.0},
+    "GELU": {"approximate": "none"},
+    "Hardswish": {},
+    "Hardtanh": {"min_val": -1.0, "max_val": 1.0},
+    "LeakyReLU": {"negative_slope": 0.01},
+    "Mish": {},
+    "ReLU": {},
+    "SELU": {},
+    "SiLU": {},
+    "Sigmoid": {},
+    "Softsign": {},
+    "Softplus": {"beta": 1.0, "threshold": 20.0},
+    "Tanh": {},
+}
+
+
+def is_module(source: Any) -> bool:
+    """Return whether an object is a torch.nn.Sequential or Linear, also one read from a pickle."""
+    return _class_of(source) in ("Sequential", "Linear")
+
+
+def module_contents(module: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Return the tensors of nested Sequentials by name, and layer -> its activation.
+
+    Raises BadInputError for another module among them.
+    """
+    tensors: dict[str, np.ndarray] = {}
+    activations: dict[str, str] = {}
+    layer = None
+    for name, part in _parts("", module):
+        kind = _class_of(part)
+        if kind == "Linear":
+            stored = {key: each for key, each in part._parameters.items() if each is not None}
+            tensors |= flattened(stored, f"{name}.".removeprefix("."))
+            layer = name
+        elif layer is None or layer in activations:
+            raise BadInputError(
+                f"the network contains the activation {kind}, which does not directly follow a "
+                f"linear layer; {_ADVICE}"
+            )
+        else:
+            _refuse_settings(part, kind)
+            activations[layer] = activation_named(kind)
+    return tensors, activations
+
+
+def _class_of(module: Any) -> str:
+    """Return the class name of a module, with its Python module unless that is in torch.nn."""
+    kind = type(module)
+    made_of = getattr(module, "made_of", f"{kind.__module__}.{kind.__name__}")
+    return made_of.rpartition(".")[2] if made_of.startswith("torch.nn.") else str(made_of)
+
+
+def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
+    """Yield (name, module) for each part of nested Sequentials, in order of evaluation."""
+    kind = _class_of(module)
+    if kind == "Sequential":
+        for place, part in module._modules.items():
+            yield from _parts(f"{name}.{place}".removeprefix("."), part)
+    elif kind == "Linear" or kind in _ACTIVATIONS:
+        yield name, module
+    elif kind != "Identity":
+        raise BadInputError(
+            f"the network contains {shortened(kind)}, but only torch.nn.Sequential with Linear "
+            f"and {', '.join(_ACTIVATIONS)}, and modules with a state_dict() of linear layers are "
+            f"supported; {_ADVICE}"
+        )
+
+
+def _refuse_settings(module: Any, kind: str) -> None:
+    """Raise BadInputError for an activation module with other settings than those of its class."""
+    for setting, value in _ACTIVATIONS[kind].items():
+        if getattr(module, setting) != value:
+            raise BadInputError(
+                f"{kind} has {setting} = {getattr(module, setting)}, but only {value} is "
+                f"supported; {_ADVICE}"
+            )
+
 
 #: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
 OUTPUTS = ("V", "gradient", "policy", "V+policy")
@@ -123,7 +206,7 @@ def network_in(source: Any, asked: Asked) -> NetworkFile:
     if isinstance(source, ca.Function):
         kind = asked.network or (source.name() if source.name() in OUTPUTS else "")
         return NetworkFile({kind: source}, f"function {source.name()}")
-    parts = _parts(asked.network)
+    parts = _requested_parts(asked.network)
     if not isinstance(source, (str, Path)):
         return _network_of(_in_memory(source), asked, parts)
     path = Path(source)
@@ -290,7 +373,7 @@ def _layer(tensor: str) -> str:
     return tensor.rpartition(".")[0]
 
 
-def _parts(network: str) -> dict[str, str]:
+def _requested_parts(network: str) -> dict[str, str]:
     """Return the requested parts of a file by kind, from text such as "V=value,policy=actor"."""
     parts: dict[str, str] = {}
     for item in network.split(","):

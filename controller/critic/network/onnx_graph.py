@@ -16,10 +16,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.critic.network.activations import ACTIVATIONS, hard_sigmoid
-from controller.critic.network.pickles import BFloat16
-from controller.critic.network.stated import notes_on_statistics
-from controller.critic.network.tensors import LARGEST_NETWORK, checked_tensors, lowest
+from controller.critic.network.declared import notes_on_statistics
+from controller.critic.network.layers import ACTIVATIONS, hard_sigmoid
+from controller.critic.network.tensors import LARGEST_NETWORK, BFloat16, checked_tensors, lowest
 from hfa_support.errors import BadInputError, missing_package, shortened
 from hfa_support.files import regular_file
 

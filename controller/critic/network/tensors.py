@@ -5,17 +5,265 @@ No code in a file is executed.
 
 from __future__ import annotations
 
+import io
 import json
+import pickle
 import re
-from collections.abc import Mapping
+from collections import OrderedDict, deque
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-from controller.critic.network.pickles import BFloat16, torch_stream, unpickled
 from hfa_support.arrays.read import arrays_of_npz
 from hfa_support.errors import BadInputError, missing_package, numbers_in, shortened
 from hfa_support.files import unpacked
+
+#: Packages whose objects are read as attributes. Their code is never imported.
+_KEPT = ("stable_baselines3", "sb3_contrib", "gymnasium", "gym", "torch")
+#: Kinds of numbers in pickled NumPy arrays.
+_KINDS = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8")
+#: Class of a torch storage -> NumPy type. bfloat16 are the upper halves of float32.
+_STORAGES = {
+    "HalfStorage": "<f2",
+    "BFloat16Storage": "<u2",
+    "FloatStorage": "<f4",
+    "DoubleStorage": "<f8",
+    "LongStorage": "<i8",
+    "IntStorage": "<i4",
+    "ByteStorage": "<u1",
+    "BoolStorage": "?",
+}
+
+
+class Inert:
+    """Attributes of an object of another package, without its code.
+
+    made_of: "module.Class" of the object
+    """
+
+    made_of = ""
+
+    def __new__(cls, *_: Any, **__: Any) -> Inert:
+        """Create an empty object. The arguments in the pickle are ignored."""
+        return super().__new__(cls)
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        pass
+
+    def __setstate__(self, state: Any) -> None:
+        """Store the attributes of a pickled object."""
+        if isinstance(state, tuple) and len(state) == 2 and isinstance(state[1], dict):
+            state = {**(state[0] or {}), **state[1]}
+        if isinstance(state, dict):
+            self.__dict__.update(state)
+            self.__dict__.pop("made_of", None)  # belongs to the class, not to the file
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        """Ignore an entry of a pickled container."""
+
+    def append(self, item: Any) -> None:
+        """Ignore an item of a pickled container."""
+
+    def extend(self, items: Any) -> None:
+        """Ignore the items of a pickled container."""
+
+
+class BFloat16(np.ndarray):
+    """Array of float32 that was stored as bfloat16."""
+
+    @staticmethod
+    def of(halves: np.ndarray) -> np.ndarray:
+        """Return the numbers with these upper halves, an array of unsigned integers of 2 bytes."""
+        return (halves.astype("<u4") << 16).view("<f4").view(BFloat16)
+
+
+class _Kind:
+    """Stand-in for numpy.dtype in a pickle: a kind of number and its byte order."""
+
+    def __init__(self, kind: str, *_: Any) -> None:
+        if not isinstance(kind, str) or kind not in _KINDS:
+            named = shortened(kind) if isinstance(kind, str) else type(kind).__name__
+            raise BadInputError(
+                f"the data contain an array of {named}, which is not a numeric type; save "
+                "numbers only"
+            )
+        self.kind = kind
+        self.order = "="
+
+    def __setstate__(self, state: Any) -> None:
+        """Set the byte order from the pickled state (version, byte order, ...)."""
+        if state[1] in ("<", ">"):
+            self.order = state[1]
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Return the NumPy data type."""
+        return np.dtype(self.order + self.kind)
+
+
+class _Array(np.ndarray):
+    """Stand-in for numpy.ndarray in a pickle, empty until its pickled state is set."""
+
+    def __setstate__(self, state: Any) -> None:
+        """Set the pickled state (version, shape, kind, is in Fortran order, bytes)."""
+        version, shape, kind, in_columns, content = state
+        super().__setstate__((version, shape, kind.dtype, in_columns, content))
+
+
+def _array_of(content: bytes, kind: _Kind, shape: tuple[int, ...], order: str = "C") -> np.ndarray:
+    """Return a NumPy array with the given bytes, number type, shape and order."""
+    numbers = np.frombuffer(memoryview(content), dtype=kind.dtype)
+    return numbers.reshape(shape, order="F" if order == "F" else "C")
+
+
+def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndarray:
+    """Return a tensor of torch: the entries storage[offset + Σ index_i stride_i]."""
+    # NumPy refuses an entry outside the storage.
+    strides = [step * storage.itemsize for step in stride]
+    return type(storage)(size, storage.dtype, storage, offset * storage.itemsize, strides)
+
+
+def _jax_array(make: Callable[..., Any], arguments: Any, state: Any, *_: Any) -> np.ndarray:
+    """Return an array of jax, which is pickled as one of NumPy."""
+    array: np.ndarray = make(*arguments)
+    array.__setstate__(state)
+    return array
+
+
+#: What a pickle may call -> what is called instead.
+_CALLS: dict[tuple[str, str], Callable[..., Any]] = {
+    ("collections", "OrderedDict"): OrderedDict,
+    ("collections", "deque"): deque,
+    ("_codecs", "encode"): lambda text, *_: text.encode("latin1"),
+    ("torch._utils", "_rebuild_tensor_v2"): _tensor,
+    ("torch._utils", "_rebuild_parameter"): lambda tensor, *_: tensor,
+    ("torch.storage", "_load_from_bytes"): lambda content: torch_stream(content),
+    ("jax._src.array", "_reconstruct_array"): _jax_array,
+    ("numpy", "ndarray"): lambda *_: _Array(0),
+    ("numpy", "dtype"): _Kind,
+}
+for _module in ("builtins", "__builtin__"):
+    _CALLS[_module, "set"] = set
+for _core in ("numpy.core", "numpy._core"):
+    _CALLS[f"{_core}.multiarray", "_reconstruct"] = lambda *_: _Array(0)
+    _CALLS[f"{_core}.multiarray", "scalar"] = lambda kind, content: _array_of(content, kind, ())[()]
+    _CALLS[f"{_core}.numeric", "_frombuffer"] = _array_of
+
+
+class _Restricted(pickle.Unpickler):
+    """Unpickler that refuses classes and functions by name, before an object is created.
+
+    content: function (key, NumPy type, count) -> numbers of a torch storage
+    """
+
+    def __init__(self, stream: io.BytesIO, content: Callable[..., np.ndarray]) -> None:
+        super().__init__(stream)
+        self.content = content
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return what stands for a class or function of the pickle, or refuse it."""
+        if (module, name) in _CALLS:
+            return _CALLS[module, name]
+        if module == "torch" and name in _STORAGES:
+            return name  # persistent_load receives it as pid[1]
+        if module.split(".")[0] in _KEPT or module.startswith("numpy.random."):
+            return type("Inert", (Inert,), {"made_of": f"{module}.{name}"})
+        whose = " (a class or function that you defined)" if "cloudpickle" in module else ""
+        raise BadInputError(
+            f"reading the data would call {shortened(f'{module}.{name}')}{whose}, which is refused "
+            "(no code was run); save state_dict() alone, or the data without this object"
+        )
+
+    def persistent_load(self, pid: Any) -> np.ndarray:
+        """Return the numbers of the torch storage ("storage", class, key, device, count, ...)."""
+        if not (isinstance(pid, tuple) and len(pid) >= 5 and isinstance(pid[2], str)):
+            raise BadInputError(
+                "the file is damaged (a storage has no name); save the network again"
+            )
+        kind = getattr(pid[1], "made_of", pid[1])
+        if not isinstance(kind, str) or kind not in _STORAGES:
+            raise BadInputError(
+                f"a tensor has the unsupported type {shortened(str(kind))}; save the weights as "
+                "float32 or float64"
+            )
+        numbers = self.content(pid[2], _STORAGES[kind], pid[4])
+        return BFloat16.of(numbers) if kind == "BFloat16Storage" else numbers
+
+
+def unpickled(content: bytes, storages: Mapping[str, bytes] | None = None) -> Any:
+    """Return the content of a pickle: containers, numbers, arrays and `Inert` objects.
+
+    storages: "data/KEY" -> bytes of a torch storage, of a file of torch.save
+
+    Raises BadInputError if the pickle contains another class or function, or is damaged.
+    """
+
+    def numbers(key: str, kind: str, _: Any) -> np.ndarray:
+        """Return the numbers of a storage by its key."""
+        if storages is None or f"data/{key}" not in storages:
+            raise BadInputError(
+                "the pickle refers to data outside the file; save all data in one file"
+            )
+        return np.frombuffer(storages[f"data/{key}"], kind)
+
+    return _loaded(lambda: _Restricted(io.BytesIO(content), numbers).load())
+
+
+def torch_stream(content: bytes) -> Any:
+    """Return the content of a file of torch.save before torch 1.6: pickles, then the storages.
+
+    Raises BadInputError as `unpickled` does.
+    """
+    # The file consists of five pickles (number of the format, version, system; the content; keys of
+    # the storages) and the storages. The content is read twice: the first time its storages are
+    # zeros, whose types say how many bytes to read, and the second time they have their numbers.
+    stream = io.BytesIO(content)
+    storages: dict[str, np.ndarray] = {}
+
+    def storage_or_zeros(key: str, kind: str, count: Any) -> np.ndarray:
+        """Return the numbers of a storage, or zeros before they are read."""
+        if key not in storages:
+            bytes_left = len(content) - sum(storage.nbytes for storage in storages.values())
+            size = count * np.dtype(kind).itemsize if isinstance(count, int) else -1
+            if not 0 <= size <= bytes_left:
+                raise BadInputError(
+                    "the file is damaged (a storage is larger than the file); save it again"
+                )
+            storages[key] = np.zeros(count, kind)
+        return storages[key]
+
+    def next_pickle() -> Any:
+        return _Restricted(stream, storage_or_zeros).load()
+
+    def load() -> Any:
+        for _ in ("number of the format", "version", "system"):
+            next_pickle()
+        begin_of_content = stream.tell()
+        next_pickle()
+        keys = next_pickle()
+        for key in keys:
+            count = int.from_bytes(stream.read(8), "little")
+            kind = storages[key].dtype
+            storages[key] = np.frombuffer(stream.read(count * kind.itemsize), kind)
+        stream.seek(begin_of_content)
+        return next_pickle()
+
+    return _loaded(load)
+
+
+def _loaded(load: Callable[[], Any]) -> Any:
+    """Return what a function loads; errors of damaged pickles become BadInputErrors."""
+    try:
+        return load()
+    except BadInputError:
+        raise
+    except Exception as error:  # a damaged pickle may cause any exception
+        reason = shortened(str(error).partition("\n")[0]) or type(error).__name__
+        raise BadInputError(
+            f"the data are not a pickle, or are damaged ({reason}); save the file again"
+        ) from error
+
 
 #: Largest number of entries in a file, about three layers of 1024 x 1024.
 LARGEST_NETWORK = 2**22

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.hfa_files import published_game
+from controller.hfa_game import published_game
 from controller.learning.laws import learn
 from controller.riccati.gare import Solution, solve
 from hfa.options.games import weighted_game

@@ -12,10 +12,10 @@ from controller.riccati.balls import (
     DoubleBalls,
     ball_matrix,
     is_positive_definite,
+    make_balls_picklable,
     midpoints,
     precision,
 )
-from controller.riccati.pickled_balls import make_balls_picklable
 
 make_balls_picklable()
 

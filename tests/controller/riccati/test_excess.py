@@ -11,9 +11,9 @@ from game_samples import game_models
 from stored_games import in_units, stored
 
 from controller.riccati.balls import ball_matrix, precision
-from controller.riccati.disturbed_loop import DisturbedLoop
-from controller.riccati.excess import excess_of, ratio_bounds
+from controller.riccati.l2_gain import DisturbedLoop
 from controller.riccati.lyapunov import FailedError, NotProvedError, stability_of
+from controller.riccati.suboptimality import excess_of, ratio_bounds
 from hfa import Game, from_gain, solve, verify
 
 GAME = game_models()["published-15"]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from controller.riccati.balls import BITS, ball_matrix, precision
-from controller.riccati.disturbed_loop import DisturbedLoop
-from controller.riccati.l2_gain import is_below
+from controller.riccati.l2_gain import DisturbedLoop, is_below
 from hfa import Game, solve
 
 

@@ -15,7 +15,7 @@ from flint import arb, arb_mat
 from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, precision
 from controller.riccati.equation import equation_of, users_units
 from controller.riccati.lyapunov import NotProvedError
-from controller.riccati.proof import prove_control_loop, prove_prices, stabilizing
+from controller.riccati.refusal import prove_control_loop, prove_prices, stabilizing
 from hfa import Game
 
 BITS = 256

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.critic.symbols import symbols_for
+from controller.critic.features import symbols_for
 from hfa_aircraft.batch_simulation import FAR, Cost
 from hfa_flight.air.delay import steps_of
 from hfa_flight.air.history import Deviations

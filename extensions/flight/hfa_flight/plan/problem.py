@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.game.linear_game import game
-from controller.game.weights import default_weight, matrix_text
+from controller.game.linear_game import default_weight, game, matrix_text
 from controller.riccati.gare import solve
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits

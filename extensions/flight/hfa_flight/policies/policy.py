@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import casadi as ca
 import numpy as np
 
-from controller.critic.network.stated import NOTHING, Stated
+from controller.critic.network.declared import NOTHING, Stated
 from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model

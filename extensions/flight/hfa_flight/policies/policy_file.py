@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.critic.critic_file import critic_in, entries_in, is_network
-from controller.critic.network.stated import NOTHING
-from controller.critic.reading import Reading
+from controller.critic.critic_file import Reading, critic_in, entries_in, is_network
+from controller.critic.network.declared import NOTHING
 from controller.game.linear_game import names_of_linear
 from controller.game.zero_sum import Game
 from hfa_flight.air.signals import CommandSteps

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.critic.network.row_network import RowNetwork
+from controller.critic.network.layers import RowNetwork
 from hfa_aircraft.batch_simulation import History, Over, Stepper, is_within, march
 from hfa_flight.air.delay import Delay, in_samples, steps_of
 from hfa_flight.air.held_step import held_step

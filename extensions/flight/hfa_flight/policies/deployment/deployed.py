@@ -20,7 +20,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.critic.symbols import symbols_for
+from controller.critic.features import symbols_for
 from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits

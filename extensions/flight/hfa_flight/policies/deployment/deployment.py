@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.critic.critic_file import entries_in, gain_in, is_network
+from controller.critic.network.declared import Normalizer
 from controller.critic.network.network_file import refuse_normalizer
-from controller.critic.network.stated import Normalizer
 from hfa_aircraft.readers.matrices_file import sample_time
 from hfa_aircraft.signals import PlantNames
 from hfa_flight.policies.deployment.actor import Actor, Wanted, box_of, gain_function, read_actor

@@ -38,16 +38,22 @@ from controller.riccati.balls import (
     symmetric,
     symmetric_part,
 )
-from controller.riccati.certificate import has_indefinite_weights
-from controller.riccati.disturbed_loop import LoopValue
-from controller.riccati.enclosure import Enclosure, enclosed_in_bits
-from controller.riccati.free_states import FreeStates, free_states
+from controller.riccati.enclosure import Enclosure, enclosed_in_bits, has_indefinite_weights
+from controller.riccati.l2_gain import LoopValue
 from controller.riccati.level import Level
-from controller.riccati.lyapunov import FailedError, NotProvedError, discounted, stability_of
-from controller.riccati.stability import discounted_loop, loop_with
+from controller.riccati.lyapunov import (
+    FailedError,
+    NotProvedError,
+    discounted,
+    discounted_loop,
+    loop_with,
+    stability_of,
+)
+from controller.riccati.rationals import FreeStates, free_states
 
 if TYPE_CHECKING:
     from flint import arb_mat
+
 
 #: Relative width of an enclosure that shows three digits, in all but ties.
 WIDTH = 1e-6
