@@ -50,7 +50,7 @@ from trim.point.condition import TrimCondition as TrimCondition
 from trim.point.operating_point import OperatingPoint as OperatingPoint
 from trim.point.solve import trim as trim
 from trim.sweeps.sweep import Sweep as Sweep, sweep as sweep
-from verification.critic.critic_check import verify as verify
+from verification.critic_check import verify as verify
 from verification.verdict import Verdict as Verdict
 
 from . import paper as paper

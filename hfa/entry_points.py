@@ -10,7 +10,7 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from hfa.options.option import is_installed
+from hfa.options.parser import is_installed
 from hfa_support.entry_points import COMMANDS as GROUP, loaded, offered, package_of
 from hfa_support.errors import BadInputError, choice_of, shortened, warn
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from controller.learning.law_names import DEFAULT_LAW, LAW_NAMES
 from hfa.options.argument_types import input_file, one_of, whole
-from hfa.options.option import option
+from hfa.options.parser import option
 from hfa_support.files import MATRIX_FILES
 
 

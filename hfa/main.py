@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 
 from hfa.entry_points import command_named, commands, found_in, words_after
 from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED, TERMINATED
-from hfa.options.option import options_of
-from hfa.options.parser import Parser, unknown
+from hfa.options.parser import Parser, options_of, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
 from hfa_support.progress import drop, print_notes, print_to_stderr
 
@@ -149,7 +148,7 @@ def _computed(command: Command, request: Request) -> int:
     """Run a command, show its outcome and return the exit code. With --json, print what a failed
     search found.
     """
-    from hfa.options.show import show, show_text
+    from hfa.options.command import show, show_text
 
     try:
         given = () if command.given is None else (command.given(request),)

@@ -20,9 +20,7 @@ from hfa_support.reporting.report import Part
 from hfa_support.reporting.results import Result, without_empty
 from hfa_support.reporting.text import Table, percent
 from trim.linear.linear_model import LinearModel
-from verification.box import Box
-from verification.box_flights import SHARE, BoxFlights, box_flights
-from verification.plant import nonlinear_plant
+from verification.box import SHARE, Box, BoxFlights, box_flights, nonlinear_plant
 
 if TYPE_CHECKING:
     from controller.expansion.radius import Radius

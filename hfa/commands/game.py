@@ -12,7 +12,7 @@ import numpy as np
 from controller.learning.law_names import DEFAULT_LAW
 from hfa.learning import LearningOptions
 from hfa.options.argument_types import whole
-from hfa.options.command import Outcome, Request, command, picture_option
+from hfa.options.command import Outcome, ProgressLine, Request, command, picture_option
 from hfa.options.games import (
     CONTINUOUS_ONLY,
     GameOptions,
@@ -20,11 +20,12 @@ from hfa.options.games import (
     game_at,
     given_game,
     given_weights,
+    reference_of,
+    reference_option,
     weight_sources,
+    with_tracking,
 )
-from hfa.options.option import option, refuse
-from hfa.options.output import ProgressLine
-from hfa.options.tracking import reference_of, reference_option, with_tracking
+from hfa.options.parser import option, refuse
 from hfa.options.trims import OF_THE_TRIM, SeveralTrims, at_name, given_trims
 from hfa_support.errors import BadInputError
 from hfa_support.progress import with_progress
@@ -227,7 +228,7 @@ def learn(request: LearnRequest, named: NamedGame) -> Outcome:
         parts = (f"{named.weights_line()}; not compared: no plant is given", *report.parts)
         report = replace(report, parts=parts).with_data(named)
         return Outcome(report=report, source=named.source)
-    from verification.critic.critic_check import verify
+    from verification.critic_check import verify
     from verification.reports import checks_part
 
     verdict = verify(named.game, run)

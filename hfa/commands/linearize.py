@@ -9,11 +9,17 @@ from typing import TYPE_CHECKING, ClassVar
 
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import listed_names
-from hfa.options.command import Outcome, Request, command, output_option, picture_option
-from hfa.options.option import option, refuse
-from hfa.options.output import ProgressLine
+from hfa.options.command import (
+    Outcome,
+    ProgressLine,
+    Request,
+    command,
+    output_option,
+    picture_option,
+    provenance,
+)
+from hfa.options.parser import option, refuse
 from hfa.options.plants import aircraft_help
-from hfa.options.show import provenance
 from hfa.options.trims import GivenTrim, TrimInput, TrimOptions, trim_input
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError

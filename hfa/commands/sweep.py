@@ -7,14 +7,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa.options.command import Outcome, Request, command, output_option, picture_option
-from hfa.options.option import refuse
-from hfa.options.output import ProgressLine
+from hfa.options.argument_types import array_of
+from hfa.options.command import (
+    Outcome,
+    ProgressLine,
+    Request,
+    WorkerOptions,
+    command,
+    output_option,
+    picture_option,
+    provenance,
+)
+from hfa.options.parser import refuse
 from hfa.options.points import GivenPoints, PointOptions, given_points
-from hfa.options.ranges import array_of
-from hfa.options.show import provenance
 from hfa.options.trims import at_name
-from hfa.options.workers import WorkerOptions
 from hfa_support.errors import BadInputError, warn
 from trim.sweeps.sweep import MOST_POINTS, NETCDF, run_plan
 from trim.sweeps.sweep_plan import SweepPlan

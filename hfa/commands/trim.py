@@ -13,7 +13,7 @@ from hfa.options.advice import trimmed
 from hfa.options.argument_types import one_of
 from hfa.options.command import Outcome, Request, command, output_option, picture_option
 from hfa.options.conditions import ListedCondition
-from hfa.options.option import option
+from hfa.options.parser import option
 from hfa.options.points import GivenPoints, PointOptions, given_points
 from hfa.options.trims import TrimInput
 from hfa_aircraft.model import Model

@@ -12,20 +12,27 @@ from typing import ClassVar, NamedTuple
 from controller.critic.critic_file import CriticFile, critic_file, critic_suffixes
 from controller.game.zero_sum import Game
 from hfa.options.argument_types import listed_names, positive
-from hfa.options.command import Outcome, Request, command, picture_option
-from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
-from hfa.options.games import CONTINUOUS_ONLY, GameOptions, NamedGame, given_game
-from hfa.options.option import option, refuse
-from hfa.options.output import ProgressLine
-from hfa.options.tracking import reference_of, reference_option, with_tracking
+from hfa.options.command import Outcome, ProgressLine, Request, command, picture_option
+from hfa.options.games import (
+    CONTINUOUS_ONLY,
+    GameOptions,
+    NamedGame,
+    ReadingOptions,
+    critic_path,
+    given_game,
+    reading_of,
+    reference_of,
+    reference_option,
+    with_tracking,
+)
+from hfa.options.parser import option, refuse
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.progress import with_progress
 from hfa_support.reporting.report import Report
-from verification.critic.critic_check import FLIGHTS, verify as judge
+from verification.critic_check import FLIGHTS, verify as judge
 from verification.critic_errors import LIMIT
-from verification.figures import verdicts_figure
-from verification.reports import verdict_report, verdicts_report
+from verification.reports import verdict_report, verdicts_figure, verdicts_report
 from verification.verdict import NEAR, Verdict
 
 #: With more files than this, a critic that is not quadratic is simulated from only a few initial

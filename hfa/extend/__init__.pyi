@@ -9,9 +9,13 @@ from hfa.options.argument_types import (
     positive as positive,
     whole as whole,
 )
-from hfa.options.command import Outcome as Outcome, Request as Request, command as command
-from hfa.options.option import option as option
-from hfa.options.output import ProgressLine as ProgressLine
+from hfa.options.command import (
+    Outcome as Outcome,
+    ProgressLine as ProgressLine,
+    Request as Request,
+    command as command,
+)
+from hfa.options.parser import option as option
 from hfa.options.plants import AircraftOptions as AircraftOptions, loaded_model as loaded_model
 from hfa.options.trims import TrimOptions as TrimOptions, given_trim as given_trim
 from hfa_aircraft.about import (

@@ -2,19 +2,84 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
-from hfa.options.argument_types import PICTURES, output_file
-from hfa.options.option import option
+from hfa.options.argument_types import PICTURES, output_file, whole
+from hfa.options.parser import option, options_of
+from hfa_support.errors import NoSolutionError, printable
+from hfa_support.progress import drop, print_notes, print_to_stderr
+from hfa_support.provenance import Provenance
 from hfa_support.reporting.report import SUFFIXES, Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hfa_support.reporting.results import Result
+
+
+def print_flushed(text: str) -> None:
+    """Print a text on standard output and flush the stream.
+
+    A full disk therefore raises an OSError here. If the reader of the pipe has stopped, later
+    output is discarded.
+    """
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        drop(sys.stdout)
+
+
+#: Seconds of work before the duration is estimated, and shortest duration that is announced.
+_TRIAL = 3.0
+_LONG = 60.0
+
+
+class ProgressLine:
+    """Display of the progress of a run, on one line of standard error that is erased at the end.
+
+    The line is shown only on a terminal. A note on a long run is printed in any case.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._first: tuple[float, float] | None = None
+        self._announced = False
+        self._shown = sys.stderr is not None and sys.stderr.isatty()
+        self._last = ""
+
+    def __call__(self, done: float, total: float, what: str = "", /) -> None:
+        """Show the progress as a percentage.
+
+        done, total: amounts of work, in any unit
+        what: current step, shown after the percentage
+        """
+        self._announce(done, total)
+        line = f"{self._name}: {int(100 * done / total):3d} %"
+        if what:
+            line += f"  {what}"
+        if self._shown and line != self._last:
+            self._last = line
+            print_to_stderr(line, end="\r\033[K" if done >= total else "")
+
+    def _announce(self, done: float, total: float) -> None:
+        """Print a note with the remaining time of a long run, at most once."""
+        now = time.monotonic()
+        is_next = self._first is not None and done < self._first[1]  # of several computations
+        if self._first is None or is_next or not done:  # preparation until now
+            self._first = now, done
+        began, before = self._first
+        if self._announced or now - began < _TRIAL or done <= before:
+            return
+        self._announced = True
+        seconds = (now - began) * (total - done) / (done - before)
+        if seconds > _LONG:
+            print_notes([f"{self._name}: about {seconds / 60:.3g} minutes more; Ctrl-C ends it"])
 
 
 def output_option(
@@ -64,7 +129,7 @@ class Request:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """What a command found, which `hfa.options.show.show` prints and writes.
+    """What a command found, which `hfa.options.command.show` prints and writes.
 
     report: the report
     ok: whether the exit code is 0, otherwise 1
@@ -120,3 +185,91 @@ def command(
     given: function (request) -> what the command is about, such as `given_trim`, or None
     """
     return lambda run: Command(request, run, given)
+
+
+def provenance(request: Request, source: Mapping[str, Any]) -> Provenance:
+    """Return the provenance of a run.
+
+    source: entries of the provenance on the plant
+    """
+    return Provenance(request.line, date=request.date, **source)
+
+
+def with_provenance(request: Request, report: Report, source: Mapping[str, Any]) -> Report:
+    """Return a report with the provenance of the run and the unit system of --units.
+
+    source: entries of the provenance on the plant
+    """
+    if "units" in options_of(type(request)):
+        report = report.with_data(units=getattr(request, "units", None))
+    origin = provenance(request, source)
+    return replace(report, source=origin.text()).with_data(provenance=origin)
+
+
+def show(request: Request, outcome: Outcome) -> None:
+    """Write the files of -o and --picture, then print the report and the notes.
+
+    Raises NoSolutionError with the `failure` of the report if this text is not empty.
+    """
+    output = None if outcome.is_written else request.output
+    picture = None if outcome.figure is None else request.picture
+    if output is not None and outcome.write is not None:
+        outcome.write(output)
+    elif output is not None:
+        whole = with_provenance(request, outcome.report, outcome.source)
+        whole.with_data(outcome.only_in_files or {}).save(output)
+    if picture is not None and outcome.figure is not None:
+        from hfa_support.reporting.figure import save
+
+        save(outcome.figure(), picture, provenance(request, outcome.source).text())
+    show_text(request, outcome.printed or outcome.report, outcome.source, notes=outcome.notes)
+    for written in filter(None, (output, picture)):
+        print_to_stderr(f"wrote {printable(written)}")
+    if outcome.report.failure:
+        raise NoSolutionError(outcome.report.failure)
+
+
+def show_text(
+    request: Request, report: Report, source: Mapping[str, Any], *, notes: Iterable[str] = ()
+) -> None:
+    """Print a report or, with --json, its data, and then the notes. Write no file.
+
+    The text is colored only on a terminal, unless NO_COLOR is set or TERM is "dumb".
+
+    source: entries of the provenance on the plant
+    """
+    report = with_provenance(request, report, source)
+    if request.json:
+        print_flushed(report.json())
+    elif sys.stdout is None or not sys.stdout.isatty():
+        print_flushed(report.text())
+    else:
+        # Colors are turned off by NO_COLOR (no-color.org).
+        from shutil import get_terminal_size
+
+        plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+        print_flushed(report.text(not plain, get_terminal_size().columns))
+    if notes:
+        print_notes(notes)
+
+
+MOST_WORKERS = 1000
+
+
+def _workers(text: str) -> int | str:
+    """Return the number of worker processes, or the address of a Dask scheduler."""
+    return text if "://" in text else whole(1, MOST_WORKERS)(text)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WorkerOptions:
+    """The worker processes of a run into a store."""
+
+    workers: int | str = option(
+        "number of processes, or address of a Dask scheduler (tcp://host:port); default 1",
+        "N|URL",
+        _workers,
+        default=1,
+        rare=True,
+    )
+    resume: bool = option("continue an interrupted run with the same options", rare=True)

@@ -3,38 +3,108 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.critic.critic_file import CriticFile
+from controller.critic.critic_file import CriticFile, Reading, critic_suffixes
 from controller.game.linear_game import game as game_of, sizes_text, weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names
+from controller.riccati.lyapunov import stabilizes
 from controller.riccati.refusal import ModeError
+from controller.tracking import tracked
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import (
     among,
     each_of,
     input_file,
+    linear_state,
     listed_numbers,
     number,
     option_errors,
 )
-from hfa.options.option import option, refuse
+from hfa.options.parser import option, refuse
 from hfa.options.plants import is_own
 from hfa.options.trims import OF_THE_TRIM, GivenTrim, TrimOptions, given_trim
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import PlantNames
-from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
+from hfa_aircraft.waveform import Waveform, channel, stacked
+from hfa_support.errors import BadInputError, NoSolutionError, choice_of, prefix_errors
 from hfa_support.files import MATRIX_FILES
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, without_empty
 from trim.linear.linear_model import LinearModel
+
+if TYPE_CHECKING:
+    from controller.riccati.gare import Solution
+
+
+#: Setting of --set -> type of its value, for files of --weights.
+_SETTINGS: dict[str, Callable[[str], Any]] = {
+    "activation": str,
+    "scale": listed_numbers,
+}
+
+
+def critic_path(text: str) -> Path:
+    """Return the path of a critic file.
+
+    text: path of an existing file with a supported suffix
+
+    Raises BadInputError if the file does not exist, or if its suffix is not supported.
+    """
+    if Path(text).suffix.lower() in MATRIX_FILES:
+        return input_file(*MATRIX_FILES)(text)
+    return input_file(*critic_suffixes())(text)
+
+
+def _setting(name: str, text: str) -> Any:
+    """Return the value of --set NAME=TEXT."""
+    if name not in _SETTINGS:
+        raise BadInputError(f"is not a setting of a critic; {choice_of(name, _SETTINGS)}")
+    return _SETTINGS[name](text)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReadingOptions:
+    """How the critic file of --weights is read."""
+
+    basis: str | None = option(
+        "basis functions of W: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",
+        "BASIS",
+        rare=True,
+    )
+    network: str = option(
+        "roles of network parts, such as V=critic,policy=actor; default: by number of outputs",
+        "[V=]NAME",
+        default="",
+        rare=True,
+    )
+
+    set: Mapping[str, Any] = option(
+        "setting of a network: scale=a,b,... (factor on each state), activation=HIDDEN[,OUTPUT] "
+        "(state dict)",
+        "NAME=VALUE",
+        _setting,
+        named=True,
+        rare=True,
+    )
+
+
+def reading_of(request: ReadingOptions, linear: LinearModel | None = None) -> Reading:
+    """Return the settings for reading a critic file.
+
+    linear: linear model of the game at a trim of an aircraft, or None
+    """
+    activation, scale = request.set.get("activation"), request.set.get("scale")
+    return Reading(request.basis, request.network, activation, scale, linear)
+
 
 #: Default weights for an aircraft other than the HFA, for notes and helps.
 USUAL_WEIGHTS = {
@@ -362,3 +432,60 @@ def _is_solvable_in_steps(game: Game) -> bool:
     except NoSolutionError:
         return False
     return True
+
+
+def _signal(model: Model, name: str, text: str) -> Waveform:
+    """Return the signal (1,) of a state, in the units of the model, of angles typed in degrees."""
+    typed_unit = linear_state(model, name, "1")
+    return channel(text).through(np.array([[typed_unit]]))
+
+
+def reference_of(texts: Mapping[str, str], named: NamedGame) -> dict[str, Waveform]:
+    """Return state -> signal of its deviation from the trim, from the texts of --reference.
+
+    Raises BadInputError without an aircraft in continuous time, and for an unknown state or signal.
+    """
+    if not texts:
+        return {}
+    if named.linear is None:
+        raise BadInputError("--reference requires an aircraft; remove --model")
+    named.game.refuse_steps("--reference")
+    return signals_of(texts, named.linear.model)
+
+
+def signals_of(texts: Mapping[str, str], model: Model) -> dict[str, Waveform]:
+    """Return state -> signal of its deviation from the trim, in the units of the model."""
+    return each_of("--reference", model, texts, _signal)
+
+
+def reference_option() -> Any:
+    """Return the field `reference` of a request, with the option --reference."""
+    return option(
+        "track a reference: deviation of a state from the trim, a sum of terms such as 7, 0.01t, "
+        "2sin(0.5t) with t in s, degrees for angles; repeatable",
+        "NAME=SIGNAL",
+        named=True,
+        rare=True,
+    )
+
+
+def with_tracking(
+    report: Report, reference: Mapping[str, Waveform], named: NamedGame, solution: Solution, K: Any
+) -> Report:
+    """Return a report with a section on tracking if a reference is given.
+
+    reference: state -> signal, as of `reference_of`
+    solution: exact solution of the game
+    K: gain of the feedback, (m, n)
+    """
+    if not reference or named.linear is None:
+        return report
+    if not stabilizes(solution.game, K):
+        abscissa = solution.level.poles(K).abscissa
+        said = f"Tracking: no late errors, A - B K has abscissa {abscissa:+.4g} 1/s"
+        return replace(report, parts=(*report.parts, said))
+    commands = stacked(reference, named.linear.states)
+    tracking = tracked(named.linear, solution, K, commands)
+    section = tracking.report()
+    parts = (*report.parts, section.title, *section.parts)
+    return replace(report, parts=parts).with_data(tracking=tracking)

@@ -11,7 +11,7 @@ from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.argument_types import one_of
-from hfa.options.option import PAPER, option
+from hfa.options.parser import PAPER, option
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.provenance import parameter_hash

@@ -9,9 +9,9 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hfa.options.argument_types import Range, array_of
 from hfa.options.conditions import ListedCondition
-from hfa.options.option import option
-from hfa.options.ranges import Range, array_of
+from hfa.options.parser import option
 from hfa.options.trims import SeveralTrims, TrimInput, trim_input
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError

@@ -8,11 +8,19 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hfa.options.argument_types import each_of, option_errors, quantity, span
+from hfa.options.argument_types import (
+    Range,
+    array_of,
+    each_of,
+    option_errors,
+    quantity,
+    single_value,
+    span,
+    value_range,
+)
 from hfa.options.conditions import ListedCondition, chosen_row, listed_conditions
-from hfa.options.option import PAPER, option
+from hfa.options.parser import PAPER, option
 from hfa.options.plants import AircraftOptions, aircraft_source, is_own, loaded_model
-from hfa.options.ranges import Range, array_of, single_value, value_range
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown

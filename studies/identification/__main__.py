@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hfa.options.argument_types import whole
-from hfa.options.command import Outcome, Request, command, output_option
-from hfa.options.option import option
-from hfa.options.output import ProgressLine
+from hfa.options.command import Outcome, ProgressLine, Request, command, output_option
+from hfa.options.parser import option
 from studies.alone import run_alone
 from studies.identification.parameters import run_identification
 

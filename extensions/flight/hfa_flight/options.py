@@ -21,9 +21,15 @@ from hfa.options.argument_types import (
     span,
     whole,
 )
-from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
-from hfa.options.games import WeightOptions, given_weights, weighted_game
-from hfa.options.option import is_given, option, options_of, refuse
+from hfa.options.games import (
+    ReadingOptions,
+    WeightOptions,
+    critic_path,
+    given_weights,
+    reading_of,
+    weighted_game,
+)
+from hfa.options.parser import is_given, option, options_of, refuse
 from hfa.options.trims import TrimOptions
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record

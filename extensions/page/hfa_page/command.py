@@ -10,15 +10,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import listed_names, option_errors, output_file
-from hfa.options.command import Outcome, Request, command
+from hfa.options.argument_types import (
+    array_of,
+    listed_names,
+    option_errors,
+    output_file,
+    value_range,
+)
+from hfa.options.command import Outcome, ProgressLine, Request, command, provenance, with_provenance
 from hfa.options.conditions import ListedCondition
 from hfa.options.games import WeightOptions, given_weights
-from hfa.options.option import option, refuse
-from hfa.options.output import ProgressLine
+from hfa.options.parser import option, refuse
 from hfa.options.plants import is_own, parameter_set
-from hfa.options.ranges import array_of, value_range
-from hfa.options.show import provenance, with_provenance
 from hfa.options.trims import (
     SEVERAL,
     SeveralTrims,

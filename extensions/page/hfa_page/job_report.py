@@ -32,7 +32,7 @@ from trim.linear.modes import modes_table
 from trim.reports.book import Condition, book_of
 from trim.reports.first_lines import subject
 from trim.reports.linear_report import matrices, units_in_words
-from verification.figures import verdict_figure
+from verification.reports import verdict_figure
 
 _COLORS = (
     "Colors of A and B: green entries agree (within 1 half unit of the last printed digit), yellow "

@@ -36,7 +36,7 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.reports.book import Condition
 from trim.sweeps.sweep import Sweep, sweep
-from verification.critic.critic_check import verify
+from verification.critic_check import verify
 from verification.regeneration import Regeneration, regenerate_all
 from verification.verdict import Verdict
 

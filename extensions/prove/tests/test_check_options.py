@@ -10,7 +10,7 @@ import pytest
 from cli import answer, hfa
 
 from hfa import load_model
-from hfa.options.option import options_of
+from hfa.options.parser import options_of
 from hfa_prove.commands import given
 from hfa_prove.commands.check_request import CheckRequest
 from hfa_prove.commands.schedule import ScheduleRequest

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from controller.critic.critic_file import critic_suffixes
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import each_of, input_file, linear_state, number, whole
-from hfa.options.command import Outcome, Request, command
-from hfa.options.option import is_given, option
-from hfa.options.output import ProgressLine
+from hfa.options.command import Outcome, ProgressLine, Request, command
+from hfa.options.parser import is_given, option
 from hfa.options.plants import aircraft_help
 from hfa.options.trims import GivenTrim, SeveralTrims, at_name, given_trims
 from hfa_aircraft.model import Model

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import output_file, positive
-from hfa.options.command import Outcome, Request, command
-from hfa.options.option import option, refuse
-from hfa.options.show import provenance
+from hfa.options.command import Outcome, Request, command, provenance
+from hfa.options.parser import option, refuse
 from hfa.options.trims import GivenTrim, trim_input
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.export.c_text import write_texts

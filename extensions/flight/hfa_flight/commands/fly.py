@@ -10,15 +10,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import each_of, number, quantity, whole
-from hfa.options.command import Outcome, Request, command, output_option, picture_option
-from hfa.options.games import given_weights, weighted_game
-from hfa.options.option import option, refuse
-from hfa.options.output import ProgressLine
+from hfa.options.command import (
+    Outcome,
+    ProgressLine,
+    Request,
+    WorkerOptions,
+    command,
+    output_option,
+    picture_option,
+    provenance,
+)
+from hfa.options.games import given_weights, reference_option, signals_of, weighted_game
+from hfa.options.parser import option, refuse
 from hfa.options.plants import parameter_spread
-from hfa.options.show import provenance
-from hfa.options.tracking import reference_option, signals_of
 from hfa.options.trims import GivenTrim, given_trim
-from hfa.options.workers import WorkerOptions
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario, with_errors

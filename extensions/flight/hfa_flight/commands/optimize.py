@@ -17,10 +17,9 @@ from hfa.options.argument_types import (
     span,
     whole,
 )
-from hfa.options.command import Outcome, Request, command, picture_option
+from hfa.options.command import Outcome, ProgressLine, Request, command, picture_option
 from hfa.options.games import WeightOptions, given_weights, weighted_game
-from hfa.options.option import option, refuse
-from hfa.options.output import ProgressLine
+from hfa.options.parser import option, refuse
 from hfa.options.trims import GivenTrim, TrimInput, TrimOptions, trim_input
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hfa.options.output import ProgressLine
+from hfa.options.command import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.assessment import NEEDS, Assessment

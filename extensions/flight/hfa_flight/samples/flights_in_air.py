@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hfa.options.output import ProgressLine
+from hfa.options.command import ProgressLine
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.samples.monte_carlo import MonteCarlo

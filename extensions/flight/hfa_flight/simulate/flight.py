@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options.output import ProgressLine
+from hfa.options.command import ProgressLine
 from hfa_aircraft.batch_simulation import RESOLVED, Cost
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model

@@ -8,9 +8,15 @@ from functools import partial
 from pathlib import Path
 
 from hfa.options.argument_types import each_of, input_file, listed_names, one_of, quantity
-from hfa.options.command import Outcome, Request, command, output_option, picture_option
-from hfa.options.option import option
-from hfa.options.output import ProgressLine
+from hfa.options.command import (
+    Outcome,
+    ProgressLine,
+    Request,
+    command,
+    output_option,
+    picture_option,
+)
+from hfa.options.parser import option
 from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
 from hfa_aircraft.model import Model
 from hfa_support.errors import refuse_unknown

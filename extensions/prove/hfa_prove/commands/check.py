@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from hfa.options.command import Outcome, command
-from hfa.options.output import ProgressLine
+from hfa.options.command import Outcome, ProgressLine, command
 from hfa.options.plants import aircraft_source
 from hfa_prove.commands.check_request import CheckRequest
 from hfa_support.errors import BadInputError

@@ -8,7 +8,7 @@ from pathlib import Path
 from hfa.options.argument_types import input_file
 from hfa.options.command import Request
 from hfa.options.games import WeightOptions
-from hfa.options.option import option
+from hfa.options.parser import option
 from hfa.options.trims import TrimOptions, dihedral_option
 from hfa_support.files import MATRIX_FILES
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfa.options.argument_types import array_of
 from hfa.options.games import given_weights
-from hfa.options.option import is_given
-from hfa.options.ranges import array_of
+from hfa.options.parser import is_given
 from hfa.options.trims import OF_THE_TRIM, GivenTrim, trim_input
 from hfa_aircraft.model import Model
 from hfa_prove.commands.check_request import CheckRequest

@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hfa.options.argument_types import input_file, number, output_file, positive
-from hfa.options.command import Outcome, Request, command
+from hfa.options.command import Outcome, ProgressLine, Request, command, provenance
 from hfa.options.games import WeightOptions, given_weights
-from hfa.options.option import option, refuse
-from hfa.options.output import ProgressLine
-from hfa.options.show import provenance
+from hfa.options.parser import option, refuse
 from hfa.options.trims import (
     TrimInput,
     TrimOptions,

@@ -25,14 +25,14 @@ from hfa_support.matrices import labels_of
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Check, Part, at_least
 from trim.linear.linear_model import LinearModel
-from verification.box import Box, usual_box
+from verification.box import Box, nonlinear_plant, usual_box
 from verification.critic_errors import LIMIT, critic_errors, is_gain_right
 from verification.linear_checks import LinearLoop, value_check
-from verification.plant import nonlinear_plant
 from verification.verdict import Section, Verdict, explained
 
 if TYPE_CHECKING:
     from verification.nonlinear_game import NonlinearComparison
+
 
 #: Default number of initial conditions from which a critic that is not quadratic is simulated.
 FLIGHTS = 100
@@ -258,7 +258,7 @@ def _reason_of_network(exact: Solution, critic: Critic, box: np.ndarray, limit: 
     box: half-widths, (n,)
     limit: largest relative error of a right critic
     """
-    from verification.network.mistakes import finding_of_policy
+    from verification.network.search import finding_of_policy
     from verification.reasons import reason_for
 
     if critic.P is not None:

@@ -1,1 +1,0 @@
-"""Comparison of learned critics with the exact solution of their game."""
