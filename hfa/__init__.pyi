@@ -28,18 +28,18 @@ from hfa_aircraft.readers.derivatives.read import from_derivatives as from_deriv
 from hfa_aircraft.signals import Signal as Signal
 from hfa_flight.air.scenario import Scenario as Scenario
 from hfa_flight.air.turbulence import Turbulence as Turbulence
-from hfa_flight.judge.assess import assess as assess
-from hfa_flight.judge.assessment import Assessment as Assessment
+from hfa_flight.judge.assessment import Assessment as Assessment, assess as assess
 from hfa_flight.learn.environment import environment as environment
 from hfa_flight.plan.best_flight import BestFlight as BestFlight
-from hfa_flight.plan.keep_inside import keep_inside as keep_inside
-from hfa_flight.plan.optimize import optimize as optimize
 from hfa_flight.plan.predictive import predictive as predictive
-from hfa_flight.plan.state_dependent import state_dependent as state_dependent
+from hfa_flight.plan.starts_table import optimize as optimize
+from hfa_flight.plan.state_dependent import (
+    keep_inside as keep_inside,
+    state_dependent as state_dependent,
+)
 from hfa_flight.policies.deployment.deployment import Deployment as Deployment
 from hfa_flight.policies.filter import filter as filter
-from hfa_flight.samples.flights_in_air import FlightsInAir as FlightsInAir
-from hfa_flight.samples.fly import fly as fly
+from hfa_flight.samples.fly import FlightsInAir as FlightsInAir, fly as fly
 from hfa_flight.simulate.flight import Flight as Flight
 from hfa_identify.estimation import identify as identify
 from hfa_model.choice import aircraft as aircraft

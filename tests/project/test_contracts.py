@@ -67,7 +67,7 @@ BREACHES = {
         f"{FLIGHT}/air/scenario.py": "hfa_flight.simulate.simulation",
         f"{FLIGHT}/simulate/flight.py": "hfa_flight.options",
         f"{FLIGHT}/policies/policy.py": "hfa_flight.plan.predictive",
-        f"{FLIGHT}/plan/search.py": "hfa_flight.judge.assess",
+        f"{FLIGHT}/plan/search.py": "hfa_flight.judge.assessment",
         f"{FLIGHT}/judge/assess.py": "hfa_flight.learn.environment",
     },
     "Simulations:": {

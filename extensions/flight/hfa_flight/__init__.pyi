@@ -2,10 +2,13 @@
 
 from hfa_aircraft.waveform import Harmonic as Harmonic, Waveform as Waveform
 
-from .air.actuators import ActuatorBank as ActuatorBank
 from .air.gust_equations import in_gusts as in_gusts
 from .air.gusts import OneMinusCosine as OneMinusCosine
-from .air.scenario import Scenario as Scenario, Uncertainty as Uncertainty
+from .air.scenario import (
+    ActuatorBank as ActuatorBank,
+    Scenario as Scenario,
+    Uncertainty as Uncertainty,
+)
 from .air.signals import CommandedStates as CommandedStates, CommandSteps as CommandSteps
 from .air.turbulence import (
     AirFilter as AirFilter,
@@ -18,8 +21,12 @@ from .policies.policy import (
     Measurements as Measurements,
     Policy as Policy,
 )
-from .samples.monte_carlo import MonteCarlo as MonteCarlo, fly_member as fly_member
-from .samples.store import run_monte_carlo as run_monte_carlo, stream_members as stream_members
+from .samples.monte_carlo import (
+    MonteCarlo as MonteCarlo,
+    fly_member as fly_member,
+    run_monte_carlo as run_monte_carlo,
+    stream_members as stream_members,
+)
 from .schedule.gain_schedule import (
     GainSchedule as GainSchedule,
     load_gain_schedule as load_gain_schedule,

@@ -34,10 +34,8 @@ from hfa.options.trims import TrimOptions
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import constant
-from hfa_flight.air.actuators import ActuatorBank
-from hfa_flight.air.gusts import Gust, OneMinusCosine
-from hfa_flight.air.names import gust_speed
-from hfa_flight.air.scenario import Scenario, Uncertainty
+from hfa_flight.air.gusts import Gust, OneMinusCosine, gust_speed
+from hfa_flight.air.scenario import ActuatorBank, Scenario, Uncertainty
 from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, typed_turbulence
 from hfa_flight.policies.laws import DEPLOYMENT, GAIN, LAWS, NETWORK, PREDICTIVE, TABLE
 from hfa_flight.simulate.envelope import control_limits
@@ -140,7 +138,7 @@ def _word_or_file(words: tuple[str, ...], text: str) -> str | Path:
 
 def kind_of(policy: str | Path) -> str:
     """Return the kind of a policy of --policy: its word, or what its file contains."""
-    from hfa_flight.policies.policy_file import kind_of_file
+    from hfa_flight.policies.given import kind_of_file
 
     return policy if isinstance(policy, str) else kind_of_file(policy)
 
@@ -281,7 +279,7 @@ def policy_about(
     condition: function from the scheduling variable to the trim condition of a gain table
     commands: steps that a gain table follows
     """
-    from hfa_flight.policies.policy_file import policy_of_file
+    from hfa_flight.policies.given import policy_of_file
 
     path, weights = request.flown, given_weights(request, linear.model)
     if not isinstance(path, Path):

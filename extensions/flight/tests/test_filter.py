@@ -24,8 +24,8 @@ from hfa_flight import (
     flight_envelope,
     run_monte_carlo,
 )
-from hfa_flight.policies.sampled_policy import SampledPolicy
-from hfa_flight.samples.flights_in_air import flights_in_air
+from hfa_flight.policies.policy import SampledPolicy
+from hfa_flight.samples.fly import flights_in_air
 
 DEG = np.pi / 180.0
 #: A sample's noise as in ordinary sensors: ft/s, rad, rad/s.

@@ -21,7 +21,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import flow_rates, rotation, wind_axes
 from hfa_aircraft.signals import VECTORS, Signal
-from hfa_flight.air.names import UPDRAFT, state_of
+from hfa_flight.air.gusts import UPDRAFT, state_of
 from hfa_support.units import conversion_factor
 
 #: Component of a gust -> disturbance that `in_gusts` adds for it.

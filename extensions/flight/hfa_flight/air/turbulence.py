@@ -25,8 +25,7 @@ from hfa_flight.air.gust_equations import (
     taken_components,
     undeclared,
 )
-from hfa_flight.air.gusts import Gust
-from hfa_flight.air.names import UPDRAFT, foot_in_length_unit, gust_speed, state_of
+from hfa_flight.air.gusts import UPDRAFT, Gust, foot_in_length_unit, gust_speed, state_of
 from hfa_support.errors import BadInputError, is_finite, shown
 from hfa_support.units import FOOT, KNOT, conversion_factor
 from trim.point.operating_point import OperatingPoint

@@ -185,7 +185,7 @@ def assess(request: AssessRequest, given: _Given) -> Outcome:
 
     Exit code 0 if the policy holds at every trim and satisfies every --need, else 1.
     """
-    from hfa_flight.judge.assess import assessment_of
+    from hfa_flight.judge.assessment import assessment_of
     from hfa_flight.judge.assessor import Assessor
     from hfa_flight.policies.deployment.deployed import Deployed
 

@@ -170,7 +170,7 @@ def _write_deployed_policy(
     request: ExportRequest, target: Path, deployment: Path, given: GivenTrim, point: OperatingPoint
 ) -> list[Path]:
     """Write the command of a deployed policy at one sample as a C function."""
-    from hfa_flight.export.deployment_c import c_policy_texts
+    from hfa_flight.export.c_text import c_policy_texts
     from hfa_flight.policies.deployment.policy import flown_deployment
 
     policy = flown_deployment(deployment, point)
@@ -206,8 +206,7 @@ def _write_source(
     request: ExportRequest, target: Path, given: GivenTrim, point: OperatingPoint
 ) -> list[Path]:
     """Write the aircraft with a policy as C source."""
-    from hfa_flight.export.aircraft_c import c_model_texts
-    from hfa_flight.export.filter_c import c_filter_texts
+    from hfa_flight.export.c_text import c_filter_texts, c_model_texts
 
     origin = _origin(request, given)
     linear = noted_linear_model(given.model, point)

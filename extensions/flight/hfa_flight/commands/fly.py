@@ -8,6 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.gare import solve
+from controller.tracking import Tracking, tracked
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import each_of, number, quantity, whole
 from hfa.options.command import (
@@ -26,6 +31,7 @@ from hfa.options.plants import parameter_spread
 from hfa.options.trims import GivenTrim, given_trim
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_aircraft.waveform import Waveform, stacked
 from hfa_flight.air.scenario import Scenario, with_errors
 from hfa_flight.air.signals import CommandedStates, TimeVector
 from hfa_flight.needs import ALL, SHARE, needed_share
@@ -49,16 +55,61 @@ from hfa_flight.options import (
     scenario_of,
 )
 from hfa_flight.policies.laws import LAWS
+from hfa_flight.policies.policy import GainPolicy, Policy
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import flight_envelope
-from hfa_flight.simulate.flight import lengthened
+from hfa_flight.simulate.flight import Flight, lengthened
 from hfa_support.errors import BadInputError, refuse_unknown, warn
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, shown_unit, shown_value
+from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     from controller.tracking import Tracking
     from hfa_flight.policies.policy import Policy
-    from hfa_flight.simulate.flight import Flight
+
+
+def tracking_of(
+    linear: LinearModel, game: Game, policy: Policy, reference: Mapping[str, Waveform]
+) -> Tracking:
+    """Return the tracking of a reference by the gain of a policy and the feedforward of a game.
+
+    Raises BadInputError for a policy without a constant gain.
+    """
+    if not isinstance(policy, GainPolicy) or policy.gain is None:
+        raise BadInputError(
+            f"--reference requires a policy u = -K z, not the {policy.name}; give a file with a "
+            "gain K, as `hfa solve -o FILE` writes without --order, or a law"
+        )
+    commands = stacked(reference, linear.states)
+    return tracked(linear, solve(game), policy.gain, commands)
+
+
+def with_tracking(report: Report, tracking: Tracking, flown: Flight, plain: Flight) -> Report:
+    """Return the report of a policy with a section on its tracking errors.
+
+    flown: the flight with feedforward
+    plain: the flight without feedforward
+    """
+    names = tracking.game.names
+    late = [np.array([each.rms_error[state] for state in names.states]) for each in (flown, plain)]
+    rows = []
+    for state, unit, *values in zip(names.states, names.state_units, *late, strict=True):
+        shown = (shown_value(float(value), unit, ".3g") for value in values)
+        rows.append((state, shown_unit(unit), *shown))
+    header = ("rms error, 2nd half", "unit", "flight", "without feedforward")
+    parts = [*report.parts, tracking.report().title, Table(header, rows)]
+    for flight, which in ((flown, "With"), (plain, "Without")):
+        if flight.departure is not None:
+            parts.append(f"{which} feedforward, the flight {flight.departure.text()}")
+    errors = dict(
+        zip(("late_rms_errors", "late_rms_errors_without_feedforward"), late, strict=True)
+    )
+    return replace(report, parts=(*parts, *tracking.trim_parts())).with_data(
+        errors, tracking=tracking
+    )
+
 
 _MOST_MEMBERS = 10_000_000
 #: Form of --command in the help.
@@ -206,7 +257,6 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
         first, *rest = report.title.split("\n")
         report = replace(report, title="\n".join([f"{first}; {_end_of(result)}", *rest]))
     if planned.tracking is not None:
-        from hfa_flight.commands.tracking import with_tracking
         from hfa_flight.policies.policy import GainPolicy
 
         without_feedforward = flight_of(GainPolicy(planned.policy.name, planned.tracking.K))
@@ -280,8 +330,8 @@ def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> Pl
     if reference is not None:
         scenario = replace(scenario, reference=reference)
     if request.keep_inside:
-        from hfa_flight.plan.keep_inside import kept_inside
         from hfa_flight.plan.problem import flight_problem
+        from hfa_flight.plan.state_dependent import kept_inside
 
         policy = kept_inside(policy, flight_problem(point.model, point), scenario.interval)
     if request.filter:
@@ -328,7 +378,6 @@ def _steering(
     commands: signal -> steps of --command
     limits: state -> limits of --envelope
     """
-    from hfa_flight.commands.tracking import tracking_of
     from hfa_flight.policies.given import command_steps
     from hfa_flight.policies.policy import GainPolicy, open_loop
 
@@ -377,9 +426,8 @@ def _end_of(result: Flight) -> str:
 
 def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome:
     """Return the outcome of the flights of --samples or --draws."""
-    from hfa_flight.samples.flights_in_air import FlightsInAir, flights_in_air, uncontrolled
-    from hfa_flight.samples.monte_carlo import MonteCarlo
-    from hfa_flight.samples.store import stream_members
+    from hfa_flight.samples.fly import FlightsInAir, flights_in_air, uncontrolled
+    from hfa_flight.samples.monte_carlo import MonteCarlo, stream_members
 
     target = request.output
     _refuse_of_members(request)

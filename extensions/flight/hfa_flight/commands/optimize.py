@@ -127,7 +127,7 @@ def _policy(
     given: str | Path, game: Game, point: OperatingPoint, limits: Mapping[str, Any]
 ) -> tuple[str, Any]:
     """Return the name of a policy of --policy, and the policy."""
-    from hfa_flight.policies.policy_file import policy_of_file
+    from hfa_flight.policies.given import policy_of_file
 
     kind = kind_of(given)
     if not isinstance(given, Path):
@@ -167,7 +167,7 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     flight was found, or a policy of --policy does not converge within the limits; with --starts,
     from every initial condition, or from the share of --need.
     """
-    from hfa_flight.plan import optimize as flights
+    from hfa_flight.plan import starts_table as flights
     from hfa_flight.plan.problem import flight_problem
 
     _refuse_contradictions(request)

@@ -15,9 +15,8 @@ import numpy as np
 
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
-from hfa_flight.air.actuators import ActuatorBank
-from hfa_flight.air.scenario import Scenario
-from hfa_flight.export.filter_c import filter_sample
+from hfa_flight.air.scenario import ActuatorBank, Scenario
+from hfa_flight.export.c_text import filter_sample
 from hfa_flight.policies.estimate import known_start, memory_size
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import Measurements, Policy

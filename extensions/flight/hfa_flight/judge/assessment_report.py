@@ -4,17 +4,256 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from hfa_flight.judge.assessed_point import AssessedPoint, schedule_entry
-from hfa_flight.judge.endings import BALL
-from hfa_flight.judge.findings import where_text
-from hfa_flight.judge.weights import weights_at
+from hfa_flight.judge.flight_costs import weights_at
+from hfa_flight.judge.outcomes import BALL, Outcomes
 from hfa_flight.plan.problem import cost_text
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.simulate.returned import RULE
+from hfa_flight.simulate.envelope import RULE
 from hfa_support.reporting.rows import Group, Row, Sheet, matrix_of
-from hfa_support.reporting.text import Table, shown_unit
+from hfa_support.reporting.text import Table, beside_unit, percent, short_number, shown_unit
+
+#: Costs that differ by less, in percent of the optimum, are equal.
+_SAME_COST = 1e-6
+#: An equilibrium closer to the trim, relative to the initial-condition box, counts as the trim.
+_AT_TRIM = 0.01
+#: Largest number of trims that are listed.
+_LISTED = 3
+
+
+class Severity(StrEnum):
+    """Severity of a finding, the worst first."""
+
+    FAILURE = "failure"
+    WARNING = "warning"
+    NOTE = "note"
+
+
+class Finding(NamedTuple):
+    """Finding of an assessment.
+
+    severity: "failure" if the policy fails because of it, else "warning" or "note".
+    text: one sentence, with the trims if the finding does not concern all.
+    """
+
+    severity: Severity
+    text: str
+
+
+class _AtTrim(NamedTuple):
+    """Finding at one trim. Of those of the same kind, that with the largest size is the worst."""
+
+    severity: Severity
+    text: str
+    size: float = 0.0
+
+
+def findings_at_trims(points: Sequence[AssessedPoint]) -> list[Finding]:
+    """Return the findings at all trims, worst first.
+
+    Of several findings of one kind, that at the worst trim is returned, with the number of trims.
+    """
+    findings: list[Finding] = []
+    for kind in _KINDS:
+        by_trim = [(point, kind(point)) for point in points]
+        of_kind = [finding for _, finding in by_trim if finding is not None]
+        if not of_kind:
+            continue
+        worst = max(of_kind, key=lambda finding: finding.size)
+        alike = [point for point, finding in by_trim if finding and finding.text == worst.text]
+        text = _with_trims(worst.text, alike, points)
+        if len(of_kind) > len(alike):
+            text += f" (worst of {len(of_kind)} trims)"
+        findings.append(Finding(worst.severity, text))
+    for remark in dict.fromkeys(remark for point in points for remark in point.remarks):
+        alike = [point for point in points if remark in point.remarks]
+        findings.append(Finding(Severity.NOTE, _with_trims(remark, alike, points)))
+    return worst_first(findings)
+
+
+def _with_trims(text: str, points: Sequence[AssessedPoint], among: Sequence[AssessedPoint]) -> str:
+    """Return a finding with the trims that it concerns, unless it concerns all."""
+    return text if len(points) == len(among) else f"{where_text(points, among)}: {text}"
+
+
+def worst_first(findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings ordered by severity. Findings of equal severity keep their order."""
+    order = list(Severity)
+    return sorted(findings, key=lambda finding: order.index(finding.severity))
+
+
+def where_text(points: Sequence[AssessedPoint], among: Sequence[AssessedPoint]) -> str:
+    """Return trims as text, such as "from 38 to 60 m/s" or "at 45 m/s".
+
+    Without a scheduling variable, the text is "at the trim". A range is given only if no other trim
+    lies inside.
+
+    among: all trims of the assessment
+    """
+    model = among[0].point.model
+    values = [value for point in points for value in schedule_entry(point.point).values()]
+    if not values:
+        return "at the trim"
+    unit = shown_unit(model.schedule_unit)
+    if min(values) == max(values):
+        return f"at {values[0]:.4g} {unit}"
+    every = [value for point in among for value in schedule_entry(point.point).values()]
+    inside = [value for value in every if min(values) <= value <= max(values)]
+    if len(inside) == len(values):
+        return f"from {min(values):.4g} to {max(values):.4g} {unit}"
+    listed = ", ".join(f"{value:.4g}" for value in values[:_LISTED])
+    more = len(values) - _LISTED
+    return f"at {listed} {unit}" + (f" and {more} more" if more > 0 else "")
+
+
+# Kinds of findings. Each function returns the finding of its kind at one trim, or None.
+
+
+def _no_equilibrium(point: AssessedPoint) -> _AtTrim | None:
+    """Return the failure of a policy without an equilibrium."""
+    if point.equilibrium is not None:
+        return None
+    return _AtTrim(Severity.FAILURE, "no equilibrium near the trim")
+
+
+def _saturation(point: AssessedPoint) -> _AtTrim | None:
+    """Return the failure of an equilibrium at which actions or inputs are saturated."""
+    if point.equilibrium is None or not point.equilibrium.clips:
+        return None
+    what = " and ".join(point.equilibrium.clips)
+    text = f"saturated at the equilibrium, not judged as stable: {what}"
+    return _AtTrim(Severity.FAILURE, text)
+
+
+def _beyond_limits(point: AssessedPoint) -> _AtTrim | None:
+    """Return the failure of an equilibrium beyond the limits of a state."""
+    if not point.beyond:
+        return None
+    return _AtTrim(Severity.FAILURE, f"at the equilibrium, {point.beyond[0]}")
+
+
+def _instability(point: AssessedPoint) -> _AtTrim | None:
+    """Return the failure of a sampled loop that is unstable at its equilibrium."""
+    if not point.radius >= 1.0:
+        return None
+    text = f"unstable at its equilibrium (spectral radius {point.radius:.5f})"
+    return _AtTrim(Severity.FAILURE, text, point.radius)
+
+
+def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) -> _AtTrim | None:
+    """Return the finding on the flights that leave the envelope."""
+    if flown is None or not flown.left_envelope:
+        return None
+    leave = "leaves" if flown.left_envelope == 1 else "leave"
+    text = f"{when}{flown.left_envelope} of {flown.starts} flights {leave} the envelope"
+    if flown.departure is not None:
+        text += f" (first: {flown.departure.cause()})"
+    severity = Severity.WARNING if point.holds else Severity.FAILURE
+    return _AtTrim(severity, text, flown.left_envelope / flown.starts)
+
+
+def _convergence(point: AssessedPoint) -> _AtTrim | None:
+    """Return the finding on the flights that stay and do not converge, or that all converge."""
+    flown = point.flights
+    if flown is None:
+        return _AtTrim(Severity.NOTE, "no flight was simulated")
+    staying = flown.starts - flown.left_envelope - flown.converged
+    if staying:
+        text = f"{staying} of {flown.starts} flights do not converge within {flown.seconds:.3g} s"
+        severity = Severity.WARNING if point.holds else Severity.FAILURE
+        return _AtTrim(severity, text, staying / flown.starts)
+    return None if flown.left_envelope else _AtTrim(Severity.NOTE, "every flight converges")
+
+
+def _not_returned(point: AssessedPoint) -> _AtTrim | None:
+    """Return the finding on the flights with a cost that leave or do not return to the trim."""
+    costs = point.costs
+    if costs is None or not costs.lost:
+        return None
+    lost_fraction = costs.lost / costs.starts
+    text = (
+        f"{costs.lost} of {costs.starts} other flights leave or have not returned to the trim "
+        f"after {costs.seconds:.3g} s"
+    )
+    severity = Severity.FAILURE if point.costs_refute(point.share) else Severity.WARNING
+    return _AtTrim(severity, text, lost_fraction)
+
+
+def _delay(point: AssessedPoint) -> _AtTrim | None:
+    """Return the delay at which the loop becomes unstable. The least one is the worst."""
+    if point.delays is None or not point.holds:
+        return None
+    limit = point.delays.limit
+    if limit is None:
+        longest = point.delays.searched
+        return _AtTrim(Severity.NOTE, f"stable with delays up to {1e3 * longest:.4g} ms", -longest)
+    return _AtTrim(Severity.NOTE, f"unstable with {1e3 * limit:.4g} ms of delay", -limit)
+
+
+def _steady_state_error(point: AssessedPoint) -> _AtTrim | None:
+    """Return the finding on the steady-state error at a stable equilibrium."""
+    if point.equilibrium is None or not point.radius < 1.0:
+        return None
+    model = point.point.model
+    shares = np.abs(point.offset) / point.case.box  # of the half-width in each linear state
+    index = int(np.argmax(shares))
+    if shares[index] < _AT_TRIM:
+        return _AtTrim(Severity.NOTE, "no steady-state error") if point.holds else None
+    name = model.linear[index]
+    unit = model.unit(name)
+    sign = "+" if point.offset[index] > 0.0 else "-"
+    size = beside_unit(short_number(abs(float(point.offset[index])), unit), unit)
+    text = f"steady-state {name} error {sign}{size}"
+    rate = 0.0 if point.costs is None else point.costs.offset_rate or 0.0
+    if rate > 0.0:
+        text += f", which costs {rate:.2g} per second"
+    return _AtTrim(Severity.NOTE, text, float(shares[index]))
+
+
+def _linear_cost(point: AssessedPoint) -> _AtTrim | None:
+    """Return the note on the cost of the sampled loop above the optimum."""
+    if point.cost is None or not point.holds:
+        return None
+    worst = point.cost.worst
+    if worst < _SAME_COST:
+        text = "linear cost of the optimum"
+    else:
+        text = f"linear cost up to {percent(worst, up=True)} above the optimum"
+    return _AtTrim(Severity.NOTE, text, worst)
+
+
+def _clipped_observations(point: AssessedPoint) -> _AtTrim | None:
+    """Return the warning that the normalizer clips observations at the equilibrium."""
+    if point.equilibrium is None or not point.equilibrium.clipped_observations:
+        return None
+    names = ", ".join(point.equilibrium.clipped_observations)
+    return _AtTrim(Severity.WARNING, f"the normalizer clips {names} at the equilibrium")
+
+
+def _integration(point: AssessedPoint) -> _AtTrim | None:
+    """Return the warning that the integration of the flights is not accurate."""
+    error = point.integration
+    if error is None or error.is_resolved:
+        return None
+    return _AtTrim(Severity.WARNING, error.text())
+
+
+#: Kinds of findings, in the order of the report.
+_KINDS: tuple[Callable[[AssessedPoint], _AtTrim | None], ...] = (
+    *(_no_equilibrium, _saturation, _beyond_limits),
+    lambda point: _leaving_flights(point, point.flights, ""),
+    *(_instability, _convergence, _not_returned),
+    lambda point: _leaving_flights(point, point.disturbed, "with a disturbance pulse: "),
+    _clipped_observations,
+    *(_delay, _steady_state_error, _linear_cost),
+    _integration,
+)
+
 
 _CONVERGES = (
     f"A flight converges if it ends within {100 * BALL:g} % of the initial-condition box about the "

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.turbulence import Turbulence
-from hfa_flight.judge.trims import trims_of
-from hfa_flight.judge.weights import diagonal_weights, usual_weights
-from hfa_flight.learn.episode import SECONDS, Episode
-from hfa_flight.learn.start_boxes import sample_time
+from hfa_flight.judge.assessment import trims_of
+from hfa_flight.judge.flight_costs import diagonal_weights, usual_weights
+from hfa_flight.learn.episode import SECONDS, Episode, sample_time
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_support.arguments import ArrayLike

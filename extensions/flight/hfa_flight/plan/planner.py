@@ -8,13 +8,10 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_flight.plan.grid import Grid, gains_of
-from hfa_flight.plan.held_model import HeldModel
-from hfa_flight.plan.hold import Hold
-from hfa_flight.plan.nearest_inputs import NearestInputs
+from hfa_flight.plan.held_model import HeldModel, NearestInputs
 from hfa_flight.plan.plan_program import AlongHolds, Change, PlanCost, PlanProgram, Range, Room
-from hfa_flight.plan.scaled import ScaledProblem
-from hfa_flight.policies.sampled_policy import NextSample
+from hfa_flight.plan.scaled import Grid, Hold, ScaledProblem, gains_of
+from hfa_flight.policies.policy import NextSample
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.row_code import machine_code
 

@@ -13,15 +13,12 @@ from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
-from hfa_flight.plan.end_law import EndLaw
-from hfa_flight.plan.grid import HOLDS, grid_of
-from hfa_flight.plan.hold import hold_of
-from hfa_flight.plan.measured import wrong_samples_note
+from hfa_flight.plan.held_model import wrong_samples_note
 from hfa_flight.plan.planner import Planner
 from hfa_flight.plan.problem import FlightProblem, flight_problem
 from hfa_flight.plan.receding import RecedingHorizon, Samples
-from hfa_flight.plan.scaled import ScaledProblem
-from hfa_flight.policies.sampled_policy import NextSample, SampledPolicy
+from hfa_flight.plan.scaled import HOLDS, EndLaw, ScaledProblem, grid_of, hold_of
+from hfa_flight.policies.policy import NextSample, SampledPolicy
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import (
     BadInputError,

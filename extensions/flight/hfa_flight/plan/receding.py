@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hfa_flight.plan.end_law import EndLaw
-from hfa_flight.plan.measured import Measured
+from hfa_flight.plan.held_model import Measured
 from hfa_flight.plan.plan_program import Range
 from hfa_flight.plan.planner import Improved, Plan, Planner
-from hfa_flight.policies.sampled_policy import NextSample
+from hfa_flight.plan.scaled import EndLaw
+from hfa_flight.policies.policy import NextSample
 
 #: Largest number of steps of the quadratic program for the first plan. Each later one has a single
 #: step: six steps save .1 % in flights from x(0) with noise, and take four times as long. A plan

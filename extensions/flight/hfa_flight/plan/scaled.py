@@ -2,15 +2,87 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from hfa_flight.plan.hold import hold_of
-from hfa_flight.plan.initial_box import usual_box
-from hfa_flight.plan.problem import FlightProblem
+from hfa_flight.plan.problem import FlightProblem, usual_box
 from hfa_flight.plan.smooth import smooth_slopes
+from hfa_support.errors import BadInputError, NoSolutionError, shown
+
+#: Norm above which the exponential of a longer hold is computed by doubling a shorter hold.
+_SHORT = 0.5
+
+
+class Hold(NamedTuple):
+    """Linear model and cost over one hold.
+
+      z⁺ = A z + B v,    ∫ z'Qz + v'Rv dt = [z; v]' W [z; v]
+
+    A: (n, n)
+    B: (n, m)
+    W: (n + m, n + m)
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    W: np.ndarray
+
+    def back(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the optimal gain K of the hold, v = -K z, and P before the hold.
+
+        P: matrix of the least cost z'Pz after the hold, (n, n)
+        """
+        n = len(self.A)
+        price = self.W[n:, n:] + self.B.T @ P @ self.B
+        K = np.linalg.solve(price, self.B.T @ P @ self.A + self.W[n:, :n])
+        before = self.W[:n, :n] + self.A.T @ P @ self.A - K.T @ price @ K
+        return K, 0.5 * (before + before.T)
+
+    def infinite_horizon(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the gain K and the matrix P of the optimum over infinitely many equal holds.
+
+        P is the solution of the discrete Riccati equation, which a hold does not change.
+
+        Raises NoSolutionError if the held model cannot be stabilized.
+        """
+        from scipy.linalg import LinAlgError, solve_discrete_are
+
+        n = len(self.A)
+        Q, N, R = self.W[:n, :n], self.W[:n, n:], self.W[n:, n:]
+        try:
+            P = solve_discrete_are(self.A, self.B, Q, R, s=N)
+        except (LinAlgError, ValueError) as error:
+            raise NoSolutionError(f"no linear optimum with held inputs: {error}") from error
+        return self.back(P)
+
+
+def hold_of(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, seconds: float) -> Hold:
+    """Return z' = A z + B v and ∫ z'Qz + v'Rv dt over a hold.
+
+    seconds: duration of the hold, s
+    """
+    from scipy.linalg import block_diag, expm
+
+    n, m = B.shape
+    rates = np.zeros((n + m, n + m))
+    rates[:n] = np.hstack([A, B])
+    size = float(np.abs(rates).sum(axis=1).max()) * seconds
+    _, exponent = math.frexp(size / _SHORT)  # size / _SHORT < 2^exponent, 0 for 0
+    doublings = max(0, exponent)
+    of_both = np.block([[-rates.T, block_diag(Q, R)], [np.zeros_like(rates), rates]])
+    exponential = expm(of_both * seconds / 2**doublings)
+    transition = exponential[n + m :, n + m :]  # of (z; v)
+    W = transition.T @ exponential[: n + m, n + m :]
+    for _ in range(doublings):
+        W = W + transition.T @ W @ transition
+        transition = transition @ transition
+    return Hold(transition[:n, :n], transition[:n, n:], 0.5 * (W + W.T))
+
 
 #: Fraction of its range by which the inputs move a state that they reach.
 _REACHES = 0.1
@@ -112,3 +184,282 @@ class ScaledProblem:
         below, above = (limit[:k] for limit in self.state_limits)
         room = 0.5 * (above - below)
         return np.pad(np.isfinite(room) & (moves >= _REACHES * room), (0, n - k))
+
+
+#: Number of holds of a plan. With samples of at least _SLOW seconds, it is twice this number, and
+#: the longest hold is longer by the factor _LONGER.
+HOLDS = 36
+_SLOW = 0.02
+_LONGER = 2.0
+#: Largest product of the sample time and the fastest pole of the aircraft.
+_FASTEST = 0.7
+#: Largest sample time that may be asked, relative to that of the rule.
+_COARSEST = 5.0
+#: Largest relative increase of the least linear cost over the usual box: by holding the inputs for
+#: ever, and by the holds of a plan that ends with z'Pz.
+_HOLD_PRICE = 0.005
+_GRID_PRICE = 0.01
+#: Numbers of samples from which on holds are longer than a sample, the first that fits is taken.
+_FINE = (8, 16)
+#: Largest product of a hold of several samples and the fastest pole. In longer holds, states exceed
+#: limits between the nodes. Largest number of samples of a hold.
+_LAST = 0.4
+_MOST_SAMPLES = 64
+#: Largest horizon, in time constants of the slowest pole of the linear loop, and in those of the
+#: fastest growing pole of the aircraft. A plan is an open-loop flight, and errors grow with it.
+_LONG = 4.0
+_GROWING = 10.0
+#: Sample times, s, the longest first.
+_SAMPLE_TIMES = tuple(a * 10.0**e for e in (0, -1, -2, -3, -4) for a in (5, 2, 1))
+
+
+class Holds(NamedTuple):
+    """Holds of one plan.
+
+    samples: numbers of samples of the holds, (N,)
+    seconds: durations, (N,)
+    linear: linear model and cost of each hold
+    weights: W of each hold, (N, n + m, n + m)
+    """
+
+    samples: np.ndarray
+    seconds: np.ndarray
+    linear: list[Hold]
+    weights: np.ndarray
+
+
+class Grid:
+    """Holds of successive plans: the holds of a plan split those of the plan one sample earlier.
+
+    A hold ends at a multiple of its own number of samples, a power of two that grows with the
+    distance. The inputs of a plan are thus also inputs of the next plan, except the last ones.
+
+    scaled: the problem in nominal units
+    dt: sample time, the first hold, s
+    fine: number of samples from which on holds are longer than one sample
+    count: number N of holds
+    longest: largest number of samples of a hold, a power of two
+    asked: horizon that was cut, s, or None
+    """
+
+    def __init__(
+        self,
+        scaled: ScaledProblem,
+        dt: float,
+        fine: int,
+        count: int,
+        longest: int,
+        asked: float | None = None,
+    ) -> None:
+        self.scaled, self.dt, self.asked = scaled, dt, asked
+        self._fine, self._count, self._longest = fine, count, longest
+        #: Number of samples since a plan that began at a multiple of `longest` -> holds of a plan.
+        self._holds_of_plans: dict[int, Holds] = {}
+        #: Number of samples of a hold -> its linear model and cost.
+        self._holds: dict[int, Hold] = {}
+
+    def samples(self, age: int) -> np.ndarray:
+        """Return the numbers of samples of the holds of a plan, (N,).
+
+        age: number of samples since the first plan
+        """
+        lengths: list[int] = []
+        first_sample = age
+        for _ in range(self._count):
+            wanted = max(1, 2 * (first_sample - age) // self._fine)
+            length = min(1 << (wanted.bit_length() - 1), self._longest)
+            # A hold begins and ends at a multiple of its length, so that later plans have it, too.
+            while first_sample % length:
+                length //= 2
+            lengths.append(length)
+            first_sample += length
+        return np.array(lengths)
+
+    def at(self, age: int) -> Holds:
+        """Return the holds of a plan. The argument is that of `samples`."""
+        phase = age % self._longest
+        if phase not in self._holds_of_plans:
+            samples = self.samples(phase)
+            linear = [self._hold(length) for length in samples.tolist()]
+            weights = np.array([hold.W for hold in linear])
+            self._holds_of_plans[phase] = Holds(samples, self.dt * samples, linear, weights)
+        return self._holds_of_plans[phase]
+
+    def _hold(self, length: int) -> Hold:
+        """Return the linear model and cost of a hold of some samples, computed once."""
+        if length not in self._holds:
+            self._holds[length] = hold_of(*self.scaled.linear, length * self.dt)
+        return self._holds[length]
+
+    @property
+    def most_samples(self) -> tuple[np.ndarray, int]:
+        """Largest numbers of samples of the holds of all plans, (N,), and of a plan."""
+        samples = np.array([self.samples(age) for age in range(self._longest)])
+        return samples.max(axis=0), int(samples.sum(axis=1).max())
+
+    @property
+    def horizon(self) -> float:
+        """Duration of the first plan, s."""
+        return float(self.dt * self.samples(0).sum())
+
+    def cut(self, longest: float) -> Grid:
+        """Return the grid whose first plan lasts at most a given time, s."""
+        ends = self.dt * np.cumsum(self.samples(0))
+        count = max(1, int(np.count_nonzero(ends <= longest * (1.0 + 1e-9))))
+        return Grid(self.scaled, self.dt, self._fine, count, self._longest, self.asked)
+
+
+def gains_of(holds: Sequence[Hold], P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the linear optimal gains of the holds of a plan, (N, m, n), and P at its start.
+
+    P: matrix of the cost z'Pz at the end of the plan, (n, n)
+    """
+    gains = []
+    for hold in reversed(holds):
+        K, P = hold.back(P)
+        gains.append(K)
+    return np.array(gains[::-1]), P
+
+
+def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> Grid:
+    """Return the holds of a plan, chosen from the linear model alone.
+
+    - dt is the longest of 1, 2, 5, 10, ... ms for which the product with the aircraft's fastest
+      pole is at most 0.7, and the linear optimum with held inputs costs at most 0.5 % more than
+      the optimum, over the usual box.
+    - The first 8 holds are samples. Later ones last at most 0.4 time constants of the fastest pole,
+      or 0.8 if dt is at least 20 ms. The linear optimum of a plan costs at most 1 % more than the
+      optimum, or all holds are samples. There are 36 holds, or 72 if dt is at least 20 ms.
+    - The horizon is at most 4 time constants of the slowest pole of the linear loop and 10 of the
+      fastest growing pole of the aircraft.
+
+    dt: sample time, s, or None for the rule
+    horizon: duration of a plan, s, or None for the rule. It is cut to 10 time constants of the
+      fastest growing pole, and to the longest grid of the rule
+
+    Raises BadInputError for a dt that is too long and for a horizon that is too short. Raises
+    NoSolutionError if no sample time fits.
+    """
+    dt = sample_time(scaled, dt)
+    if horizon is not None and not dt <= horizon < math.inf:
+        raise BadInputError(
+            f"the horizon is {shown(horizon)} s; with samples of {dt:g} s, give at least {dt:g} s"
+        )
+    growing = float(scaled.poles.real.max(initial=0.0))
+    most = _GROWING / growing if growing > 0.0 else math.inf
+    slowest = float(np.abs(scaled.loop_poles.real).min())
+    wanted = min(most, _LONG / slowest if horizon is None else horizon)
+    count = HOLDS * (2 if dt >= _SLOW else 1)
+    longest = _longest_hold(scaled, dt)
+    grids = [Grid(scaled, dt, fine, count, longest) for fine in (*_FINE, count)]
+    if horizon is not None:
+        # The finest grid that lasts long enough, or else the longest.
+        long_enough = [grid for grid in grids if grid.horizon >= wanted * (1.0 - 1e-9)]
+        grid = (long_enough[-1] if long_enough else grids[0]).cut(wanted)
+        grid.asked = horizon if grid.horizon < horizon - dt else None
+        return grid
+    for grid in grids:
+        fitting = grid.cut(wanted)
+        if scaled.excess_weight(gains_of(fitting.at(0).linear, scaled.P)[1]) <= _GRID_PRICE:
+            break
+    return fitting
+
+
+def _longest_hold(scaled: ScaledProblem, dt: float) -> int:
+    """Return the largest number of samples of a hold, a power of two."""
+    time_constants = _LAST * (_LONGER if dt >= _SLOW else 1.0)
+    samples = int(time_constants / max(scaled.fastest * dt, time_constants / _MOST_SAMPLES))
+    return 1 << (max(1, samples).bit_length() - 1)
+
+
+def sample_time(scaled: ScaledProblem, asked: float | None = None) -> float:
+    """Return the sample time of the rule of `grid_of`, or the asked one, s.
+
+    Raises BadInputError if the asked one is more than _COARSEST times as long as that of the rule.
+    """
+    if asked is None:
+        return _rule_of_samples(scaled)
+    try:
+        rule = _rule_of_samples(scaled)
+    except NoSolutionError:
+        rule = _FASTEST / scaled.fastest if scaled.fastest else math.inf
+    if asked > _COARSEST * rule:
+        raise BadInputError(
+            f"dt is {shown(asked)} s; give at most {_COARSEST * rule:.3g} s, "
+            f"{_COARSEST:g} times the default of this aircraft"
+        )
+    return asked
+
+
+def _rule_of_samples(scaled: ScaledProblem) -> float:
+    """Return the sample time of the rule of `grid_of`, s."""
+    for dt in _SAMPLE_TIMES:
+        if dt * scaled.fastest > _FASTEST:
+            continue
+        try:
+            _, P = hold_of(*scaled.linear_states, dt).infinite_horizon()
+        except NoSolutionError:
+            continue
+        if scaled.excess_weight(P) <= _HOLD_PRICE:
+            return dt
+    raise NoSolutionError(
+        f"no sample time of at least {_SAMPLE_TIMES[-1]:g} s costs at most "
+        f"{100 * _HOLD_PRICE:g} %; give dt"
+    )
+
+
+#: Fraction of the limits within which the linear loop stays.
+_WITHIN = 0.9
+#: Numbers of samples of the linear loop that are checked one by one, and of further steps of
+#: _LONGER samples each.
+_SAMPLES = 150
+_STEPS = 100
+_END_HOLD = 10
+
+
+class EndLaw:
+    """Exact held gain v = -K z, where the linear loop keeps all limits.
+
+    The set of these states is the maximal output admissible set of the linear loop.
+
+    scaled: the problem in nominal units
+    hold: linear model over a sample
+    K: gain, (m, k)
+    poles: eigenvalues of the held linear loop, (k,)
+
+    Source: Gilbert and Tan, IEEE Transactions on Automatic Control 36 (1991) 1008.
+    """
+
+    def __init__(self, scaled: ScaledProblem, hold: Hold, K: np.ndarray) -> None:
+        k = scaled.sizes[0]
+        self.K = K
+        self._scaled = scaled
+        loop = hold.A - hold.B @ K
+        self.poles = np.asarray(np.linalg.eigvals(loop))
+        longer = np.linalg.matrix_power(loop, _END_HOLD)
+        transition = np.eye(k)  # from z to the states after some samples
+        states_and_inputs = []
+        for number in range(_SAMPLES + _STEPS):
+            states_and_inputs.append(np.vstack([transition, -K @ transition]))
+            transition = (loop if number < _SAMPLES else longer) @ transition
+        #: Matrices from z to the states and inputs after the checked numbers of samples.
+        self._states_and_inputs = np.array(states_and_inputs)
+
+    def contains(self, z: np.ndarray) -> bool:
+        """Return whether the linear loop from z stays within `_WITHIN` of all limits.
+
+        z: followed states, (n,)
+        """
+        k = len(self.K.T)
+        (lowest_z, highest_z), (lowest_v, highest_v) = (
+            self._scaled.state_limits,
+            self._scaled.input_limits,
+        )
+        lowest = _WITHIN * np.concatenate([lowest_z[:k], lowest_v])
+        highest = _WITHIN * np.concatenate([highest_z[:k], highest_v])
+        flown = self._states_and_inputs @ z[:k]
+        return bool(((flown <= highest) & (flown >= lowest)).all())
+
+    def inputs(self, z: np.ndarray) -> np.ndarray:
+        """Return the inputs v, (m,), within their limits."""
+        return np.clip(-self.K @ z[: len(self.K.T)], *self._scaled.input_limits)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_flight.air.delay import in_samples
+from hfa_flight.air.held_step import in_samples
 from hfa_flight.policies.deployment.sampled_loop import Chain, chain_margins, held_late
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_support.errors import BadInputError

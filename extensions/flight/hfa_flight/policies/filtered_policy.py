@@ -14,7 +14,7 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.air.delay import acting_commands, in_samples
+from hfa_flight.air.held_step import acting_commands, in_samples
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
@@ -28,8 +28,14 @@ from hfa_flight.policies.estimate import (
 )
 from hfa_flight.policies.filter_margins import FilterMargins, margins_of
 from hfa_flight.policies.kalman import KalmanFilter
-from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
-from hfa_flight.policies.sampled_policy import NextSample, SampledPolicy, deviations_of
+from hfa_flight.policies.policy import (
+    Measurements,
+    NextSample,
+    OpenLoop,
+    Policy,
+    SampledPolicy,
+    deviations_of,
+)
 from hfa_support.errors import (
     BadInputError,
     is_finite,

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.air.gust_equations import in_gusts, seen_in_air
-from hfa_flight.air.names import state_of
+from hfa_flight.air.gusts import state_of
 from hfa_flight.air.turbulence import AirFilter, Turbulence, held_noise, turbulence_of
 from hfa_flight.policies.deployment.sampled_loop import held
 from hfa_support.errors import (

@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.rigid.tables import Interpolator, lines_of_cells
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import BANDWIDTH, DAMPING, CommandSteps
 from hfa_flight.policies.policy import Measurements, Policy
-from hfa_flight.policies.tables import table_expression
 from hfa_flight.schedule.gain_schedule import GainSchedule
 from hfa_support.errors import BadInputError
 from hfa_support.matrices import LinearTable
@@ -21,6 +21,23 @@ from hfa_support.reporting.results import Result
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
+
+
+def table_expression(table: LinearTable, where: ca.SX) -> ca.SX:
+    """Return the value of a table at an argument, as a CasADi column (k,).
+
+    The value of the table is an array with k entries. The column contains them row by row.
+
+    where: argument of the table, one expression
+    """
+    points = table.breakpoints
+    rows = table.values.reshape(len(points), -1)
+    if len(points) == 1:
+        return ca.SX(ca.DM(rows[0]))
+    levels, slopes = lines_of_cells(rows, points)
+    chosen, offset = Interpolator().cell(ca.SX(where), points)
+    return ca.mtimes(ca.DM(levels).T, chosen) + offset * ca.mtimes(ca.DM(slopes).T, chosen)
+
 
 #: Number of trims along a command, with linear interpolation between them.
 _TRIMS = 41

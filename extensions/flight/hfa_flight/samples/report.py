@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.air.names import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
+from hfa_flight.air.gusts import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.needs import band_text, is_enough, lost_band, need_text
 from hfa_flight.policies.filtered_policy import FilteredPolicy

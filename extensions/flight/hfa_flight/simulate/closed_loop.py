@@ -18,7 +18,7 @@ from hfa_aircraft.batch_simulation import Cost
 from hfa_aircraft.layout import column, components
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
+from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.policy import SAME_TIME, Measurements, Policy
 from hfa_support.errors import BadInputError

@@ -6,16 +6,21 @@ limits of alpha apply to the angle of attack relative to the air.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfa_aircraft.batch_simulation import RESOLVED, Outcome, has_decayed
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.air.history import Deviations
-from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, limited_names
+from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, limited_names
+from hfa_flight.air.signals import Deviations
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
+from hfa_support.matrices import quadratic_forms
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import beside_unit, short_number, with_unit
 from trim.point.operating_point import OperatingPoint
 
@@ -270,3 +275,96 @@ def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, .
         excess = ControlExcess(name, float(values[index]), float(passed[index]), model.unit(name))
         excesses.append((abs(excess.value - excess.limit) / width[index], excess))
     return tuple(excess for _, excess in sorted(excesses, key=lambda pair: -pair[0]))
+
+
+#: Largest cost-to-go z'Pz at the end of a flight that has returned, relative to its whole cost, the
+#: cost flown and the cost-to-go.
+TOLERANCE = 0.05
+#: Deviations in nominal values at which the aircraft is at its trim, whatever the cost.
+_AT_TRIM = 1e-9
+RULE = (
+    "A flight has returned to the trim if its linear cost-to-go z'Pz at the end is at most "
+    f"{100 * TOLERANCE:g} % of its cost."
+)
+
+
+def has_returned(model: Model, z: np.ndarray, P: np.ndarray, spent: np.ndarray) -> np.ndarray:
+    """Return a mask (N,) of the flights that have returned to the trim at their end.
+
+        z'Pz <= TOLERANCE (spent + z'Pz), or |z| <= 1e-9 nominal values in every state
+
+    model: the aircraft
+    z: deviations of the linear states at the end, (N, k)
+    P: cost of the linear optimum, (k, k)
+    spent: cost up to the end, (N,)
+    """
+    nominal = model.nominal(model.linear)
+    with np.errstate(over="ignore", invalid="ignore"):  # a flight may diverge
+        to_go = quadratic_forms(z, P)
+        decayed = has_decayed(to_go, spent + to_go, TOLERANCE)
+    return np.asarray(decayed | (np.abs(z) <= _AT_TRIM * nominal).all(axis=1))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightRow(Result):
+    """Flight of a policy from an initial condition to a trim, without its time history.
+
+    policy: name of the policy.
+    cost: cost of the flight and of the linear policy after it, or inf if the flight leaves the
+        envelope or has not returned to the trim.
+    departure: first departure from the envelope (state, time, value, limit), or None if the flight
+        stays within.
+    saturated: names of the inputs that reach a limit.
+    seconds: duration of the simulation, s.
+    integration_error: sum of the errors of the steps that could not be made short enough, relative
+        to the largest deviation in nominal values.
+    best: cost of the best flight from the same initial condition, or None if none was found.
+    """
+
+    policy: str
+    cost: float
+    departure: Departure | None
+    saturated: tuple[str, ...]
+    seconds: float
+    integration_error: float = 0.0
+    best: float | None = None
+
+    @property
+    def converges(self) -> bool:
+        """True if the flight stays within the envelope and returns to the trim."""
+        return math.isfinite(self.cost)
+
+    @property
+    def over_best(self) -> float | None:
+        """Cost relative to that of the best flight, or None without one of them."""
+        return self.cost / self.best if self.converges and self.best is not None else None
+
+    @property
+    def resolved(self) -> bool:
+        """True if the error of the integration does not change three digits of the cost."""
+        return self.integration_error <= RESOLVED
+
+    @property
+    def loss(self) -> str:
+        """How the flight is lost, or "" if it converges."""
+        if self.departure is not None:
+            return "leaves the envelope"
+        return "" if self.converges else f"not at the trim after {self.seconds:.3g} s"
+
+    def outcome(self) -> str:
+        """Return the outcome in words, with the state and limit of a departure."""
+        departure = "" if self.departure is None else self.departure.text()
+        return departure or self.loss or Outcome.CONVERGED
+
+    def _entries(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "policy": self.policy,
+            "converges": self.converges,
+            "cost": self.cost if self.converges else None,
+            "over_best": self.over_best,
+            "departure": self.departure,
+            "saturated": self.saturated,
+            "seconds": self.seconds,
+            "resolved": self.resolved,
+        }

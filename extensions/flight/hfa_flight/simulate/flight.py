@@ -16,8 +16,7 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.history import Deviations, series
-from hfa_flight.air.names import (
+from hfa_flight.air.gusts import (
     ALPHA,
     ANGLE_OF_ATTACK,
     LIMITED_OVER_GROUND,
@@ -25,12 +24,14 @@ from hfa_flight.air.names import (
     has_angle_of_attack,
 )
 from hfa_flight.air.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
+from hfa_flight.air.signals import Deviations, series
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.policy import GainPolicy
 from hfa_flight.simulate.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from hfa_flight.simulate.envelope import (
     GIVE_LIMIT,
     NO_LIMIT,
+    RULE,
     ControlExcess,
     Departure,
     control_excesses,
@@ -38,6 +39,7 @@ from hfa_flight.simulate.envelope import (
     divergence,
     envelope_data,
     flight_envelope,
+    has_returned,
     is_limited,
     limits_text,
     outside,
@@ -51,7 +53,6 @@ from hfa_flight.simulate.limit_cycle import (
     limit_cycle,
     slowest_recognized,
 )
-from hfa_flight.simulate.returned import RULE, has_returned
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import (
     BadInputError,

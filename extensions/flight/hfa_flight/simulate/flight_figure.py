@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.names import ANGLE_OF_ATTACK
+from hfa_flight.air.gusts import ANGLE_OF_ATTACK
 from hfa_flight.simulate.envelope import envelope_data, limits_text
 from hfa_support.reporting.text import beside_unit, shown_values
 

@@ -24,8 +24,7 @@ import numpy as np
 
 from controller.critic.network.layers import RowNetwork
 from hfa_aircraft.batch_simulation import History, Over, Stepper, is_within, march
-from hfa_flight.air.delay import Delay, in_samples, steps_of
-from hfa_flight.air.held_step import held_step
+from hfa_flight.air.held_step import Delay, held_step, in_samples, steps_of
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.row_code import row_code

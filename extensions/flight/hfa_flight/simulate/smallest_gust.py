@@ -11,8 +11,14 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.air.gusts import Gust, OneMinusCosine
-from hfa_flight.air.names import UPDRAFT, foot_in_length_unit, gust_speed, length_unit_of
+from hfa_flight.air.gusts import (
+    UPDRAFT,
+    Gust,
+    OneMinusCosine,
+    foot_in_length_unit,
+    gust_speed,
+    length_unit_of,
+)
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant

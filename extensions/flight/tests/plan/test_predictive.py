@@ -18,7 +18,7 @@ from scipy.optimize import lsq_linear
 import hfa
 from hfa.main import main
 from hfa_flight import Scenario
-from hfa_flight.policies.sampled_policy import NextSample
+from hfa_flight.policies.policy import NextSample
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
 PENDULUM_FILE = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"

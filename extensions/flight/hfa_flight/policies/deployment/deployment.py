@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -18,7 +20,6 @@ from controller.critic.network.network_file import refuse_normalizer
 from hfa_aircraft.readers.matrices_file import sample_time
 from hfa_aircraft.signals import PlantNames
 from hfa_flight.policies.deployment.actor import Actor, Wanted, box_of, gain_function, read_actor
-from hfa_flight.policies.deployment.toml_text import toml_text
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown
 from hfa_support.files import NUMBER, POSITIVE, Number, checked, read_toml, write_text
 from hfa_support.matrices import shape_text
@@ -28,6 +29,33 @@ if TYPE_CHECKING:
     import casadi as ca
 
     from hfa_aircraft.model import Model
+
+
+def toml_text(tables: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return tables of texts, numbers, paths, lists and mappings as TOML, name -> entries."""
+    lines = []
+    for table, entries in tables.items():
+        lines.append(f"[{table}]")
+        lines += [_toml_entry(*entry) for entry in entries.items()]
+    return "\n".join([*lines, ""])
+
+
+def _toml_entry(name: str, value: Any) -> str:
+    """Return "name = value", with the name in quotes where TOML requires them."""
+    key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
+    return f"{key} = {_toml_value(value)}"
+
+
+def _toml_value(value: Any) -> str:
+    """Return a value as TOML."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(_toml_entry(*entry) for entry in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
+    if isinstance(value, float):  # in 15 digits: without the rounding errors of a conversion
+        return repr(float(f"{value:.15g}"))
+    return json.dumps(str(value) if isinstance(value, Path) else value)
+
 
 #: Largest delay that is assessed, in samples.
 MOST_SAMPLES = 100

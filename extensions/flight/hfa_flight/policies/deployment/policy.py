@@ -13,13 +13,11 @@ from typing import Any, Self
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.air.delay import in_samples
-from hfa_flight.air.held_step import parts_of_a_sample
+from hfa_flight.air.held_step import in_samples, parts_of_a_sample
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
-from hfa_flight.policies.deployment.sampled_loop import chain_of
+from hfa_flight.policies.deployment.sampled_loop import EquilibriumSearch, chain_of
 from hfa_flight.policies.policy import Policy
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction

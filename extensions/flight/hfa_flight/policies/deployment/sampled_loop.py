@@ -19,12 +19,234 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_flight.air.delay import in_samples
+from hfa_aircraft.limits import Limits
+from hfa_flight.air.held_step import in_samples
+from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import MOST_SAMPLES
-from hfa_flight.policies.deployment.equilibrium import NominalLoop
 from hfa_support.matrices import balanced, spectral_radius
+from hfa_support.reporting.results import Matrix
 from trim.linear.frequency_response import System, in_continuous_time
 from trim.linear.margins import ClosedLoop, DiskMargin, LoopMargin, disk_of, single_margin
+from trim.linear.nonsmooth import linearization_at
+from trim.point.operating_point import OperatingPoint
+
+_MOST_STEPS = 60
+_MOST_HALVINGS = 30
+#: Residual, in nominal rates, below which a point counts as an equilibrium.
+_STEADY = 1e-9
+
+
+class NominalLoop(NamedTuple):
+    """Linear aircraft x' = A x + B u with the sampled policy u = -K x + K_inputs u_before.
+
+    x are deviations of the linear states and u of the commanded inputs, each in nominal values;
+    u_before are the inputs just before the sample.
+
+    A: (k, k), 1/s.
+    B: (k, m'), 1/s.
+    K: (m', k).
+    K_inputs: (m', m').
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    K: np.ndarray
+    K_inputs: np.ndarray
+
+    @property
+    def settled_gain(self) -> np.ndarray:
+        """Gain (I - K_inputs)⁻¹ K of u = -gain x once the inputs follow a constant state, (m', k).
+
+        The gain is K for a policy whose inputs do not settle, such as an integrator.
+        """
+        if not spectral_radius(self.K_inputs) < 1.0:
+            return self.K
+        return np.linalg.solve(np.eye(len(self.K_inputs)) - self.K_inputs, self.K)
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """Equilibrium of the sampled loop and its linearization.
+
+    states: X, (n,). States outside the linear model have their trim values.
+    inputs: U, (m,).
+    K: (m', k), -∂u/∂x of the commanded inputs u and the linear states x.
+    nominal: the linearization in nominal values.
+    clips: descriptions of saturated actions and inputs.
+    clipped_observations: names of the observations that the normalizer clips.
+    """
+
+    states: np.ndarray
+    inputs: np.ndarray
+    K: Matrix
+    nominal: NominalLoop
+    clips: tuple[str, ...] = ()
+    clipped_observations: tuple[str, ...] = ()
+
+
+class _Residual(NamedTuple):
+    """Residual of the equilibrium conditions at a point z = (X; U), in nominal rates and inputs.
+
+    z: (n + m,)
+    values: (k + m',), rates of the linear states beside those at the trim, and inputs beside the
+        commanded ones.
+    jacobian: (k + m', k + m'), by the linear states and commanded inputs in nominal values.
+    """
+
+    z: np.ndarray
+    values: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def size(self) -> float:
+        """Norm of the residual, inf if it is not a finite number."""
+        norm = float(np.linalg.norm(self.values))
+        return norm if math.isfinite(norm) else math.inf
+
+
+class EquilibriumSearch:
+    """Search for the equilibrium at one trim, in linear states and commanded inputs.
+
+    At the equilibrium, the linear states have the same rates as at the trim.
+    """
+
+    def __init__(self, deployed: Deployed, point: OperatingPoint) -> None:
+        self.deployed = deployed
+        self.point = point
+        model = point.model
+        self.model = model
+        self.trim = deployed.trim_vector(point)
+        self.rows = model.state_places(model.linear)
+        self.columns = model.input_places(deployed.commanded)
+        self.base = np.concatenate([point.states, point.inputs])
+        self.moving = [*self.rows, *(len(model.states) + column for column in self.columns)]
+        self.state_scales = model.nominal(model.linear)
+        self.input_scales = model.nominal(deployed.commanded)
+        rate_scales = [model.rate_scale(name) for name in model.linear]
+        self.residual_scales = np.array([*rate_scales, *self.input_scales])
+        self.scales = np.array([*self.state_scales, *self.input_scales])
+        self.steady_rates = model.at(point.states, point.inputs).f[self.rows]
+
+    def at_trim(self) -> Equilibrium:
+        """Return the linearization at the trim, which need not be an equilibrium."""
+        return self._linearized_at(self.base)
+
+    def equilibrium(self) -> Equilibrium | None:
+        """Return the equilibrium that Newton's method finds from the trim, or None."""
+        here = self._residual_at(self.base)
+        for _ in range(_MOST_STEPS):
+            if here.size <= _STEADY * 1e-3 or not np.isfinite(here.jacobian).all():
+                break
+            following = self._after_newton_step(here)
+            if following is None:
+                break
+            here = following
+        return self._linearized_at(here.z) if here.size <= _STEADY else None
+
+    def _after_newton_step(self, here: _Residual) -> _Residual | None:
+        """Return a point with a smaller residual, after a Newton step that is halved if it is
+        too long, or None.
+        """
+        step = np.linalg.lstsq(here.jacobian, -here.values, rcond=1e-12)[0]
+        for halvings in range(_MOST_HALVINGS):
+            z = here.z.copy()
+            z[self.moving] += step / 2.0**halvings * self.scales
+            following = self._residual_at(z)
+            if following.size < here.size:
+                return following
+        return None
+
+    def _states_and_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return X (n,) and U (m,) of a point z = (X; U)."""
+        n = len(self.model.states)
+        return z[:n], z[n:]
+
+    def _command_and_slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the commanded inputs (m',) at a point z = (X; U) and their slopes.
+
+        The slopes are those by the linear states (m', k) and by the commanded inputs (m', m').
+        """
+        X, U = self._states_and_inputs(z)
+        commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
+        u = np.array(commanded).ravel()[self.columns]
+        by_linear = np.array(by_states)[np.ix_(self.columns, self.rows)]
+        return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
+
+    def _residual_at(self, z: np.ndarray) -> _Residual:
+        """Return the scaled residual of the equilibrium conditions at a point z = (X; U).
+
+        Its Jacobian is that by the scaled linear states and commanded inputs, `moving`.
+        """
+        X, U = self._states_and_inputs(z)
+        count = len(self.moving)
+        try:
+            plant = self.model.at(X, U)
+        except FloatingPointError:
+            return _Residual(z, np.full(count, np.nan), np.full((count, count), np.nan))
+        u, by_states, by_inputs = self._command_and_slopes(z)
+        values = np.concatenate([plant.f[self.rows] - self.steady_rates, U[self.columns] - u])
+        A = plant.A[np.ix_(self.rows, self.rows)]
+        B = plant.B[np.ix_(self.rows, self.columns)]
+        jacobian = np.block([[A, B], [-by_states, np.eye(len(u)) - by_inputs]])
+        per_residual = self.residual_scales[:, None]
+        return _Residual(z, values / self.residual_scales, jacobian * self.scales / per_residual)
+
+    def _linearized_at(self, z: np.ndarray) -> Equilibrium:
+        """Return the linearization at a point (X; U), and what is saturated or clipped there."""
+        X, U = self._states_and_inputs(z)
+        plant, _ = linearization_at(self.model, X, U)
+        _, by_states, by_inputs = self._command_and_slopes(z)
+        A = plant.A[np.ix_(self.rows, self.rows)]
+        B = plant.B[np.ix_(self.rows, self.columns)]
+        x, u = self.state_scales, self.input_scales
+        return Equilibrium(
+            states=X,
+            inputs=U,
+            K=-by_states,
+            nominal=NominalLoop(
+                A=A * x / x[:, None],
+                B=B * u / x[:, None],
+                K=-by_states * x / u[:, None],
+                K_inputs=by_inputs * u / u[:, None],
+            ),
+            clips=self._clips(X, U),
+            clipped_observations=self._clipped_observations(X, U),
+        )
+
+    def _clips(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
+        """Return descriptions of the actions and inputs that are saturated at given X and U."""
+        deployed = self.deployed
+        observation = self._observed(X, U)
+        _, raw, action = (np.array(part).ravel() for part in deployed.stages(observation))
+        low, high = deployed.deployment.box
+        words = []
+        if not deployed.deployment.actor.stated.action.squash:
+            at_ends = ((raw <= low) | (raw >= high)).tolist()
+            for name, is_at_end in zip(deployed.commanded, at_ends, strict=True):
+                if is_at_end:
+                    words.append(f"the action of {name} at the end of its box")
+        unlimited = np.array(deployed.unlimited_inputs(action, X, U, self.trim)).ravel()
+        limits = Limits.of(self.model, tuple(self.model.inputs))
+        is_limited = limits.at_lowest(unlimited) | limits.at_highest(unlimited)
+        for name, column in zip(deployed.commanded, self.columns, strict=True):
+            if is_limited[column]:
+                words.append(f"{name} at its limit")
+        return tuple(words)
+
+    def _clipped_observations(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
+        """Return the names of the observations that the normalizer clips at given X and U."""
+        normalizer = self.deployed.deployment.normalizer
+        if normalizer is None:
+            return ()
+        normal = np.array(self.deployed.stages(self._observed(X, U))[0]).ravel()
+        names = [*self.deployed.deployment.observation]
+        clipped = np.flatnonzero(np.abs(normal) >= normalizer.clip).tolist()
+        return tuple(dict.fromkeys(names[number] for number in clipped))
+
+    def _observed(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
+        """Return the inputs of the policy at X and U."""
+        return np.array(self.deployed.observe(X, U, self.trim)).ravel()
+
 
 #: Largest delay that is searched, s.
 MOST_SECONDS = 3.0
