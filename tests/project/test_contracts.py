@@ -21,7 +21,7 @@ PROVE = "extensions/prove/hfa_prove"
 BREACHES = {
     "Packages import only those below": {
         "controller/game/zero_sum.py": "hfa_flight.air.scenario",
-        f"{FLIGHT}/plan/search.py": "hfa_prove.subject",
+        f"{FLIGHT}/plan/search.py": "hfa_prove.fields",
         "hfa/options/command.py": "hfa.commands.trim",
     },
     "The core imports no extension": {"verification/box.py": "hfa_prove.certificate"},
@@ -62,7 +62,7 @@ BREACHES = {
         "verification/verdict.py": "verification.reports",
     },
     "Enclosures are arithmetic": {f"{PROVE}/enclosure/balls.py": "hfa_aircraft.rigid.aircraft"},
-    "Enclosures serve": {"verification/box.py": "hfa_prove.enclosure.balls"},
+    "Enclosures serve": {"verification/box.py": "hfa_prove.enclosure.ball_function"},
     "Flights:": {
         f"{FLIGHT}/air/scenario.py": "hfa_flight.simulate.simulation",
         f"{FLIGHT}/simulate/flight.py": "hfa_flight.options",
@@ -109,9 +109,9 @@ BREACHES = {
         "controller/riccati/reach.py": "hfa_flight.air.scenario",
     },
     "Checkers and statements": {
-        f"{PROVE}/check/schedule.py": "hfa_prove.search.family",
+        f"{PROVE}/check/schedule.py": "hfa_prove.search.schedule",
         f"{PROVE}/check/trims.py": "hfa_prove.search.schedule",
-        f"{PROVE}/statements/flight.py": "hfa_prove.search.family",
+        f"{PROVE}/statements/flight.py": "hfa_prove.search.schedule",
         f"{PROVE}/check/__init__.py": "controller.critic.network.critic",
     },
     "Only these import the flexible aircraft": {

@@ -6,9 +6,8 @@
 - `read.py` makes a `Model` of files with aerodynamics, mass properties and propulsion.
 """
 
-from hfa_daveml.check_cases import checked_outputs, value_of
+from hfa_daveml.check_cases import checked_outputs, model_unit, value_of
 from hfa_daveml.document import read_document
-from hfa_daveml.names import model_unit
 from hfa_daveml.read import read_model
 
 __all__ = ["checked_outputs", "model_unit", "read_document", "read_model", "value_of"]

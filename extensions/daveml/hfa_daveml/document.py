@@ -6,16 +6,42 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from hfa_daveml.tables import GriddedTable
+from hfa_aircraft.rigid.tables import Interpolator
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import regular_file, xml_root
 
 if TYPE_CHECKING:
     from xml.etree import ElementTree
+
+
+@dataclass(frozen=True)
+class GriddedTable:
+    """A table on a grid, linear in each argument between breakpoints.
+
+    breakpoints: an increasing array for each argument
+    values: array with one dimension for each argument
+    """
+
+    breakpoints: tuple[np.ndarray, ...]
+    values: np.ndarray
+
+    @property
+    def ends(self) -> list[tuple[float, float]]:
+        """First and last breakpoint of each argument."""
+        return [(float(points[0]), float(points[-1])) for points in self.breakpoints]
+
+    def value(self, arguments: Sequence[Any], interpolator: Interpolator) -> Any:
+        """Return the interpolated value of the table.
+
+        arguments: number or expression for each dimension of the table
+        interpolator: interpolator shared by the tables of an aircraft
+        """
+        return interpolator(self.values, self.breakpoints, arguments)
+
 
 _Definition = TypeVar("_Definition")
 #: Elements that change the meaning of a variable and are not supported.

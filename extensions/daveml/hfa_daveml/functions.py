@@ -2,16 +2,173 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import math
+import operator
+from collections.abc import Callable, Mapping
+from functools import reduce
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.rigid.tables import Interpolator
 from hfa_daveml.document import Document, Variable
-from hfa_daveml.mathml import expression
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, shortened
+
+if TYPE_CHECKING:
+    from xml.etree import ElementTree
+
+
+#: Operators of one argument.
+_OF_ONE: Mapping[str, Callable[[Any], Any]] = {
+    "abs": ca.fabs,
+    "floor": ca.floor,
+    "ceiling": ca.ceil,
+    "exp": ca.exp,
+    "ln": ca.log,
+    "log": ca.log10,
+    "sin": ca.sin,
+    "cos": ca.cos,
+    "tan": ca.tan,
+    "arcsin": ca.asin,
+    "arccos": ca.acos,
+    "arctan": ca.atan,
+    "sinh": ca.sinh,
+    "cosh": ca.cosh,
+    "tanh": ca.tanh,
+    "not": ca.logic_not,
+}
+#: Operators of two arguments.
+_OF_TWO: Mapping[str, Callable[[Any, Any], Any]] = {
+    "divide": operator.truediv,
+    "power": operator.pow,
+    "lt": operator.lt,
+    "gt": operator.gt,
+    "leq": operator.le,
+    "geq": operator.ge,
+    "eq": ca.eq,
+    "neq": ca.ne,
+    "atan2": ca.atan2,
+}
+#: Operators of any number of arguments.
+_OF_MANY: Mapping[str, Callable[[Any, Any], Any]] = {
+    "plus": operator.add,
+    "times": operator.mul,
+    "min": ca.fmin,
+    "max": ca.fmax,
+    "and": ca.logic_and,
+    "or": ca.logic_or,
+}
+_CONSTANTS = {"pi": math.pi, "exponentiale": math.e, "true": 1.0, "false": 0.0}
+
+
+def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
+    """Return a formula as a CasADi expression or a number.
+
+    value_of: varID -> value of the variable
+
+    Raises BadInputError if an element is not supported, an operator has a wrong number of
+    arguments, the value of an operator of numbers is not a finite number, or a number or a
+    piecewise element is invalid.
+    """
+    if element.tag == "ci":
+        return value_of((element.text or "").strip())
+    if element.tag == "cn":
+        return _number(element)
+    if element.tag in _CONSTANTS:
+        return _CONSTANTS[element.tag]
+    if element.tag == "piecewise":
+        return _piecewise(element, value_of)
+    if element.tag == "apply" and len(element):
+        operator_element, *arguments = element
+        if not arguments and operator_element.tag in ("apply", "piecewise", "ci", "cn"):
+            return expression(operator_element, value_of)  # a formula in brackets
+        return _finite(operator_element, [expression(each, value_of) for each in arguments])
+    raise BadInputError(
+        f"<{shortened(element.tag)}> is not supported in a formula; rewrite the formula"
+    )
+
+
+def _finite(element: ElementTree.Element, arguments: list[Any]) -> Any:
+    """Return the result of an operator (`_applied`), and refuse one of numbers that is not finite.
+
+    element: element that names the operator
+    """
+    try:
+        result = _applied(element, arguments)
+        is_finite = not isinstance(result, complex)
+        if is_finite and all(isinstance(each, int | float) for each in arguments):
+            is_finite = math.isfinite(result)
+    except ArithmeticError:  # division by zero, or an overflow
+        is_finite = False
+    if not is_finite:
+        numbers = ", ".join(f"{each:g}" for each in arguments)
+        raise BadInputError(
+            f"<{shortened(element.tag)}> of {numbers} is not a finite number; correct the formula"
+        )
+    return result
+
+
+def _applied(element: ElementTree.Element, arguments: list[Any]) -> Any:
+    """Return the result of the operator that an element names, applied to arguments."""
+    name = element.tag
+    if name == "csymbol":
+        name = (element.text or "").strip()
+    count = len(arguments)
+    if name == "minus" and count in (1, 2):
+        return -arguments[0] if count == 1 else arguments[0] - arguments[1]
+    if name == "root" and count == 1:
+        return ca.sqrt(arguments[0])
+    if name in _OF_ONE and count == 1:
+        return _OF_ONE[name](arguments[0])
+    if name in _OF_TWO and count == 2:
+        return _OF_TWO[name](*arguments)
+    if name in _OF_MANY and count >= 1:
+        return reduce(_OF_MANY[name], arguments)
+    if name not in ("minus", "root", *_OF_ONE, *_OF_TWO, *_OF_MANY):
+        raise BadInputError(
+            f"<{shortened(name)}> is not supported in a formula; rewrite the formula"
+        )
+    raise BadInputError(
+        f"the number of arguments of <{shortened(name)}> is {count}, which is not supported; "
+        "rewrite the formula"
+    )
+
+
+def _number(element: ElementTree.Element) -> float:
+    """Return the number in a <cn> element. Raises BadInputError if its text is no number."""
+    try:
+        if element.get("type") == "e-notation":  # 1.5<sep/>-3
+            mantissa = (element.text or "").strip()
+            exponent = (element[0].tail or "").strip()
+            return float(f"{float(mantissa)}e{int(exponent)}")
+        return float((element.text or "").strip())
+    except (ValueError, IndexError) as error:
+        raise BadInputError(
+            f"<cn> contains {shortened(element.text or '')!r}, which is not a number; give a number"
+        ) from error
+
+
+def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
+    """Return the value of the first piece whose condition is true, else that of <otherwise>.
+
+    Raises BadInputError if <otherwise>, or the value or condition of a piece, is missing.
+    """
+    otherwise = element.find("otherwise")
+    if otherwise is None or len(otherwise) != 1:
+        raise BadInputError(
+            "<piecewise> does not contain one <otherwise> with one value; add the value for all "
+            "other cases"
+        )
+    value = expression(otherwise[0], value_of)
+    for piece in reversed(element.findall("piece")):
+        if len(piece) != 2:
+            raise BadInputError(
+                "<piece> does not contain a value and a condition; add the missing element"
+            )
+        chosen, condition = (expression(each, value_of) for each in piece)
+        value = ca.if_else(condition, chosen, value)
+    return value
 
 
 class Expressions:

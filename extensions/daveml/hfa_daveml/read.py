@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-import hfa_daveml.names as names
+import hfa_daveml.check_cases as names
 from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import (

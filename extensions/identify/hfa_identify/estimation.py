@@ -12,21 +12,20 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_identify.bands import (
+from hfa_identify.fit import Fit, OutputError
+from hfa_identify.identified import Estimate, FittedQuantity, Identified
+from hfa_identify.records import Record, columns_of_table, read_record, record_of
+from hfa_identify.residuals import (
     BAND,
     contradicts_records,
     correlations,
     covariance,
     determination,
+    misfits,
     white_covariance,
     whiteness,
 )
-from hfa_identify.fit import Fit, OutputError
-from hfa_identify.identified import Estimate, FittedQuantity, Identified
-from hfa_identify.records import Record, columns_of_table, read_record, record_of
-from hfa_identify.residuals import misfits
-from hfa_identify.response import Responses
-from hfa_identify.sensors import biases
+from hfa_identify.response import Responses, biases
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unknown, shown
 
 #: Interpolations of the inputs between samples.

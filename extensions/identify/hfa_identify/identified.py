@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_aircraft.loading import load_model, relative_to
 from hfa_aircraft.model import Model
 from hfa_aircraft.uncertain import ParameterSpread
-from hfa_identify.bands import WHITE
 from hfa_identify.records import Record
-from hfa_identify.residuals import Misfit
-from hfa_support.errors import NoSolutionError, refuse_unknown
+from hfa_identify.residuals import WHITE, Misfit
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result
@@ -21,6 +23,7 @@ from hfa_support.reporting.text import WIDTH, Table, beside_unit, shown_unit, sh
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
 
 #: Ratio of an estimate to its value before, above which a check of the record is advised.
 _FAR = 8.0
@@ -304,3 +307,51 @@ def identified_figure(
     for bottom in axes[-1]:
         bottom.set_xlabel("time, s")
     return figure
+
+
+def aircraft_text(identified: Identified, folder: Path) -> str:
+    """Return the TOML text of a file with the estimates, bands and covariance.
+
+    The file names the aircraft, relative to its own folder, and the aircraft's SHA-256.
+    [parameters] contains the estimates and all other values that differ from the aircraft's own.
+    Estimated biases of columns are in [sensors]. [covariance] is omitted if it is not finite.
+
+    folder: folder of the file
+
+    Raises BadInputError if the model was not loaded from a file.
+    """
+    source = identified.model.source
+    if not source.text:
+        raise BadInputError(
+            "-o FILE.toml requires an aircraft that was read from a file; add --aircraft FILE"
+        )
+    estimated = [name for name in identified.parameters if name in identified.model.parameters]
+    biases = [name for name in identified.parameters if name not in estimated]
+    usual = load_model(source.text).parameters
+    values = {
+        name: signal.start
+        for name, signal in identified.model.parameters.items()
+        if name in estimated or signal.start != usual[name].start
+    }
+    # JSON strings are valid TOML.
+    rows = [f"aircraft = {json.dumps(relative_to(source.text, folder), ensure_ascii=False)}"]
+    rows += [f'sha256 = "{source.digest}"', "", "[parameters]"]
+    rows += [f"{name} = {value!r}" for name, value in values.items()]
+    rows += ["", "# Ends of the 95 % bands.", "[bands]"]
+    rows += [
+        f"{name} = [{each.low!r}, {each.high!r}]" for name, each in identified.parameters.items()
+    ]
+    if biases:
+        rows += ["", "# Biases of the columns of the records.", "[sensors]"]
+        rows += [f"{name} = {identified.parameters[name].value!r}" for name in biases]
+    places = [list(identified.parameters).index(name) for name in estimated]
+    covariance = identified.covariance[np.ix_(places, places)]
+    if np.isfinite(covariance).all():
+        rows += [
+            "",
+            "# Covariance of the parameters, for --draws.",
+            "[covariance]",
+            f"names = {estimated!r}",
+        ]
+        rows += ["rows = [", *(f"    {row!r}," for row in covariance.tolist()), "]"]
+    return "\n".join(rows) + "\n"

@@ -8,7 +8,7 @@ S⁺ = Φ_x S + Φ_θ. θ contains parameters of the model and biases of columns
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -21,10 +21,19 @@ from hfa_aircraft.layout import column, components
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.records import Record
-from hfa_identify.sensors import biases
 from hfa_support.matrices import spectral_radius
 from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.row_code import machine_code
+
+
+def biases(model: Model, columns: Iterable[str]) -> dict[str, str]:
+    """Return the name of each column's bias, such as "bias_alpha" -> the column.
+
+    A name that is also a parameter of the model is omitted.
+    """
+    named = {f"bias_{column}": column for column in columns}
+    return {name: column for name, column in named.items() if name not in model.parameters}
+
 
 #: Largest integration step, in time constants of the fastest mode.
 STEP = 0.3

@@ -22,7 +22,7 @@ from hfa_aircraft.rigid.aircraft import (
     turn_rate,
 )
 from hfa_aircraft.signals import ISA
-from hfa_jsbsim.aerodynamics import Aerodynamics
+from hfa_jsbsim.aerodynamics import Aerodynamics, Reactions
 from hfa_jsbsim.air import (
     KNOT_IN_FEET,
     OF_MASS,
@@ -33,21 +33,20 @@ from hfa_jsbsim.air import (
 )
 from hfa_jsbsim.airframe import Body, Loads, Mass, mass_of
 from hfa_jsbsim.catalog import access
-from hfa_jsbsim.clock import depends_on_time
 from hfa_jsbsim.control_system import add_control_systems
 from hfa_jsbsim.engines import OF_ENGINES, STEP, Effect, EngineFile, HostAircraft, spool_error
 from hfa_jsbsim.functions import function_value, property_definitions, table_value
-from hfa_jsbsim.notes import Note
 from hfa_jsbsim.parts import LOADED, Parts
 from hfa_jsbsim.powerplant import add_engine
 from hfa_jsbsim.properties import (
     BEFORE_ALL,
+    Note,
     Properties,
     Writer,
     canonical,
+    depends_on_time,
     identifier,
 )
-from hfa_jsbsim.reactions import Reactions
 from hfa_jsbsim.surfaces import (
     PilotInput,
     names_read_by,

@@ -17,8 +17,7 @@ from hfa_aircraft.rigid.aircraft import rotation
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Mass, Tank
 from hfa_jsbsim.functions import function_value, read_table, table_value
-from hfa_jsbsim.notes import Note
-from hfa_jsbsim.properties import Properties
+from hfa_jsbsim.properties import Note, Properties
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
 

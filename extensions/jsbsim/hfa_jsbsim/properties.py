@@ -5,16 +5,93 @@ from __future__ import annotations
 import keyword
 import math
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import casadi as ca
 
 from hfa_aircraft.rigid.tables import Interpolator
-from hfa_jsbsim.notes import Note
 from hfa_jsbsim.xml_file import Element, number_of
 from hfa_support.errors import BadInputError, shortened
+
+#: Ranks of notes, in the order in which they are printed. FORCE: a force may differ from JSBSim's.
+#: MOTION: only the motion may differ. IDLE: nothing differs in flight.
+FORCE = 0
+MOTION = 1
+IDLE = 2
+#: Largest number of subjects that a note lists for one file.
+_MOST = 12
+
+
+class Note(NamedTuple):
+    """Note about an element of a file.
+
+    statement: the statement
+    subject: part of the file that the statement concerns, "" for the whole file
+    where: file and line
+    rank: FORCE, MOTION or IDLE, from the most to the least important
+    """
+
+    statement: str
+    subject: str = ""
+    where: str = ""
+    rank: int = FORCE
+
+
+def grouped(notes: Iterable[Note]) -> list[str]:
+    """Return one line for each statement, with its subjects, files and lines.
+
+    Notes of rank FORCE come first, then MOTION and IDLE.
+    """
+    by_statement: dict[tuple[int, str], list[Note]] = {}
+    for note in sorted(notes, key=lambda note: note.rank):
+        by_statement.setdefault((note.rank, note.statement), []).append(note)
+    return [_line(statement, group) for (_, statement), group in by_statement.items()]
+
+
+def _line(statement: str, notes: list[Note]) -> str:
+    """Return a statement followed by its subjects, files and lines, at most `_MOST` per file."""
+    by_file: dict[str, list[str]] = {}
+    for note in dict.fromkeys(notes):
+        file, _, line = note.where.rpartition(":")
+        by_file.setdefault(file, []).append(f"{line} {note.subject}".strip())
+    files = []
+    for file, subjects in by_file.items():
+        texts = [text for text in subjects[:_MOST] if text]
+        if len(subjects) > _MOST:
+            texts.append(f"{len(subjects) - _MOST} more")
+        files.append(f"{file}: {', '.join(texts)}" if file else ", ".join(texts))
+    listed = "; ".join(text for text in files if text)
+    return f"{statement}: {listed}" if listed else statement
+
+
+#: State of a steady flight, and times, s, at which its forces are compared.
+_USUAL = {
+    "speed": 300.0,
+    "alpha": 0.05,
+    "pitch": 0.05,
+    "altitude": 5000.0,
+    "throttle": 0.5,
+    "gravity": 32.17,
+    **{f"rpm{number}": 1500.0 for number in range(9)},
+    **{f"engine{number}": 1.0 for number in range(9)},
+    **{f"tank{number}": 100.0 for number in range(99)},
+}
+_TIMES = (0.37, 5.3, 61.7, 1234.5)
+
+
+def depends_on_time(rates: ca.SX, time: ca.SX, symbols: Sequence[ca.SX]) -> bool:
+    """Return whether time derivatives in a typical steady flight change with the simulation time.
+
+    rates: time derivatives, expressions of `time` and `symbols`
+    symbols: all other symbols in `rates`
+    """
+    function = ca.Function("rates", [time, ca.vertcat(*symbols)], [rates])
+    usual = [_USUAL.get(symbol.name(), 0.0) for symbol in symbols]
+    at_start = function(0.0, usual)
+    return any(not ca.is_equal(function(later, usual), at_start) for later in _TIMES)
+
 
 #: Names of the model that states of the control system may not have.
 _TAKEN = {

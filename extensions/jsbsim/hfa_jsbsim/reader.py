@@ -17,15 +17,14 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import DEVIATION, GRAVITY, STATES, coordinated, inertia_doubt
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
 from hfa_aircraft.signals import ISA, Signal
-from hfa_jsbsim.accounting import notes_on_omitted
+from hfa_jsbsim.accounting import explain, notes_on_omitted, of_engine_files
 from hfa_jsbsim.aircraft import GUSTS, LEVERS, WINDS, Equations
 from hfa_jsbsim.aircraft_files import choices_of, find_aircraft
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.equations import EquationsOfMotion
-from hfa_jsbsim.notes import Note, grouped
 from hfa_jsbsim.parts import Parts
-from hfa_jsbsim.reasons import explain, of_engine_files
+from hfa_jsbsim.properties import Note, grouped
 from hfa_support.errors import BadInputError, advice, shortened
 from hfa_support.native.bound import RowFunction
 

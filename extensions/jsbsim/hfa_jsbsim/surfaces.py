@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from hfa_jsbsim.control_system import output_limits
-from hfa_jsbsim.notes import Note
-from hfa_jsbsim.properties import LoopError, Properties, canonical
+from hfa_jsbsim.properties import LoopError, Note, Properties, canonical
 from hfa_jsbsim.xml_file import Element
 
 _ENDINGS = ("-pos-rad", "-pos-deg", "-pos-norm", "-rad", "-deg", "-norm", "-pos")

@@ -9,6 +9,7 @@ import base64
 import gzip
 import html
 import json
+import math
 import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,16 +17,16 @@ from functools import cache, partial
 from importlib.resources import files
 from typing import Any, NamedTuple
 
-from hfa_page.compared_with_print import printed_comparison_tables
+from hfa_model.parameters import INPUTS, LINEAR_STATES
+from hfa_model.published import PublishedModel
 from hfa_page.flights import flights_section
-from hfa_page.main_job import MainJob, Position, Slider
+from hfa_page.main_job import MainJob, Position, Slider, flight_in_turbulence
 from hfa_page.plots import InteractivePlot, pictures_over
-from hfa_page.turbulence import flight_in_turbulence
 from hfa_support.errors import missing_package
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.report import Part, Picture, Report, verdict_text
-from hfa_support.reporting.text import Cell, Table
-from trim.hfa.printed import printed_at
+from hfa_support.reporting.text import TONES, Cell, Table, four_decimals
+from trim.hfa.printed import EntryRow, compare, printed_at
 from trim.hfa.reports import linear_model_report
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
@@ -33,6 +34,37 @@ from trim.reports.book import Condition, book_of
 from trim.reports.first_lines import subject
 from trim.reports.linear_report import matrices, units_in_words
 from verification.reports import verdict_figure
+
+#: Largest deviations, in half units of the last digit, of all tones but the last: same print, one
+#: digit off, at most two digits off.
+_MOST_HALF_UNITS = (1.0, 2.0, 3.0)
+
+
+def printed_comparison_tables(model: LinearModel, published: PublishedModel) -> tuple[Table, ...]:
+    """Return tables of A and B with a printed row below each computed row.
+
+    The color of an entry depends on its deviation in half units of the last printed digit.
+    """
+    entries = iter(compare(model, published))
+    tables = []
+    for name, columns in (("A", LINEAR_STATES), ("B", INPUTS)):
+        lines: list[tuple[str, ...]] = []
+        for state in LINEAR_STATES:
+            row = [next(entries) for _ in columns]
+            lines.append((state, *(_toned(entry) for entry in row)))
+            lines.append(("printed", *(four_decimals(entry.printed) for entry in row)))
+        tables.append(Table((name, *columns), lines))
+    return tuple(tables)
+
+
+def _toned(entry: EntryRow) -> str:
+    """Return the table cell of a computed entry, colored by its deviation from the print."""
+    shown = four_decimals(entry.computed)
+    if entry.is_zero:
+        return shown
+    tones = zip(TONES, (*_MOST_HALF_UNITS, math.inf), strict=True)
+    return Cell(shown, next(tone for tone, most in tones if abs(entry.half_units) <= most))
+
 
 _COLORS = (
     "Colors of A and B: green entries agree (within 1 half unit of the last printed digit), yellow "
@@ -319,10 +351,10 @@ def verdict_sentence(job: MainJob) -> str:
     """Return the first paragraph of the paper's page as HTML: verdict and checks."""
     if job.regeneration is None:
         return ""
-    regenerated = _toned(job.regeneration.ok, "regenerated", "NOT regenerated")
-    agrees = _toned(job.learned, "agrees", "DOES NOT agree")
+    regenerated = _toned_word(job.regeneration.ok, "regenerated", "NOT regenerated")
+    agrees = _toned_word(job.learned, "agrees", "DOES NOT agree")
     asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
-    sentences = [f"hfa: {_toned(job.ok, 'PASS', 'FAIL')}."]
+    sentences = [f"hfa: {_toned_word(job.ok, 'PASS', 'FAIL')}."]
     sentences.append(
         f"Both pairs of matrices (A, B) that the paper prints are {regenerated} from one set of "
         f"parameters ({html.escape(job.slider.sweep.model.name)} dynamics)."
@@ -398,6 +430,6 @@ def plotly_script() -> str:
     return f'<!--{license_}--><script type="text/plain" id="plotly">{packed}</script>'
 
 
-def _toned(ok: bool, yes: str, no: str) -> str:
+def _toned_word(ok: bool, yes: str, no: str) -> str:
     """Return the word for a verdict as HTML, green or red."""
     return f'<strong class="good">{yes}</strong>' if ok else f'<strong class="bad">{no}</strong>'

@@ -16,8 +16,7 @@ pytest.importorskip("hfa_flight")
 
 from hfa import BadInputError, Model, Signal, load_model, trim
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa_page.main_job import Position, values_about
-from hfa_page.turbulence import flight_in_turbulence
+from hfa_page.main_job import Position, flight_in_turbulence, values_about
 from trim.point.condition import usual_condition
 
 

@@ -12,9 +12,9 @@ from proofs import CONSTANT, FLOAT, certificate, changed, decided, float_equatio
 from hfa import BadInputError, NoSolutionError, aircraft
 from hfa_prove import Family, prove_schedule
 from hfa_prove.certificate import read_certificate, read_content, write_certificate
+from hfa_prove.fields import Given, compare, within
 from hfa_prove.report import found_report
-from hfa_prove.statements.aircraft import digest_of, facts
-from hfa_prove.subject import Given, compare, within
+from hfa_prove.statements.schedule import digest_of, facts
 
 
 @cache

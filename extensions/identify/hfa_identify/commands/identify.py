@@ -88,8 +88,8 @@ def identify(request: IdentifyRequest, model: Model) -> Outcome:
     findings, such as a quantity that is off the model, with the time and the difference. The first
     line names the most important findings.
     """
-    from hfa_identify.aircraft_file import aircraft_text
     from hfa_identify.estimation import identify as identified_of
+    from hfa_identify.identified import aircraft_text
     from hfa_support.files import write_text
 
     progress = ProgressLine("identify")

@@ -27,12 +27,10 @@ from flint import arb, arb_mat, ctx
 
 from controller.riccati.balls import ball_matrix, identity, is_positive_definite, midpoints
 from hfa_prove.check.trims import SteadyFlight, TrimPiece
-from hfa_prove.enclosure.ball_function import BallFunction, Undecided
-from hfa_prove.enclosure.balls import exact, symmetric
+from hfa_prove.enclosure.ball_function import BallFunction, Undecided, exact, symmetric
 from hfa_prove.enclosure.precision import PRECISION
 from hfa_prove.fields import Rejected
-from hfa_prove.statements.aircraft import SAME_TRIM
-from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
+from hfa_prove.statements.schedule import SAME_TRIM, ScheduleStatement, ScheduleWitness
 from hfa_support.progress import Progress
 
 #: Least length of a piece, relative to the interval.

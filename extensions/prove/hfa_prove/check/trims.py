@@ -22,10 +22,9 @@ from flint import arb, arb_mat
 
 from controller.riccati.balls import ball_matrix, identity
 from hfa_aircraft.model import Model
-from hfa_prove.enclosure.ball_function import BallFunction, Undecided
-from hfa_prove.enclosure.balls import READING, exact, symmetric
+from hfa_prove.enclosure.ball_function import READING, BallFunction, Undecided, exact, symmetric
 from hfa_prove.fields import Rejected
-from hfa_prove.statements.flight import Flight, unit_of_schedule
+from hfa_prove.statements.schedule import Flight, unit_of_schedule
 from hfa_support.errors import BadInputError
 
 #: Steps of Newton's method for an estimate of a trim, and its largest last step relative to the

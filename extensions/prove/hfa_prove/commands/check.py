@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hfa.options.command import Outcome, ProgressLine, command
 from hfa.options.plants import aircraft_source
-from hfa_prove.commands.check_request import CheckRequest
+from hfa_prove.commands.given import CheckRequest
 from hfa_support.errors import BadInputError
 
 
@@ -19,8 +19,8 @@ def prove(request: CheckRequest) -> Outcome:
     from hfa_prove.certificate import read_certificate
     from hfa_prove.check import check
     from hfa_prove.commands.given import asked_trim, given_for
+    from hfa_prove.fields import compare
     from hfa_prove.report import checked_report
-    from hfa_prove.subject import compare
 
     path = request.check
     if path is None:

@@ -68,8 +68,7 @@ def schedule(request: ScheduleRequest) -> Outcome:
     for `hfa prove --check FILE`. Not covered: actuators, delay, the nonlinear aircraft. Exit code
     0: the statement is proved. Exit code 1: it is false or open; the message states where."""
     from hfa_prove.certificate import write_certificate
-    from hfa_prove.search.family import Family, breakpoints_of, exact_gains
-    from hfa_prove.search.schedule import prove_schedule
+    from hfa_prove.search.schedule import Family, breakpoints_of, exact_gains, prove_schedule
 
     asked = trim_input(request, scheduled=interval_of)
     low, high = _ends(asked)

@@ -20,6 +20,22 @@ import hfa_prove.enclosure.precision  # noqa: F401  # sets the precision of ball
 from hfa_prove.enclosure.splines import Spline, Table, is_table, polynomial, tables_of
 from hfa_support.errors import BadInputError, NoSolutionError
 
+#: Relative radius about a double that contains the decimal from which it was read, also if it was
+#: converted from degrees: four units of 2^-53.
+READING = 2.0**-51
+
+
+def exact(value: float) -> arb:
+    """Return the ball of radius 0 whose midpoint is a double."""
+    return arb(float(value))
+
+
+def symmetric(radius: Any) -> arb:
+    """Return [-r, r], with r an upper bound of the absolute value of a number or ball."""
+    bound = abs(arb(radius)).upper()
+    return (-bound).union(bound)
+
+
 #: Largest number of operations of a function.
 LARGEST = 100_000
 

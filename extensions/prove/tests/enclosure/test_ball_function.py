@@ -6,8 +6,7 @@ import pytest
 from flint import arb
 
 from hfa import BadInputError
-from hfa_prove.enclosure.ball_function import BallFunction, Undecided
-from hfa_prove.enclosure.balls import exact
+from hfa_prove.enclosure.ball_function import BallFunction, Undecided, exact
 
 
 def _smooth():

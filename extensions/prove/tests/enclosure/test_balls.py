@@ -9,9 +9,9 @@ from flint import arb
 from proofs import FLOAT
 
 from hfa_prove.check.trims import SteadyFlight
-from hfa_prove.enclosure.balls import exact, symmetric
+from hfa_prove.enclosure.ball_function import exact, symmetric
 from hfa_prove.enclosure.precision import PRECISION
-from hfa_prove.statements.flight import Flight
+from hfa_prove.statements.schedule import Flight
 
 
 def test_balls_contain_their_members():
@@ -42,7 +42,9 @@ def test_a_read_number_contains_its_decimal():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", ["hfa_prove.enclosure.balls", "hfa_prove.search.schedule"])
+@pytest.mark.parametrize(
+    "module", ["hfa_prove.enclosure.ball_function", "hfa_prove.search.schedule"]
+)
 def test_importing_balls_sets_their_precision(module):
     """Whoever imports balls in a new process computes with the bits of proofs."""
     program = f"import {module}, flint; print(flint.ctx.prec)"

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from hfa_prove.enclosure import splines
-from hfa_prove.enclosure.ball_function import BallFunction, Undecided
-from hfa_prove.enclosure.balls import exact, symmetric
+from hfa_prove.enclosure.ball_function import BallFunction, Undecided, exact, symmetric
 from hfa_prove.enclosure.splines import tables_of
 from hfa_support.errors import BadInputError
 
