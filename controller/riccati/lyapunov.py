@@ -304,8 +304,8 @@ def stabilizes(game: Game, K: np.ndarray, *, is_discounted: bool = False) -> boo
     is_discounted: whether √α (A - B K) is asked about
     """
     loop_of = discounted_loop if is_discounted else loop_with
-    for bits in ATTEMPTS:
-        with precision(bits):
+    for attempt in ATTEMPTS:
+        with precision(attempt):
             is_stable = stability_of(loop_of(game, ball_matrix(K)), is_discrete=game.is_discrete)
         if is_stable is not None:
             return is_stable

@@ -14,8 +14,8 @@ import numpy as np
 
 from hfa_fmu.library import FmuError, Instance
 
-#: Step of the differences, relative to the nominal values. `trim.linear.nonsmooth` compares slopes 3e-6
-#: of the nominal values away on both sides.
+#: Step of the differences, relative to the nominal values. `trim.linear.nonsmooth` compares slopes
+#: 3e-6 of the nominal values away on both sides.
 STEP = 2e-6
 #: Time at which the rates are compared with those at time 0.
 _LATER = 7.381
