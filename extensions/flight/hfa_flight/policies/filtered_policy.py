@@ -465,7 +465,7 @@ class FilteredPolicy(SampledPolicy):
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: those of its law, and the filter."""
         of_filter = {"filter": storable(self.filter), "margins": self.margins}
-        named = {**self.law.data(model), "law": self.name}
+        named = {**self.law.data(model), "name": self.name}
         return {**named, **of_filter, "unused_samples": self.unused}
 
     def notes(self) -> tuple[str, ...]:

@@ -112,7 +112,7 @@ class Policy(Reported):
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy for the result of a flight."""
-        return {"law": self.name}
+        return {"name": self.name}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -159,7 +159,7 @@ class GainPolicy(Policy):
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: name, units of the states, and gain."""
-        return {"law": self.name, "state_units": list(model.units(model.linear)), "K": self.K}
+        return {"name": self.name, "state_units": list(model.units(model.linear)), "K": self.K}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -210,7 +210,7 @@ class FunctionPolicy(Policy):
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: its name, and what its file states."""
         stated = {} if self.stated is NOTHING else {"stated": storable(self.stated)}
-        return {"law": self.name, **stated}
+        return {"name": self.name, **stated}
 
     def expression(self, z: ca.SX) -> ca.SX:
         """Return u = sat(π(z), lowest, highest) as an expression of z, (m,)."""

@@ -138,7 +138,7 @@ class ScheduledGainPolicy(Policy):
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: name, units of the states, breakpoints and gains."""
         return {
-            "law": self.name,
+            "name": self.name,
             "state_units": list(model.units(model.linear)),
             model.schedule_key: self.schedule.file_breakpoints,
             "K": self.schedule.gains,

@@ -157,7 +157,7 @@ class MonteCarlo(Reported):
             "model": _equations_identity(self.model),
             "states": self.point.states._asdict(),
             "inputs": self.point.inputs._asdict(),
-            "law": {"name": self.policy.name, **self.policy.identity},
+            "policy": {"name": self.policy.name, **self.policy.identity},
             "scenario": self.scenario.to_dict(),
             "uncertainty": asdict(self.scenario.uncertainty),
             "envelope": envelope_data(self.envelope, self.scenario.moving_air),

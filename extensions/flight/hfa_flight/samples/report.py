@@ -211,7 +211,7 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
         "schema": "hfa.monte-carlo-summary/1",
         "ok": is_enough(count, plan.members, plan.share),
         "dynamics": model.name,
-        "law": plan.policy.name,
+        "policy": plan.policy.name,
         "members": plan.members,
         "seed": plan.seed,
         "duration": plan.scenario.duration,

@@ -114,7 +114,7 @@ class SmallestGusts(Result, Reported):
         """Return the entries of the file, name -> value."""
         return {
             "operating_point": self.point,
-            "law": self.policy,
+            "policy": self.policy,
             "thresholds": [each._asdict() for each in self.thresholds],
             "smallest": None if self.smallest is None else self.smallest._asdict(),
             "flights": self.flights,

@@ -16,7 +16,7 @@ SENSORS = {"speed": 0.1, "alpha": 0.002, "pitch": 0.002, "pitch_rate": 0.002}
 
 def assert_same(one, other):
     """Assert that two reports have the same entries, numbers to 1e-9."""
-    for name in one.keys() - {"provenance", "warnings", "store", "units", "law"}:
+    for name in one.keys() - {"provenance", "warnings", "store", "units", "policy"}:
         if isinstance(one[name], dict):
             assert_same(one[name], other[name])
         elif isinstance(one[name], (float, list)):

@@ -467,7 +467,7 @@ def test_laws_fly_and_are_compared_on_the_command_line(law, capsys):
     (of_law,) = [each for each in compared if each["policy"] == law]
     assert 0.999 < of_law["over_best"] < 1.02
     assert of_law["cost"] == pytest.approx(flown["cost"] + flown["cost_to_go"], rel=5e-5)
-    assert flown["policy"]["law"] == law
+    assert flown["policy"]["name"] == law
     assert abs(flown["final"]["angle"]) < 0.02  # rad, of 1.2 rad at first
     if law == "predictive":
         counts = flown["policy"]["samples"]

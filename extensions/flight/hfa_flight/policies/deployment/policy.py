@@ -140,7 +140,7 @@ class DeployedPolicy(Policy):
         """Return the policy's name, deployment file and network, for the JSON output."""
         deployment = self.deployed.deployment
         return {
-            "law": self.name,
+            "name": self.name,
             "deployment_file": deployment.origin,
             "network": deployment.actor.chain,
             "stated": storable(deployment.actor.stated),
