@@ -49,7 +49,8 @@ from trim.linear.linearize import linearize as linearize
 from trim.point.condition import TrimCondition as TrimCondition
 from trim.point.operating_point import OperatingPoint as OperatingPoint
 from trim.point.solve import trim as trim
-from trim.sweeps.sweep import Sweep as Sweep, sweep as sweep
+from trim.sweeps.result import Sweep as Sweep
+from trim.sweeps.sweep import sweep as sweep
 from verification.critic_check import verify as verify
 from verification.verdict import Verdict as Verdict
 

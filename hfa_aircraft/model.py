@@ -664,8 +664,6 @@ class Model(Reported):
 
         Raises BadInputError for an unknown parameter or a value beyond its limits.
         """
-        from hfa_aircraft.limits import Limits
-
         changed = dict(self.parameters)
         native = self.source.native
         native_values = {}
@@ -675,7 +673,7 @@ class Model(Reported):
             value = self.number(name, given)
             if not is_finite(value):
                 raise BadInputError(f"{name} is {shown(value)}; give a finite number")
-            if not Limits.of(self, (name,)).within([value]).all():
+            if not signal.min <= value <= signal.max:
                 raise BadInputError(self._message_beyond_limits(name, value))
             changed[name] = signal._replace(start=float(value))
             if native is not None:

@@ -22,7 +22,8 @@ from hfa.options.parser import refuse
 from hfa.options.points import GivenPoints, PointOptions, given_points
 from hfa.options.trims import at_name
 from hfa_support.errors import BadInputError, warn
-from trim.sweeps.sweep import MOST_POINTS, NETCDF, run_plan
+from trim.sweeps.result import NETCDF
+from trim.sweeps.sweep import MOST_POINTS, run_plan
 from trim.sweeps.sweep_plan import SweepPlan
 
 if TYPE_CHECKING:

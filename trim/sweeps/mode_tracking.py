@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import refuse_unknown
 from hfa_support.matrices import ROUNDING
-from trim.linear.modes import order_fastest_first
+from trim.linear.modes import modes_of, order_fastest_first
 
 #: Bonus for keeping conjugate pairs together; it exceeds every gain.
 _PAIRED = 1e3
@@ -257,3 +257,37 @@ def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) 
 def _ranks(numbers: np.ndarray) -> np.ndarray:
     """Return the place of each number in ascending order, (n,)."""
     return numbers.argsort().argsort()
+
+
+def neighbours_in_grid(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
+    """Return pairs of neighbors among the trimmed points of a grid, (M, 2), which are numbered
+    among the trimmed points.
+
+    Neighbors are adjacent along a line of the grid. Points without a trim between them are skipped.
+
+    sizes: number of points along each axis
+    trimmed: (N,), mask of the points with a trim
+    """
+    numbers = np.cumsum(trimmed) - 1
+    index = np.arange(trimmed.size).reshape(sizes)
+    pairs = []
+    for axis, size in enumerate(sizes):
+        along = np.moveaxis(index, axis, -1).ravel()
+        line = np.arange(trimmed.size) // size
+        kept = trimmed[along]
+        along = along[kept]
+        line = line[kept]
+        same_line = line[1:] == line[:-1]
+        pairs.append(np.stack([along[:-1][same_line], along[1:][same_line]], axis=-1))
+    return np.asarray(numbers[np.concatenate(pairs)])
+
+
+def mode_names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str, ...]:
+    """Return the name of the mode of A, (k, k), that belongs to each of its eigenvalues, (k,)."""
+    modes = modes_of(A, model.linear, model.modes)
+    names = []
+    for value in eigenvalues:
+        upper = complex(value.real, abs(value.imag))
+        nearest = min(modes, key=lambda mode: abs(mode.eigenvalue - upper))
+        names.append(nearest.name)
+    return tuple(names)

@@ -22,7 +22,8 @@ from trim.point.margins import stalled
 from trim.point.operating_point import OperatingPoint
 from trim.point.system import TrimSystem
 from trim.sweeps.points import CHUNK, STATUS, TRIMMED, parameters_at
-from trim.sweeps.sweep import run_points, slow_note, trimmed_words
+from trim.sweeps.result import slow_note, trimmed_words
+from trim.sweeps.sweep import run_points
 from trim.sweeps.sweep_plan import SweepPlan, arrays_of, at_limit, labels_of, limited
 
 #: Number of points in a chunk if each point is trimmed separately: seconds of work.

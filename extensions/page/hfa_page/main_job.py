@@ -36,7 +36,8 @@ from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.reports.book import Condition
-from trim.sweeps.sweep import Sweep, sweep
+from trim.sweeps.result import Sweep
+from trim.sweeps.sweep import sweep
 from verification.critic_check import verify
 from verification.regeneration import Regeneration, regenerate_all
 from verification.verdict import Verdict

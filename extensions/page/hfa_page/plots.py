@@ -34,7 +34,7 @@ from trim.hfa.front_view import (
 from trim.hfa.reports import trim_figure
 from trim.point.operating_point import OperatingPoint
 from trim.reports.book import with_range
-from trim.sweeps.sweep import Sweep
+from trim.sweeps.result import Sweep
 
 #: A Plotly figure: data, layout and, with a slider, frames.
 PlotlyFigure: TypeAlias = Mapping[str, Any]
