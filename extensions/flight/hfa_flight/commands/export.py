@@ -16,7 +16,12 @@ from hfa.options.command import Outcome, Request, command, provenance
 from hfa.options.parser import option, refuse
 from hfa.options.trims import GivenTrim, trim_input
 from hfa_flight.air.turbulence import Turbulence
-from hfa_flight.export.c_text import write_texts
+from hfa_flight.export.c_text import (
+    c_filter_texts,
+    c_model_texts,
+    c_policy_texts,
+    write_texts,
+)
 from hfa_flight.options import (
     DEPLOYMENT,
     EXACT,
@@ -170,7 +175,6 @@ def _write_deployed_policy(
     request: ExportRequest, target: Path, deployment: Path, given: GivenTrim, point: OperatingPoint
 ) -> list[Path]:
     """Write the command of a deployed policy at one sample as a C function."""
-    from hfa_flight.export.c_text import c_policy_texts
     from hfa_flight.policies.deployment.policy import flown_deployment
 
     policy = flown_deployment(deployment, point)
@@ -206,8 +210,6 @@ def _write_source(
     request: ExportRequest, target: Path, given: GivenTrim, point: OperatingPoint
 ) -> list[Path]:
     """Write the aircraft with a policy as C source."""
-    from hfa_flight.export.c_text import c_filter_texts, c_model_texts
-
     origin = _origin(request, given)
     linear = noted_linear_model(given.model, point)
     policy = policy_about(request, linear, given.common.at)

@@ -12,7 +12,6 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
-from controller.tracking import Tracking, tracked
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import each_of, number, quantity, whole
 from hfa.options.command import (
@@ -54,20 +53,21 @@ from hfa_flight.options import (
     require_policy,
     scenario_of,
 )
+from hfa_flight.policies.given import command_steps
 from hfa_flight.policies.laws import LAWS
-from hfa_flight.policies.policy import GainPolicy, Policy
+from hfa_flight.policies.policy import GainPolicy, Policy, open_loop
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_flight.simulate.flight import Flight, lengthened
 from hfa_support.errors import BadInputError, refuse_unknown, warn
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import Entries
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     from controller.tracking import Tracking
-    from hfa_flight.policies.policy import Policy
 
 
 def tracking_of(
@@ -82,6 +82,8 @@ def tracking_of(
             f"--reference requires a policy u = -K z, not the {policy.name}; give a file with a "
             "gain K, as `hfa solve -o FILE` writes without --order, or a law"
         )
+    from controller.tracking import tracked
+
     commands = stacked(reference, linear.states)
     return tracked(linear, solve(game), policy.gain, commands)
 
@@ -257,8 +259,6 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
         first, *rest = report.title.split("\n")
         report = replace(report, title="\n".join([f"{first}; {_end_of(result)}", *rest]))
     if planned.tracking is not None:
-        from hfa_flight.policies.policy import GainPolicy
-
         without_feedforward = flight_of(GainPolicy(planned.policy.name, planned.tracking.K))
         report = with_tracking(report, planned.tracking, result, without_feedforward)
     return Outcome(
@@ -267,7 +267,7 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
         source=given.source,
         notes=result.warnings,
         figure=lambda: result.figure(report.title),
-        only_in_files={"history": result.history()},
+        only_in_files=Entries(lambda: {"history": result.history()}),
     )
 
 
@@ -378,9 +378,6 @@ def _steering(
     commands: signal -> steps of --command
     limits: state -> limits of --envelope
     """
-    from hfa_flight.policies.given import command_steps
-    from hfa_flight.policies.policy import GainPolicy, open_loop
-
     model = given.model
     steps = command_steps(commands)
     flown = request.flown

@@ -36,7 +36,7 @@ from hfa_support.errors import (
 )
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported, verdict_text
-from hfa_support.reporting.results import Result, storable
+from hfa_support.reporting.results import Entries, Result
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 
@@ -223,7 +223,7 @@ class Assessment(Result, Reported):
         return Report(
             "\n".join(title),
             report_parts(self.deployed, self.points),
-            data=storable(self),
+            data=Entries(self),
             records=records_table(self.points),
         )
 

@@ -19,7 +19,7 @@ from hfa_flight.simulate.envelope import RULE, FlightRow, limits_text
 from hfa_flight.simulate.flight_figure import Curve, flight_figure, signals_of
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.report import Picture, Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Vector, storable
+from hfa_support.reporting.results import Entries, Matrix, Result, Vector
 from hfa_support.reporting.rows import Group, Row, with_names
 from hfa_support.reporting.text import Table
 
@@ -247,7 +247,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             limits_of_flights(self.problem),
             Picture("flight", "The best flight found and the policies", self.figure),
         )
-        return Report(self.title(), parts, data=storable(self), records=self.records())
+        return Report(self.title(), parts, data=Entries(self), records=self.records())
 
     def title(self) -> str:
         """Return the first lines of the report: cost, ratios of the policies, initial condition."""

@@ -20,7 +20,7 @@ from hfa_support.arguments import ArrayLike
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, interruption
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result, storable
+from hfa_support.reporting.results import Entries, Result
 from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table
 from trim.point.operating_point import OperatingPoint
@@ -173,7 +173,7 @@ class StartsTable(OfProblem, Result, Reported):
             limits_of_flights(self.problem),
         )
         title = "\n".join(self._title_lines())
-        return Report(title, parts, data=storable(self), records=self._records())
+        return Report(title, parts, data=Entries(self), records=self._records())
 
     def _title_lines(self) -> list[str]:
         """Return the first lines: flights found, median cost ratios, and what limits the result."""

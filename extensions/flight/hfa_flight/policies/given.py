@@ -19,15 +19,10 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.critic_file import Reading, critic_in, entries_in, is_network
 from controller.critic.network.declared import NOTHING
-from controller.expansion.expansion import Expansion
 from controller.game.linear_game import names_of_linear
 from controller.game.zero_sum import Game
-from controller.riccati.gare import Solution
-from controller.tracking import Tracking
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import CommandSteps
-from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.filtered_policy import behind_own_filter
 from hfa_flight.policies.laws import DEPLOYMENT, GAIN, NETWORK, TABLE
 from hfa_flight.policies.policy import (
     GainPolicy,
@@ -37,8 +32,6 @@ from hfa_flight.policies.policy import (
     function_policy,
     open_loop,
 )
-from hfa_flight.policies.scheduled_gains import scheduled_gains
-from hfa_flight.schedule.gain_schedule import GainSchedule, load_gain_schedule
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition, usual_condition
@@ -76,8 +69,13 @@ def policy_of_file(
     """
     kind = kind_of_file(path)
     if kind == DEPLOYMENT:
+        from hfa_flight.policies.filtered_policy import behind_own_filter
+
         return behind_own_filter(path, point)
     if kind == TABLE:
+        from hfa_flight.policies.scheduled_gains import scheduled_gains
+        from hfa_flight.schedule.gain_schedule import load_gain_schedule
+
         schedule = load_gain_schedule(path, point.model)
         at = condition or usual_condition(point.model).at
         return scheduled_gains(f"gains of {path}", schedule, point, at, commands)
@@ -136,6 +134,21 @@ def policy_and_scenario(
         return OpenLoop("none", held=np.zeros((1, len(inputs)))), scenario
     if isinstance(given, Mapping):
         return open_loop(command_steps(given), inputs), scenario
+    return _policy_of_object(given, point, scenario)
+
+
+def _policy_of_object(
+    given: Any, point: OperatingPoint, scenario: Scenario
+) -> tuple[Policy, Scenario]:
+    """Return `policy_and_scenario` of an object other than a policy, a file or input steps."""
+    from controller.expansion.expansion import Expansion
+    from controller.riccati.gare import Solution
+    from controller.tracking import Tracking
+    from hfa_flight.policies.deployment.deployment import Deployment
+    from hfa_flight.policies.filtered_policy import behind_own_filter
+    from hfa_flight.policies.scheduled_gains import scheduled_gains
+    from hfa_flight.schedule.gain_schedule import GainSchedule
+
     if isinstance(given, Critic) and not given.has_linear_policy:
         return function_policy(given.origin, given.policy, point, given.stated), scenario
     if isinstance(given, Tracking):

@@ -66,7 +66,7 @@ from hfa_support.matrices import LARGEST, checked_matrix, quadratic_forms, shape
 from hfa_support.progress import Progress
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Part, Picture, Report, Reported, verdict_text
-from hfa_support.reporting.results import Result, storable, without_empty
+from hfa_support.reporting.results import Entries, Result, without_empty
 from hfa_support.reporting.rows import Group, Row, with_names
 from hfa_support.reporting.text import Table, percent, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
@@ -590,7 +590,7 @@ class Flight(StatesAndInputs, Result, Reported):
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.deviations.states).max(), np.abs(self.deviations.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
-        return Report(self.title(), parts, notes, storable(self), self._record_table())
+        return Report(self.title(), parts, notes, Entries(self), self._record_table())
 
     def _air_notes(self, through_air: bool) -> list[str]:
         """Return notes on moving air: which flow angles are limited, and the gust.
