@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from c_files import called, needs_gcc, written
 
-from hfa_support.native.bound import RowFunction
 from hfa_support.native.c_code import c_function
+from hfa_support.native.row_code import row_code
 
 x, xx = ca.SX.sym("x", 2), ca.SX.sym("xx")
 
@@ -36,7 +36,7 @@ def comparisons(a, b):
 
 @needs_gcc
 def test_comparisons_are_those_of_casadi(tmp_path):
-    """Of operands that are equal, 0, or of other signs, in C and in the code for many rows."""
+    """Of operands that are equal, 0, or of other signs, in C and in the code for one and many rows."""
     a, b = ca.SX.sym("a"), ca.SX.sym("b")
     reference = ca.Function("reference", [a, b], [comparisons(a, b)])
     text = "#include <math.h>\n" + c_function(reference, "reference", ("a", "b"), ("y",))
@@ -45,10 +45,9 @@ def test_comparisons_are_those_of_casadi(tmp_path):
     folder = written(tmp_path, {"f.c": text}, "f.c")
     values = np.array([-2.5, -0.5, 0.0, 0.5, 2.5])
     pairs = np.array([(one, other) for one in values for other in values])
-    (rows,) = RowFunction(reference)(pairs[:, :1], pairs[:, 1:])
-    for (one, other), row in zip(pairs, rows, strict=True):
+    tables = [row_code(reference, one_row)(pairs[:, :1], pairs[:, 1:]) for one_row in (True, False)]
+    for (one, other), *rows in zip(pairs, *(table for (table,) in tables), strict=True):
         expected = np.asarray(reference(one, other)).ravel()
         y = np.zeros(expected.size)
         called(folder, "g", np.array([one]), np.array([other]), y)
-        np.testing.assert_allclose(y, expected, rtol=1e-15)
-        np.testing.assert_allclose(row, expected, rtol=1e-15)
+        np.testing.assert_allclose([y, *rows], [expected] * 3, rtol=1e-15)

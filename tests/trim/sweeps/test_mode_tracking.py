@@ -11,67 +11,72 @@ SHAPES = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
 NEARLY_PARALLEL = np.array(
     [[1.0, np.cos(np.radians(2)), 0.0], [0.0, np.sin(np.radians(2)), 0.0], [0.0, 0.0, 1.0]]
 )
-STATES = ("a", "b", "c")
+#: Shapes V + s W that the projectors of one of two points do not tell apart.
+TURNING = np.array([[0.1, 0.9, 0.6], [0.3, -0.3, -0.2], [-0.1, 0.6, 0.8]])
+TURN = np.array([[-0.3, 0.1, -0.2], [-0.1, -0.2, 0.3], [0.1, -0.1, -0.2]])
 
 
-def plant(shapes):
-    """Return x' = V diag(λ) V⁻¹ x with λ = -3 + s, -1 - s + t and -.1, over parameters s and t."""
-    inverse = np.linalg.inv(shapes)
+def plant(names, modes):
+    """Return x' = V D V⁻¹ x + u.
+
+    modes: function of the parameters s and t -> V, D
+    """
 
     def equations(x, u, p, w):
-        eigenvalues = ca.vertcat(-3.0 + p.s, -1.0 - p.s + p.t, -0.1)
-        rates = ca.DM(shapes) @ (eigenvalues * (ca.DM(inverse) @ ca.vertcat(*x)))
-        return dict(zip(STATES, ca.vertsplit(rates + u.force), strict=True)), {}
+        shapes, dynamics = modes(p.s, p.t)
+        rates = shapes @ (dynamics @ ca.solve(ca.SX(shapes), ca.vertcat(*x)))
+        return dict(zip(names, ca.vertsplit(rates + u.force), strict=True)), {}
 
-    parameters = {"s": Signal(), "t": Signal()}
-    signals = dict.fromkeys(STATES, Signal())
+    signals, parameters = dict.fromkeys(names, Signal()), {"s": Signal(), "t": Signal()}
     return Model("plant", signals, {"force": Signal()}, equations, parameters=parameters)
 
 
-@pytest.mark.parametrize("shapes", [SHAPES, NEARLY_PARALLEL], ids=["apart", "2 degrees apart"])
-def test_eigenvalues_that_cross_keep_their_columns(shapes):
+def crossing(shapes, turn=0.0):
+    """Return a plant with λ = -3 + s, -1 - s + t and -0.1."""
+    return plant(
+        "abc",
+        lambda s, t: (
+            ca.SX(shapes) + s * ca.DM(turn + np.zeros((3, 3))),
+            ca.diag(ca.vertcat(-3.0 + s, -1.0 - s + t, -0.1)),
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("shapes", "turn"),
+    [(SHAPES, 0.0), (NEARLY_PARALLEL, 0.0), (TURNING, TURN)],
+    ids=["apart", "2 degrees apart", "turning"],
+)
+def test_eigenvalues_that_cross_keep_their_columns(shapes, turn):
     """Modes keep their columns through a crossing, although another eigenvalue is nearer."""
     s = np.linspace(0.0, 2.0, 8)
     expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
     nearest = np.abs(expected[3, 0] - expected[4, 1]) < np.abs(expected[3, 0] - expected[4, 0])
     assert nearest
-    swept = sweep(plant(shapes), s=s)
+    swept = sweep(crossing(shapes, turn), s=s)
     np.testing.assert_allclose(swept.eigenvalues, expected, atol=1e-11)
 
 
 def test_modes_keep_their_columns_over_a_grid():
     """On a grid of two variables, crossings along both keep the columns."""
     s, t = np.linspace(0.0, 2.0, 8), np.array([0.0, 0.15, 0.3])
-    swept = sweep(plant(SHAPES), s=s, t=t)
+    swept = sweep(crossing(SHAPES), s=s, t=t)
     at = swept.values
     expected = np.stack([-3.0 + at[:, 0], -1.0 - at[:, 0] + at[:, 1], np.full(24, -0.1)], axis=1)
     np.testing.assert_allclose(swept.eigenvalues, expected, atol=1e-11)
 
 
-def varied_plant(seed):
-    """Return x' = V D V⁻¹ x with the constant eigenvalues 1, -1, i, -i, and with shapes V that are
-    others at each point of a grid over s and t.
-    """
-    phase, by_s, by_t = (ca.DM(each) for each in np.random.default_rng(seed).normal(size=(3, 4, 4)))
-    constant = ca.DM([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]])
-    names = "abcd"
-
-    def equations(x, u, p, w):
-        shapes = ca.sin(10.0 * (phase + by_s * p.s + by_t * p.t))
-        rates = shapes @ (constant @ ca.solve(shapes, ca.vertcat(*x)))
-        return dict(zip(names, ca.vertsplit(rates + u.force), strict=True)), {}
-
-    signals = dict.fromkeys(names, Signal())
-    parameters = {"s": Signal(), "t": Signal()}
-    return Model("varied", signals, {"force": Signal()}, equations, parameters=parameters)
-
-
+@pytest.mark.parametrize("pair", [1j, -1.0 + 0.3j])
 @pytest.mark.parametrize("seed", range(4))
-def test_eigenvalues_far_apart_keep_their_columns_whatever_their_shapes_do(seed):
-    """On a grid, also where the path to a point leads back along an axis."""
-    swept = sweep(varied_plant(seed), s=[0.0, 1.0, 2.0, 3.0], t=[0.0, 1.0, 2.0, 3.0])
+def test_eigenvalues_far_apart_keep_their_columns_whatever_their_shapes_do(seed, pair):
+    """Of a pair, 1 and -1, on a grid, also where the path to a point leads back along an axis."""
+    phase, by_s, by_t = map(ca.DM, np.random.default_rng(seed).normal(size=(3, 4, 4)))
+    real, imaginary = pair.real, pair.imag
+    dynamics = ca.diagcat(1.0, -1.0, ca.DM([[real, imaginary], [-imaginary, real]]))
+    modes = plant("abcd", lambda s, t: (ca.sin(10.0 * (phase + by_s * s + by_t * t)), dynamics))
+    swept = sweep(modes, s=[0.0, 1.0, 2.0, 3.0], t=[0.0, 1.0, 2.0, 3.0])
     first = swept.eigenvalues[0]
-    for eigenvalue in (1.0, -1.0, 1j, -1j):
+    for eigenvalue in (1.0, -1.0, pair, np.conj(pair)):
         assert np.abs(first - eigenvalue).min() < 1e-6
     np.testing.assert_allclose(swept.eigenvalues, np.tile(first, (16, 1)), atol=1e-6)
 
@@ -79,26 +84,21 @@ def test_eigenvalues_far_apart_keep_their_columns_whatever_their_shapes_do(seed)
 def test_modes_that_exchange_their_shapes_keep_their_eigenvalues():
     """Two modes with shapes 2 degrees apart turn into each other: -3 and -0.3 keep their columns."""
 
-    def equations(x, u, p, w):
-        first, second = (ca.vertcat(ca.cos(angle), ca.sin(angle)) for angle in (p.s, 0.035 - p.s))
-        shapes = ca.horzcat(first, second)
-        rates = shapes @ (ca.DM([-3.0, -0.3]) * ca.solve(shapes, ca.vertcat(*x)))
-        return dict(zip("ab", ca.vertsplit(rates + u.force), strict=True)), {}
+    def modes(s, t):
+        shapes = [ca.vertcat(ca.cos(angle), ca.sin(angle)) for angle in (s, 0.035 - s)]
+        return ca.horzcat(*shapes), ca.diag(ca.DM([-3.0, -0.3]))
 
-    signals = dict.fromkeys("ab", Signal())
-    model = Model("turned", signals, {"force": Signal()}, equations, parameters={"s": Signal()})
-    swept = sweep(model, s=[0.0, 0.035])
+    swept = sweep(plant("ab", modes), s=[0.0, 0.035])
     np.testing.assert_allclose(swept.eigenvalues, [[-3.0, -0.3], [-3.0, -0.3]], atol=1e-9)
 
 
 def test_a_pair_that_becomes_real_keeps_its_columns():
-    """x'' = -k x at k = 1, -1 and 1: the lower real eigenvalue comes first."""
-    oscillator = Model(
-        "oscillator",
-        {"x": Signal(), "v": Signal()},
-        {"u": Signal()},
-        lambda x, u, p, w: ({"x": x.v, "v": u.u - p.k * x.x}, {}),
-        parameters={"k": Signal()},
-    )
-    found = sweep(oscillator, k=[1.0, -1.0, 1.0]).eigenvalues
-    np.testing.assert_allclose(found, [[1j, -1j], [-1.0, 1.0], [1j, -1j]], atol=1e-12)
+    """v'' = -s v, where s changes its sign again and again: the lower real eigenvalue comes first,
+    whichever of the two is nearer by a rounding.
+    """
+    shapes = ca.DM(SHAPES[:2, :2])
+    oscillator = plant("ab", lambda s, t: (shapes, ca.blockcat([[0.0, 1.0], [-s, 0.0]])))
+    s = np.linspace(1.0, 4.0, 30) * np.resize([1.0, -1.0], 30)
+    first = np.where(s > 0.0, 1j, -1.0) * np.sqrt(np.abs(s))
+    found = sweep(oscillator, s=s).eigenvalues
+    np.testing.assert_allclose(found, np.stack([first, -first], axis=1), atol=1e-12)
