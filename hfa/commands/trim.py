@@ -28,7 +28,7 @@ from trim.point.operating_point import DOUBTED, NAME, RESULTS, STALLED, TRIMMED,
 from trim.point.solve import TrimError
 from trim.reports.book import Condition, book_of, matrix_figure, with_range
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
-from trim.reports.sheet import brief, brief_list, matrix, result_of, revision
+from trim.reports.sheet import brief, brief_list, matrix, read_first, result_of, revision
 
 if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
@@ -114,10 +114,11 @@ def _several(request: TrimRequest, points: GivenPoints) -> Outcome:
     """Return the outcome of several trims: their overview, and a book of their sheets."""
     source = points.source()
     overview, conditions = _sheets(request, points)
-    model = points.trims.model
-    book = book_of(overview, conditions, model, _sources_of(request, model))
+    report, model = overview, points.trims.model
+    if request.output is not None:
+        report = book_of(overview, conditions, model, _sources_of(request, model))
     return Outcome(
-        report=_with_document(book, request),
+        report=_with_document(report, request),
         printed=_with_document(overview if request.full else brief_list(overview), request),
         source=source,
         figure=partial(matrix_figure, conditions),
@@ -150,12 +151,14 @@ def _sheet(request: TrimRequest, point: OperatingPoint) -> Report:
 
 
 def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Condition]]:
-    """Return the report of several trims, each with its sheet, or with the reason why it has none,
-    and the conditions.
+    """Return the report of several trims, each with its sheet, of which the overview alone is
+    printed by default, or with the reason why it has none, and the conditions.
 
     Raises the first BadInputError if each point is refused.
     """
     model = points.trims.model
+    is_whole = request.full or request.json or request.output is not None
+    airplane = Airplane(request.class_, request.category)
     conditions: list[Condition] = []
     stated: list[dict[str, Any]] = []
     refused: list[BadInputError] = []
@@ -164,7 +167,8 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         point: OperatingPoint | None
         try:
             point = trimmed(points.trims.trim_of(row))
-            report = _with_name(_sheet(request, point), row.name)
+            report = _sheet(request, point) if is_whole else read_first(point, airplane)
+            report = _with_name(report, row.name)
         except TrimError as error:
             point, report = None, _failed(model, row, error, error.found.data)
         except BadInputError as error:
@@ -181,7 +185,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         title=_counts_in_words(results),
         parts=[_overview(results, conditions), *reports],
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
-        records=matrix(stated, sheets),
+        records=matrix(stated, sheets) if is_whole else Table((), ()),
         failure=f"{failed} of {len(results)} conditions have no trim" if failed else "",
         notes=points.trims.notes_on_rows,
     )

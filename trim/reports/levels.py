@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -289,23 +289,24 @@ def _note(level: int, rule: _Rule, is_negative: bool) -> str:
     return f"{words}: {_limits_text(rule.limits)} ({rule.paragraph})"
 
 
-def level_lines(
-    rows: Sequence[Row], modes: Iterable[str], airplane: Airplane, why: str
-) -> list[str]:
+def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> list[str]:
     """Return sentences on the class and the category, the modes for which the standard has no rule,
-    and the modes with a rule that the aircraft does not have.
+    and the modes with a rule that the aircraft does not have; or why there are no modes.
 
-    rows: handling qualities with their levels
-    modes: names of the modes at the trim
-    why: reason for the class, or ""
+    rows: rows of `mode_rows`
     """
+    if trimmed.fault:
+        return [f"no modes: {trimmed.fault}"]
+    if "speed" not in trimmed.roles:
+        return []
+    chosen, why = chosen_airplane(trimmed, airplane)
     graded_names = [row.name for row in rows if row.level is not None]
     if not graded_names:
         return [f"{STANDARD}: not in this model: no mode that it has a rule for"]
     reason = f" (by hfa's convention, {why}; --class changes it)" if why else ""
-    category = f"category {airplane.category} (--category changes it)"
-    sentences = [f"{STANDARD}: class {airplane.class_}{reason}, {category}"]
-    families = dict.fromkeys(name.partition(" (")[0] for name in modes)
+    category = f"category {chosen.category} (--category changes it)"
+    sentences = [f"{STANDARD}: class {chosen.class_}{reason}, {category}"]
+    families = dict.fromkeys(mode.name.partition(" (")[0] for mode in trimmed.modes)
     without_rule = [
         f"{family} (real eigenvalues)" if family in _MODES else family
         for family in families
@@ -344,23 +345,13 @@ def _number_text(limit: float) -> str:
 _OSCILLATING = ("short period", "phugoid", "dutch roll")
 
 
-class ModeFigures(NamedTuple):
-    """Rows on the modes at a trim, and sentences below them on the levels."""
-
-    rows: list[Row]
-    lines: list[str]
-
-
-def mode_figures(trimmed: Trimmed, airplane: Airplane) -> ModeFigures:
+def mode_rows(trimmed: Trimmed, airplane: Airplane) -> list[Row]:
     """Return the eigenvalues of the modes, each with its handling qualities and their levels."""
     if trimmed.fault:
-        return ModeFigures([], [f"no modes: {trimmed.fault}"])
-    chosen, why = chosen_airplane(trimmed, airplane)
+        return []
     qualities = [*handling_qualities(trimmed)]
-    lines = []
     if "speed" in trimmed.roles:
-        qualities = graded(qualities, chosen)
-        lines = level_lines(qualities, [mode.name for mode in trimmed.modes], chosen, why)
+        qualities = graded(qualities, chosen_airplane(trimmed, airplane).airplane)
     rows: list[Row] = []
     time = trimmed.model.time_unit
     for mode in trimmed.modes:
@@ -375,7 +366,7 @@ def mode_figures(trimmed: Trimmed, airplane: Airplane) -> ModeFigures:
                 Row(f"{mode.name} damping", mode.damping),
             ]
         rows += of_mode
-    return ModeFigures([*rows, *qualities], lines)
+    return [*rows, *qualities]
 
 
 def _belongs(quality: str, family: str) -> bool:

@@ -28,7 +28,7 @@ from trim.linear.modes import Mode
 from trim.point.condition import StatedValues, stated_cells
 from trim.point.margins import stalled
 from trim.point.operating_point import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED, OperatingPoint
-from trim.reports.levels import DEFAULT_AIRPLANE, mode_figures
+from trim.reports.levels import DEFAULT_AIRPLANE, mode_rows
 from trim.reports.trimmed import Trimmed
 from trim.tables import dataset, entry_headings
 
@@ -403,7 +403,7 @@ def _levels(point: OperatingPoint) -> dict[str, int | None]:
     """Return mode -> the worst level of its qualities, or None if the standard has no limit."""
     worst: dict[str, int | None] = {}
     mode = ""
-    for row in mode_figures(Trimmed(point), DEFAULT_AIRPLANE).rows:
+    for row in mode_rows(Trimmed(point), DEFAULT_AIRPLANE):
         if isinstance(row.value, complex):  # the eigenvalue, before the qualities of its mode
             mode = row.name.removesuffix(" eigenvalue")
             worst[mode] = None

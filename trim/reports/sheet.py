@@ -57,7 +57,13 @@ from trim.reports.first_lines import (
     uniqueness_lines,
     without_line_numbers,
 )
-from trim.reports.levels import DEFAULT_AIRPLANE, Airplane, chosen_airplane, mode_figures
+from trim.reports.levels import (
+    DEFAULT_AIRPLANE,
+    Airplane,
+    chosen_airplane,
+    level_lines,
+    mode_rows,
+)
 from trim.reports.trimmed import Trimmed, balance_row, equations_of, equations_table
 from trim.reports.warnings import configuration_lines, configuration_rows, doubts_of
 
@@ -238,6 +244,8 @@ def matrix(asked: Sequence[Mapping[str, Any]], sheets: Sequence[Sheet]) -> Table
 
 #: Title of the group whose rows have the names of the model's variables.
 VARIABLES = "trim"
+#: Group of a sheet: title, figures, and sentences below them.
+_Titled = tuple[str, Any, Sequence[str]]
 
 
 def sheet_of(point: OperatingPoint) -> Sheet:
@@ -261,63 +269,67 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
     point = trimmed.point
     condition, variables, *others = first_groups(trimmed, airplane)
-    configuration = ("configuration", configuration_rows(trimmed), configuration_lines(trimmed))
-    groups = [condition, configuration, variables]
-    groups.append(("limits", limit_rows(nearest_first(trimmed)), ()))
+    condition_rows = [*condition[1], balance_row(point)]
+    has_assumed = any(margin.nearer and margin.assumed for margin in point.margins.values())
+    groups: list[_Titled] = [
+        ("condition", condition_rows, same_as_the_table(trimmed)),
+        ("configuration", configuration_rows(trimmed), configuration_lines(trimmed)),
+        (*variables[:2], [ASSUMED] if has_assumed else []),
+        ("limits", limit_rows(nearest_first(trimmed)), ()),
+    ]
     if others:
         describe = point.model.trimming.describe
         of_model = [] if describe is None else describe(point)
         repeated = {row.name for _, rows, _ in of_model for row in rows}
-        (title, rows, lines), *rest = others
+        (title, rows, _), stability, (modes, of_modes, _) = others
         rows = [*rows, *other_outputs(trimmed, rows)]
         loads = [row for row in rows if row.name not in repeated]
-        groups += [(title, loads, lines), *of_model, *rest]
+        groups += [(title, loads, ()), *of_model, stability]
+        groups.append((modes, of_modes, level_lines(trimmed, airplane, of_modes)))
     sheet = Sheet.of(groups, first=VARIABLES)
-    return Sheet.of([*groups, ("findings", findings(trimmed, sheet, airplane), ())], VARIABLES)
+    found = findings(trimmed, sheet, airplane, whole=True)
+    return Sheet.of([*groups, ("findings", found, ())], VARIABLES)
 
 
-def first_groups(trimmed: Trimmed, airplane: Airplane) -> list[tuple[str, Any, Any]]:
-    """Return the groups of a sheet with the figures that are read first: condition, variables, and
-    of a trim performance, stability and modes.
+def first_groups(trimmed: Trimmed, airplane: Airplane) -> list[_Titled]:
+    """Return the groups of a sheet with the figures that are read first, without sentences:
+    condition, variables, and of a trim performance, stability and modes.
     """
-    point = trimmed.point
-    has_assumed = any(each.nearer and each.assumed for each in point.margins.values())
     variables = variable_rows(trimmed)
     variable_names = {row.name for row in variables}
     flight = [row for row in flight_rows(trimmed) if row.name not in variable_names]
-    flight.append(balance_row(point))
-    groups: list[tuple[str, Any, Any]] = [
-        ("condition", flight, same_as_the_table(trimmed)),
-        (VARIABLES, variables, [ASSUMED] if has_assumed else []),
-    ]
-    if point.ok:
+    groups: list[_Titled] = [("condition", flight, ()), (VARIABLES, variables, ())]
+    if trimmed.point.ok:
         groups.append(("performance", performance_rows(trimmed), ()))
         groups.append(("stability", [*stability_rows(trimmed)], ()))
-        groups.append(("modes and levels", *mode_figures(trimmed, airplane)))
+        groups.append(("modes and levels", mode_rows(trimmed, airplane), ()))
     return groups
 
 
-def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
-    """Return rows with what the first lines and the sentences of a sheet say, the limits that are
-    reached, and the worst level.
+def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool) -> list[Row]:
+    """Return rows with stalls, doubts and the worst level, and for a whole sheet with all that its
+    first lines and sentences say and the limits that are reached.
 
     sheet: the other groups of the sheet
     """
-    point = trimmed.point
-    margins = point.margins.values()
     said: dict[str, Iterable[str]] = {
         "stalled": stall_lines(sheet),
         "doubts": doubts_of(trimmed),
-        "not determined": uniqueness_lines(trimmed),
-        "far out": point._large_angles,
-        "engines out": engines_without_power(trimmed).values(),
-        "limits reached": [each.name for each in nearest_first(trimmed) if each.at_limit],
-        "assumed limits": [each.name for each in margins if each.nearer and each.assumed],
-        "search": [*trimmed.search.sentences, *trimmed.search.unlimited],
-        "notes": without_line_numbers(point.warnings),
     }
-    for title, _, lines in sheet.groups:
-        said[f"on {title}"] = [line for line in lines if line != ASSUMED]
+    if whole:
+        point = trimmed.point
+        margins = point.margins.values()
+        said |= {
+            "not determined": uniqueness_lines(trimmed),
+            "far out": point._large_angles,
+            "engines out": engines_without_power(trimmed).values(),
+            "limits reached": [each.name for each in nearest_first(trimmed) if each.at_limit],
+            "assumed limits": [each.name for each in margins if each.nearer and each.assumed],
+            "search": [*trimmed.search.sentences, *trimmed.search.unlimited],
+            "notes": without_line_numbers(point.warnings),
+        }
+        for title, _, lines in sheet.groups:
+            said[f"on {title}"] = [line for line in lines if line != ASSUMED]
     rows = [Row(name, _joined(words), rare=True) for name, words in said.items() if words]
     levels = {row.name: row for row in sheet if row.level is not None}
     if levels:
@@ -505,6 +517,18 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
         parts.append(tuple(sentences))
     parts.append(f"{left_out}; -o FILE has all")
     return Report(title_with_controls(trimmed, sheet), parts, notes)
+
+
+def read_first(point: OperatingPoint, airplane: Airplane) -> Report:
+    """Return the first lines of a trim with a sheet of the figures that are read first, for a list
+    of trims; the arguments are those of `brief`.
+    """
+    trimmed = Trimmed(point)
+    groups = first_groups(trimmed, airplane)
+    sheet = Sheet.of(groups, first=VARIABLES)
+    found = findings(trimmed, sheet, airplane, whole=False)
+    sheet = Sheet.of([*groups, ("findings", found, ())], first=VARIABLES)
+    return Report(title_with_controls(trimmed, sheet), sheet=sheet)
 
 
 def brief_list(report: Report) -> Report:
