@@ -112,8 +112,8 @@ def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> Upd
     frozen. A missing or impossible value is left out. In flight, the estimate begins at the first
     values that are given, in air of which only the turbulence is known, and commands are faded in;
     so it does where most values are impossible at the end of RESTARTS_AFTER such samples. From
-    known states it begins at the values if one is impossible at the first sample, and commands act at
-    once. It begins again at the second sample if a value is impossible then.
+    known states it begins at the values if one is impossible at the first sample, and commands act
+    at once. It begins again at the second sample if a value is impossible then.
 
     fade: time in which commands are faded in, s
     """
@@ -214,10 +214,8 @@ def _at_values(
     """Return x and P of an estimate that begins at the values that are given. Other states keep
     theirs, and in flight the air is that of the stationary turbulence.
     """
-    air, in_flight = (
-        slice(len(known.states), None),
-        ca.logic_or(before.begun == 2, before.share == 0),
-    )
+    air = slice(len(known.states), None)
+    in_flight = ca.logic_or(before.begun == 2, before.share == 0)
     x, P = ca.SX(before.x), ca.SX(before.P)
     x[air] = 0.0
     P[:, air] = ca.if_else(in_flight, 0.0, P[:, air])
@@ -265,10 +263,8 @@ def extended_step(known: KalmanFilter, seconds: float) -> ca.Function:
     The slopes are exp(J seconds) to the fourth power in each step, J those of the rates at x.
     """
     point, model, k = known.point, known.point.model, len(known.states)
-    layout, rows = (
-        (in_gusts(model) if known.winds else model).layout,
-        model.state_places(known.states),
-    )
+    layout = (in_gusts(model) if known.winds else model).layout
+    rows = model.state_places(known.states)
     x, u = ca.SX.sym("x", len(known.Phi)), ca.SX.sym("u", len(model.inputs))
     X = ca.SX(ca.DM(point.x))
     X[rows] += x[:k]
