@@ -169,7 +169,7 @@ def _nearest(family: Family, of: str, given: np.ndarray, sizes: np.ndarray) -> O
         return np.full(given.shape, math.inf)
 
     size = np.linalg.norm
-    errors = [errors_at(each) for each in _GRID]
+    errors = [errors_at(logarithm) for logarithm in _GRID]
     best = int(np.argmin([*map(size, errors)]))
     if not (np.isfinite(size(errors[best])) and 0 < best < len(_GRID) - 1):
         return None

@@ -277,7 +277,7 @@ def half_plane_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
         return hamiltonian(equation.free.midpoint, equation.S.midpoint, equation.cost.midpoint)
     assert isinstance(equation, StepEquation)
     A, G, Q, W, C = (
-        each.midpoint for each in (equation.A, equation.G, equation.Q, equation.W, equation.C)
+        matrix.midpoint for matrix in (equation.A, equation.G, equation.Q, equation.W, equation.C)
     )
     L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(equation.n)))
     return np.linalg.solve(L + M, L - M)

@@ -115,7 +115,7 @@ def enclosed_poles(loop: arb_mat) -> Poles:
         change = ball_matrix(np.random.default_rng(1).normal(size=(len(units), len(units))))
         changed = (F + change * half_the_digits).mid()
         vectors = _normalized(acb_mat(changed).eig(right=True, algorithm="approx")[1])
-        similar = min(similar, Similar.of(F, vectors), key=lambda each: each.largest_radius)
+        similar = min(similar, Similar.of(F, vectors), key=lambda found: found.largest_radius)
     return similar.discs
 
 
@@ -320,7 +320,7 @@ class Level:
             with precision(bits), suppress(FailedError, NotProvedError):
                 gain = enclosed_in_bits(self.enclosure, bits).K if K is None else ball_matrix(K)
                 bounds = gain_of(self._disturbed(gain))
-                best = min(best, bounds, key=lambda each: (each.high, -each.low))
+                best = min(best, bounds, key=lambda found: (found.high, -found.low))
             if best.is_narrow:
                 break
         # The value at delta proves that the gain is below it.
@@ -335,7 +335,7 @@ class Level:
         Q, N, R = map(ball_matrix, (game.Q, game.N, game.R))
         crossed = N * K
         cost = Q + K.transpose() * R * K - crossed - crossed.transpose()
-        F, E = (discounted(each, game) for each in (loop_with(game, K), ball_matrix(game.E)))
+        F, E = (discounted(matrix, game) for matrix in (loop_with(game, K), ball_matrix(game.E)))
         return self.in_new_states(F, E, cost)
 
     def in_new_states(self, F: arb_mat, E: arb_mat, cost: arb_mat) -> DisturbedLoop:

@@ -200,7 +200,7 @@ def why_no_value(
     if frequency is not None and (reason := too_large_at(equation, frequency)):
         return reason
     between = _between_eigenvalues(equation, in_bits=in_bits)
-    return next(filter(None, (too_large_at(equation, each) for each in between)), "")
+    return next(filter(None, (too_large_at(equation, place) for place in between)), "")
 
 
 def too_large_at(equation: Equation[Balls], frequency: float) -> str:

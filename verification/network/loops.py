@@ -314,7 +314,7 @@ def _linear_loop(
             largest=_far(exact, b),
             by_exact=A - game.B @ exact.K,
         )
-    tick = _tick(exact, *(each - game.B @ critic.K for each in (game.A, A)))
+    tick = _tick(exact, *(open_loop - game.B @ critic.K for open_loop in (game.A, A)))
     return _flow_loop(exact, closed, tick, b, FEW_STEPS if is_slow else STEPS)
 
 
@@ -565,9 +565,9 @@ def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
         starts = size * starts_in(b, few)
         first, others = starts[:1], starts[1:]  # the corner may fail before all fly
         return all(
-            loop.simulate(each).outcome is Outcome.CONVERGED
-            for each in (first, others)
-            if len(each)
+            loop.simulate(flown).outcome is Outcome.CONVERGED
+            for flown in (first, others)
+            if len(flown)
         )
 
     size = 1.0
