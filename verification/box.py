@@ -92,9 +92,9 @@ def balanced_units(game: Game) -> np.ndarray:
     plain = game.without_cross_weights
     root = math.sqrt(game.discount)
     B = root * plain.B
-    price = game.R + B.T @ plain.Q @ B if game.is_discrete else game.R
+    weight = game.R + B.T @ plain.Q @ B if game.is_discrete else game.R
     E = root * plain.E / game.delta
-    return units_of(root * plain.A, B @ np.linalg.pinv(price) @ B.T + E @ E.T, plain.Q)
+    return units_of(root * plain.A, B @ np.linalg.pinv(weight) @ B.T + E @ E.T, plain.Q)
 
 
 def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:

@@ -66,7 +66,7 @@ class RationalGame(NamedTuple):
         return cls(A, B, E, (Q + Q.transpose()) / 2, (R + R.transpose()) / 2, N)
 
     @property
-    def has_priced_inputs(self) -> bool:
+    def has_regular_R(self) -> bool:
         """Whether R is not singular, as it may be in discrete time."""
         return bool(self.R.rank() == self.R.nrows())
 
@@ -288,12 +288,12 @@ def boundary_of(game: Game, delta: float) -> Boundary:
 
     exact = RationalGame.of(game)
     is_disturbed = math.isfinite(delta)
-    price = exact_fraction(delta) ** 2 if is_disturbed else fmpq(1)
+    weight = exact_fraction(delta) ** 2 if is_disturbed else fmpq(1)
     if not game.is_discrete:
         A, B, E, Q, R, _ = exact.without_cross_weights
         S = B * R.solve(B.transpose())
         if is_disturbed:
-            S = S - E * E.transpose() / price
+            S = S - E * E.transpose() / weight
         H = stacked_rationals([[A, -1 * S], [-1 * Q, -1 * A.transpose()]])
         return Boundary.CROSSED if has_root_on_axis(H.charpoly()) else Boundary.CLEAR
     A, B, E, Q, R, N = exact
@@ -301,7 +301,7 @@ def boundary_of(game: Game, delta: float) -> Boundary:
     growth = exact_fraction(game.discount)
     G = stacked_rationals([[B, E]]) if is_disturbed else B
     C = stacked_rationals([[N, _zeros(n, k)]])
-    W = stacked_rationals([[R, _zeros(m, k)], [_zeros(k, m), rational(-np.eye(k)) * price]])
+    W = stacked_rationals([[R, _zeros(m, k)], [_zeros(k, m), rational(-np.eye(k)) * weight]])
     # The eigenvalues of √growth A are √growth z.
     blocks = pencil_blocks(A, G, Q, W, C, rational(np.eye(n)), growth)
     L, M = map(stacked_rationals, blocks)

@@ -13,7 +13,7 @@ from stored_games import in_units, stored
 from controller.riccati.balls import ball_matrix, precision
 from controller.riccati.l2_gain import DisturbedLoop
 from controller.riccati.lyapunov import FailedError, NotProvedError, stability_of
-from controller.riccati.suboptimality import excess_of, ratio_bounds
+from controller.riccati.suboptimality import suboptimality_of, ratio_bounds
 from hfa import Game, from_gain, solve, verify
 
 GAME = game_models()["published-15"]
@@ -21,7 +21,7 @@ EXACT = solve(GAME)
 
 
 def judged(game, K):
-    return excess_of(solve(game).enclosure, np.asarray(K, dtype=float), box=np.ones(len(game.A)))
+    return suboptimality_of(solve(game).enclosure, np.asarray(K, dtype=float), box=np.ones(len(game.A)))
 
 
 def graded(game, K):
@@ -52,7 +52,7 @@ def random_game(seed):
     "seed", [pytest.param(seed, marks=pytest.mark.slow if seed > 7 else ()) for seed in range(24)]
 )
 def test_an_excess_contains_that_of_sixty_digits(seed):
-    """The excess of gains 1e-3 to 1e-12 off is enclosed, in either time, with and without disturbance
+    """The suboptimality of gains 1e-3 to 1e-12 off is enclosed, in either time, with and without disturbance
     and discount.
 
     It is that of the worst state. The 24 seeds are the eight kinds of `random_game`, each with three errors of the gain.
@@ -148,7 +148,7 @@ def test_states_without_cost_are_not_left_out(extra):
     game = Game([[1.0, 0.0], [0.0, -1.0]], [[1.0], [0.0]], Q=np.diag([1.0, 0.0]), R=[[1.0]])
     K = 1.0 + math.sqrt(2.0)
     verdict = verify(game, from_gain(game, [[K, extra]]), box=[1.0, 2.0])
-    found = verdict.excess
+    found = verdict.suboptimality
     counts = extra > 1e-5
     assert (found.is_optimal, math.isinf(verdict.cost_lost)) == (not counts, counts)
     assert verdict.holds(limit_cost=1.0) is not counts
@@ -191,7 +191,7 @@ def test_states_without_cost_need_not_be_rational():
 
 
 def test_a_gain_beyond_delta_has_infinite_cost():
-    """The excess cost is infinite if the L2 gain is above delta, and if K destabilizes."""
+    """The suboptimality cost is infinite if the L2 gain is above delta, and if K destabilizes."""
     tight = GAME.with_delta(151.0)
     beyond = judged(tight, 0.3 * solve(tight).K)
     assert (beyond.is_stable, beyond.low) == (True, math.inf)
@@ -204,8 +204,8 @@ def test_an_excess_does_not_depend_on_units(kind, number):
     game = stored(kind, number).game.with_delta(math.inf)
     other, units = in_units(game, np.random.default_rng(number), base=10.0, most=3)
     K = 1.01 * solve(game).K
-    first = excess_of(solve(game).enclosure, K, box=np.ones(len(game.A)))
-    second = excess_of(solve(other).enclosure, K * units.u[:, None] / units.z, box=units.z)
+    first = suboptimality_of(solve(game).enclosure, K, box=np.ones(len(game.A)))
+    second = suboptimality_of(solve(other).enclosure, K * units.u[:, None] / units.z, box=units.z)
     assert second.high == pytest.approx(first.high, rel=1e-6)
     if math.isfinite(first.mean):
         assert second.mean == pytest.approx(first.mean, rel=1e-6)

@@ -215,7 +215,7 @@ class Similar(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
+class ClosedLoops:
     """Loops of a solution in the states of its proof, with the user's inputs and disturbances.
 
     enclosure: of the solution
@@ -224,16 +224,16 @@ class Level:
     enclosure: Enclosure
 
     @cached_property
-    def to_level(self) -> arb_mat:
+    def T(self) -> arb_mat:
         """T, (n, n), of the states T y, in the exact units of the enclosure."""
         T = self.enclosure.units.T
         return identity(len(self._powers)) if T is None else T
 
     @cached_property
-    def from_level(self) -> arb_mat:
+    def T_inverse(self) -> arb_mat:
         """T⁻¹, (n, n), balls."""
         with precision(self.enclosure.bits):
-            return self.to_level.inv()
+            return self.T.inv()
 
     @cached_property
     def worst_loop(self) -> np.ndarray:
@@ -260,11 +260,11 @@ class Level:
 
     def _columns(self, matrix: arb_mat) -> arb_mat:
         """Return T M, (n, k): a matrix M of columns in the user's states, such as B."""
-        return self.to_level * scaled_balls(matrix, -self._powers, _zeros(matrix.ncols()))
+        return self.T * scaled_balls(matrix, -self._powers, _zeros(matrix.ncols()))
 
     def _rows(self, matrix: arb_mat) -> arb_mat:
         """Return M T⁻¹, (k, n): a matrix M of rows that multiply the user's states, such as K."""
-        return scaled_balls(matrix, _zeros(matrix.nrows()), self._powers) * self.from_level
+        return scaled_balls(matrix, _zeros(matrix.nrows()), self._powers) * self.T_inverse
 
     @cached_property
     def inputs(self) -> np.ndarray:
