@@ -43,6 +43,11 @@ def entry_headings(
     ]
 
 
+def eigenvalue_headings(mode: str, time: str) -> list[str]:
+    """Return the headings of the parts of an eigenvalue: "phugoid eigenvalue real [1/s]"."""
+    return [f"{mode} eigenvalue {part} [1/{time}]" for part in ("real", "imaginary")]
+
+
 def write_netcdf(labelled: xarray.Dataset, path: str | Path) -> None:
     """Write a dataset as a NetCDF file (version 3), completely or not at all.
 

@@ -30,6 +30,22 @@ if TYPE_CHECKING:
     from trim.linear.linearize import Matrices
 
 
+#: Array -> its axes, and the attribute of a linear model that has it. Rates are those of states.
+MATRICES = {
+    "A": (("rate", "state"), "A"),
+    "B": (("rate", "input"), "B"),
+    "C": (("output", "state"), "C"),
+    "D": (("output", "input"), "D"),
+    "E": (("rate", "disturbance"), "E"),
+    "F": (("output", "disturbance"), "F"),
+}
+OFFSETS = {
+    "X0": (("state",), "state_offsets"),
+    "U0": (("input",), "input_offsets"),
+    "Y0": (("output",), "output_offsets"),
+}
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     """Linear model x' = A x + B u + E w, y - Y0 = C x + D u + F w (Eq. 9 of the paper).
@@ -361,14 +377,10 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """Return A, B, C, D, X0, U0 and Y0 with the names and units of signals. Requires xarray."""
         from trim.tables import dataset
 
-        matrices = {
-            "A": (("rate", "state"), self.A),
-            "B": (("rate", "input"), self.B),
-            "C": (("output", "state"), self.C),
-            "D": (("output", "input"), self.D),
-            "X0": ("state", self.state_offsets),
-            "U0": ("input", self.input_offsets),
-            "Y0": ("output", self.output_offsets),
+        arrays = {
+            name: (axes, getattr(self, attribute))
+            for name, (axes, attribute) in (MATRICES | OFFSETS).items()
+            if "disturbance" not in axes
         }
         names = {
             "state": ("state", list(self.states), {"units": list(self.state_units)}),
@@ -376,7 +388,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
             "output": ("output", list(self.outputs), {"units": list(self.output_units)}),
             "rate": ("rate", list(self.states)),
         }
-        return dataset(matrices, names, self.model.title)
+        return dataset(arrays, names, self.model.title)
 
 
 class _OutputEquation(NamedTuple):

@@ -22,7 +22,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, Stack, json_text, save_data, storable
 from hfa_support.reporting.rows import with_names
 from hfa_support.reporting.text import Table, eigenvalue_text, shown_values, with_shown_unit
-from trim.linear.linear_model import LinearModel
+from trim.linear.linear_model import MATRICES, OFFSETS, LinearModel
 from trim.linear.linearize import direct_disturbances
 from trim.linear.modes import Mode
 from trim.point.condition import StatedValues, stated_cells
@@ -30,7 +30,7 @@ from trim.point.margins import stalled
 from trim.point.operating_point import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED, OperatingPoint
 from trim.reports.levels import DEFAULT_AIRPLANE, mode_rows
 from trim.reports.trimmed import Trimmed
-from trim.tables import dataset, entry_headings
+from trim.tables import dataset, eigenvalue_headings, entry_headings
 
 if TYPE_CHECKING:
     import pandas
@@ -63,15 +63,19 @@ class Signals(NamedTuple):
     outputs: tuple[str, ...]
     disturbances: tuple[str, ...]
 
+    def axes(self, model: Model) -> dict[str, tuple[str, ...]]:
+        """Return axis of an array -> names of its entries: signals of linear models and trims."""
+        named = {kind.removesuffix("s"): names for kind, names in self._asdict().items()}
+        groups = {"state": model.states, "input": model.inputs, "parameter": model.parameters}
+        trims = {f"trim_{axis}": tuple(signals) for axis, signals in groups.items()}
+        return named | trims
 
-#: Matrix -> kinds of its rows and columns.
-_MATRICES = {
-    "A": ("states", "states"),
-    "B": ("states", "inputs"),
-    "C": ("outputs", "states"),
-    "D": ("outputs", "inputs"),
-    "E": ("states", "disturbances"),
-    "F": ("outputs", "disturbances"),
+
+#: Vector -> its axis, and the attribute of a linear model that has it.
+_VECTORS = OFFSETS | {
+    "trim_states": (("trim_state",), "point.x"),
+    "trim_inputs": (("trim_input",), "point.u"),
+    "trim_parameters": (("trim_parameter",), "model.p"),
 }
 
 
@@ -110,7 +114,7 @@ class Conditions(StatesAndInputs, Result, Reported):
     @property
     def names(self) -> tuple[str, ...]:
         """Name of each condition."""
-        return tuple(each.name for each in self.asked)
+        return tuple(asked.name for asked in self.asked)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -125,14 +129,10 @@ class Conditions(StatesAndInputs, Result, Reported):
     @cached_property
     def status(self) -> tuple[str, ...]:
         """Status of each condition: "trimmed", "stalled" (beyond the largest lift) or "no trim"."""
-        groups = (self.model.states, self.model.inputs, self.model.parameters)
-        x, u, p = (np.full((len(self), len(names)), math.nan) for names in groups)
-        for row, point in enumerate(self.points):
-            if point is not None:
-                x[row], u[row], p[row] = point.states, point.inputs, point.model.p
+        x, u, p = (self._vectors[f"trim_{kind}"] for kind in ("states", "inputs", "parameters"))
         words = np.where(stalled(self.model, x, u, p), STALLED, TRIMMED).tolist()
-        each = zip(words, self.reasons, strict=True)
-        return tuple(UNTRIMMED if reason else word for word, reason in each)
+        results = zip(words, self.reasons, strict=True)
+        return tuple(UNTRIMMED if reason else word for word, reason in results)
 
     @cached_property
     def modes(self) -> tuple[tuple[Mode, ...], ...]:
@@ -151,8 +151,8 @@ class Conditions(StatesAndInputs, Result, Reported):
         """Notes on the trims and linear models, of which a single one is on kinks."""
         known = [linear for linear in self.linear if linear is not None]
         kinks = [linear.kinks for linear in known if linear.kinks]
-        notes = dict.fromkeys(note for each in known for note in each.warnings)
-        said = [note for note in notes if not any(note in each for each in kinks)]
+        notes = dict.fromkeys(note for linear in known for note in linear.warnings)
+        said = [note for note in notes if not any(note in of_model for of_model in kinks)]
         if kinks:
             said.append(f"{kinks[0][0]} ({len(kinks)} of {len(self)} conditions have a kink)")
         return said
@@ -190,10 +190,12 @@ class Conditions(StatesAndInputs, Result, Reported):
     @property
     def _axes(self) -> dict[str, tuple[str, ...]]:
         """Axis of `arrays` -> names of its signals."""
-        model = self.model
-        named = {kind.removesuffix("s"): names for kind, names in self.signals._asdict().items()}
-        groups = {"state": model.states, "input": model.inputs, "parameter": model.parameters}
-        return named | {f"trim_{axis}": tuple(signals) for axis, signals in groups.items()}
+        return self.signals.axes(self.model)
+
+    @cached_property
+    def _vectors(self) -> dict[str, np.ndarray]:
+        """Offsets and trims of all conditions, by the names of `_VECTORS`."""
+        return _stacked(self.linear, _VECTORS, self._axes)
 
     def _named_signals(self) -> dict[str, Any]:
         """Return the entries of files with the names and units of the signals."""
@@ -250,7 +252,7 @@ class Conditions(StatesAndInputs, Result, Reported):
         return Table(
             ("condition", RESULTS, *(f"{name} 1/{self.model.time_unit}" for name in names)),
             [
-                (name, status, *(", ".join(texts.get(each, ())) for each in names))
+                (name, status, *(", ".join(texts.get(mode, ())) for mode in names))
                 for name, status, texts in zip(self.names, self.status, lines, strict=True)
             ],
         )
@@ -261,7 +263,7 @@ class Conditions(StatesAndInputs, Result, Reported):
 
         Angles are in degrees, but those of A and B in radians.
         """
-        asked = [{NAME: each.name} | stated_cells(self.model, each.stated) for each in self.asked]
+        asked = [{NAME: row.name} | stated_cells(self.model, row.stated) for row in self.asked]
         found = [self._found_cells(row) for row in range(len(self))]
         header = [*dict.fromkeys(heading for cells in (*asked, *found) for heading in cells)]
         whole = [condition | result for condition, result in zip(asked, found, strict=True)]
@@ -277,14 +279,13 @@ class Conditions(StatesAndInputs, Result, Reported):
             value = math.nan if point is None else point.values[name]
             cells[with_shown_unit(name, unit)] = float(shown_values(value, unit))
         for mode in self.modes[row]:
-            for part in ("real", "imag"):
-                heading = f"{mode.name} eigenvalue {part} [1/{model.time_unit}]"
-                cells[heading.replace("imag", "imaginary")] = getattr(mode.eigenvalue, part)
+            parts = mode.eigenvalue.real, mode.eigenvalue.imag
+            cells |= zip(eigenvalue_headings(mode.name, model.time_unit), parts, strict=True)
             cells[f"{mode.name} level"] = self.levels[row].get(mode.name) or ""
         for matrix in ("A", "B"):
-            rows, columns = (getattr(self.signals, kind) for kind in _MATRICES[matrix])
-            entries = np.asarray(getattr(self, matrix)[row]).ravel().tolist()
-            cells |= zip(entry_headings(model, matrix, rows, columns), entries, strict=True)
+            stack = getattr(self, matrix)
+            headings = entry_headings(model, matrix, *stack.names[1:])
+            cells |= zip(headings, stack[row].ravel().tolist(), strict=True)
         return cells
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -300,24 +301,14 @@ class Conditions(StatesAndInputs, Result, Reported):
         They are status and reason; A to F; X0, U0 and Y0; states, inputs and parameters of the
         trims; and the eigenvalues, with the names of their modes and their levels.
         """
-        signals, model = self.signals, self.model
-        n = len(signals.states)
+        n = len(self.signals.states)
         arrays: dict[str, Any] = {
             name: ((), np.array(words, dtype=object))
             for name, words in (("status", self.status), ("reason", self.reasons))
         }
-        for matrix, (rows, columns) in _MATRICES.items():
-            axes = ("rate" if rows == "states" else "output", columns.removesuffix("s"))
-            arrays[matrix] = axes, np.asarray(getattr(self, matrix))
-        for name, axis, count, of in (
-            ("X0", "state", n, "state_offsets"),
-            ("U0", "input", len(signals.inputs), "input_offsets"),
-            ("Y0", "output", len(signals.outputs), "output_offsets"),
-            ("trim_states", "trim_state", len(model.states), "point.x"),
-            ("trim_inputs", "trim_input", len(model.inputs), "point.u"),
-            ("trim_parameters", "trim_parameter", len(model.parameters), "model.p"),
-        ):
-            arrays[name] = (axis,), _stacked(self.linear, (count,), attrgetter(of))
+        stacks = {name: getattr(self, name) for name in MATRICES} | self._vectors
+        for name, (axes, _) in (MATRICES | _VECTORS).items():
+            arrays[name] = axes, np.asarray(stacks[name])
         roots = np.full((len(self), n), complex(math.nan, math.nan))
         names = np.full((len(self), n), "", dtype=object)
         levels = np.full((len(self), n), math.nan)
@@ -371,7 +362,7 @@ class Conditions(StatesAndInputs, Result, Reported):
                 plain = re.sub(r"[^\w.-]+", "_", name)
                 write_text(path / f"{row:02}_{plain}.json", json_text(self._file(row - 1) | origin))
         elif suffix == ".npz":
-            arrays = {name: array for name, (_, array) in self.arrays.items()}
+            arrays: dict[str, Any] = {name: array for name, (_, array) in self.arrays.items()}
             words = [name for name, array in arrays.items() if array.dtype == object]
             arrays |= {name: arrays[name].astype(str) for name in words}
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
@@ -388,15 +379,22 @@ class Conditions(StatesAndInputs, Result, Reported):
 
 def _stacked(
     models: Sequence[LinearModel | None],
-    shape: tuple[int, ...],
-    of: Callable[[LinearModel], Any],
-) -> np.ndarray:
-    """Return an array of N linear models, (N, *shape), nan where there is none."""
-    stack = np.full((len(models), *shape), math.nan)
-    for row, linear in enumerate(models):
-        if linear is not None:
-            stack[row] = of(linear)
-    return stack
+    table: Mapping[str, tuple[tuple[str, ...], str]],
+    names: Mapping[str, tuple[str, ...]],
+) -> dict[str, np.ndarray]:
+    """Return the arrays of a table, name -> values of N models (N, ...), nan where there is none.
+
+    names: axis -> names of its entries
+    """
+    arrays = {}
+    for name, (axes, attribute) in table.items():
+        of_axes = [names[axis.replace("rate", "state")] for axis in axes]
+        stack = np.full((len(models), *map(len, of_axes)), math.nan)
+        for row, linear in enumerate(models):
+            if linear is not None:
+                stack[row] = attrgetter(attribute)(linear)
+        arrays[name] = with_names(stack, (), *of_axes)
+    return arrays
 
 
 def _levels(point: OperatingPoint) -> dict[str, int | None]:
@@ -432,14 +430,14 @@ def linear_models(
     points: list[OperatingPoint | None] = []
     reasons = []
     refused = []
-    for done, each in enumerate(asked, start=1):
+    for done, row in enumerate(asked, start=1):
         point, reason = None, ""
         try:
-            point = each.trim()
+            point = row.trim()
         except (BadInputError, NoSolutionError) as error:
             reason = str(error)
             if isinstance(error, BadInputError):
-                refused.append(": ".join(filter(None, (each.where, reason))))
+                refused.append(": ".join(filter(None, (row.where, reason))))
         points.append(point)
         reasons.append(reason)
         if progress is not None:
@@ -452,12 +450,7 @@ def linear_models(
     signals = Signals(kept, tuple(inputs or model.inputs), tuple(outputs or kept), disturbances)
     chosen = {"states": states, "inputs": inputs, "outputs": outputs, "disturbances": disturbances}
     linear = tuple(None if point is None else point.linearize(**chosen) for point in points)
-    matrices = {}
-    for matrix, (rows, columns) in _MATRICES.items():
-        names = getattr(signals, rows), getattr(signals, columns)
-        shape = (len(names[0]), len(names[1]))
-        stack = _stacked(linear, shape, attrgetter(matrix))
-        matrices[matrix] = with_names(stack, (), *names)
+    matrices = _stacked(linear, MATRICES, signals.axes(model))
     return Conditions(
         model, tuple(asked), signals, tuple(points), linear, tuple(reasons), **matrices
     )

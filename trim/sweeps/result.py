@@ -41,7 +41,7 @@ from trim.sweeps.points import (
     parameters_at,
 )
 from trim.sweeps.sweep_plan import SweepPlan, arrays_of, at_limit, labels_of, limited
-from trim.tables import draw_curves, entry_headings, write_netcdf
+from trim.tables import draw_curves, eigenvalue_headings, entry_headings, write_netcdf
 
 if TYPE_CHECKING:
     import pandas
@@ -511,8 +511,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         for place, name in enumerate(names):
             number = names[: place + 1].count(name)
             called = name if number == 1 else f"{name} {number}"
-            for part in ("real", "imaginary"):
-                headings.append(f"{called} eigenvalue {part} [1/{model.time_unit}]")
+            headings += eigenvalue_headings(called, model.time_unit)
         for matrix, columns in (("A", model.linear), ("B", tuple(model.inputs))):
             headings += entry_headings(model, matrix, model.linear, columns)
         return headings
