@@ -95,22 +95,22 @@ def particular(M: np.ndarray, forcing: Waveform) -> Waveform:
 def feedforward(solution: Solution, reference: Waveform) -> Feedforward:
     """Return the exact feedforward of a game for a reference of its states.
 
-    The costate is computed in the states of `Solution.level`, where its loop keeps its digits.
+    The costate is computed in the states of `Solution.closed_loops`: its loop keeps its digits.
 
     Raises BadInputError if the game is in discrete time, or if the reference has another number of
     states than the game.
     """
-    game, level = solution.game, solution.level
+    game, closed_loops = solution.game, solution.closed_loops
     game.refuse_steps("a reference")
     if reference.size != len(game.A):
         raise BadInputError(
             f"the reference has {reference.size} states; the game has {len(game.A)}"
         )
     r = forcing(game.A, reference)
-    minus_P_r = r.through(-level.rows(solution.enclosure.P).T)
-    costate_in_level = particular(-level.worst_loop.T, minus_P_r)
-    to_level = level.columns(np.eye(len(game.A)))
-    return Feedforward(solution, reference, r, costate_in_level.through(to_level.T))
+    minus_P_r = r.through(-closed_loops.rows(solution.enclosure.P).T)
+    costate_in_new_states = particular(-closed_loops.worst_loop.T, minus_P_r)
+    T = closed_loops.columns(np.eye(len(game.A)))
+    return Feedforward(solution, reference, r, costate_in_new_states.through(T.T))
 
 
 def late_error(exact: Feedforward, K: np.ndarray, inputs: Waveform) -> Waveform:
@@ -120,11 +120,11 @@ def late_error(exact: Feedforward, K: np.ndarray, inputs: Waveform) -> Waveform:
     inputs: (m,)
     """
     solution = exact.solution
-    level = solution.level
-    loop = level.with_gain(ball_matrix(K))
-    to_level, from_level = level.columns(np.eye(len(loop))), level.rows(identity(len(loop)))
-    forcing_in_level = inputs.through(level.inputs) + exact.forcing.through(to_level)
-    return particular(loop, forcing_in_level).through(from_level)
+    closed_loops = solution.closed_loops
+    loop = closed_loops.with_gain(ball_matrix(K))
+    T, T_inverse = closed_loops.columns(np.eye(len(loop))), closed_loops.rows(identity(len(loop)))
+    forcing_in_new_states = inputs.through(closed_loops.inputs) + exact.forcing.through(T)
+    return particular(loop, forcing_in_new_states).through(T_inverse)
 
 
 #: Usual time over which means are computed, s.
@@ -389,7 +389,7 @@ def tracked(
     """
     exact = feedforward(solution, reference)
     if not stabilizes(solution.game, K):
-        abscissa = solution.level.poles(K).abscissa
+        abscissa = solution.closed_loops.poles(K).abscissa
         raise BadInputError(
             f"tracking: A - B K has abscissa {abscissa:+.4g} 1/s; give a K that stabilizes the game"
         )

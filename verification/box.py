@@ -92,9 +92,9 @@ def balanced_units(game: Game) -> np.ndarray:
     plain = game.without_cross_weights
     root = math.sqrt(game.discount)
     B = root * plain.B
-    price = game.R + B.T @ plain.Q @ B if game.is_discrete else game.R
+    weight = game.R + B.T @ plain.Q @ B if game.is_discrete else game.R
     E = root * plain.E / game.delta
-    return units_of(root * plain.A, B @ np.linalg.pinv(price) @ B.T + E @ E.T, plain.Q)
+    return units_of(root * plain.A, B @ np.linalg.pinv(weight) @ B.T + E @ E.T, plain.Q)
 
 
 def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
@@ -250,7 +250,7 @@ def box_flights(
         return BoxFlights(box.name, 0.0, 0.0 * b, flown.seconds, 0.0 * b)
 
     def simulate(per_step: int) -> _Costs:
-        return _Costs(*(each.costs(part * starts, step / per_step) for each in (flown, exact)))
+        return _Costs(*(who.costs(part * starts, step / per_step) for who in (flown, exact)))
 
     costs, error = resolved(simulate, _figures, step)
     excess = costs.judged / costs.exact - 1.0
@@ -277,8 +277,8 @@ def _figures(costs: _Costs) -> Figures:
     """
     return {
         f"cost {number} of the {who} policy": ReportedFigure(float(cost))
-        for who, each in costs._asdict().items()
-        for number, cost in enumerate(each)
+        for who, from_starts in costs._asdict().items()
+        for number, cost in enumerate(from_starts)
         if np.isfinite(cost)
     }
 

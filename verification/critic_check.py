@@ -122,7 +122,7 @@ def verify(
         from verification.network.search import findings_of
 
         plant = None if linear is None or game.is_discrete else nonlinear_plant(linear)
-        findings = findings_of(exact, judged, loop.excess, widths, limit, flights, plant)
+        findings = findings_of(exact, judged, loop.suboptimality, widths, limit, flights, plant)
 
     checks = [*errors, *loop.checks]
     if judged.P is not None and judged.is_finite:
@@ -151,13 +151,13 @@ def verify(
         checks=explained(checks, reason),
         limit=limit,
         reason=reason,
-        cost_lost=100.0 * loop.excess.high if findings is None else findings.cost_lost,
+        cost_lost=100.0 * loop.suboptimality.high if findings is None else findings.cost_lost,
         box=in_box,
         flights=None if findings is None else findings.flown.flights,
         searched=0 if findings is None else findings.states,
         sections=tuple(sections),
         nonlinear=nonlinear,
-        excess=loop.excess if findings is None else None,
+        excess=loop.suboptimality if findings is None else None,
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.riccati.balls import ball_matrix
 from controller.riccati.gare import Solution
-from controller.riccati.suboptimality import Excess, excess_of, without_bound
+from controller.riccati.suboptimality import Suboptimality, suboptimality_of, without_bound
 from hfa_support.matrices import spectral_abscissa, spectral_radius
 from hfa_support.reporting.report import Check, Part, at_least
 from hfa_support.reporting.results import without_empty
@@ -48,29 +48,33 @@ class LinearLoop:
     is_exact: bool
 
     @cached_property
-    def excess(self) -> Excess:
+    def suboptimality(self) -> Suboptimality:
         """Cost above the optimum, enclosed."""
         if not self.critic.is_finite:
             return without_bound(self.exact.game)
-        return excess_of(self.exact.enclosure, self.critic.K, self.box)
+        return suboptimality_of(self.exact.enclosure, self.critic.K, self.box)
 
     @cached_property
     def gain(self) -> float:
         """L2 gain, at most 1e-6 too large; inf for an unstable loop."""
-        return self.exact.level.l2_gain(self.critic.K).high if self.excess.is_stable else math.inf
+        return (
+            self.exact.closed_loops.l2_gain(self.critic.K).high
+            if self.suboptimality.is_stable
+            else math.inf
+        )
 
     @cached_property
     def farthest_pole(self) -> float:
         """Abscissa of A - B K, 1/s, or its spectral radius, in doubles unless they contradict the
         proof that it is stable.
         """
-        level, K = self.exact.level, self.critic.K
+        closed_loops, K = self.exact.closed_loops, self.critic.K
         is_discrete = self.exact.game.is_discrete
-        closed, limit = level.with_gain(ball_matrix(K)), float(is_discrete)
+        closed, limit = closed_loops.with_gain(ball_matrix(K)), float(is_discrete)
         value = spectral_radius(closed) if is_discrete else spectral_abscissa(closed)
-        if (value < limit) == self.excess.is_stable:
+        if (value < limit) == self.suboptimality.is_stable:
             return value
-        poles = level.poles(K)
+        poles = closed_loops.poles(K)
         return poles.spectral_radius if is_discrete else poles.abscissa
 
     @cached_property
@@ -83,53 +87,61 @@ class LinearLoop:
         if math.isfinite(delta) and self.critic.is_finite:
             reason = f"the closed loop has an L2 gain of {self.gain:.4g}, not below delta"
             # The cost has a bound if and only if the gain is below delta.
-            has_bound = self.excess.matrix is not None
+            has_bound = self.suboptimality.matrix is not None
             checks.append(_proved_check("l2_gain", self.gain, delta, has_bound, reason, "gain"))
         return checks
 
     @cached_property
     def robustness(self) -> dict[str, _Robustness]:
         """Robustness of the loop, "learned", and of another optimum, "exact"."""
-        exact, level, K = self.exact, self.exact.level, self.critic.K
+        exact, closed_loops, K = self.exact, self.exact.closed_loops, self.critic.K
         found = _Robustness(self.gain, 0.0, None)
-        if self.excess.is_stable:
-            found = _Robustness(self.gain, level.distance(K), level.disk_margin(K))
-        if self.is_exact and 100.0 * self.excess.high <= NEAR:
+        if self.suboptimality.is_stable:
+            found = _Robustness(self.gain, closed_loops.distance(K), closed_loops.disk_margin(K))
+        if self.is_exact and 100.0 * self.suboptimality.high <= NEAR:
             return {"learned": found}
-        best = _Robustness(exact.l2_gain, level.distance(exact.K), exact.disk_margin)
+        best = _Robustness(exact.l2_gain, closed_loops.distance(exact.K), exact.disk_margin)
         return {"learned": found, "exact": best}
 
     @cached_property
     def part(self) -> Part:
         """Table and lines of the report."""
-        excess, shown = self.excess, self.robustness.values()
+        suboptimality, shown = self.suboptimality, self.robustness.values()
         zeros = ["0"] * (len(shown) - 1)
         rows = [
-            ("% above the optimum, worst case", _percent(excess, excess.high), *zeros),
-            ("% above the optimum, mean over cases", _percent(excess, excess.mean), *zeros),
+            (
+                "% above the optimum, worst case",
+                _percent(suboptimality, suboptimality.high),
+                *zeros,
+            ),
+            (
+                "% above the optimum, mean over cases",
+                _percent(suboptimality, suboptimality.mean),
+                *zeros,
+            ),
             ("L2 gain", *(f"{loop.gain:.4g}" for loop in shown)),
             ("distance to instability", *(f"{loop.distance:.3g}" for loop in shown)),
         ]
         for name in ("disk", "gain", "phase, deg"):
             rows.append((f"margin of all inputs, {name}", *(_margin(loop, name) for loop in shown)))
         table = Table(("linear loop with the worst disturbance", *self.robustness), rows)
-        return (table, *_state_lines(self.exact, excess))
+        return (table, *_state_lines(self.exact, suboptimality))
 
     @cached_property
     def data(self) -> dict[str, Any]:
         """Entries of the verdict's file, name -> value; those of another optimum end in _exact."""
-        excess, game = self.excess, self.exact.game
+        suboptimality, game = self.suboptimality, self.exact.game
         graded: dict[str, Any] = {
-            "cost_lost_worst_percent": 100.0 * excess.high,
-            "cost_lost_mean_percent": 100.0 * excess.mean,
+            "cost_lost_worst_percent": 100.0 * suboptimality.high,
+            "cost_lost_mean_percent": 100.0 * suboptimality.mean,
         }
         margins = {}
         for whose, loop in self.robustness.items():
             end = "_exact" if whose == "exact" else ""
             graded |= {f"l2_gain{end}": loop.gain, f"distance_to_instability{end}": loop.distance}
             margins[f"disk_margin{end}"] = loop.margin.disk if loop.margin else math.nan
-        if _has_worst(excess):
-            graded["worst_initial_state"] = excess.worst
+        if _has_worst(suboptimality):
+            graded["worst_initial_state"] = suboptimality.worst
         return margins | without_empty(
             graded=graded,
             discount=game.discount if game.is_discrete else None,
@@ -144,11 +156,11 @@ def _proved_check(name: str, value: float, limit: float, ok: bool, reason: str, 
 
 def _stability_checks(loop: LinearLoop) -> list[Check]:
     """Return the checks that A - B K is stable, and in discrete time of a finite cost."""
-    game, excess, value = loop.exact.game, loop.excess, loop.farthest_pole
+    game, suboptimality, value = loop.exact.game, loop.suboptimality, loop.farthest_pole
     if not game.is_discrete:
         unstable = f"A - B K is not Hurwitz (abscissa {value:+.3g} 1/s)"
         name = "control_loop_abscissa"
-        return [_proved_check(name, value, 0.0, excess.is_stable, unstable, "stability")]
+        return [_proved_check(name, value, 0.0, suboptimality.is_stable, unstable, "stability")]
     unstable = f"A - B K has the spectral radius {value:.7g}"
     if loop.is_exact:
         why = "the exact solution of this discounted problem does not stabilize either"
@@ -157,29 +169,31 @@ def _stability_checks(loop: LinearLoop) -> list[Check]:
     infinite = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
     name = "discounted_loop_radius"
     return [
-        _proved_check("control_loop_radius", value, 1.0, excess.is_stable, unstable, "stability"),
-        _proved_check(name, discounted, 1.0, excess.is_summable, infinite, "cost"),
+        _proved_check(
+            "control_loop_radius", value, 1.0, suboptimality.is_stable, unstable, "stability"
+        ),
+        _proved_check(name, discounted, 1.0, suboptimality.is_summable, infinite, "cost"),
     ]
 
 
-def _state_lines(exact: Solution, excess: Excess) -> list[str]:
+def _state_lines(exact: Solution, suboptimality: Suboptimality) -> list[str]:
     """Return lines on the initial states that cost most, relative to the optimum."""
     lines = []
-    if _has_worst(excess):
-        lines.append(f"Worst initial state, in the box: {state_text(exact, excess.worst)}")
-    if not excess.is_relative:
+    if _has_worst(suboptimality):
+        lines.append(f"Worst initial state, in the box: {state_text(exact, suboptimality.worst)}")
+    if not suboptimality.is_relative:
         lines.append("Weights indefinite: % of the largest optimal cost of the box")
-    if excess.free_state is not None:
+    if suboptimality.free_state is not None:
         lines.append(
-            f"From {state_text(exact, excess.free_state)}, the policy costs "
-            f"{excess.from_free:.3g}, and the optimum 0"
+            f"From {state_text(exact, suboptimality.free_state)}, the policy costs "
+            f"{suboptimality.from_free:.3g}, and the optimum 0"
         )
     return lines
 
 
-def _has_worst(excess: Excess) -> bool:
+def _has_worst(suboptimality: Suboptimality) -> bool:
     """Return whether some initial state costs most; of an optimal policy, rounding decides it."""
-    return not excess.is_optimal and bool(np.isfinite(excess.worst).all())
+    return not suboptimality.is_optimal and bool(np.isfinite(suboptimality.worst).all())
 
 
 def state_text(exact: Solution, state: np.ndarray) -> str:
@@ -212,9 +226,9 @@ def value_check(exact: Solution, P: np.ndarray, box: np.ndarray, limit: float) -
     return at_least("P_smallest_eigenvalue", smallest / unit, least, indefinite, kind="cost")
 
 
-def _percent(excess: Excess, ratio: float) -> str:
+def _percent(suboptimality: Suboptimality, ratio: float) -> str:
     """Return a ratio in percent as text, 0 if no cost differs from the optimum as a double."""
-    return "0" if excess.is_optimal else percent(100.0 * ratio, 3).removesuffix(" %")
+    return "0" if suboptimality.is_optimal else percent(100.0 * ratio, 3).removesuffix(" %")
 
 
 def _margin(loop: _Robustness, name: str) -> str:

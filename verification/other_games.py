@@ -133,10 +133,10 @@ def continuous(game: Game) -> Game | None:
     poles = np.linalg.eigvals(game.A)
     if np.any((poles.imag == 0.0) & (poles.real <= 0.0)):
         return None
-    n, held = len(game.A), np.hstack([game.B, game.E])
-    size = n + held.shape[1]
+    n, inputs = len(game.A), np.hstack([game.B, game.E])
+    size = n + inputs.shape[1]
     step = np.eye(size)
-    step[:n, :n], step[:n, n:] = game.A, held
+    step[:n, :n], step[:n, n:] = game.A, inputs
     try:
         rates = logm(step) / game.dt
     except (ValueError, np.linalg.LinAlgError):
@@ -169,7 +169,7 @@ def _nearest(family: Family, of: str, given: np.ndarray, sizes: np.ndarray) -> O
         return np.full(given.shape, math.inf)
 
     size = np.linalg.norm
-    errors = [errors_at(each) for each in _GRID]
+    errors = [errors_at(logarithm) for logarithm in _GRID]
     best = int(np.argmin([*map(size, errors)]))
     if not (np.isfinite(size(errors[best])) and 0 < best < len(_GRID) - 1):
         return None

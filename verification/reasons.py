@@ -203,8 +203,8 @@ def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
     states in which costs are 1.
     """
     states = _sizes_of_states(exact)
-    prices = np.diag(exact.excess_weight)
-    inputs = np.sqrt(np.where(prices > 0.0, prices, 1.0))
+    weights = np.diag(exact.excess_weight)
+    inputs = np.sqrt(np.where(weights > 0.0, weights, 1.0))
     priced = exact.K * inputs[:, None] / states
     columns = floored(np.linalg.norm(priced, axis=0))
     rows = floored(np.linalg.norm(priced / columns, axis=1))

@@ -231,7 +231,7 @@ def check_pair(model: LinearModel, published: PublishedModel) -> RegeneratedPair
     fast = float((errors / np.abs(printed))[~slow].max())
     slowly = float(errors[slow].max(initial=0.0))
     modes = "modes differ from those of the printed A"
-    unstable = [int(np.count_nonzero(each.real > 0)) for each in (printed, computed)]
+    unstable = [int(np.count_nonzero(poles.real > 0)) for poles in (printed, computed)]
     count = (
         f"the printed A has {unstable[0]} unstable eigenvalues, the regenerated one {unstable[1]}"
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.game.linear_game import weights_line
 from controller.game.zero_sum import Game
-from controller.riccati.suboptimality import Excess
+from controller.riccati.suboptimality import Suboptimality
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Check, Part, Report, verdict_text
 from hfa_support.reporting.text import Cell, Table, entry_rows, percent
@@ -207,7 +207,7 @@ def _cost_text(verdict: Verdict) -> str:
     return text if is_at_trim else f"{text} about its equilibrium"
 
 
-def _enclosed_cost(excess: Excess) -> str:
+def _enclosed_cost(excess: Suboptimality) -> str:
     """Return the cost of a linear policy, as far as its bounds are known."""
     if excess.is_optimal:
         return "optimal cost"

@@ -12,7 +12,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.network.declared import NOTHING
 from controller.riccati.gare import Solution
-from controller.riccati.suboptimality import SAME_DOUBLE, Excess
+from controller.riccati.suboptimality import SAME_DOUBLE, Suboptimality
 from hfa_support.reporting.report import Check, Checked, Part, Report, Reported
 from hfa_support.reporting.results import Result, storable, without_empty
 from verification.box import Box
@@ -81,7 +81,7 @@ class Verdict(Checked, Result, Reported):
     searched: int = 0
     sections: tuple[Any, ...] = ()
     nonlinear: NonlinearComparison | None = None
-    excess: Excess | None = None
+    excess: Suboptimality | None = None
 
     @property
     def ok(self) -> bool:

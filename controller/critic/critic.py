@@ -432,7 +432,7 @@ def _derivative_at(expression: ca.SX, z: ca.SX, point: np.ndarray) -> np.ndarray
 _BESIDE, _NEARER = 1e-9, 1e-12
 #: Change of K between both sides that is a kink, relative to K, and least part of it that is left
 #: at the smaller distance. Of a smooth u, `_NEARER` / `_BESIDE` is left, a thousandth.
-_KINK = 1e-3
+_NONSMOOTH = 1e-3
 _LEFT = 0.5
 #: Size of the states without a box, relative to those that cost 1: the cost's unit says nothing of
 #: how near to 0 a kink is, and only one exactly at 0 counts.
@@ -474,7 +474,7 @@ def _gain_at_0(game: Game, u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
     change = largest_entry(after - before)
     remains = largest_entry(nearer_after - nearer_before) > _LEFT * change
     size = largest_entry(np.array([before, after]))
-    if np.isfinite(size) and change > _KINK * size and remains:
+    if np.isfinite(size) and change > _NONSMOOTH * size and remains:
         return (before + after) / 2.0, True
     return -_derivative_at_0(u, z), False
 

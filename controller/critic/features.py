@@ -192,13 +192,13 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
     a = ca.DM(actions.sizes) * scaled
     after = ca.DM(problem.A) @ x + ca.DM(actions.columns) @ a
     # half the slopes, along the actions, of their cost, of the cross terms and of the value after
-    # the step, in units of the price of an action times its size
-    of_price = ca.DM(actions.price) @ a
+    # the step, in units of the weight of an action times its size
+    of_weight = ca.DM(actions.weight) @ a
     of_cross = ca.DM(actions.cross) @ x
     of_value = 0.5 * problem.discount * (ca.DM(actions.columns).T @ gradient(after))
-    units = ca.DM(np.abs(np.diag(actions.price)) * actions.sizes)
-    slope = ca.densify((of_price + of_cross + of_value) / units)
-    terms = (ca.fabs(of_price) + ca.fabs(of_cross) + ca.fabs(of_value)) / units
+    units = ca.DM(np.abs(np.diag(actions.weight)) * actions.sizes)
+    slope = ca.densify((of_weight + of_cross + of_value) / units)
+    terms = (ca.fabs(of_weight) + ca.fabs(of_cross) + ca.fabs(of_value)) / units
     residual = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), _root_of_value_at_edge(problem, P))
     # `root` can be called with MX only
     options = {"max_iter": _STEPS, "error_on_fail": False, "show_eval_warnings": False}
@@ -222,14 +222,14 @@ class _Actions(NamedTuple):
     """The actions a = (u, δ w) of a step, or u alone without disturbance: x⁺ = A x + columns a.
 
     columns: [B E/δ], (n, k)
-    price: weights of a in the cost, (k, k)
+    weight: weights of a in the cost, (k, k)
     cross: weights of a with x in the cost, (k, n)
     gains: policy a = gains x of the quadratic part of V, (k, n)
     sizes: sizes of the actions at states with the value 1, (k,)
     """
 
     columns: np.ndarray
-    price: np.ndarray
+    weight: np.ndarray
     cross: np.ndarray
     gains: np.ndarray
     sizes: np.ndarray
@@ -239,14 +239,14 @@ def _actions(problem: Game, P: np.ndarray) -> _Actions:
     """Return the actions of a step of a game, whose value begins with x'P x."""
     n, m = problem.B.shape
     K, L = problem.policies(P)
-    columns, price, cross, gains = problem.B, problem.R, problem.N.T, -K
+    columns, weight, cross, gains = problem.B, problem.R, problem.N.T, -K
     if math.isfinite(problem.delta):
         k = problem.E.shape[1]
         columns = np.hstack([columns, problem.E / problem.delta])
-        price = np.block([[price, np.zeros((m, k))], [np.zeros((k, m)), -np.eye(k)]])
+        weight = np.block([[weight, np.zeros((m, k))], [np.zeros((k, m)), -np.eye(k)]])
         cross = np.vstack([cross, np.zeros((k, n))])
         gains = np.vstack([gains, problem.delta * L])
     values = np.diag(P)
     costly = values > 0.0
     sizes = np.abs(gains[:, costly]) @ values[costly] ** -0.5
-    return _Actions(columns, price, cross, gains, np.where(sizes > 0.0, sizes, 1.0))
+    return _Actions(columns, weight, cross, gains, np.where(sizes > 0.0, sizes, 1.0))

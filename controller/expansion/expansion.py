@@ -59,7 +59,7 @@ def deviation_rates(linear: LinearModel, game: Game) -> ca.Function:
     """
     game.refuse_steps("the nonlinear game")
     model = linear.model
-    refuse_kinks(linear)
+    refuse_nonsmooth(linear)
     rates = rates_about_trim(linear)
     at_trim = rates(0, 0)
     for name, rate in zip(linear.states, np.array(at_trim)[:, 0].tolist(), strict=True):
@@ -91,7 +91,7 @@ def rates_about_trim(linear: LinearModel) -> ca.Function:
     return ca.Function("plant", [z, u], [rates[model.state_places(linear.states)]])
 
 
-def refuse_kinks(linear: LinearModel) -> None:
+def refuse_nonsmooth(linear: LinearModel) -> None:
     """Raise BadInputError if the equations call tables, or if one of their switches is at the trim.
 
     linear: linear model at the trim

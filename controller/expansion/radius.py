@@ -213,7 +213,7 @@ class _Search:
             values = np.abs(homogeneous(n, degree).psi(drawn) @ (monomial_scales(n, degree) * term))
             self._largest_terms[degree] = float(values.max())
             flown.append(drawn[np.argsort(values)[-_LARGEST:]])
-        self.directions = np.vstack([*flown, *(-each for each in flown)])
+        self.directions = np.vstack([*flown, *(-rays for rays in flown)])
 
     def radius(self, degree: int) -> Radius:
         """Return the radius of V2 + ... + V_degree.

@@ -347,7 +347,7 @@ class Game(ByValue, Reported):
         refuse_unless_positive("dt", dt, " s")
         self.refuse_steps("Game.sampled")
         n, m = self.B.shape
-        step = _step_with_held(self.A, np.hstack([self.B, self.E]), dt)
+        step = _zero_order_hold(self.A, np.hstack([self.B, self.E]), dt)
         A, B, E = np.split(step, [n, n + m], axis=1)
         return replace(
             self,
@@ -403,14 +403,14 @@ class Game(ByValue, Reported):
             )
 
 
-def _step_with_held(A: np.ndarray, held: np.ndarray, dt: float) -> np.ndarray:
-    """Return [Φ Γ] (n, n + k) of the step z⁺ = Φ z + Γ v of z' = A z + held v with constant v.
+def _zero_order_hold(A: np.ndarray, inputs: np.ndarray, dt: float) -> np.ndarray:
+    """Return [Φ Γ] (n, n + k) of the step z⁺ = Φ z + Γ v of z' = A z + B v with constant v.
 
     Raises BadInputError if dt is below `SHORTEST` divided by the largest entry of A in balanced
     units.
 
     A: rates of z per z, (n, n)
-    held: rates of z per held input v, (n, k)
+    inputs: B, rates of z per input v, (n, k)
     dt: duration of the step, s
     """
     from scipy.linalg import expm
@@ -423,13 +423,13 @@ def _step_with_held(A: np.ndarray, held: np.ndarray, dt: float) -> np.ndarray:
             f" than {SHORTEST:g}, and lose its rates to rounding; give at least"
             f" {SHORTEST / fastest:.2g} s, or solve the game in continuous time"
         )
-    # d/dt [z; v] = [A held; 0 0] [z; v]. With z = units y and w = sizes v,
-    # y' = scaled_A y + (held / sizes) w has entries of similar sizes.
-    held = held / units[:, None]
-    sizes = power_of_two(np.abs(held).max(axis=0)) * (fastest or 1.0)
-    rates = np.hstack([scaled_A, held / sizes])
-    rates_of_held = np.zeros((held.shape[1], rates.shape[1]))
-    exponential = expm(dt * np.vstack([rates, rates_of_held]))
+    # d/dt [z; v] = [A B; 0 0] [z; v]. With z = units y and w = sizes v,
+    # y' = scaled_A y + (inputs / sizes) w has entries of similar sizes.
+    inputs = inputs / units[:, None]
+    sizes = power_of_two(np.abs(inputs).max(axis=0)) * (fastest or 1.0)
+    rates = np.hstack([scaled_A, inputs / sizes])
+    rates_of_inputs = np.zeros((inputs.shape[1], rates.shape[1]))
+    exponential = expm(dt * np.vstack([rates, rates_of_inputs]))
     step = units[:, None] * exponential[: len(A)]
     return np.asarray(step * np.append(1.0 / units, sizes))
 

@@ -58,16 +58,16 @@ class PlantFit:
             )
         self.scales = np.sqrt(np.mean(begins**2, axis=0))
         self.excitation = _refused_unless_excited(game, transitions, self.scales)
-        scaled = begins / self.scales
-        fit, *_ = np.linalg.lstsq(scaled, ends, rcond=None)
+        self.scaled = begins / self.scales
+        fit, *_ = np.linalg.lstsq(self.scaled, ends, rcond=None)
         self.matrix = fit.T / self.scales
-        self.residuals = ends - scaled @ fit
+        self.residuals = ends - self.scaled @ fit
+        self.degrees_of_freedom = count - columns
 
     @property
     def noise(self) -> np.ndarray:
         """Standard deviation of the residuals of each state, (n,)."""
-        count, columns = self.transitions.begins.shape
-        return np.sqrt(np.sum(self.residuals**2, axis=0) / (count - columns))
+        return np.sqrt(np.sum(self.residuals**2, axis=0) / self.degrees_of_freedom)
 
     @property
     def misfit(self) -> float:
@@ -132,23 +132,20 @@ class PlantFit:
             misfit=self.misfit,
             noise=self.noise,
             hold=self.transitions.hold,
-            notes=(*self.transitions.notes, *self._doubts()),
+            notes=(*self.transitions.notes, *self._warnings()),
         )
 
-    def _doubts(self) -> Iterator[str]:
+    def _warnings(self) -> Iterator[str]:
         """Yield sentences on what contradicts a linear plant with independent noise."""
         if self.misfit <= RANK_TOLERANCE:
             return
         ends = self.transitions.ends
-        begins = self.transitions.begins / self.scales
-        with_constant = np.column_stack([begins, np.ones(len(begins))])
-        fit, *_ = np.linalg.lstsq(with_constant, ends, rcond=None)
-        lost = np.linalg.norm(self.residuals, axis=0) - np.linalg.norm(
-            ends - with_constant @ fit, axis=0
-        )
+        with_constant = np.column_stack([self.scaled, np.ones(len(ends))])
+        norms = np.linalg.norm(self.residuals, axis=0)
+        explained = norms - np.linalg.norm(_beyond(with_constant, ends), axis=0)
         # A constant that is noise lowers the norm by a share of 1/(2 N) on average, and by eight
         # times that in one of 5,000 records.
-        if np.any(lost * len(ends) > 8.0 * np.linalg.norm(self.residuals, axis=0)):
+        if np.any(explained * len(ends) > 8.0 * norms):
             yield "the data have a constant part: give deviations from the trim"
         pairs = np.flatnonzero(self.transitions.follows)
         if len(pairs):
@@ -165,15 +162,13 @@ class PlantFit:
     @cached_property
     def _roots(self) -> np.ndarray:
         """Root of the covariance of a row of M for noise of variance 1, (s, s)."""
-        begins = self.transitions.begins / self.scales
-        return np.asarray(np.linalg.inv(np.linalg.qr(begins, mode="r")) / self.scales[:, None])
+        return np.asarray(np.linalg.inv(np.linalg.qr(self.scaled, mode="r")) / self.scales[:, None])
 
     def _quantile(self, of: int = 1) -> float:
         """Return the half-width in standard deviations of bands that all `of` hold in 95 %."""
         from scipy.stats import t
 
-        count, columns = self.transitions.begins.shape
-        return float(t.ppf(1.0 - 0.5 * (1.0 - _CONFIDENCE) / of, count - columns))
+        return float(t.ppf(1.0 - 0.5 * (1.0 - _CONFIDENCE) / of, self.degrees_of_freedom))
 
     def refuse_without_effect(self) -> None:
         """Raise BadInputError if the 95 % bands of the effects of an input on all states hold 0."""
@@ -182,8 +177,7 @@ class PlantFit:
         for place, name in enumerate(self.of_user.names.inputs, start=n):
             if np.any(np.abs(self.matrix[:, place]) > bands[:, place]):
                 continue
-            begins = self.transitions.begins / self.scales
-            own = np.sqrt(np.mean(_beyond(begins[:, :n], begins[:, place]) ** 2))
+            own = np.sqrt(np.mean(_beyond(self.scaled[:, :n], self.scaled[:, place]) ** 2))
             raise BadInputError(
                 f"the data show no effect of {name} in 95 % bands: {100.0 * own:.2g} % of it is "
                 f"not a policy u = -K x, and the misfit is {100.0 * self.misfit:.2g} %; record "
@@ -192,8 +186,7 @@ class PlantFit:
 
     def bands(self, P: np.ndarray) -> Bands:
         """Return the 95 % bands of the value z'P z and of its gain, for independent noise."""
-        count, columns = self.transitions.begins.shape
-        noise = self.residuals.T @ self.residuals / (count - columns)
+        noise = self.residuals.T @ self.residuals / self.degrees_of_freedom
         # A direction of M for each root of the noise and of the columns, of variance 1.
         sizes, vectors = np.linalg.eigh(noise)
         of_states = vectors * np.sqrt(sizes.clip(0.0))
@@ -234,8 +227,8 @@ class PlantFit:
             H = weights
             dP = solve_continuous_lyapunov(loop.T, -right) / outer
             forced = forced + J.T @ dP @ M + M.T @ dP @ J
-        free = slice(n, n + m + (len(L) if math.isfinite(game.delta) else 0))
-        return Bands(dP, np.linalg.solve(H[free, free], (forced @ V)[free])[:m])
+        moved = slice(n, n + m + (len(L) if math.isfinite(game.delta) else 0))
+        return Bands(dP, np.linalg.solve(H[moved, moved], (forced @ V)[moved])[:m])
 
     @cached_property
     def _of_rates(self) -> np.ndarray:
@@ -289,6 +282,6 @@ def _refused_unless_excited(game: Game, transitions: Transitions, scales: np.nda
     return found
 
 
-def _beyond(states: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return what is left of other columns beyond their linear function of the states."""
-    return np.asarray(others - states @ np.linalg.lstsq(states, others, rcond=None)[0])
+def _beyond(columns: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return what is left of others beyond their linear function of some columns."""
+    return np.asarray(others - columns @ np.linalg.lstsq(columns, others, rcond=None)[0])

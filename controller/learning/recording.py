@@ -15,7 +15,7 @@ from controller.game.linear_game import weights_of_sizes
 from controller.game.zero_sum import Game
 from hfa_aircraft.readers.matrices_file import NAME_KEYS, found_in, sample_time, words
 from hfa_aircraft.signals import UNNAMED, PlantNames
-from hfa_support.arrays.read import columns_of, read_arrays
+from hfa_support.arrays.read import Label, columns_of, read_arrays
 from hfa_support.errors import (
     BadInputError,
     file_faults,
@@ -90,16 +90,16 @@ def plant_of(game: Game, columns: int) -> np.ndarray:
 
 def widths_of(game: Game) -> np.ndarray:
     """Return half-widths of random x and u, and of d for a finite delta, (s,) (`simulated`)."""
-    columns, prices = game.B, np.diag(game.R)
+    columns, weights = game.B, np.diag(game.R)
     if np.isfinite(game.delta):
         columns = np.hstack([columns, game.E])
-        prices = np.append(prices, np.full(game.E.shape[1], game.delta**2))
+        weights = np.append(weights, np.full(game.E.shape[1], game.delta**2))
     spread = natural_spread(game)
     cost_of_states = float(np.diag(game.Q) @ spread**2) or 1.0
     effects = np.abs(columns / spread[:, None]).max(axis=0)  # of a unit, in spreads
     fastest = 1.0 if game.is_discrete else _fastest(game.A)
     by_effect = fastest / np.where(effects > 0.0, effects, 1.0)
-    by_cost = np.sqrt(cost_of_states / prices)
+    by_cost = np.sqrt(cost_of_states / weights)
     return np.append(spread, np.minimum(by_effect, by_cost))
 
 
@@ -187,7 +187,7 @@ class RelativeResidual(NamedTuple):
     @classmethod
     def of(cls, errors: np.ndarray, costs: np.ndarray, terms: np.ndarray) -> RelativeResidual:
         """Return the residual of errors, costs and summed magnitudes of terms, (N_h,) each."""
-        norm, of_costs, of_terms = (float(np.linalg.norm(each)) for each in (errors, costs, terms))
+        norm, of_costs, of_terms = (float(np.linalg.norm(v)) for v in (errors, costs, terms))
         return cls(norm / of_costs, norm / of_terms)
 
 
@@ -269,22 +269,15 @@ def _entries(source: Any) -> dict[str, Any]:
     return read_arrays(source)
 
 
-class _Column(NamedTuple):
-    """Column of a table, with its unit or ""."""
-
-    unit: str
-    values: np.ndarray
-
-
 def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]:
     """Return the matrices of a table, by the names of its columns."""
-    columns: dict[str, _Column] = {}
-    for label, values in entries.items():
-        if words(entries, label):
-            continue
-        ((name, unit),) = re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", label.strip(), re.DOTALL)
-        columns[name] = _Column(unit, np.ravel(numbers_in(name, values)))
-    if len({len(column.values) for column in columns.values()}) > 1:
+    columns: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    for text, values in entries.items():
+        if not words(entries, text):
+            name, unit = Label.of(text)
+            columns[name], units[name] = np.ravel(numbers_in(name, values)), unit
+    if len(set(map(len, columns.values()))) > 1:
         raise BadInputError("the columns differ in length; give x and u, or columns of one length")
     ends = {end for end in _ENDS for name in columns if name.endswith(end)}
     by_ends = [name for name in columns if any(f"{name}{end}" in columns for end in _ENDS)]
@@ -304,24 +297,26 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
             f"{found_in(entries)}; name the columns so, with units as in alpha [deg], or "
             "give a plant that names them"
         )
-    matrices: dict[str, Any] = {key: columns[key].values for key in _OTHERS if key in columns}
+    matrices: dict[str, Any] = {key: columns[key] for key in _OTHERS if key in columns}
     for key, of_matrix in (("x", states), ("u", inputs), ("d", d)):
         if of_matrix:
-            matrices[key] = np.column_stack([columns[name].values for name in of_matrix])
+            matrices[key] = np.column_stack([columns[name] for name in of_matrix])
     for end in ends:
-        matrices[_ENDS[end]] = np.column_stack([_end(columns, name, end) for name in states])
+        matrices[_ENDS[end]] = np.column_stack(
+            [_end_factor(units, name, end) * columns[f"{name}{end}"] for name in states]
+        )
     for key, of_key in (("state", states), ("input", inputs)):
         matrices[f"{key}s"] = of_key
-        matrices[f"{key}_units"] = [columns[name].unit for name in of_key]
+        matrices[f"{key}_units"] = [units[name] for name in of_key]
     used = {*states, *inputs, *d, *_OTHERS, *(f"{name}{end}" for name in states for end in ends)}
     return matrices | {name: None for name in columns if name not in used}
 
 
-def _end(columns: Mapping[str, _Column], state: str, end: str) -> np.ndarray:
-    """Return the column of a state's next values or rates, in the unit of the state's column."""
-    if (name := f"{state}{end}") not in columns:
+def _end_factor(units: Mapping[str, str], state: str, end: str) -> float:
+    """Return the factor of a column of next values or rates to the unit of its state's column."""
+    if (name := f"{state}{end}") not in units:
         raise BadInputError(f"there is no column {name}; add it, or remove the others{end}")
-    unit, unit_of_state = columns[name].unit, columns[state].unit
+    unit, unit_of_state = units[name], units[state]
     wanted = f"{unit_of_state}/s" if unit_of_state and end == "_rate" else unit_of_state
     factor = conversion_factor(unit, wanted)
     if factor is None:
@@ -329,7 +324,7 @@ def _end(columns: Mapping[str, _Column], state: str, end: str) -> np.ndarray:
             f"{name} is in {unit or 'no unit'}, {state} in {unit_of_state or 'no unit'}; give "
             f"{name} in {wanted or 'no unit'}"
         )
-    return factor * columns[name].values
+    return factor
 
 
 def transitions_in(data: Any, game: Game) -> Transitions:
@@ -345,7 +340,7 @@ def transitions_in(data: Any, game: Game) -> Transitions:
         raise BadInputError(
             "the episodes differ in sample time or in disturbances; give equal ones"
         )
-    begins, ends, follows = (np.concatenate(each) for each in list(zip(*parts, strict=True))[:3])
+    begins, ends, follows = map(np.concatenate, list(zip(*parts, strict=True))[:3])
     rounding = np.min([part.rounding for part in parts], axis=0)
     notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
     return Transitions(begins, ends, follows, rounding, parts[0].hold, notes)
@@ -418,12 +413,13 @@ class _Source:
             kept = np.arange(count)
             after = self._matrix(ends[0], len(names.states))[:, self._places("x", names.states)]
             after = after * scale
-        short = [f"{len(each)}" for each in (*blocks[1:], after) if len(each) < len(kept)]
-        if short:
-            raise BadInputError(
-                f"x has {count} rows, another matrix {short[0]}; give a row of each for each sample"
-            )
-        begins = np.hstack([each[kept] for each in blocks])
+        for block in (*blocks[1:], after):
+            if len(block) < len(kept):
+                raise BadInputError(
+                    f"x has {count} rows, another matrix {len(block)}; give a row of each for each "
+                    "sample"
+                )
+        begins = np.hstack([block[kept] for block in blocks])
         follows = np.zeros(len(kept), dtype=bool)
         if len(kept) and ends != ["x_rate"]:
             follows[1:] = (after[:-1] == x[kept][1:]).all(axis=1)
@@ -577,8 +573,10 @@ def _last_digits(columns: np.ndarray) -> np.ndarray:
 
 def _refuse_other_time(whose: str, one: Any, other: Any, accuracy: float) -> None:
     """Raise BadInputError if two known sample times differ by more than the accuracy."""
-    if all(isinstance(each, float) for each in (one, other)) and not math.isclose(
-        one, other, rel_tol=1e-6, abs_tol=accuracy
+    if (
+        isinstance(one, float)
+        and isinstance(other, float)
+        and not math.isclose(one, other, rel_tol=1e-6, abs_tol=accuracy)
     ):
         raise BadInputError(
             f"the sample time of the data is {other:g} s, but that of {whose} is {one:g} s; give "

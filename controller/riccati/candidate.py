@@ -152,7 +152,7 @@ def _solved(game: Game, units: Units, delta: float) -> Solved:
 
 def _in_units_of_solution(solved: Solved) -> Solved:
     """Return an equation and its solution in units in which the diagonal of |X| is nearly 1, and so
-    are the prices of the inputs, R + B'P B.
+    are the weights of the inputs, R + B'P B.
     """
     equation, X = solved
     game, delta = equation.game, equation.delta
@@ -160,8 +160,8 @@ def _in_units_of_solution(solved: Solved) -> Solved:
     steps = -_half_exponents(sizes)
     states = equation.units.states + steps
     X = np.ldexp(X, np.add.outer(steps, steps))
-    price = _prices(game, np.ldexp(game.B, -states[:, None]), X)
-    units = Units(states, -_half_exponents(price), disturbance_units(game, delta))
+    weight = _input_weights(game, np.ldexp(game.B, -states[:, None]), X)
+    units = Units(states, -_half_exponents(weight), disturbance_units(game, delta))
     return Solved(equation_of(game, units, DoubleBalls, delta), X)
 
 
@@ -274,10 +274,10 @@ def half_plane_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
     Raises LinAlgError in discrete time if z = -1 is an eigenvalue.
     """
     if isinstance(equation, ContinuousEquation):
-        return hamiltonian(equation.free.midpoint, equation.S.midpoint, equation.cost.midpoint)
+        return hamiltonian(equation.open_loop.midpoint, equation.S.midpoint, equation.cost.midpoint)
     assert isinstance(equation, StepEquation)
     A, G, Q, W, C = (
-        each.midpoint for each in (equation.A, equation.G, equation.Q, equation.W, equation.C)
+        matrix.midpoint for matrix in (equation.A, equation.G, equation.Q, equation.W, equation.C)
     )
     L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(equation.n)))
     return np.linalg.solve(L + M, L - M)
@@ -303,19 +303,19 @@ def first_units(game: Game, delta: float) -> Units:
     exponents = np.frexp(entries[entries != 0.0])[1]
     if np.abs(exponents).max(initial=0) <= MODERATE:
         return users_units(game)
-    price = _prices(game, game.B, game.Q)
-    S = (game.B / np.where(price > 0.0, price, 1.0)) @ game.B.T + game.E @ game.E.T / delta**2
+    weight = _input_weights(game, game.B, game.Q)
+    S = (game.B / np.where(weight > 0.0, weight, 1.0)) @ game.B.T + game.E @ game.E.T / delta**2
     of_states, of_costates = np.split(np.log2(balanced(hamiltonian(game.A, S, game.Q))[1]), 2)
     states = np.round(0.5 * (of_states - of_costates)).astype(int)
-    return Units(states, -_half_exponents(price), disturbance_units(game, delta))
+    return Units(states, -_half_exponents(weight), disturbance_units(game, delta))
 
 
-def _prices(game: Game, B: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Return the price of each input, the diagonal of R, in discrete time of R + α B'X B, (m,)."""
-    price = np.diag(game.R).astype(float)
+def _input_weights(game: Game, B: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Return the weight of each input, the diagonal of R, in discrete time of R + α B'X B, (m,)."""
+    weight = np.diag(game.R).astype(float)
     if game.is_discrete:
-        price = price + game.discount * np.einsum("ij,ij->j", B, X @ B)
-    return price
+        weight = weight + game.discount * np.einsum("ij,ij->j", B, X @ B)
+    return weight
 
 
 def disturbance_units(game: Game, delta: float) -> np.ndarray:

@@ -49,7 +49,7 @@ from controller.riccati.refusal import (
     Stabilizing,
     has_semidefinite_weights,
     prove_control_loop,
-    prove_prices,
+    prove_weights,
     stabilizing,
     why_never,
     why_never_at,
@@ -128,12 +128,12 @@ class Enclosure:
             if not equation.is_disturbed:
                 return ball_matrix(np.zeros(self.game.E.T.shape))
             P = self.proved.P_in_balls
-            price = equation.disturbance_price(P)
-            if price is None:
+            weight = equation.disturbance_weight(P)
+            if weight is None:
                 L = (equation.E.T @ P).times(equation.w).matrix
             else:  # (δ² - E'P E) L = E'P (A - B K) keeps the digits of a small L.
                 ahead = P @ equation.control_loop(P, self.proved.gains)
-                L = price.matrix.solve((equation.E.T @ ahead).matrix)
+                L = weight.matrix.solve((equation.E.T @ ahead).matrix)
             return scaled_balls(units.gain(L), units.disturbances, -units.states)
 
     def relative_radius(self, *, with_zeros: bool) -> float:
@@ -306,7 +306,7 @@ def prove_value(ball: Stabilizing[Any]) -> None:
 
     Raises FailedError or NotProvedError.
     """
-    prove_prices(ball)
+    prove_weights(ball)
     if ball.bounds.is_disturbed:
         prove_control_loop(ball, _shape_of(ball.control_loop, ball.bounds))
 
@@ -376,7 +376,7 @@ def has_indefinite_weights(game: Game) -> bool:
 
 
 def _sentences(certificate: Certificate) -> Iterator[str]:
-    """Yield sentences on what is proved: digits, stable loops, price and gain of the disturbance,
+    """Yield sentences on what is proved: digits, stable loops, weight and gain of the disturbance,
     raised weights.
     """
     enclosure = certificate.enclosure

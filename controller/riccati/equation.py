@@ -146,19 +146,19 @@ class Entries:
 
 
 class Sensitivity(NamedTuple):
-    """Bounds of changes where X is changed by a symmetric Z, (n, n), with price |Z| <= 1/2.
+    """Bounds of changes where X is changed by a symmetric Z, (n, n), with weight |Z| <= 1/2.
 
-    The price of the players is W + G'X G in discrete time (`StepEquation`).
+    The weight of the players is W + G'X G in discrete time (`StepEquation`).
 
     loop: |change of the loop F of both players| <= loop |Z|
     gains: if |Z| <= Y and F'Y F <= Y, in discrete time, |change of column j of the gains| is at
         most gains |s| s_j, with the roots s of the diagonal of Y
-    price: relative change of the price <= price |Z|; 0 in continuous time
+    weight: relative change of the weight <= weight |Z|; 0 in continuous time
     """
 
     loop: arb
     gains: arb
-    price: arb
+    weight: arb
 
 
 class Equation(ABC, Generic[Matrix]):
@@ -231,7 +231,7 @@ class Equation(ABC, Generic[Matrix]):
 
         X: (n, n)
 
-        Raises ZeroDivisionError if the price of the inputs or of the disturbances may be singular.
+        Raises ZeroDivisionError if the weight of the inputs or of the disturbances may be singular.
         """
         if self._last is None or self._last.X is not X:
             self._last = _Evaluated(X, *self._gains_and_residual(X))
@@ -256,14 +256,14 @@ class Equation(ABC, Generic[Matrix]):
         """
 
     @abstractmethod
-    def input_price(self, X: Matrix) -> Matrix:
+    def input_weight(self, X: Matrix) -> Matrix:
         """Return R, in discrete time R + B'X B, (m, m), which must be positive definite."""
 
     @abstractmethod
-    def disturbance_price(self, X: Matrix) -> Matrix | None:
+    def disturbance_weight(self, X: Matrix) -> Matrix | None:
         """Return δ² - E'X E, (k, k), of discrete time, which must be positive definite.
 
-        None in continuous time, where the price is δ², and without a disturbance.
+        None in continuous time, where the weight is δ², and without a disturbance.
         """
 
     @abstractmethod
@@ -336,7 +336,7 @@ class ContinuousEquation(Equation[Matrix]):
         return self.of_control - self.of_disturbance if self.is_disturbed else self.of_control
 
     @cached_property
-    def free(self) -> Matrix:
+    def open_loop(self) -> Matrix:
         """A - B R⁻¹ N', (n, n)."""
         return self.A - self._B_over_R @ self.N.T if self.game.N.any() else self.A
 
@@ -365,17 +365,17 @@ class ContinuousEquation(Equation[Matrix]):
 
     def loop(self, X: Matrix, gains: Matrix) -> Matrix:
         """Return A - B R⁻¹ N' - S X."""
-        return self.free - self.S @ X
+        return self.open_loop - self.S @ X
 
     def control_loop(self, X: Matrix, gains: Matrix) -> Matrix:
         """Return A - B R⁻¹ N' - B R⁻¹ B'X."""
-        return self.free - self.of_control @ X
+        return self.open_loop - self.of_control @ X
 
-    def input_price(self, X: Matrix) -> Matrix:
+    def input_weight(self, X: Matrix) -> Matrix:
         """Return R."""
         return self.R
 
-    def disturbance_price(self, X: Matrix) -> None:
+    def disturbance_weight(self, X: Matrix) -> None:
         """Return None: in continuous time, d costs δ²."""
 
     def sensitivity(self, X: Matrix, loop: Matrix) -> Sensitivity:
@@ -386,8 +386,8 @@ class ContinuousEquation(Equation[Matrix]):
 
     def hamiltonian(self) -> arb_mat:
         """Return [[A - B R⁻¹N', -S], [-(Q - N R⁻¹N'), -(A - B R⁻¹N')']], (2n, 2n), in `Balls`."""
-        free, S, cost = map(_in_flint, (self.free, self.S, self.cost))
-        return stacked([[free, -S], [-cost, -free.transpose()]])
+        open_loop, S, cost = map(_in_flint, (self.open_loop, self.S, self.cost))
+        return stacked([[open_loop, -S], [-cost, -open_loop.transpose()]])
 
     def half_plane_matrix(self) -> arb_mat:
         """Return the Hamiltonian."""
@@ -416,9 +416,9 @@ class StepEquation(Equation[Matrix]):
             return self.R
         m, k = self.R.rows, self.game.E.shape[1]
         d = self.units.disturbances
-        price = self.arithmetic.of(np.ldexp(np.eye(k), np.add.outer(d, d))).times(-1 / self.w)
+        weight = self.arithmetic.of(np.ldexp(np.eye(k), np.add.outer(d, d))).times(-1 / self.w)
         zeros = self.arithmetic.of(np.zeros((m, k)))
-        upper, lower = self.R.beside(zeros), zeros.T.beside(price)
+        upper, lower = self.R.beside(zeros), zeros.T.beside(weight)
         return upper.T.beside(lower.T).T
 
     @cached_property
@@ -434,16 +434,16 @@ class StepEquation(Equation[Matrix]):
         right = self.G.T @ ahead
         if self.game.N.any():
             right = right + self.C.T
-        price: Any = self.price(X)
-        gains = price.solve(right)
-        # With the price V, right'V⁻¹ right = k'right + error'V⁻¹ right for any k, with
+        weight: Any = self.weight(X)
+        gains = weight.solve(right)
+        # With the weight V, right'V⁻¹ right = k'right + error'V⁻¹ right for any k, with
         # error = right - V k: what is unknown of V⁻¹ right counts only with the error.
         k = gains.mid()
-        error = right - price @ k
+        error = right - weight @ k
         return gains, self.A.T @ ahead - X + self.Q - k.T @ right - error.T @ gains
 
-    def price(self, X: Matrix) -> Matrix:
-        """Return the price of the players in one step, W + G'X G, (m + k, m + k)."""
+    def weight(self, X: Matrix) -> Matrix:
+        """Return the weight of the players in one step, W + G'X G, (m + k, m + k)."""
         return self.W + self.G.T @ (X @ self.G)
 
     def loop(self, X: Matrix, gains: Matrix) -> Matrix:
@@ -454,11 +454,11 @@ class StepEquation(Equation[Matrix]):
         """Return A - B K."""
         return self.A - self.B @ gains.block(slice(self.R.rows), slice(None))
 
-    def input_price(self, X: Matrix) -> Matrix:
+    def input_weight(self, X: Matrix) -> Matrix:
         """Return R + B'X B, (m, m)."""
         return self.R + self.B.T @ (X @ self.B)
 
-    def disturbance_price(self, X: Matrix) -> Matrix | None:
+    def disturbance_weight(self, X: Matrix) -> Matrix | None:
         """Return δ² - E'X E, (k, k), or None without a disturbance."""
         if not self.is_disturbed:
             return None
@@ -466,12 +466,12 @@ class StepEquation(Equation[Matrix]):
         return -(self.W.block(of_disturbance, of_disturbance) + self.E.T @ (X @ self.E))
 
     def sensitivity(self, X: Matrix, loop: Matrix) -> Sensitivity:
-        """Return bounds for |V⁻¹| |G'Z G| <= 1/2, with the price V = W + G'X G.
+        """Return bounds for |V⁻¹| |G'Z G| <= 1/2, with the weight V = W + G'X G.
 
         The gains of X + Z are k + (V + G'Z G)⁻¹ G'Z F, and |(V + G'Z G)⁻¹| <= 2 |V⁻¹|.
         """
         G = self.G.norm()
-        inverse = self.price(X).inverse_norm()
+        inverse = self.weight(X).inverse_norm()
         gains = 2 * inverse * G
         return Sensitivity(gains * G * loop.norm(), gains, inverse * G**2)
 

@@ -13,9 +13,9 @@ from controller.game.basis import q_function
 from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.balls import BITS, ball_matrix, midpoints, precision
+from controller.riccati.closed_loops import ClosedLoops, Poles, poles_of
 from controller.riccati.enclosure import Certificate, Enclosure, certificate_of, decided
 from controller.riccati.l2_gain import GainBounds
-from controller.riccati.level import Level, Poles, poles_of
 from controller.riccati.lyapunov import loop_with, stabilizes
 from controller.riccati.refusal import ModeError, why_never
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
@@ -112,9 +112,9 @@ class Solution(Result, Reported):
         return self.game.names
 
     @cached_property
-    def level(self) -> Level:
+    def closed_loops(self) -> ClosedLoops:
         """Loops of the solution in states in which its value is nearly y'y."""
-        return Level(self.enclosure)
+        return ClosedLoops(self.enclosure)
 
     @property
     def l2_gain(self) -> float:
@@ -127,12 +127,12 @@ class Solution(Result, Reported):
 
         In discrete time, signals are weighted by α^(k/2), as their squares are in the cost.
         """
-        return self.level.l2_gain()
+        return self.closed_loops.l2_gain()
 
     @cached_property
     def enclosed_poles(self) -> Poles:
         """Eigenvalues of A - B K with the radii of their discs."""
-        return self.level.poles()
+        return self.closed_loops.poles()
 
     @property
     def closed_loop_eigenvalues(self) -> Roots:
@@ -142,7 +142,7 @@ class Solution(Result, Reported):
     @cached_property
     def worst_case_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K + E L, the loop under the worst disturbance, (n,), 1/s."""
-        return self.level.worst_poles().values
+        return self.closed_loops.worst_poles().values
 
     @property
     def closed_loop(self) -> control.StateSpace:
@@ -190,7 +190,7 @@ class Solution(Result, Reported):
     @cached_property
     def _loop_at_inputs(self) -> ClosedLoop | None:
         """M = S - I/2 at all inputs of the closed loop, None if it is not stable in doubles."""
-        return self.level.at_inputs(self.enclosure.K) if self.is_stable else None
+        return self.closed_loops.at_inputs(self.enclosure.K) if self.is_stable else None
 
     @cached_property
     def loops(self) -> tuple[LoopMargin, ...]:

@@ -66,7 +66,7 @@ class RationalGame(NamedTuple):
         return cls(A, B, E, (Q + Q.transpose()) / 2, (R + R.transpose()) / 2, N)
 
     @property
-    def has_priced_inputs(self) -> bool:
+    def has_regular_R(self) -> bool:
         """Whether R is not singular, as it may be in discrete time."""
         return bool(self.R.rank() == self.R.nrows())
 
@@ -288,12 +288,12 @@ def boundary_of(game: Game, delta: float) -> Boundary:
 
     exact = RationalGame.of(game)
     is_disturbed = math.isfinite(delta)
-    price = exact_fraction(delta) ** 2 if is_disturbed else fmpq(1)
+    weight = exact_fraction(delta) ** 2 if is_disturbed else fmpq(1)
     if not game.is_discrete:
         A, B, E, Q, R, _ = exact.without_cross_weights
         S = B * R.solve(B.transpose())
         if is_disturbed:
-            S = S - E * E.transpose() / price
+            S = S - E * E.transpose() / weight
         H = stacked_rationals([[A, -1 * S], [-1 * Q, -1 * A.transpose()]])
         return Boundary.CROSSED if has_root_on_axis(H.charpoly()) else Boundary.CLEAR
     A, B, E, Q, R, N = exact
@@ -301,7 +301,7 @@ def boundary_of(game: Game, delta: float) -> Boundary:
     growth = exact_fraction(game.discount)
     G = stacked_rationals([[B, E]]) if is_disturbed else B
     C = stacked_rationals([[N, _zeros(n, k)]])
-    W = stacked_rationals([[R, _zeros(m, k)], [_zeros(k, m), rational(-np.eye(k)) * price]])
+    W = stacked_rationals([[R, _zeros(m, k)], [_zeros(k, m), rational(-np.eye(k)) * weight]])
     # The eigenvalues of √growth A are √growth z.
     blocks = pencil_blocks(A, G, Q, W, C, rational(np.eye(n)), growth)
     L, M = map(stacked_rationals, blocks)
@@ -378,13 +378,11 @@ class FreeStates:
     basis: (n, d), with the identity in the rows `pivots`
     gains: optimal gain K times the basis, (m, d)
     pivots: (d,)
-    states: the same subspace in rationals, if it is rational
     """
 
     basis: arb_mat
     gains: arb_mat
     pivots: list[int]
-    states: fmpq_mat | None
 
     def error_of(self, K: arb_mat) -> ErrorOnFree:
         """Return the error of a gain on the states without optimal cost.
@@ -435,18 +433,40 @@ def disturbance_costs_nothing(game: Game, K: np.ndarray | None = None) -> bool:
     E = rational(game.E)
     if not game.N.any() and any(entry != 0 for entry in (rational(game.Q) * E).entries()):
         return False
-    free = free_states(game)
-    if free is None or free.states is None:
+    found = _states_held_without_cost(game)
+    if found is None:
         return False
-    return bool(stacked_rationals([[free.states, E]]).rank() == free.states.rank())
+    E_in_states = _rows(E, found.pivots)
+    if found.states * E_in_states != E:
+        return False
+    # What E moves is the least subspace that contains E and that the loop maps into itself.
+    moved, pivots = _column_echelon(E_in_states)
+    while True:
+        following = found.loop * moved
+        wider, wider_pivots = _column_echelon(stacked_rationals([[moved, following]]))
+        if wider.ncols() == moved.ncols():
+            break
+        moved, pivots = wider, wider_pivots
+    loop_on_moved = discounted(_balls(_rows(following, pivots)), game)
+    return stability_of(loop_on_moved, is_discrete=game.is_discrete) is True
 
 
-def free_states(game: Game) -> FreeStates | None:
-    """Return the states without optimal cost, or None if there are none or they are not known.
+class _StatesHeldWithoutCost(NamedTuple):
+    """Largest subspace in which inputs hold the states without any cost.
 
-    They are not known for many states, or if an eigenvalue of the loop on the largest
-    output-nulling subspace may be on the boundary of stability.
+    states: basis, with the identity in the rows `pivots`, (n, d)
+    inputs: that hold the states of the basis, (m, d)
+    loop: of the coordinates in the basis, (d, d)
     """
+
+    states: fmpq_mat
+    pivots: list[int]
+    inputs: fmpq_mat
+    loop: fmpq_mat
+
+
+def _states_held_without_cost(game: Game) -> _StatesHeldWithoutCost | None:
+    """Return them, or None if there are none, for many states, or if inputs are not unique."""
     from flint import fmpq_mat
 
     n, m = game.B.shape
@@ -470,17 +490,23 @@ def free_states(game: Game) -> FreeStates | None:
     # z = states c, with the inputs u = inputs c
     to_coordinates = _rows(solutions, pivots).inv()
     inputs = _rows(solutions, range(n, n + m)) * to_coordinates
-    loop = _balls(_rows(A * states + B * inputs, pivots))
-    stable = _stable_subspace(loop, game)
-    if stable is None:
+    return _StatesHeldWithoutCost(states, pivots, inputs, _rows(A * states + B * inputs, pivots))
+
+
+def free_states(game: Game) -> FreeStates | None:
+    """Return the states without optimal cost, or None if there are none or they are not known.
+
+    They are not known for many states, or if an eigenvalue of the loop on the largest
+    output-nulling subspace may be on the boundary of stability.
+    """
+    found = _states_held_without_cost(game)
+    stable = None if found is None else _stable_subspace(_balls(found.loop), game)
+    if found is None or stable is None:
         return None
-    free, gains = _balls(states) * stable, -_balls(inputs) * stable
+    free, gains = _balls(found.states) * stable, -_balls(found.inputs) * stable
     pivots = _far_from_dependent(midpoints(free))
     to_identity = ball_matrix([free.tolist()[row] for row in pivots]).inv()
-    is_rational = stable.ncols() == states.ncols()
-    return FreeStates(
-        free * to_identity, gains * to_identity, pivots, states if is_rational else None
-    )
+    return FreeStates(free * to_identity, gains * to_identity, pivots)
 
 
 def _stable_subspace(loop: arb_mat, game: Game) -> arb_mat | None:

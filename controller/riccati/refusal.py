@@ -136,7 +136,7 @@ def proved_zeta(
     zeta = 4 * residual_norm
     largest_change = zeta * size  # of X
     loop_change = sensitivity.loop * largest_change
-    if not sensitivity.price * largest_change <= 0.5:
+    if not sensitivity.weight * largest_change <= 0.5:
         raise NotProvedError("the price near X")
     # The loop F + G of X + Z has the defect of F and |G'Y + Y G|, in discrete time
     # |G'Y F + F'Y G + G'Y G|: less than 1 together. Half of the latter, times ζ, bounds q(Z), as
@@ -147,14 +147,14 @@ def proved_zeta(
     return zeta
 
 
-def prove_prices(found: Stabilizing[Matrix]) -> None:
+def prove_weights(found: Stabilizing[Matrix]) -> None:
     """Prove that both players pay: R + B'P B > 0, in continuous time R > 0, and δ² - E'P E > 0.
 
     Raises NotProvedError if the ball does not prove it.
     """
     bounds = found.bounds
-    for price in (bounds.input_price(found.P), bounds.disturbance_price(found.P)):
-        if price is not None and not price.is_positive_definite():
+    for weight in (bounds.input_weight(found.P), bounds.disturbance_weight(found.P)):
+        if weight is not None and not weight.is_positive_definite():
             raise NotProvedError("a player pays")
 
 
@@ -200,7 +200,7 @@ def why_no_value(
     if frequency is not None and (reason := too_large_at(equation, frequency)):
         return reason
     between = _between_eigenvalues(equation, in_bits=in_bits)
-    return next(filter(None, (too_large_at(equation, each) for each in between)), "")
+    return next(filter(None, (too_large_at(equation, place) for place in between)), "")
 
 
 def too_large_at(equation: Equation[Balls], frequency: float) -> str:
@@ -299,11 +299,11 @@ def _sign_of(value: acb) -> int:
 def _unpaid(found: Stabilizing[Matrix]) -> str:
     """Return that the disturbance, or an input, does not pay, proved by one of them, or ""."""
     equation = found.equation
-    of_inputs = equation.input_price(found.P_in_balls)
+    of_inputs = equation.input_weight(found.P_in_balls)
     if is_positive_definite(of_inputs.matrix) is False:
         return "in one step, an input gains cost: R + B'P B is indefinite"
-    price = equation.disturbance_price(found.P_in_balls)
-    if price is not None and is_positive_definite(price.matrix) is False:
+    weight = equation.disturbance_weight(found.P_in_balls)
+    if weight is not None and is_positive_definite(weight.matrix) is False:
         return (
             f"in one step, the disturbance gains more than {equation.delta:.6g} squared of its cost"
         )
@@ -342,7 +342,7 @@ def why_never(game: Game) -> str:
             "(A, B) is not stabilizable: no input reaches the"
             f" {_mode_text(unstable * growth, game)}; change B or leave that mode out of A"
         )
-    if not exact.has_priced_inputs or growth != 1.0:
+    if not exact.has_regular_R or growth != 1.0:
         return ""
     plain = exact.without_cross_weights
     without_cost = unreachable_modes(plain.A.transpose() * (root or 1), plain.Q)

@@ -119,7 +119,7 @@ class _Reserves(NamedTuple):
 
     w: 1/δ²
     numbers: the square of the decay of the slowest motion, the inverse of the largest eigenvalue of
-        P, and in discrete time the least price of the disturbance, relative to δ²; nan without a
+        P, and in discrete time the least weight of the disturbance, relative to δ²; nan without a
         value
     frequency: of the slowest motion, rad/s or rad/step, if it is known
     """
@@ -296,11 +296,11 @@ class _Search:
             try:
                 equation = self.equation(w)
                 X = stabilizing_in_doubles(equation)
-                poles, price = np.linalg.eigvals(loop_in_doubles(equation, X)), None
+                poles, weight = np.linalg.eigvals(loop_in_doubles(equation, X)), None
                 if equation.is_disturbed and equation.is_discrete:
                     E = equation.E.midpoint * np.exp2(-equation.units.disturbances.astype(float))
-                    price = np.eye(E.shape[1]) / w - E.T @ X @ E
-                return self.reserves(w, X, poles, price)
+                    weight = np.eye(E.shape[1]) / w - E.T @ X @ E
+                return self.reserves(w, X, poles, weight)
             except (np.linalg.LinAlgError, ValueError, FailedError):
                 return _Reserves(w, np.full(1, np.nan))
 
@@ -326,12 +326,12 @@ class _Search:
         return reserves._replace(numbers=numbers)
 
     def reserves(
-        self, w: float, X: np.ndarray, poles: np.ndarray, price: np.ndarray | None
+        self, w: float, X: np.ndarray, poles: np.ndarray, weight: np.ndarray | None
     ) -> _Reserves:
         """Return the reserves of the stabilizing solution X at w = 1/δ².
 
         poles: of the loop of both players, (n,)
-        price: δ² - E'X E, (k, k), in discrete time; None in continuous time or without disturbance
+        weight: δ² - E'X E, (k, k), in discrete time; None in continuous time or without disturbance
         """
         is_discrete = self.game.is_discrete
         decays = 1.0 - np.abs(poles) if is_discrete else -poles.real
@@ -343,5 +343,5 @@ class _Search:
         inverse_of_P = 1.0 / sizes[-1] if sizes[0] > -INDEFINITE else -1.0
         numbers = [math.copysign(decay**2, decay), inverse_of_P]
         if is_discrete:
-            numbers.append(1.0 if price is None else w * float(np.linalg.eigvalsh(price)[0]))
+            numbers.append(1.0 if weight is None else w * float(np.linalg.eigvalsh(weight)[0]))
         return _Reserves(w, np.array(numbers), frequency)

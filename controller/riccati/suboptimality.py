@@ -1,8 +1,8 @@
 """Cost of a linear policy above the optimum, enclosed in balls.
 
-The excess z'D z of u = -K z over the value z'P z is no difference of two costs. With the error
-Δ = K - K* of the gain, the loop F = A - B K + E L* and the slack V of the disturbance, D is the
-stabilizing solution of
+The suboptimality z'D z of u = -K z is no difference of two costs. With the error Δ = K - K* of the
+gain, the loop F = A - B K + E L* and the slack V of the disturbance, D is the stabilizing solution
+of
 
   F'D + D F + Δ'R Δ + D E V⁻¹ E'D = 0,  V = δ² I,
 
@@ -38,9 +38,9 @@ from controller.riccati.balls import (
     symmetric,
     symmetric_part,
 )
+from controller.riccati.closed_loops import ClosedLoops
 from controller.riccati.enclosure import Enclosure, enclosed_in_bits, has_indefinite_weights
 from controller.riccati.l2_gain import LoopValue
-from controller.riccati.level import Level
 from controller.riccati.lyapunov import (
     FailedError,
     NotProvedError,
@@ -64,14 +64,14 @@ _ABOVE = range(-12, -5)
 
 
 @dataclass(frozen=True, eq=False)
-class Excess:
+class Suboptimality:
     """Cost of u = -K z above the optimum, under the worst disturbance of the policy.
 
-    low, high: bounds of the largest excess over all initial states, relative to the optimal cost.
+    low, high: bounds of the largest one over all initial states, relative to the optimal cost.
         Both are inf if the cost has no bound, or is positive where the optimum is 0; high alone is
         inf if no bound is proved.
-    mean: mean excess over initial states with the same optimal cost, relative to it
-    worst: initial state with the excess `low`, at the edge of the box, (n,); nan without one
+    mean: mean suboptimality over initial states with the same optimal cost, relative to it
+    worst: initial state with the suboptimality `low`, at the edge of the box, (n,); nan without one
     matrix: D, (n, n), or None without a bounded cost
     disturbance_gain: (k, n), of the worst disturbance of the policy, minus that of the optimum
     is_stable: whether A - B K is proved stable
@@ -108,7 +108,7 @@ class Excess:
         return self.high <= SAME_DOUBLE
 
 
-def excess_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Excess:
+def suboptimality_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Suboptimality:
     """Return the cost of u = -K z above the optimum of a game.
 
     enclosure: of the solution of the game
@@ -116,26 +116,28 @@ def excess_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Excess:
     box: half-widths of the box of states, (n,)
     """
     game = enclosure.game
-    excess = without_bound(game)
+    suboptimality = without_bound(game)
     for bits in ATTEMPTS:
         with precision(bits):
             gain, is_discrete = ball_matrix(K), game.is_discrete
             if stability_of(discounted_loop(game, gain), is_discrete=is_discrete) is False:
                 is_stable = stability_of(loop_with(game, gain), is_discrete=is_discrete)
-                return replace(excess, is_stable=is_stable is True)
+                return replace(suboptimality, is_stable=is_stable is True)
             try:
-                excess = _Policy(enclosed_in_bits(enclosure, bits), K).excess(box)
+                suboptimality = _Policy(enclosed_in_bits(enclosure, bits), K).suboptimality(box)
             except (FailedError, NotProvedError):
                 continue
-        if excess.is_known and excess.matrix is not None:
+        if suboptimality.is_known and suboptimality.matrix is not None:
             break
-    return excess
+    return suboptimality
 
 
-def without_bound(game: Game, *, is_stable: bool = False, is_summable: bool = False) -> Excess:
-    """Return the excess of a policy whose cost has no bound."""
+def without_bound(
+    game: Game, *, is_stable: bool = False, is_summable: bool = False
+) -> Suboptimality:
+    """Return the suboptimality of a policy whose cost has no bound."""
     n, k = game.E.shape
-    return Excess(
+    return Suboptimality(
         low=math.inf,
         high=math.inf,
         mean=math.inf,
@@ -156,15 +158,15 @@ class _Policy:
     def __init__(self, enclosure: Enclosure, K: np.ndarray) -> None:
         self.enclosure = enclosure
         self.game = enclosure.game
-        self.level = Level(enclosure)
+        self.closed_loops = ClosedLoops(enclosure)
         self.K = ball_matrix(K)
 
-    def excess(self, box: np.ndarray) -> Excess:
-        """Return the excess over the box of states, known or not.
+    def suboptimality(self, box: np.ndarray) -> Suboptimality:
+        """Return the suboptimality over the box of states, known or not.
 
         Where P is singular, states without optimal cost are judged apart: if the policy costs
-        something there, the excess has no bound. If that cost is rounding beside the costs of the
-        box, the ratio is that of the policy without its error on those states.
+        something there, it has no bound. If that cost is rounding beside the costs of the box,
+        the ratio is that of the policy without its error on those states.
 
         box: half-widths, (n,)
         """
@@ -174,29 +176,33 @@ class _Policy:
         is_stable = is_summable
         if game.discount != 1.0:
             is_stable = stability_of(loop, is_discrete=game.is_discrete) is True
-        excess = without_bound(game, is_stable=is_stable, is_summable=is_summable)
+        suboptimality = without_bound(game, is_stable=is_stable, is_summable=is_summable)
         solved = self._solved(self.K) if is_summable else None
         if solved is None:
-            return excess
-        excess = replace(excess, matrix=midpoints(solved.D), disturbance_gain=midpoints(solved.L))
+            return suboptimality
+        suboptimality = replace(
+            suboptimality, matrix=midpoints(solved.D), disturbance_gain=midpoints(solved.L)
+        )
         if has_indefinite_weights(game):
             sizes = midpoints(self.enclosure.P) * np.outer(box, box)
             largest = float(np.abs(np.linalg.eigvalsh(sizes)).max())
             reference = ball_matrix(np.diag(largest / box**2))
-            return _with_ratio(replace(excess, is_relative=False), solved.D, reference, [], box)
+            return _with_ratio(
+                replace(suboptimality, is_relative=False), solved.D, reference, [], box
+            )
         free = None if is_positive_definite(self.enclosure.P) else free_states(game)
         if free is None:
-            return _with_ratio(excess, solved.D, self.enclosure.P, [], box)
+            return _with_ratio(suboptimality, solved.D, self.enclosure.P, [], box)
         error = free.error_of(self.K)
         if error.is_wrong:
             costs = _costs_at(solved.D, free, box)
-            excess = replace(excess, from_free=costs.largest, free_state=costs.state)
+            suboptimality = replace(suboptimality, from_free=costs.largest, free_state=costs.state)
             if not costs.most <= SAME_DOUBLE * float(np.diag(midpoints(self.enclosure.P)) @ box**2):
-                return replace(excess, worst=costs.state)
+                return replace(suboptimality, worst=costs.state)
         without_error = self._solved(error.without_error)
         if without_error is None:
-            return excess
-        return _with_ratio(excess, without_error.D, self.enclosure.P, free.pivots, box)
+            return suboptimality
+        return _with_ratio(suboptimality, without_error.D, self.enclosure.P, free.pivots, box)
 
     def _solved(self, K: arb_mat) -> LoopValue | None:
         """Return D and the gain of the worst disturbance, minus that of the optimum, for u = -K z,
@@ -210,10 +216,10 @@ class _Policy:
         game, optimum = self.game, self.enclosure
         A, B, E = (discounted(ball_matrix(M), game) for M in (game.A, game.B, game.E))
         error = K - optimum.K
-        price, F = symmetric_part(ball_matrix(game.R)), A - B * K
+        weight, F = symmetric_part(ball_matrix(game.R)), A - B * K
         if game.is_discrete:
-            price = price + B.transpose() * optimum.P * B
-        charge, delta = error.transpose() * price * error, math.inf
+            weight = weight + B.transpose() * optimum.P * B
+        charge, delta = error.transpose() * weight * error, math.inf
         moved, inverse_root = 0 * optimum.L, identity(E.ncols())
         if math.isfinite(game.delta):
             slack, delta = inverse_root * arb(game.delta) ** 2, 1.0
@@ -228,7 +234,7 @@ class _Policy:
             F = F + E * optimum.L
             E = E * inverse_root.transpose()
             F, charge = F + E * moved, charge + moved.transpose() * moved
-        loop = self.level.in_new_states(F, E, charge)
+        loop = self.closed_loops.in_new_states(F, E, charge)
         try:
             D, L = loop.value(delta)
         except (FailedError, NotProvedError, ZeroDivisionError):
@@ -291,15 +297,15 @@ class _Ratio(NamedTuple):
 
 
 def _with_ratio(
-    excess: Excess, D: arb_mat, P: arb_mat, without: list[int], box: np.ndarray
-) -> Excess:
-    """Return an excess with the bounds and the mean of z'D z / z'P z, and its worst state.
+    suboptimality: Suboptimality, D: arb_mat, P: arb_mat, without: list[int], box: np.ndarray
+) -> Suboptimality:
+    """Return a suboptimality with the bounds and the mean of z'D z / z'P z, and its worst state.
 
     without: as for `_largest_ratio`
     """
     ratio = _largest_ratio(D, P, without)
     worst = _at_edge(ratio.state, box)
-    return replace(excess, low=ratio.low, high=ratio.high, mean=ratio.mean, worst=worst)
+    return replace(suboptimality, low=ratio.low, high=ratio.high, mean=ratio.mean, worst=worst)
 
 
 def _largest_ratio(D: arb_mat, P: arb_mat, without: list[int]) -> _Ratio:

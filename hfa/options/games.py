@@ -481,7 +481,7 @@ def with_tracking(
     if not reference or named.linear is None:
         return report
     if not stabilizes(solution.game, K):
-        abscissa = solution.level.poles(K).abscissa
+        abscissa = solution.closed_loops.poles(K).abscissa
         said = f"Tracking: no late errors, A - B K has abscissa {abscissa:+.4g} 1/s"
         return replace(report, parts=(*report.parts, said))
     commands = stacked(reference, named.linear.states)

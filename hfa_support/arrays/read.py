@@ -169,14 +169,14 @@ def _refuse_separators(name: str, rows: list[list[str]]) -> None:
             )
 
 
-class _Label(NamedTuple):
+class Label(NamedTuple):
     """Name of a row or a column, and its unit or ""."""
 
     name: str
     unit: str
 
     @classmethod
-    def of(cls, text: str) -> _Label:
+    def of(cls, text: str) -> Label:
         """Return the label of a text such as "speed [ft/s]"."""
         ((name, unit),) = re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", text.strip(), re.DOTALL)
         return cls(name, unit)
@@ -185,8 +185,8 @@ class _Label(NamedTuple):
 class _Sides(NamedTuple):
     """Labels of the rows and of the columns of a matrix, [] where the file has none."""
 
-    rows: list[_Label]
-    columns: list[_Label]
+    rows: list[Label]
+    columns: list[Label]
 
 
 def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
@@ -199,7 +199,7 @@ def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
     Raises ValueError if another matrix names the states in another order.
     """
     sides = {
-        matrix: _Sides([*map(_Label.of, table.rows)], [*map(_Label.of, table.columns)])
+        matrix: _Sides([*map(Label.of, table.rows)], [*map(Label.of, table.columns)])
         for matrix, table in tables.items()
     }
     A, B, P, K = (sides.get(matrix, _Sides([], [])) for matrix in "ABPK")

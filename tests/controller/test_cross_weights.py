@@ -52,7 +52,7 @@ def test_a_game_with_cross_weights_agrees_with_scipy():
     C = root @ np.vstack([np.eye(n), -gain])
     loop = control.ss(game.A - game.B @ gain, game.E, C, 0)
     exact = control.norm(loop, p="inf", tol=1e-9)
-    assert solution.level.l2_gain(gain).high == pytest.approx(exact, rel=2e-6)
+    assert solution.closed_loops.l2_gain(gain).high == pytest.approx(exact, rel=2e-6)
 
 
 def test_margins_open_the_loop_at_the_input_of_the_plant():

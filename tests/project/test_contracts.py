@@ -44,7 +44,7 @@ BREACHES = {
         "controller/game/basis.py": "controller.riccati.gare",
     },
     "What learns knows critics": {"controller/game/linear_game.py": "controller.critic.critic"},
-    "Nonlinear games": {"controller/riccati/level.py": "controller.expansion.series"},
+    "Nonlinear games": {"controller/riccati/closed_loops.py": "controller.expansion.series"},
     "Solutions do not know": {"controller/riccati/gare.py": "controller.riccati.solution_report"},
     "Expansions do not know": {
         "controller/expansion/expansion.py": "controller.expansion.radius",

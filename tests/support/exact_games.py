@@ -15,7 +15,7 @@ def exact_solution(game):
         return tuple(np.array(each.tolist(), dtype=float) for each in (P, K))
 
 
-def exact_excess(game, K):
+def exact_suboptimality(game, K):
     """Return sup z'(P_K - P)z / z'P z for P > 0, where P_K is the value of the game of u = -K z."""
     with mp.workdps(DIGITS):
         optimum = _value(game, None)

@@ -1,7 +1,7 @@
 """Closed loops of critics that are not quadratic, on the linear and on the nonlinear plant.
 
 A policy u costs J = V* + ∫ (u - u*)'R (u - u*) - δ² (d - d*)'(d - d*) dt, and in discrete time a
-sum over the steps (`excess_cost`). The worst disturbance of u = -K z is that of its `Excess`.
+sum over the steps (`running_suboptimality`). The worst disturbance is that of u = -K z.
 
 All flights of a loop are simulated at once, one in each row.
 """
@@ -18,7 +18,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.riccati.gare import Solution
-from controller.riccati.suboptimality import Excess
+from controller.riccati.suboptimality import Suboptimality
 from hfa_aircraft.batch_simulation import FAR_OF_VALUE, OF_EXACT, OF_VALUE, Outcome, has_decayed
 from hfa_support.matrices import quadratic_forms, spectral_abscissa
 from hfa_support.native.bound import BoundFunction, of_rows
@@ -241,16 +241,18 @@ def undisturbed_loop(exact: Solution, critic: Critic, b: np.ndarray) -> Loop:
     return _linear_loop(exact, exact.game.A, critic, b)
 
 
-def worst_loop(exact: Solution, critic: Critic, excess: Excess, b: np.ndarray) -> Loop:
+def worst_loop(
+    exact: Solution, critic: Critic, suboptimality: Suboptimality, b: np.ndarray
+) -> Loop:
     """Return the closed loop under the worst disturbance of u = -K z, the critic's linear part.
 
     The cost is J - V*. Inputs and disturbances count from their values at the equilibrium.
 
-    excess: cost of u = -K z above the optimum, with the gain of its disturbance above the optimum
+    suboptimality: of u = -K z, with the gain of its disturbance above the optimum
     b: half-widths of the box of states, (n,)
     """
-    A = exact.game.A + exact.game.E @ (exact.L + excess.disturbance_gain)
-    return _linear_loop(exact, A, critic, b, excess.disturbance_gain)
+    A = exact.game.A + exact.game.E @ (exact.L + suboptimality.disturbance_gain)
+    return _linear_loop(exact, A, critic, b, suboptimality.disturbance_gain)
 
 
 def plant_loop(
@@ -302,7 +304,7 @@ def _linear_loop(
     cost = type(z)(0.0)
     if disturbance_gain is not None and equilibrium is not None:
         at_rest = ca.DM(critic.u(equilibrium))
-        cost = excess_cost(exact, disturbance_gain, z - ca.DM(equilibrium), u - at_rest)
+        cost = running_suboptimality(exact, disturbance_gain, z - ca.DM(equilibrium), u - at_rest)
     closed = Closed(z, change, cost, equilibrium)
     is_slow = not isinstance(z, ca.SX)
     if game.is_discrete:
@@ -314,7 +316,7 @@ def _linear_loop(
             largest=_far(exact, b),
             by_exact=A - game.B @ exact.K,
         )
-    tick = _tick(exact, *(each - game.B @ critic.K for each in (game.A, A)))
+    tick = _tick(exact, *(open_loop - game.B @ critic.K for open_loop in (game.A, A)))
     return _flow_loop(exact, closed, tick, b, FEW_STEPS if is_slow else STEPS)
 
 
@@ -359,7 +361,7 @@ def _tick(exact: Solution, *loops: np.ndarray) -> float:
     return DECAY / max(min([of_exact, *rates]), of_exact / SLOWEST)
 
 
-def excess_cost(exact: Solution, M: np.ndarray, z: ca.SX, u: ca.SX) -> ca.SX:
+def running_suboptimality(exact: Solution, M: np.ndarray, z: ca.SX, u: ca.SX) -> ca.SX:
     """Return the rate a'H a at which a policy costs more than the exact policy.
 
     a = (u + K z, M z) are the deviations of both players from their exact policies. H is
@@ -370,14 +372,14 @@ def excess_cost(exact: Solution, M: np.ndarray, z: ca.SX, u: ca.SX) -> ca.SX:
     z, u: state and input minus those at the equilibrium
     """
     game = exact.game
-    price, cross = exact.excess_weight, np.zeros((len(game.R), len(M)))
+    weight, cross = exact.excess_weight, np.zeros((len(game.R), len(M)))
     delta_squared = game.delta**2 if M.any() else 0.0  # δ may be infinite without a disturbance
     of_disturbance = -delta_squared * np.eye(len(M))
     if game.is_discrete:
         ahead = game.discount * exact.P @ game.E
         cross = game.B.T @ ahead
         of_disturbance = of_disturbance + game.E.T @ ahead
-    H = np.block([[price, cross], [cross.T, of_disturbance]])
+    H = np.block([[weight, cross], [cross.T, of_disturbance]])
     a = ca.vertcat(u + ca.DM(exact.K) @ z, ca.DM(M) @ z)
     return ca.bilin(ca.DM(H), a, a)
 
@@ -427,7 +429,7 @@ class FlightResults(NamedTuple):
     flights: number of initial conditions, or 0 if nothing was simulated.
     cost_lost_flown_percent: largest cost above V*, in percent of V*; inf if a simulation diverges,
         nan if one is not decided at the end of its clock. For a linear policy, it is the largest
-        excess over all initial conditions.
+        suboptimality over all initial conditions.
     cost_lost_flown_mean_percent: mean cost above V*, in percent of V*, or inf or nan.
     undecided_at: end of the clock of the simulation that is not decided, s or steps, or None.
     rest_point: (n,), equilibrium of the policy on the linear plant, or None.
@@ -477,7 +479,7 @@ def equilibrium_check(
 def fly(
     exact: Solution,
     critic: Critic,
-    excess: Excess,
+    suboptimality: Suboptimality,
     b: np.ndarray,
     flights: int,
     plant: NonlinearPlant | None = None,
@@ -486,18 +488,18 @@ def fly(
 
     Nothing is simulated if the critic has non-finite values or its linear loop is unstable.
 
-    excess: cost of the policy u = -K z above the optimum
+    suboptimality: cost of the policy u = -K z above the optimum
     flights: number of initial conditions. At most `_WIDE_FLIGHTS` are used for a wide network
     plant: nonlinear plant of a critic in continuous time, or None
     """
     game = exact.game
     if not flights or not critic.is_finite:
         return FlightResults()
-    if not excess.is_stable:
+    if not suboptimality.is_stable:
         return FlightResults()
     if critic.is_wide:
         flights = min(flights, _WIDE_FLIGHTS)
-    losses, undecided_at = costs_above_optimum(exact, critic, excess, b, flights)
+    losses, undecided_at = costs_above_optimum(exact, critic, suboptimality, b, flights)
     loop = undisturbed_loop(exact, critic, b)
     equilibrium_cost = 0.0
     if loop.equilibrium is not None:
@@ -522,7 +524,7 @@ def fly(
 
 
 def costs_above_optimum(
-    exact: Solution, critic: Critic, excess: Excess, b: np.ndarray, flights: int
+    exact: Solution, critic: Critic, suboptimality: Suboptimality, b: np.ndarray, flights: int
 ) -> tuple[np.ndarray, float | None]:
     """Return the cost above V* from each initial condition, in percent of V*, (flights,), and the
     end of the clock, s or steps, if a simulation is not decided, or None.
@@ -532,11 +534,11 @@ def costs_above_optimum(
     the linear loop. All costs are inf if a simulation diverges or the linear loop has no bounded
     cost, and nan if a simulation is not decided.
     """
-    remaining = excess.matrix
+    remaining = suboptimality.matrix
     if remaining is None:
         return np.full(flights, math.inf), None
-    loop = worst_loop(exact, critic, excess, b)
-    worst = excess.worst if np.any(np.nan_to_num(excess.worst)) else b
+    loop = worst_loop(exact, critic, suboptimality, b)
+    worst = suboptimality.worst if np.any(np.nan_to_num(suboptimality.worst)) else b
     starts = np.vstack([worst, starts_in(b, flights - 1)])
     end = loop.simulate(starts)
     if end.outcome is Outcome.LEFT:
@@ -565,9 +567,9 @@ def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
         starts = size * starts_in(b, few)
         first, others = starts[:1], starts[1:]  # the corner may fail before all fly
         return all(
-            loop.simulate(each).outcome is Outcome.CONVERGED
-            for each in (first, others)
-            if len(each)
+            loop.simulate(flown).outcome is Outcome.CONVERGED
+            for flown in (first, others)
+            if len(flown)
         )
 
     size = 1.0

@@ -14,7 +14,7 @@ import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
 from controller.riccati.gare import Solution
-from controller.riccati.suboptimality import Excess
+from controller.riccati.suboptimality import Suboptimality
 from hfa_support.reporting.report import Check, at_most, below
 from hfa_support.reporting.text import percent
 from verification.box import starts_in
@@ -193,7 +193,7 @@ class Findings(NamedTuple):
 def findings_of(
     exact: Solution,
     critic: Critic,
-    excess: Excess,
+    suboptimality: Suboptimality,
     b: np.ndarray,
     limit: float,
     flights: int,
@@ -201,7 +201,7 @@ def findings_of(
 ) -> Findings:
     """Return the errors of a critic over the box |z_i| <= b_i, and the results of its simulations.
 
-    excess: cost of the policy u = -K z above the optimum
+    suboptimality: cost of the policy u = -K z above the optimum
     limit: largest relative error that passes
     flights: number of initial conditions of simulations
     plant: nonlinear plant in continuous time, or None
@@ -210,7 +210,7 @@ def findings_of(
     # The errors of a polynomial are bounded, and its bounds are checked instead.
     errors = search_checks(critic, exact, searched, limit) if critic.network else []
     checks = list(errors)
-    flown = fly(exact, critic, excess, b, flights, plant)
+    flown = fly(exact, critic, suboptimality, b, flights, plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, exact.P, b, limit))
         costs = flown.cost_lost_flown_percent

@@ -135,14 +135,6 @@ LAYOUTS = (
         words="{}mu",
         beside=r"critic\.qf0",
     ),
-    _RSL_RL,
-    _SB3,
-    _SB3._replace(
-        algorithm="TD3 or DDPG of Stable-Baselines3",
-        head=r"(?P<root>(.*\.)?actor\.)mu\.0\.weight",
-        words="{}mu",
-        beside=r"critic\.qf0",
-    ),
     _SB3._replace(
         algorithm="PPO or A2C of Stable-Baselines3",
         head=r"(?P<root>(.*\.)?)action_net\.weight",
@@ -195,11 +187,10 @@ def checkpoint_of(tensors: Tensors) -> tuple[dict[str, np.ndarray], Stated] | No
             continue
         normalizer, notes, used = _normalizer(layout.running, tensors)
         used += _of_box(root) if layout.has_box else ()
-        others = {name: each for name, each in tensors.items() if name not in used}
-        words = words_in(layout.words.replace("{}", root), tensors)
+        others = {name: array for name, array in tensors.items() if name not in used}
         return others, Stated(
             layout.algorithm,
-            words,
+            words_in(layout.words.replace("{}", root), tensors),
             layout.activation,
             _box(layout, root, tensors),
             normalizer,
@@ -217,10 +208,7 @@ def words_in(words: str, tensors: Tensors) -> str:
 
 
 def _root(layout: Layout, tensors: Tensors) -> str | None:
-    """Return what precedes the names of a layout's layers in a file, or None if it does not fit.
-
-    A layout does not fit if its root has layers that are not its own.
-    """
+    """Return what precedes the names of a layout's layers in a file, or None for another layout."""
     heads = [found for name in tensors if (found := re.fullmatch(layout.head, name))]
     has_others = layout.without and any(re.fullmatch(layout.without, name) for name in tensors)
     if not heads or has_others or not any(re.search(layout.beside, name) for name in tensors):
@@ -229,8 +217,8 @@ def _root(layout: Layout, tensors: Tensors) -> str | None:
     if layout.has_box and not {*_of_box(root)} <= tensors.keys():
         return None
     words = layout.words.replace("{}", root)
-    for name, each in tensors.items():
-        is_layer = each.ndim == 2 and name.startswith(root) and name.endswith("weight")
+    for name, array in tensors.items():
+        is_layer = array.ndim == 2 and name.startswith(root) and name.endswith("weight")
         is_own = has_word(name, words) or is_deviation(name) or is_of_critic(name)
         if is_layer and not is_own and (root or layout.has_box):
             return None
@@ -246,7 +234,7 @@ def _normalizer(
     for name in tensors:
         spread = name.removesuffix(name.rpartition(".")[2]) + running.spread
         if re.fullmatch(running.mean, name) and spread in tensors:
-            mean, numbers = (np.ravel(tensors[each]).astype(float) for each in (name, spread))
+            mean, numbers = (np.ravel(tensors[key]).astype(float) for key in (name, spread))
             deviation = np.sqrt(numbers) if running.is_variance else numbers
             variance = (deviation + running.outer) ** 2
             normalizer = Normalizer(mean, variance, running.inner, running.clip, _WHOSE)
@@ -327,10 +315,10 @@ def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Stated]:
         )
     tensors = flattened(torch_content(members["policy.pth"]))
     doubles, _ = checked_tensors(tensors)
-    return tensors, _stated(data, doubles)
+    return tensors, _declared_in(data, doubles)
 
 
-def _stated(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Stated:
+def _declared_in(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Stated:
     """Return what the member `data` of a zip states of the policy with these tensors."""
     actions = _stored_box(data, "action_space", "actions")
     settings = _settings_of(data)
@@ -429,10 +417,8 @@ def _class_name(entry: str, data: Mapping[str, Any], known: tuple[str, ...]) -> 
 
 
 def _is_normalized(data: Mapping[str, Any]) -> bool:
-    """Return whether the last observations of the training prove a normalizer before the policy.
-
-    PPO, A2C and TRPO store the observations before a VecNormalize, and no others.
-    """
+    """Return whether the last observations of the training prove a normalizer before the policy."""
+    # PPO, A2C and TRPO store the observations before a VecNormalize, and no others.
     try:
         seen, original = (_stored(data, name) for name in ("_last_obs", "_last_original_obs"))
     except BadInputError:
@@ -442,11 +428,9 @@ def _is_normalized(data: Mapping[str, Any]) -> bool:
 
 
 def _seen(data: Mapping[str, Any], algorithm: str) -> tuple[float, float]:
-    """Return the least and largest number of observations that a VecNormalize of a training saw.
-
-    It sees those of the steps, of the first reset of each environment (not in old versions), and of
-    all trials of ARS.
-    """
+    """Return the least and largest number of observations that a VecNormalize of a training saw."""
+    # Those of the steps, of the first reset of each environment (not in old versions), and of all
+    # trials of ARS.
     steps, environments = data.get("num_timesteps"), data.get("n_envs")
     if not isinstance(steps, int) or steps == 0:
         return 0.0, math.inf
@@ -492,10 +476,7 @@ class _Box(NamedTuple):
 
 
 def _stored_box(data: Mapping[str, Any], name: str, what: str) -> _Box:
-    """Return the Box in an entry of the zip, or its dictionary of observations as one Box.
-
-    Raises BadInputError for another space than Boxes of vectors.
-    """
+    """Return the Box in an entry of the zip, or its dictionary of observations as one Box."""
     space = _stored(data, name)
     parts = getattr(space, "spaces", None)
     parts = parts if isinstance(parts, dict) and what == "observations" else {"": space}
@@ -524,7 +505,7 @@ def _stored_box(data: Mapping[str, Any], name: str, what: str) -> _Box:
         high.append(ends[1])
         count = len(ends[0])
         names += [f"{key}[{place}]" if count > 1 else str(key) for place in range(count)]
-    lowest, highest = (np.concatenate(each).astype(float) for each in (low, high))
+    lowest, highest = (np.concatenate(ends).astype(float) for ends in (low, high))
     return _Box(lowest, highest, () if space in parts.values() else tuple(names))
 
 
@@ -547,7 +528,10 @@ def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
         running_means = _statistics(stored)
         mean, variance = (
             np.concatenate(
-                [np.ravel(numbers_in(f"its {name}", each.get(name))) for each in running_means]
+                [
+                    np.ravel(numbers_in(f"its {name}", running.get(name)))
+                    for running in running_means
+                ]
             )
             for name in ("mean", "var")
         )
@@ -558,10 +542,7 @@ def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
 
 
 def _statistics(stored: Inert) -> list[dict[str, Any]]:
-    """Return the attributes of each running mean of a VecNormalize object.
-
-    They are in the order of the observation space, a single one if it has no parts.
-    """
+    """Return the attributes of each running mean of a VecNormalize, in the order of its space."""
     running = getattr(stored, "obs_rms", None)
     if not isinstance(running, dict):
         running = {"observations": running}

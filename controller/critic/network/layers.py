@@ -89,7 +89,7 @@ def activation_named(name: str) -> str:
 
     Raises BadInputError for an unknown activation.
     """
-    by_letters = {each.replace("_", ""): each for each in ACTIVATIONS}
+    by_letters = {activation.replace("_", ""): activation for activation in ACTIVATIONS}
     known = by_letters.get(name.strip().lower().replace("_", ""), name)
     refuse_unknown("unknown activation", known, ACTIVATIONS)
     return known
@@ -215,17 +215,13 @@ def layers_of(
 
     def selected(words: str) -> Tensors:
         """Return the tensors that words select."""
-        return {
-            name: each for name, each in of_layers.items() if not words or has_word(name, words)
-        }
+        return {name: of_layers[name] for name in of_layers if not words or has_word(name, words)}
 
     try:
         return network_of(selected(part), part)
     except BadInputError as error:
         refusal = error
-    of_kind = {
-        name: each for name, each in of_layers.items() if is_of_critic(name) == (kind == "V")
-    }
+    of_kind = {name: of_layers[name] for name in of_layers if is_of_critic(name) == (kind == "V")}
     if not part and 0 < len(of_kind) < len(of_layers):
         try:
             return network_of(of_kind, part)
@@ -348,7 +344,6 @@ def _as_saved(layers: list[Layer]) -> list[Layer]:
 
 def _as_numbered(layers: list[Layer], part: str) -> list[Layer]:
     """Return the layers in the order of the words that select them, then of their numbers."""
-
     words = part.split("+")
 
     def places(layer: Layer) -> list[int]:
@@ -374,7 +369,7 @@ def refuse_others(others: Tensors, network_inputs: int, network_outputs: int) ->
     others: tensors of a state dict that belong to no network that is read
     network_inputs, network_outputs: number of inputs and of outputs of the network
     """
-    weights = {name for name, each in others.items() if name.endswith("weight") and each.ndim == 2}
+    weights = {name for name in others if name.endswith("weight") and others[name].ndim == 2}
     for name, array in others.items():
         if f"{name.removesuffix('bias')}weight" in weights or name in weights or is_of_critic(name):
             continue

@@ -1,10 +1,10 @@
 """Policies and critics in files: a file -> what it says -> what is judged.
 
 1. A file contains an ONNX graph (`onnx_graph`), or tensors by name, in one of several containers
-   (`tensors`, `pickles`). No code in a file is executed.
-2. What it says besides its numbers is `Stated` (`stated`): the algorithm, the activation, the way
+   (`tensors`). No code in a file is executed.
+2. What it says besides its numbers is `Stated` (`declared`): the algorithm, the activation, the way
    from the network's output to the action (squash, clip, box), the normalizer. Zips of
-   Stable-Baselines3 (`stable_baselines`) and checkpoints of known layouts (`checkpoints`) state it.
+   Stable-Baselines3 and checkpoints of known layouts (`checkpoints`) declare it.
 3. What is judged are functions of the network's inputs: the layers that the file states or the user
    names (`layers`), with their activations. `Stated.action` is a part of each policy.
 
@@ -77,7 +77,7 @@ def module_contents(module: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]
     for name, part in _parts("", module):
         kind = _class_of(part)
         if kind == "Linear":
-            stored = {key: each for key, each in part._parameters.items() if each is not None}
+            stored = {key: array for key, array in part._parameters.items() if array is not None}
             tensors |= flattened(stored, f"{name}.".removeprefix("."))
             layer = name
         elif layer is None or layer in activations:
@@ -268,13 +268,13 @@ def _contents(stored: Any, *, is_ordered: bool) -> _Contents:
 
 def _as_layers(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return tensors with the names and shapes of torch: those of flax are `Dense_0/kernel`."""
-    named = {name.replace("/", "."): each for name, each in tensors.items()}
-    return {
-        f"{name.removesuffix('kernel')}weight" if name.endswith(".kernel") else name: (
-            each.T if name.endswith(".kernel") else each
-        )
-        for name, each in named.items()
-    }
+    as_torch = {}
+    for flax_name, array in tensors.items():
+        name = flax_name.replace("/", ".")
+        if name.endswith(".kernel"):
+            name, array = f"{name.removesuffix('kernel')}weight", array.T
+        as_torch[name] = array
+    return as_torch
 
 
 def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> NetworkFile:
@@ -293,19 +293,17 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
     words = "+".join(filter(None, parts.values()))
 
     def check(kind: str, layers: list[Layer], is_named: bool) -> None:
-        """Raise BadInputError if layers do not fit the plant, or others may act on them.
-
-        Nothing acts on layers that the user or the layout names, or on the observations of a zip.
-        """
-        is_alone = bool(words) or sum(each.ndim == 2 for each in tensors.values()) == 1
+        """Raise BadInputError if layers do not fit the plant, or others may act on them."""
+        is_alone = bool(words) or sum(array.ndim == 2 for array in tensors.values()) == 1
         if len(layers) == 1 and is_alone and layers[0].inputs == asked.basis_size:
             return
         check_width(layers[0].inputs, asked.states, 0 if kind == "policy" else asked.inputs)
+        # Nothing acts on layers that are named, or on the observations of a zip.
         if not is_named and stated.inputs != layers[0].inputs:
             of_network = {layer.name for layer in layers}
             others = {
-                name: each
-                for name, each in tensors.items()
+                name: array
+                for name, array in tensors.items()
                 if _layer(name) not in of_network and not has_word(name, words)
             }
             refuse_others(others, layers[0].inputs, layers[-1].outputs)

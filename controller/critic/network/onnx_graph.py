@@ -237,7 +237,7 @@ def graph_functions(
         function = ca.Function("network", [x], [value])
         functions[kind] = function.expand() if traced.size < FEW_WEIGHTS else function
     others = [item.name for item in model.graph.output if item.name not in chosen.values()]
-    metadata = [f"metadata {each.key}" for each in model.metadata_props]
+    metadata = [f"metadata {entry.key}" for entry in model.metadata_props]
     notes = _notes_on_normalizer(model.graph, traced)
     if unused := ", ".join(others + metadata):
         notes += (f"not used: {shortened(unused, 200)}",)
@@ -251,7 +251,7 @@ def _notes_on_normalizer(graph: Any, traced: _Traced) -> tuple[str, ...]:
         is_pair = (minus.op_type, over.op_type, over.input[:1]) == ("Sub", "Div", minus.output)
         constants = {minus.input[-1], over.input[-1]} - traced.rows.keys()
         if is_pair and minus.input[0] in inputs and len(constants) == 2:
-            return notes_on_statistics(*(traced.arrays[each.input[1]] for each in (minus, over)))
+            return notes_on_statistics(*(traced.arrays[node.input[1]] for node in (minus, over)))
     return ()
 
 
@@ -372,8 +372,10 @@ class _Operator:
         """Return the result of rows and constants."""
         if self.name not in _WITH_PLACES:
             arguments = [
-                ca.DM(np.atleast_2d(each).astype(float)) if isinstance(each, np.ndarray) else each
-                for each in arguments
+                ca.DM(np.atleast_2d(value).astype(float))
+                if isinstance(value, np.ndarray)
+                else value
+                for value in arguments
             ]
         values = self._onnx.helper.get_attribute_value
         attributes = {item.name: values(item) for item in self._node.attribute}

@@ -398,7 +398,7 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
 
 def lowest(precisions: set[str]) -> str:
     """Return the lowest of several precisions, such as "float32"."""
-    return next((each for each in _PRECISIONS if each in precisions), "float64")
+    return next((name for name in _PRECISIONS if name in precisions), "float64")
 
 
 def _not_torch() -> BadInputError:

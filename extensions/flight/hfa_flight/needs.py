@@ -38,35 +38,35 @@ def is_enough(count: int, flights: int, share: float) -> bool:
     return count >= share * flights - _ROUNDING
 
 
-def lost_band(lost: int, members: int) -> tuple[float, float]:
+def outside_band(outside: int, members: int) -> tuple[float, float]:
     """Return the ends of the 95 % band of the probability that a flight does not stay inside.
 
     The band is that of Clopper and Pearson (1934), one-sided if none or every one does not.
     """
     from scipy.special import betaincinv
 
-    tail = 0.05 if lost in (0, members) else 0.025
-    low = 0.0 if lost == 0 else betaincinv(lost, members - lost + 1, tail)
-    high = 1.0 if lost == members else betaincinv(lost + 1, members - lost, 1.0 - tail)
+    tail = 0.05 if outside in (0, members) else 0.025
+    low = 0.0 if outside == 0 else betaincinv(outside, members - outside + 1, tail)
+    high = 1.0 if outside == members else betaincinv(outside + 1, members - outside, 1.0 - tail)
     return float(low), float(high)
 
 
-def band_text(lost: int, members: int, verb: str) -> str:
-    """Return `lost_band` with its confidence of 95 % as text, such as "27.2 to 72.9 %, 95 %".
+def band_text(outside: int, members: int, verb: str) -> str:
+    """Return `outside_band` with its confidence of 95 % as text, such as "27.2 to 72.9 %, 95 %".
 
     The upper end is rounded up. If all stay, the text is "fewer than" this end.
 
     verb: what the others do, such as "leave"
     """
-    low, high = (100.0 * end for end in lost_band(lost, members))
-    if not lost:
+    low, high = (100.0 * end for end in outside_band(outside, members))
+    if not outside:
         return f"fewer than {percent(high, up=True)} {verb} (95 %)"
     return f"{low:.3g} to {percent(high, 3, up=True)}, 95 %"
 
 
-def is_refuted(lost: int, flights: int, share: float) -> bool:
+def is_refuted(outside: int, flights: int, share: float) -> bool:
     """Return whether so many flights outside contradict a share, beyond their 95 % band."""
-    return lost_band(lost, flights)[0] > 1.0 - share
+    return outside_band(outside, flights)[0] > 1.0 - share
 
 
 def need_text(share: float) -> str:

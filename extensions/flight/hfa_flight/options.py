@@ -235,7 +235,7 @@ def policy_of_law(
     of_game = (point.model, point, game.Q, game.R)
     if law != PREDICTIVE:
         return state_dependent(*of_game, delta=game.delta, E=game.E, limits=limits)
-    given: dict[str, Any] = {name: each for name, each in settings.items() if each is not None}
+    given: dict[str, Any] = {name: value for name, value in settings.items() if value is not None}
     return predictive(*of_game, delta=game.delta, budget=math.inf, limits=limits, **given)
 
 

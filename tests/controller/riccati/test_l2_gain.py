@@ -11,7 +11,7 @@ from hfa import Game, solve
 
 
 def bounds_of(game, K):
-    return solve(game).level.l2_gain(K)
+    return solve(game).closed_loops.l2_gain(K)
 
 
 @pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.3])

@@ -21,7 +21,7 @@ def test_margins_of_an_unstable_loop_are_refused(game):
     K = solve(game).K
     with pytest.raises(NoSolutionError, match="the loop has a pole at "):
         loop_margins(game, -K)
-    assert solve(game).level.disk_margin(-K) is None
+    assert solve(game).closed_loops.disk_margin(-K) is None
 
 
 @pytest.mark.parametrize("factor", [pytest.param(0.3, marks=pytest.mark.slow), 1.0, 3.0])
@@ -81,7 +81,7 @@ def test_the_disk_margin_agrees_with_python_control(inputs):
         loop = control.ss(A, B, K, 0.0)
         grid = np.concatenate([[1e-6], np.geomspace(1e-2, 1e2, 400)])
         theirs = control.disk_margins(loop, grid)[0]
-        ours = solve(game).level.disk_margin(K).disk
+        ours = solve(game).closed_loops.disk_margin(K).disk
         assert ours == pytest.approx(theirs, rel=1e-2)
         assert ours < theirs * (1.0 + 1e-3)
 
@@ -92,7 +92,7 @@ def test_gain_and_phase_of_a_disk_margin_are_the_textbooks():
     Of the loop 3 / (s - 1) it is 2 / max |S - T| with S - T = (s - 4) / (s + 2).
     """
     game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=10.0)
-    found = solve(game).level.disk_margin(np.array([[3.0]]))
+    found = solve(game).closed_loops.disk_margin(np.array([[3.0]]))
     assert (found.disk, found.gain, found.phase) == pytest.approx((1.0, 3.0, 53.13010235), rel=1e-6)
     solution = solve(game)
     named, k = solution.loop_margins["u1"], float(solution.K[0, 0])

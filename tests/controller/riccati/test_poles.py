@@ -5,7 +5,7 @@ import pytest
 from flint import acb_mat
 
 from controller.riccati.balls import BITS, ball_matrix, precision
-from controller.riccati.level import Similar, enclosed_poles, poles_of
+from controller.riccati.closed_loops import Similar, enclosed_poles, poles_of
 from hfa import Game, solve
 
 #: An integer matrix with the determinant 1, and its inverse.

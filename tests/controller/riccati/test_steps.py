@@ -102,7 +102,7 @@ def test_gain_and_margins_of_a_scalar_loop():
     K = np.array([[0.3]])
     output = math.sqrt(1.0 + 4.0 * 0.3**2)
     solution = hfa.solve(game)
-    level = solution.level  # loops of any gain in states with value y'y
+    level = solution.closed_loops  # loops of any gain in states with value y'y
     assert level.l2_gain(K).low <= output / 0.5 * (1.0 + 1e-15)
     assert level.l2_gain(K).high == pytest.approx(output / 0.5, rel=1e-6)
     # f times the optimal gain k: stable for |.8 - f k| < 1, thus f up to 1.8 / k.

@@ -76,6 +76,16 @@ def test_a_disturbance_that_the_input_cancels_costs_nothing():
     assert (solution.delta_min, solution.l2_gain) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize(("E", "is_free"), [([1.0, 1.0, 0.0], True), ([0.0, 0.0, 1.0], False)])
+def test_a_disturbance_of_stable_states_without_cost_costs_nothing(E, is_free):
+    """Q = 0: the unstable mode 2 has a cost, and the modes 1/2 and -1/2 have none."""
+    A = [[0.5, -2.0, -0.5], [0.0, -0.5, -1.0], [0.0, 0.0, 2.0]]
+    both = np.column_stack([E, [-3.0, -1.0, 0.0]])
+    game = Game(A, [[-3.0], [-1.0], [-1.0]], E=both, Q=np.zeros(3), R=[1.0], dt=True)
+    least = minimum_delta(game).value
+    assert (least == 0.0) if is_free else (least > 0.1)
+
+
 def test_a_gain_that_is_not_unique_is_refused_as_such():
     """x1² is the value with B = 1 and R = 0, of any u2."""
     with pytest.raises(NoSolutionError, match="optimal gain is not unique"):

@@ -15,7 +15,7 @@ from flint import arb, arb_mat
 from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, precision
 from controller.riccati.equation import equation_of, users_units
 from controller.riccati.lyapunov import NotProvedError
-from controller.riccati.refusal import prove_control_loop, prove_prices, stabilizing
+from controller.riccati.refusal import prove_control_loop, prove_weights, stabilizing
 from hfa import Game
 
 BITS = 256
@@ -249,5 +249,5 @@ def test_a_stabilizing_solution_of_two_states_may_be_no_value(
 
 
 def prove_value(found, Y):
-    prove_prices(found)
+    prove_weights(found)
     prove_control_loop(found, Y)

@@ -45,7 +45,9 @@ def test_several_processes_share_the_tasks():
     with open_workers(1) as run:
         assert {pid for _, pid in run(os.getpid, tasks)} == {os.getpid()}
     with open_workers(2) as run:
-        assert os.getpid() not in {pid for _, pid in run(os.getpid, tasks)}
+        found = dict(run(os.getpid, tasks))
+    assert set(found) == set(range(4))
+    assert os.getpid() not in found.values()
 
 
 @pytest.mark.slow
@@ -57,11 +59,14 @@ def test_an_error_in_a_task_is_raised():
 
 
 def test_an_abandoned_job_leaves_no_worker():
-    """If the results are not read to the end, no process remains."""
+    """If the results are not read to the end, both processes end within their tasks."""
+    start = time.monotonic()
     tasks = ((key, (0.0 if key == 0 else 60.0,)) for key in range(9))
     with open_workers(2) as run:
         assert next(run(time.sleep, tasks)) == (0, None)
+        assert len(multiprocessing.active_children()) == 2
     assert _gone()
+    assert time.monotonic() - start < 50.0
 
 
 @pytest.mark.slow

@@ -34,7 +34,9 @@ def test_a_sweep_is_an_xarray_dataset():
     }
     found = {unit: str(dataset[unit].sel(where).item()) for unit, where in units.items()}
     assert found == dict(zip(units, ("ft", "deg", "rad/s", "ft/s^2"), strict=True))
-    assert dataset.A.attrs["units_of"] == "rate_unit / linear_state_unit"
+    entries = {"A": "rate_unit / linear_state_unit", "B": "rate_unit / input_unit"}
+    entries |= {"states": "state_unit", "inputs": "input_unit"}
+    assert {name: dataset[name].attrs["units_of"] for name in entries} == entries
     assert dataset.eigenvalues.attrs["units"] == "1/s"
     listed = hfa.sweep(F16, {"speed": [400.0, 500.0], "xcg": [0.3, 0.35]}, listed=True).to_xarray()
     assert listed.B.dims == ("point", "rate", "input")

@@ -191,7 +191,7 @@ def assess(request: AssessRequest, given: _Given) -> Outcome:
 
     deployed = Deployed(_deployment(request, given.model), given.model)
     box = each_of("--box", given.model, request.box, _half_width)
-    points = tuple(trimmed(each) for each in given.trims)
+    points = tuple(map(trimmed, given.trims))
     share = request.need.get(SHARE, ALL)
     assessor = Assessor(deployed, points, request.samples, request.seed, box, share)
     assessment = assessment_of(assessor, needs=request.need, progress_of=ProgressLine)

@@ -120,7 +120,7 @@ def _policies(
 
     Raises NoSolutionError if the game has no solution. Raises BadInputError if a file is invalid.
     """
-    return dict(_policy(each, game, point, limits) for each in request.policy)
+    return dict(_policy(what, game, point, limits) for what in request.policy)
 
 
 def _policy(

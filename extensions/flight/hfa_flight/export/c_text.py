@@ -14,7 +14,7 @@ import numpy as np
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.policy import DeployedPolicy
-from hfa_flight.policies.estimate import IMPOSSIBLE, LOST, memory_size
+from hfa_flight.policies.estimate import IMPOSSIBLE, RESTARTS_AFTER, memory_size
 from hfa_flight.policies.filtered_policy import FilteredPolicy, sample_of
 from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
 from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
@@ -178,7 +178,7 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
         "impossible": IMPOSSIBLE,
         "share": len(policy.filter.Phi) + 2,
         "fade": policy.fade,
-        "lost": LOST,
+        "restarts_after": RESTARTS_AFTER,
         "sample": c_function(filter_sample(policy), "sample", ("memory", "y"), ("u", "later")),
     }
     return {file: filled(file, **fields) for file in FILTER_FILES}

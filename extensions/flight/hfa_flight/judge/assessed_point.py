@@ -88,7 +88,7 @@ def _above(game: Game, optimum: np.ndarray, loop: Chain) -> CostAboveOptimum:
     # Eigenvalues of P^(-1/2) (X - P) P^(-1/2), in the directions in which P is not 0.
     root = vectors[:, paid] / np.sqrt(values[paid])
     above = np.linalg.eigvalsh(root.T @ (_cost_of(loop, game) - optimum) @ root)
-    worst, mean = (100.0 * max(float(each), 0.0) for each in (above[-1], above.mean()))
+    worst, mean = (100.0 * max(float(cost), 0.0) for cost in (above[-1], above.mean()))
     return CostAboveOptimum(worst, mean)
 
 
@@ -209,8 +209,8 @@ class AssessedPoint(Result):
 
         They do if more do not return to the trim than the share permits, beyond the 95 % band.
         """
-        flown = [each for each in (self.flights, self.disturbed) if each is not None]
-        enough = (is_enough(each.converged, each.starts, share) for each in flown)
+        flown = [outcomes for outcomes in (self.flights, self.disturbed) if outcomes is not None]
+        enough = (is_enough(outcomes.converged, outcomes.starts, share) for outcomes in flown)
         return all(enough) and not self.costs_refute(share)
 
     def costs_refute(self, share: float) -> bool:

@@ -147,7 +147,7 @@ class Assessment(Result, Reported):
 
         A requirement that is not satisfied is a failure.
         """
-        return self.holds and all(each.severity != Severity.FAILURE for each in self.findings)
+        return self.holds and all(finding.severity != Severity.FAILURE for finding in self.findings)
 
     def __bool__(self) -> bool:
         return self.ok
@@ -235,7 +235,7 @@ class Assessment(Result, Reported):
             where = f"{where_text([dearest], self.points)}: " if len(self.points) > 1 else ""
             lines += [where + sentence for sentence in dearest.costs.sentences()]
         first_line = self.first_line
-        lines += [each.text for each in self.findings if each.text not in first_line]
+        lines += [finding.text for finding in self.findings if finding.text not in first_line]
         return [*lines, self.assumed] if self.assumed else lines
 
     def _dearest(self) -> AssessedPoint | None:

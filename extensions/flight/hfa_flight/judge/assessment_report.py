@@ -357,8 +357,8 @@ def _actions(points: Sequence[AssessedPoint]) -> list[Group]:
         return []
     worst = min(with_actions, key=_least_relative_effect)
     rows = tuple(
-        Row(each.action, each.effect, "1/s", f"exact gain {each.exact_effect:+.3g}", digits=3)
-        for each in worst.actions
+        Row(action.action, action.effect, "1/s", f"exact gain {action.exact_effect:+.3g}", digits=3)
+        for action in worst.actions
     )
     effect = "Effect of an action: by how much it lowers the sum of the loop's eigenvalues."
     return [Group(f"actions {where_text([worst], points)}", rows, (effect,))]
@@ -366,11 +366,11 @@ def _actions(points: Sequence[AssessedPoint]) -> list[Group]:
 
 def _least_relative_effect(point: AssessedPoint) -> float:
     """Return the least effect of an action relative to that of the exact gain, 0 if both are 0."""
-    effects = [(each.effect, each.exact_effect) for each in point.actions]
+    effects = [(action.effect, action.exact_effect) for action in point.actions]
     return min(effect / exact if exact else 0.0 for effect, exact in effects)
 
 
 def records_table(points: Sequence[AssessedPoint]) -> Table:
     """Return the table of the figures with all digits, one row for each trim."""
     rows = ((_at(point), *loop_rows(point), *flight_rows(point)) for point in points)
-    return matrix_of([Sheet.of([("", each, ())]) for each in rows])
+    return matrix_of([Sheet.of([("", row, ())]) for row in rows])

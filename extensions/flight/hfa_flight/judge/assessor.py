@@ -136,7 +136,7 @@ class Assessor:
         cases = [self._case(point) for point in self.points]
         with ThreadPoolExecutor() as pool:  # a loop that tolerates all delays takes seconds
             delays = pool.map(self._delays, cases)
-        points = [self._linear_point(*each) for each in zip(cases, delays, strict=True)]
+        points = [*map(self._linear_point, cases, delays)]
         if not self.samples:
             return points
         flight, error = resolved_flight(self._flight(cases), cases, self.seed)

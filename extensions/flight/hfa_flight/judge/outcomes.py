@@ -354,18 +354,18 @@ class CaseFlights:
         case = self.cases[owner]
         flights = np.flatnonzero(self.owners == owner)
         ends = self.endings.outcomes[flights]
-        lost = flights[ends == Outcome.LEFT]
+        left = flights[ends == Outcome.LEFT]
         converged = int((ends == Outcome.CONVERGED).sum())
         first_departure = None
         worst = int(flights[np.argmax(self.endings.nearest[flights])])
-        if lost.size:
-            worst = int(lost[np.argmin(self.endings.left_at[lost])])
+        if left.size:
+            worst = int(left[np.argmin(self.endings.left_at[left])])
             first_departure = self._departure(worst, case)
         at_start = self.first[worst][self.linear]
         return Outcomes(
             starts=len(flights),
             converged=converged,
-            left_envelope=len(lost),
+            left_envelope=len(left),
             worst_initial=dict(zip(case.point.model.linear, at_start.tolist(), strict=True)),
             seconds=self.seconds,
             departure=first_departure,

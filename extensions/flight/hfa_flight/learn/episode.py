@@ -214,7 +214,9 @@ class Episode:
         self._boxes = surviving_boxes(self._flight, self.points, boxes, no_action)
         self._envelopes = [flight_envelope(deployed.model, point) for point in points]
         self._trims = np.array([deployed.trim_vector(point) for point in points])
-        self._prices = [self._price_of(*at) for at in zip(points, self._envelopes, strict=True)]
+        self._penalties = [
+            self._penalty_of(*at) for at in zip(points, self._envelopes, strict=True)
+        ]
         self._linear = deployed.model.state_places(deployed.model.linear)
         self.owner = 0
         self._winds_of_samples = np.zeros((self.samples, 0))
@@ -222,7 +224,7 @@ class Episode:
         self._code = row_code(self._sample(), one_row=True)
         self._allocate()
 
-    def _price_of(self, point: OperatingPoint, envelope: Limits) -> float:
+    def _penalty_of(self, point: OperatingPoint, envelope: Limits) -> float:
         """Return the cost of a sample with each state at its farther limit, and no action."""
         ends = np.array([envelope.lowest, envelope.highest]) - point.x
         below, above = np.where(np.isfinite(ends), ends, 0.0)
@@ -238,7 +240,7 @@ class Episode:
         """
         # The row of the states contains state, memory, extremes, and the number of remaining
         # samples. The row of the held values contains actions, trim, push, the limits of the state,
-        # and the price of leaving them.
+        # and the penalty of leaving them.
         flight = self._flight
         n = len(self.deployed.model.states)
         self._state = np.zeros((1, sum(flight.sizes) + 1))
@@ -364,7 +366,7 @@ class Episode:
         state = self._flight.start(start[None], trim[None])
         self._state[:] = np.append(state, self.samples)
         actions, _, push = self._flight.held_sizes
-        limits = (self.envelope.least, self.envelope.most, [self._prices[owner]])
+        limits = (self.envelope.least, self.envelope.most, [self._penalties[owner]])
         self._held[:] = np.concatenate([np.zeros(actions), trim, np.zeros(push), *limits])
         self._observed[:] = np.asarray(self._observe(state, trim[None])[0])
 
@@ -427,7 +429,7 @@ class Episode:
         held = ca.MX.sym("held", of_flight + 2 * n + 1)
         now, remaining = ca.vertsplit(state, [0, flown, flown + 1])
         ends = np.cumsum([0, of_flight, 2 * n, 1]).tolist()
-        flying, limits, price = ca.vertsplit(held, ends)
+        flying, limits, penalty = ca.vertsplit(held, ends)
         actions, trim, _ = (flying[part] for part in flight.held_slices)
         memory = flight.slices.memory
         inputs = slice(memory.stop - m, memory.stop)
@@ -436,7 +438,7 @@ class Episode:
         U = flight.commands_of(actions, X, before, trim)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
         after = flight.tick()(now, flying)
-        kept, later, outcome = _outcome(flown, n)(now, after, cost, remaining, limits, price)
+        kept, later, outcome = _outcome(flown, n)(now, after, cost, remaining, limits, penalty)
         o = self.deployed.observe(kept[:n], kept[inputs], trim)
         return ca.Function("episode", [state, held], [ca.vertcat(kept, later), outcome, o])
 
@@ -478,21 +480,21 @@ def _departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
 
 
 def _outcome(size: int, n: int) -> ca.Function:
-    """Return (before, after, cost, remaining, limits, price) -> (kept state, later, outcome).
+    """Return (before, after, cost, remaining, limits, penalty) -> (kept state, later, outcome).
 
     before, after: state before and after the sample, (size,), with the lowest and the highest X of
         the sample at its end; kept is `after` if all its entries are finite, else `before`
     cost: cost of the sample, replaced by `_DEAREST` if it is not finite
     remaining, later: number of remaining samples with and without this one
     limits: lowest X and highest X, (2 n,); an entry of `after` that is not finite is outside
-    price: what a sample at the limits costs
+    penalty: what a sample at the limits costs
     outcome: reward, whether the aircraft left the limits, whether no samples remain
 
-    The reward is -cost. If the aircraft leaves the limits, cost and price are also counted for each
+    The reward is -cost. If the aircraft leaves the limits, cost and penalty also count for each
     later sample.
     """
     before, after = ca.SX.sym("before", size), ca.SX.sym("after", size)
-    cost, remaining, price = map(ca.SX.sym, ("cost", "remaining", "price"))
+    cost, remaining, penalty = map(ca.SX.sym, ("cost", "remaining", "penalty"))
     limits = ca.SX.sym("limits", 2 * n)
     is_number = all_finite(after)
     kept = ca.if_else(is_number, after, before)
@@ -501,9 +503,9 @@ def _outcome(size: int, n: int) -> ca.Function:
     left = ca.logic_not(ca.logic_and(is_number, ca.logic_and(*inside)))
     later = ca.fmax(remaining - 1.0, 0.0)
     paid = ca.if_else(all_finite(cost), cost, _DEAREST)
-    reward = -paid - ca.if_else(left, later * (paid + price), 0.0)
+    reward = -paid - ca.if_else(left, later * (paid + penalty), 0.0)
     outcome = ca.vertcat(reward, left, later <= 0.0)
-    arguments = [before, after, cost, remaining, limits, price]
+    arguments = [before, after, cost, remaining, limits, penalty]
     return ca.Function("outcome", arguments, [kept, later, outcome])
 
 

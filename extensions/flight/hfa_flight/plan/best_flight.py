@@ -14,7 +14,7 @@ from hfa_flight.plan.collocation import Proposal
 from hfa_flight.plan.flights import SimulatedFlight
 from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.search import Found
-from hfa_flight.plan.smooth import has_kinks
+from hfa_flight.plan.smooth import is_nonsmooth
 from hfa_flight.simulate.envelope import RULE, FlightRow, limits_text
 from hfa_flight.simulate.flight_figure import Curve, flight_figure, signals_of
 from hfa_support.reporting.figure import new_figure, pyplot_figure
@@ -252,7 +252,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     def title(self) -> str:
         """Return the first lines of the report: cost, ratios of the policies, initial condition."""
         most = "" if self.reason is None else "at most "
-        outcomes = [(each.policy, each.over_best, each.loss) for each in self.policies]
+        outcomes = [(row.policy, row.over_best, row.loss) for row in self.policies]
         begin = f"Best flight: cost {most}{self.cost:.6g}"
         whose = f"{self.model.title} {self.point.at_scheduled}".strip()
         lines = [
@@ -302,17 +302,17 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             linear,
         )
         smoothed = "The optimizer smoothed tables and kinks, the simulation did not."
-        return Group("best flight", rows, (none_cheaper, *[smoothed] * has_kinks(self.problem)))
+        return Group("best flight", rows, (none_cheaper, *[smoothed] * is_nonsmooth(self.problem)))
 
     def _costs(self) -> Group:
         """Return the cost of each flight, with its ratio to the best, its end and its inputs."""
         name = "best flight found" if self.reason is None else "cheapest simulated flight"
         rows = [Row(name, self.cost, note=f"converges; {_saturated(self.saturated)}", digits=6)]
-        for each in self.policies:
-            ratio = "" if each.over_best is None else f"{each.over_best:.4g}x; "
-            note = f"{ratio}{each.outcome()}; {_saturated(each.saturated)}"
-            cost = each.cost if each.converges else "-"
-            rows.append(Row(each.policy, cost, note=note, digits=6))
+        for row in self.policies:
+            ratio = "" if row.over_best is None else f"{row.over_best:.4g}x; "
+            note = f"{ratio}{row.outcome()}; {_saturated(row.saturated)}"
+            cost = row.cost if row.converges else "-"
+            rows.append(Row(row.policy, cost, note=note, digits=6))
         return Group("costs of flights", tuple(rows))
 
     def records(self) -> Table:

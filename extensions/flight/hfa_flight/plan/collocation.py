@@ -41,10 +41,10 @@ OPTIONS: dict[str, Any] = {
 _LARGE = 100
 #: Least roughness of an interval in an adapted mesh, relative to the largest.
 _EVEN = 1e-3
-#: Weight of the inputs' kinks, and power of the roughness that determines the lengths of intervals.
+#: Weight of jumps of the inputs' slopes, and power of the roughness that determines the intervals.
 #: Of the values that were tried, these halve the difference between meshes of 25 and 50 intervals
 #: for the HFA.
-_KINKS = 3.0
+_OF_JUMPS = 3.0
 _POWER = 0.5
 #: Largest violation of the collocation equations of a feasible proposal, in nominal values.
 FEASIBLE = 1e-6
@@ -156,7 +156,7 @@ def adapted_mesh(
     """Return the lengths of intervals on which a proposal is about equally smooth, s, (N,).
 
     The roughness of an interval is measured by the leading coefficients of the polynomials for the
-    states and by the kinks of the inputs at its ends; it is the largest of the interval and its
+    states and by jumps of the inputs' slopes at its ends; it is the largest of the interval and its
     neighbours. Each interval of the proposal gets a share of the new ones, a power of its
     roughness.
 
@@ -168,9 +168,9 @@ def adapted_mesh(
     leading = np.einsum("j,ijk->ik", _leading(collocation_points()), proposal.nodes)
     curvature = np.abs(leading[:, : len(of_states)] * of_states).sum(axis=1)
     slopes = np.diff(proposal.v, axis=0) / proposal.lengths[:, None]
-    kinks = _KINKS * np.abs(np.diff(slopes, axis=0) * of_inputs).sum(axis=1)
-    kinks_at_ends = np.maximum(np.append(kinks, 0.0), np.append(0.0, kinks))
-    roughness = curvature + kinks_at_ends * proposal.lengths
+    jumps = _OF_JUMPS * np.abs(np.diff(slopes, axis=0) * of_inputs).sum(axis=1)
+    jumps_at_ends = np.maximum(np.append(jumps, 0.0), np.append(0.0, jumps))
+    roughness = curvature + jumps_at_ends * proposal.lengths
     before, after = np.append(0.0, roughness[:-1]), np.append(roughness[1:], 0.0)
     largest = np.maximum.reduce([roughness, after, before])
     shares = (largest + _EVEN * largest.max()) ** _POWER

@@ -192,7 +192,7 @@ class SimulatedFlight(FlightRow):
 
         best: cost of the best flight from the same initial condition, or None if none was found
         """
-        kept = {each.name: getattr(self, each.name) for each in fields(FlightRow)}
+        kept = {field.name: getattr(self, field.name) for field in fields(FlightRow)}
         return FlightRow(**{**kept, "best": best})
 
 

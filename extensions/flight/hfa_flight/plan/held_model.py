@@ -111,7 +111,7 @@ class HeldModel:
         """
         begin = ca.MX.sym("begin", *step.size_in(0))
         _, v, seconds = self._symbols()
-        repeated = (ca.repmat(each, 1, count) for each in (v, seconds / count))
+        repeated = (ca.repmat(column, 1, count) for column in (v, seconds / count))
         after = step.fold(count)(begin, *repeated)
         return ca.Function(f"{step.name()}_{count}", [begin, v, seconds], [after])
 
@@ -119,7 +119,7 @@ class HeldModel:
         """Return new symbols of states, inputs and a duration."""
         _, n, m = self.scaled.sizes
         sizes = (n, m, 1)
-        return _Symbols(*(ca.MX.sym(*each) for each in zip(_Symbols._fields, sizes, strict=True)))
+        return _Symbols(*map(ca.MX.sym, _Symbols._fields, sizes))
 
     @cached_property
     def _flown(self) -> BoundFunction:

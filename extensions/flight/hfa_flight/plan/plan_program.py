@@ -87,7 +87,7 @@ class Change(NamedTuple):
     """Solution of a quadratic program.
 
     v, z: changes of the inputs (N, m) and states (N + 1, n)
-    cost: change of the cost, with the whole price of slacks
+    cost: change of the cost, with the whole penalty of slacks
     is_solved: whether HPIPM reached its tolerance
     """
 

@@ -18,21 +18,21 @@ from hfa_support.native.row_code import machine_code
 #: Factors on a step of the quadratic program that are tried until the flight is cheaper.
 _SHARES = (1.0, 0.35, 0.1225, 0.042875)
 #: Cost above which a flight is taken as infinite.
-_LOST = 1e20
+_INFINITE = 1e20
 #: A plan is not improved further if its cost falls by less than this fraction.
 _SMALL = 3e-5
 #: Share of its cost that a program must promise for a second program of the same step.
 _WORTH = 1e-3
 #: Part of the room of a state beyond which the quadratic program knows its limits.
 _NEAR = 0.5
-#: Price of a soft limit, in units of the largest slope of z'Pz over the usual box, per sample. With
-#: a tenth of it, flights leave the limits where this is cheaper.
+#: Penalty of a soft limit, in units of the largest slope of z'Pz over the usual box, per sample.
+#: With a tenth of it, flights leave the limits where this is cheaper.
 _STIFF = 5.0
-#: Least price of a soft limit, relative to the largest: z'Pz gives a state such as the altitude
+#: Least penalty of a soft limit, relative to the largest: z'Pz gives a state such as the altitude
 #: none. It sets those of all states of the flexible aircraft but the speed. With a hundredth of it
 #: and ten times of it, 15 flights about x(0) at 5, 10 and 15 deg stay inside and cost the same
 #: within 0.3 %.
-_LEAST_PRICE = 0.02
+_LEAST_PENALTY = 0.02
 #: Largest unit of a slack, nominal values.
 _LARGEST_SLACK = 5.0
 #: Factor on the gains of a first plan where those of the linear optimum lead to infinity.
@@ -52,8 +52,8 @@ class Plan(NamedTuple):
     z: states at the nodes, (N + 1, n)
     middle: states in the middle of the holds, (N, n)
     v: inputs during the holds, (N, m)
-    cost: cost of the flight, with z'Pz at its end and the price of exceeded soft limits
-    price: that price
+    cost: cost of the flight, with z'Pz at its end and the penalty of exceeded soft limits
+    penalty: that penalty
     age: number of samples since the first plan, which decides the holds
     """
 
@@ -62,7 +62,7 @@ class Plan(NamedTuple):
     middle: np.ndarray
     v: np.ndarray
     cost: float
-    price: float
+    penalty: float
     age: int
 
 
@@ -111,7 +111,7 @@ class Planner:
         self.room = Range((1.0 - margin) * lowest[self.soft], (1.0 - margin) * highest[self.soft])
         longest, count = grid.most_samples
         self._fast = np.flatnonzero(scaled.reached(grid.dt)[self.soft])
-        self._slopes, self._curvatures = self._slack_prices(P)
+        self._slopes, self._curvatures = self._slack_penalties(P)
         self._nearest = NearestInputs(scaled, grid.dt * longest[-1], 1.0 - margin)
         self.model = HeldModel(scaled, grid.dt * longest)
         self._halves = HeldModel(scaled, 0.5 * grid.dt * longest)
@@ -124,14 +124,14 @@ class Planner:
         """Return the constructor and its arguments, for copies and pickle."""
         return Planner, (self.scaled, self.grid, self.P, self.margin)
 
-    def _slack_prices(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _slack_penalties(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return slope and curvature of the cost of a slack for a second, (S,) each."""
         k, _, _ = self.scaled.sizes
         lowest, highest = self.scaled.state_limits
         pull = 2.0 * np.abs(P[:, :k]) @ self.scaled.box
-        prices = _STIFF * np.maximum(pull, _LEAST_PRICE * pull.max())[self.soft] / self.grid.dt
+        penalties = _STIFF * np.maximum(pull, _LEAST_PENALTY * pull.max())[self.soft] / self.grid.dt
         reach = np.minimum(0.5 * (highest - lowest)[self.soft], _LARGEST_SLACK)
-        return prices, prices / reach
+        return penalties, penalties / reach
 
     def value(self, z: np.ndarray) -> float:
         """Return the linear cost z'Pz of some states, (n,)."""
@@ -167,16 +167,16 @@ class Planner:
         with np.errstate(all="ignore"):
             both = np.hstack([nodes[:-1], v])
             cost = np.einsum("ki,kij,kj->", both, holds.weights, both) + self.value(nodes[-1])
-            price = self._price(states[1:], room)
-            cost = float(cost + price)
-        return Plan(room, nodes, middle, v, cost if cost < _LOST else np.inf, price, age)
+            penalty = self._penalty(states[1:], room)
+            cost = float(cost + penalty)
+        return Plan(room, nodes, middle, v, cost if cost < _INFINITE else np.inf, penalty, age)
 
-    def _price(self, states: np.ndarray, room: Range) -> float:
-        """Return the price of exceeded soft limits at the ends of half samples, (K, n)."""
+    def _penalty(self, states: np.ndarray, room: Range) -> float:
+        """Return the penalty of exceeded soft limits at the ends of half samples, (K, n)."""
         soft = states[:, self.soft]
         slack = np.maximum(0.0, np.maximum(soft - room.most, room.least - soft))
-        prices = (slack * (self._slopes + 0.5 * self._curvatures * slack)).sum()
-        return float(0.5 * self.grid.dt * prices)
+        penalties = (slack * (self._slopes + 0.5 * self._curvatures * slack)).sum()
+        return float(0.5 * self.grid.dt * penalties)
 
     def cost_of_gain(self, K: np.ndarray, z: np.ndarray) -> float:
         """Return the cost of the flight of v = -K z, within the limits of the inputs.
@@ -190,7 +190,7 @@ class Planner:
         begin = np.concatenate([z, [0.0, 0.0]])
         (after,) = self._gain_flight.at(begin, K.ravel())
         cost = float(after[-2]) + self.value(after[:-2]) if after[-1] == 0.0 else np.inf
-        return cost if cost < _LOST else np.inf
+        return cost if cost < _INFINITE else np.inf
 
     def _flight_of_gain(self) -> BoundFunction:
         """Return the machine code of ([z, cost, excess], K by rows) -> [z, cost,
@@ -258,7 +258,7 @@ class Planner:
         unsolved = int(not first.is_solved)
         if not np.isfinite(first.v).all():
             return None, unsolved
-        promised = plan.price - first.cost
+        promised = plan.penalty - first.cost
         if first.is_solved and promised < _SMALL * plan.cost:
             return plan, 0
         full = self._changed(plan, first.v)
@@ -413,5 +413,6 @@ class Planner:
         for v in inputs:
             (after,) = self._nearest.model.moved_along(z[None], v[None])[0]
             both = np.concatenate([z, v])
-            costs.append(both @ hold.W @ both + self.value(after) + self._price(after[None], room))
+            beyond = self._penalty(after[None], room)
+            costs.append(both @ hold.W @ both + self.value(after) + beyond)
         return inputs[int(np.argmin(costs))]

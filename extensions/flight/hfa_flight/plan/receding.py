@@ -18,14 +18,14 @@ from hfa_flight.policies.policy import NextSample
 
 #: Largest number of steps of the quadratic program for the first plan. Each later one has a single
 #: step: six steps save .1 % in flights from x(0) with noise, and take four times as long. A plan
-#: that exceeds its limits, so that their price is more than a share of its cost, has further steps:
+#: that exceeds its limits, so that their penalty is over a share of its cost, has further steps:
 #: with a single one, noise and gusts that throw the plan beyond them lose some flights.
 _FIRST = 30
 _FURTHER = 9
 _EXCEEDS = 0.05
 #: Factor by which a plan may cost more than the plan one sample earlier, with the cost so far.
 #: Beyond it, new first plans are tried: an open-loop flight of an unstable aircraft may get lost.
-_LOST = 1.05
+_DEARER = 1.05
 #: The linear policy takes over where the costs of the plan and of its own flight are within this
 #: fraction of z'Pz.
 _LINEAR = 0.01
@@ -206,7 +206,7 @@ class RecedingHorizon:
         """
         improved = self._improved(plan, until)
         is_over = np.isfinite(improved.cost) and time.thread_time() >= until
-        if is_over or self._memory.spent + improved.cost <= _LOST * promised:
+        if is_over or self._memory.spent + improved.cost <= _DEARER * promised:
             return improved
         guess = min(self.planner.guesses(plan.z[0], plan.room), key=_cost)
         return min(self._improved(guess, until), improved, key=_cost)
@@ -247,7 +247,7 @@ class RecedingHorizon:
         if time.thread_time() >= until:
             self.samples.late += 1
         improved = self._counted(self.planner.improved(plan, 1, until))
-        if not improved.is_refused and improved.plan.price > _EXCEEDS * improved.plan.cost:
+        if not improved.is_refused and improved.plan.penalty > _EXCEEDS * improved.plan.cost:
             improved = self._counted(self.planner.improved(improved.plan, _FURTHER, until))
         return improved.plan
 

@@ -38,9 +38,9 @@ class Hold(NamedTuple):
         P: matrix of the least cost z'Pz after the hold, (n, n)
         """
         n = len(self.A)
-        price = self.W[n:, n:] + self.B.T @ P @ self.B
-        K = np.linalg.solve(price, self.B.T @ P @ self.A + self.W[n:, :n])
-        before = self.W[:n, :n] + self.A.T @ P @ self.A - K.T @ price @ K
+        input_weight = self.W[n:, n:] + self.B.T @ P @ self.B
+        K = np.linalg.solve(input_weight, self.B.T @ P @ self.A + self.W[n:, :n])
+        before = self.W[:n, :n] + self.A.T @ P @ self.A - K.T @ input_weight @ K
         return K, 0.5 * (before + before.T)
 
     def infinite_horizon(self) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,7 @@
-"""Smooth copies of functions with tables and kinks, for an optimizer that needs two derivatives.
+"""Smooth copies of functions with tables and switches, for an optimizer of two derivatives.
 
-Near a kink, the copy blends the two branches. Elsewhere the copy equals the function. The width of
-the blend is proportional to the spread of the kink's argument over given points. The copy is
+Near a nonsmooth point, the copy blends the two branches. Elsewhere the copy equals the function.
+The width of the blend is proportional to the spread of its argument over given points. The copy is
 therefore independent of units.
 """
 
@@ -18,20 +18,20 @@ from hfa_flight.plan.problem import FlightProblem
 from hfa_support.errors import BadInputError
 
 _COMPARISONS = (ca.OP_LT, ca.OP_LE)
-_KINKS = (ca.OP_FMIN, ca.OP_FMAX, ca.OP_FABS)
+_NONSMOOTH = (ca.OP_FMIN, ca.OP_FMAX, ca.OP_FABS)
 _LOGIC = (ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO)
 #: An argument is constant if its range is less than this fraction of its magnitude.
 _VARIES = 1e-9
-#: Half-width of a smoothed kink, in standard deviations of its argument. The points are within the
+#: Half-width of a blend, in standard deviations of its argument. The points are within the
 #: limits, and their states within _NEAR nominal values of the trim.
-KINK_WIDTH = 0.02
+_BLEND_WIDTH = 0.02
 _NEAR = 3.0
-_KINK_POINTS = 500
+_BLEND_POINTS = 500
 
 
 @lru_cache(maxsize=16)
 def smooth_rates(problem: FlightProblem) -> ca.Function:
-    """Return the rates of a problem with smoothed tables and kinks, or themselves without one."""
+    """Return the rates of a problem with smoothed tables and switches, or the rates themselves."""
     of_states, of_inputs = problem.sizes
     pairs = zip(problem.state_limits, problem.input_limits, strict=True)
     below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
@@ -41,14 +41,14 @@ def smooth_rates(problem: FlightProblem) -> ca.Function:
     reach_of_inputs = np.where(np.isfinite(range_of_inputs), np.inf, _NEAR)
     reach = np.concatenate([np.full(len(of_states), _NEAR), reach_of_inputs])
     rng = np.random.default_rng(0)
-    shape = (_KINK_POINTS, len(reach))
+    shape = (_BLEND_POINTS, len(reach))
     near = rng.uniform(np.maximum(below, -reach), np.minimum(above, reach), shape)
-    return smoothed(problem.rates, near, KINK_WIDTH)
+    return smoothed(problem.rates, near, _BLEND_WIDTH)
 
 
-def has_kinks(problem: FlightProblem) -> bool:
-    """Return whether the equations of a problem have kinks, such as those of tables, that are
-    smoothed for the optimizer.
+def is_nonsmooth(problem: FlightProblem) -> bool:
+    """Return whether the equations of a problem have nonsmooth points, as those of tables, that
+    are smoothed for the optimizer.
     """
     return smooth_rates(problem) is not problem.rates
 
@@ -63,24 +63,24 @@ def smooth_slopes(problem: FlightProblem) -> ca.Function:
 
 
 def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Function:
-    """Return a copy of the function in which each kink is smoothed.
+    """Return a copy of the function in which each nonsmooth point is smoothed.
 
-    The function itself is returned if no kink has a continuous argument that comes near 0 at the
-    points. Comparisons that select infinite values, comparisons for equality, and steps (floor,
+    The function itself is returned if no operation has a continuous argument that comes near 0 at
+    the points. Comparisons that select infinite values, comparisons for equality, and steps (floor,
     ceil) are not smoothed.
 
     function: CasADi SX function of a column (n,) with one result
     points: arguments for which the function is used, (N, n)
-    part: half-width of a kink, in standard deviations of its argument over the points
+    part: half-width of a blend, in standard deviations of its argument over the points
     """
     symbol = ca.SX.sym("x", function.numel_in(0))
     sharp = _Replay(function, symbol)
     sharp.run()
-    values = np.array(ca.Function("kinks", [symbol], [sharp.arguments_of_kinks()])(points.T))
-    kinks = [_Kink.of(row, part) for row in values]
-    if not any(kink.width for kink in kinks):
+    values = np.array(ca.Function("arguments", [symbol], [sharp.arguments_of_blends()])(points.T))
+    blends = [_Blend.of(row, part) for row in values]
+    if not any(blend.width for blend in blends):
         return function
-    result = _Replay(function, symbol, kinks).run()
+    result = _Replay(function, symbol, blends).run()
     return ca.Function(function.name(), [symbol], [result], {"cse": True})
 
 
@@ -92,28 +92,28 @@ class _Value(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Kink:
-    """Smoothing of one kink, which is where the argument of an operation is 0."""
+class _Blend:
+    """Smoothing of one nonsmooth point, which is where the argument of an operation is 0."""
 
     width: float  # half-width of the blend, or 0 without a blend
     # the two values of an argument that takes only two values, or None
     levels: tuple[float, float] | None = None
 
     @staticmethod
-    def of(values: np.ndarray, part: float) -> _Kink:
-        """Return the smoothing of a kink."""
+    def of(values: np.ndarray, part: float) -> _Blend:
+        """Return the smoothing of a nonsmooth point."""
         finite = values[np.isfinite(values)]
         size = np.abs(finite).max(initial=0.0)
         if len(finite) < len(values) or np.ptp(finite) <= _VARIES * size:
-            return _Kink(0.0)
+            return _Blend(0.0)
         levels = np.unique(finite)
         if len(levels) == 2:
-            return _Kink(0.0, (float(levels[0]), float(levels[1])))
+            return _Blend(0.0, (float(levels[0]), float(levels[1])))
         width = part * float(finite.std())
         passed = finite.min() <= width and finite.max() >= -width
         if len(levels) < max(3, len(values) // 20) or not passed:
-            return _Kink(0.0)
-        return _Kink(width)
+            return _Blend(0.0)
+        return _Blend(width)
 
     def step(self, argument: ca.SX, sharp: ca.SX) -> _Value:
         """Return the smoothed result of a comparison of an argument with 0.
@@ -146,13 +146,13 @@ class _Kink:
 
 @dataclass
 class _Replay:
-    """Evaluation of a function's instructions on symbols, with smoothed kinks."""
+    """Evaluation of a function's instructions on symbols, with smoothed nonsmooth points."""
 
     function: ca.Function  # CasADi SX function of a column (n,) with one result
     symbol: ca.SX  # argument of the function, (n,)
-    # smoothing of each kink, in the order of the instructions; None smooths no kink
-    kinks: list[_Kink] | None = None
-    arguments: list[ca.SX] = field(default_factory=list)  # arguments of the kinks found so far
+    # smoothing of each nonsmooth point, in the order of the instructions; None smooths none
+    blends: list[_Blend] | None = None
+    arguments: list[ca.SX] = field(default_factory=list)  # of the nonsmooth points found so far
     work: dict[int, ca.SX] = field(default_factory=dict)  # work vector, index -> value
     # indices in the work vector of smooth values between 0 and 1, which replace truth values
     soft: set[int] = field(default_factory=set)
@@ -175,8 +175,8 @@ class _Replay:
                 self.soft.add(out[0])
         return result
 
-    def arguments_of_kinks(self) -> ca.SX:
-        """Return the arguments of all kinks as a column, (kinks,)."""
+    def arguments_of_blends(self) -> ca.SX:
+        """Return the arguments of all nonsmooth points as a column, (blends,)."""
         return ca.densify(ca.vertcat(ca.SX(0, 1), *self.arguments))
 
     def _value(self, number: int, code: int, places: list[int]) -> _Value:
@@ -197,24 +197,24 @@ class _Replay:
         operands = [self.work[place] for place in places]
         if code in _COMPARISONS:
             return self._compared(code, *operands)
-        if code in _KINKS:
-            return _Value(self._kinked(code, *operands))
+        if code in _NONSMOOTH:
+            return _Value(self._blended(code, *operands))
         if code in _LOGIC:
             return self._chosen(code, places, operands)
         return _Value(_applied(code, operands))
 
     def _compared(self, code: int, low: ca.SX, high: ca.SX) -> _Value:
         """Return the value of low < high or low <= high."""
-        return self._next_kink(high - low).step(high - low, ca.SX.binary(code, low, high))
+        return self._next_blend(high - low).step(high - low, ca.SX.binary(code, low, high))
 
-    def _kinked(self, code: int, one: ca.SX, other: ca.SX | None = None) -> ca.SX:
+    def _blended(self, code: int, one: ca.SX, other: ca.SX | None = None) -> ca.SX:
         """Return the smoothed |one|, or smaller or larger one of two values."""
         if other is None:
-            return self._next_kink(one).size(one)
-        kink = self._next_kink(one - other)
-        if kink.width == 0.0:
+            return self._next_blend(one).size(one)
+        blend = self._next_blend(one - other)
+        if blend.width == 0.0:
             return ca.SX.binary(code, one, other)
-        half = 0.5 * kink.size(one - other)
+        half = 0.5 * blend.size(one - other)
         middle = 0.5 * (one + other)
         return middle + half if code == ca.OP_FMAX else middle - half
 
@@ -240,10 +240,10 @@ class _Replay:
             return _Value(a * b, is_soft=b.is_constant() and float(b) == 1.0)
         return _Value(a * b if code == ca.OP_AND else a + b - a * b, is_soft=True)
 
-    def _next_kink(self, argument: ca.SX) -> _Kink:
-        """Store the argument of a further kink, and return its smoothing."""
+    def _next_blend(self, argument: ca.SX) -> _Blend:
+        """Store the argument of a further nonsmooth point, and return its smoothing."""
         self.arguments.append(argument)
-        return _Kink(0.0) if self.kinks is None else self.kinks[len(self.arguments) - 1]
+        return _Blend(0.0) if self.blends is None else self.blends[len(self.arguments) - 1]
 
 
 def _applied(code: int, operands: list[ca.SX]) -> ca.SX:

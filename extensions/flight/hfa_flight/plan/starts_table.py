@@ -105,7 +105,7 @@ class StartsTable(OfProblem, Result, Reported):
     @property
     def found(self) -> int:
         """Number of initial conditions from which a best flight was found."""
-        return sum(each.cost is not None for each in self.flights)
+        return sum(best.cost is not None for best in self.flights)
 
     def failures(self) -> list[str]:
         """Return a sentence for each of best flights and judged policies with too few flights."""
@@ -130,7 +130,7 @@ class StartsTable(OfProblem, Result, Reported):
     @property
     def upper_bounds(self) -> int:
         """Number of best flights that are only the cheapest simulated flight."""
-        return sum(each.cost is not None and each.reason is not None for each in self.flights)
+        return sum(best.cost is not None and best.reason is not None for best in self.flights)
 
     @property
     def refused(self) -> int:
@@ -142,7 +142,7 @@ class StartsTable(OfProblem, Result, Reported):
         """Summary of the flights of each policy, from initial conditions with a best flight
         only.
         """
-        rows = [each.policies for each in self.flights if each.cost is not None]
+        rows = [best.policies for best in self.flights if best.cost is not None]
         return [_summary(column) for column in zip(*rows, strict=True)]
 
     def _entries(self) -> dict[str, Any]:
@@ -160,13 +160,13 @@ class StartsTable(OfProblem, Result, Reported):
 
     def report(self) -> Report:
         """Return the report: flights found, cost ratios of policies, refused flights, limits."""
-        reasons = [each.reason for each in self.flights if each.reason is not None]
+        reasons = [best.reason for best in self.flights if best.reason is not None]
         refused = (
             f"no proposal confirmed from {reasons.count(reason)} initial conditions: {reason}"
             for reason in dict.fromkeys(reasons)
         )
         parts = (
-            Group("median cost over the best", tuple(each.row() for each in self.policies)),
+            Group("median cost over the best", tuple(summary.row() for summary in self.policies)),
             tuple(refused),
             self.weights_text(),
             RULE,
@@ -181,8 +181,8 @@ class StartsTable(OfProblem, Result, Reported):
         if self.starts < self.asked:
             count += f" (interrupted; {self.asked} requested)"
         outcomes = [
-            (each.policy, each.median, f"{each.lost} lost" if each.lost else "")
-            for each in self.policies
+            (summary.policy, summary.median, f"{summary.lost} lost" if summary.lost else "")
+            for summary in self.policies
         ]
         begin = f"Best flights: {count}"
         if not self.found:
@@ -198,12 +198,12 @@ class StartsTable(OfProblem, Result, Reported):
     def _records(self) -> Table:
         """Return the table of initial deviations and costs, one row for each initial condition."""
         states = self.problem.states
-        policies = [each.policy for each in self.policies]
+        policies = [summary.policy for summary in self.policies]
         rows = []
-        for each in self.flights:
-            costs = [row.cost if row.converges else None for row in each.policies]
-            found = (each.cost, each.linear_cost, *costs)
-            rows.append((*(each.start[name] for name in states), *found))
+        for best in self.flights:
+            costs = [row.cost if row.converges else None for row in best.policies]
+            found = (best.cost, best.linear_cost, *costs)
+            rows.append((*(best.start[name] for name in states), *found))
         return Table((*states, "best", "linear_model", *policies), rows)
 
 
@@ -268,7 +268,7 @@ def flights_from(
         seconds = (1.0 + AFTER) * search.flights.horizon(start)
         linear = search.flights.linear(start, seconds)
     flown = [linear, *(search.flights.fly(loop, start, seconds) for loop in loops)]
-    policies = [each.row(cost) for each in flown]
+    policies = [flight.row(cost) for flight in flown]
     return StartFlights(by_name, cost, reason, spread, linear_cost, policies)
 
 

@@ -260,7 +260,7 @@ def state_dependent(
     step = sample_time(scaled, dt)
     disturbing = np.array(at_trim.E) / of_states[:, None]
     law = RiccatiLaw(scaled, step, disturbing, at_trim.delta, P, limit_weight)
-    weights = [each.tolist() for each in (at_trim.Q, at_trim.R, at_trim.E)]
+    weights = [matrix.tolist() for matrix in (at_trim.Q, at_trim.R, at_trim.E)]
     identity = {"state-dependent": [weights, at_trim.delta, limit_weight]}
     return StateDependent("state-dependent", problem.point, step, problem, law, identity=identity)
 
@@ -420,7 +420,7 @@ def keep_inside(
     >>> law = hfa.state_dependent(model, point)
     >>> kept = hfa.keep_inside(law, model, point, limits={"pitch_rate": (-0.05, 0.05)})
     >>> start = {"alpha": 0.05}
-    >>> flights = [hfa.fly(model, point, each, 0.2, initial=start) for each in (law, kept)]
+    >>> flights = [hfa.fly(model, point, policy, 0.2, initial=start) for policy in (law, kept)]
     >>> [bool(abs(flight.states[:, 4]).max() <= 0.05) for flight in flights]
     [False, True]
     """

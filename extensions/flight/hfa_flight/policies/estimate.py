@@ -22,7 +22,7 @@ from hfa_flight.policies.kalman import KalmanFilter
 IMPOSSIBLE = 8.0
 #: After this number of samples in a row with impossible values, the estimate begins anew if most
 #: of them are impossible.
-LOST = 10
+RESTARTS_AFTER = 10
 #: Largest magnitude of a finite value: CasADi has no function of that name.
 _FINITE = 1e300
 #: Variance of a predicted state of the aircraft, in that of the stationary filter, above which the
@@ -84,7 +84,7 @@ def unpacked(known: KalmanFilter, memory: ca.SX) -> Estimate:
     n = len(known.Phi)
     ends = [0, n, n + 1, n + 2, n + 3, n + 3 + len(known.sensors), memory.numel()]
     x, missed, begun, share, last, entries = ca.vertsplit(memory, ends)
-    P, G = (_symmetric(known.P, begun, each) for each in ca.vertsplit(entries, n * (n + 1) // 2))
+    P, G = (_symmetric(known.P, begun, half) for half in ca.vertsplit(entries, n * (n + 1) // 2))
     return Estimate(x, P, G, missed, begun, share, last)
 
 
@@ -111,9 +111,9 @@ def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> Upd
     A value that is not finite is missing, and so is one that equals the last one to the bit: it is
     frozen. A missing or impossible value is left out. In flight, the estimate begins at the first
     values that are given, in air of which only the turbulence is known, and commands are faded in;
-    so it does where most values are impossible at the end of LOST such samples in a row. From known
-    states it begins at the values if one is impossible at the first sample, and commands act at
-    once. It begins again at the second sample if a value is impossible then.
+    so it does where most values are impossible at the end of RESTARTS_AFTER such samples. From
+    known states it begins at the values if one is impossible at the first sample, and commands act
+    at once. It begins again at the second sample if a value is impossible then.
 
     fade: time in which commands are faded in, s
     """
@@ -121,12 +121,12 @@ def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> Upd
     x, P, G = _corrected_by_values(known, before, y, gate.is_used)
     impossible, given = sum(gate.is_impossible, ca.SX(0)), sum(gate.is_given, ca.SX(0))
     missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(given > 0, 0, before.missed))
-    is_lost = ca.logic_and(missed >= LOST, 2 * impossible > given)
+    is_wrong = ca.logic_and(missed >= RESTARTS_AFTER, 2 * impossible > given)
     is_first, is_settled = before.begun == 0, before.begun == 2
     in_flight = ca.logic_and(is_first, before.share == 0)
     begins = ca.logic_or(
         ca.logic_and(in_flight, given > 0),
-        ca.logic_and(impossible > 0, ca.logic_or(ca.logic_not(is_settled), is_lost)),
+        ca.logic_and(impossible > 0, ca.logic_or(ca.logic_not(is_settled), is_wrong)),
     )
     waits = ca.logic_and(in_flight, ca.logic_not(begins))
     new_x, new_P = _at_values(known, before, y, gate.is_given)
@@ -214,10 +214,8 @@ def _at_values(
     """Return x and P of an estimate that begins at the values that are given. Other states keep
     theirs, and in flight the air is that of the stationary turbulence.
     """
-    air, in_flight = (
-        slice(len(known.states), None),
-        ca.logic_or(before.begun == 2, before.share == 0),
-    )
+    air = slice(len(known.states), None)
+    in_flight = ca.logic_or(before.begun == 2, before.share == 0)
     x, P = ca.SX(before.x), ca.SX(before.P)
     x[air] = 0.0
     P[:, air] = ca.if_else(in_flight, 0.0, P[:, air])
@@ -265,10 +263,8 @@ def extended_step(known: KalmanFilter, seconds: float) -> ca.Function:
     The slopes are exp(J seconds) to the fourth power in each step, J those of the rates at x.
     """
     point, model, k = known.point, known.point.model, len(known.states)
-    layout, rows = (
-        (in_gusts(model) if known.winds else model).layout,
-        model.state_places(known.states),
-    )
+    layout = (in_gusts(model) if known.winds else model).layout
+    rows = model.state_places(known.states)
     x, u = ca.SX.sym("x", len(known.Phi)), ca.SX.sym("u", len(model.inputs))
     X = ca.SX(ca.DM(point.x))
     X[rows] += x[:k]

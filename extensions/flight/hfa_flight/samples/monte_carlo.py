@@ -152,7 +152,7 @@ class MonteCarlo(Reported):
         data = {
             "members": self.members,
             "seed": self.seed,
-            "parameters": {name: each.start for name, each in self.model.parameters.items()},
+            "parameters": {name: signal.start for name, signal in self.model.parameters.items()},
             "dynamics": self.model.name,
             "model": _equations_identity(self.model),
             "states": self.point.states._asdict(),

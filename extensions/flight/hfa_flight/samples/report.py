@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.air.gusts import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
 from hfa_flight.air.scenario import Scenario, Uncertainty
-from hfa_flight.needs import band_text, is_enough, lost_band, need_text
+from hfa_flight.needs import band_text, is_enough, need_text, outside_band
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.samples.monte_carlo import MonteCarlo
@@ -189,7 +189,7 @@ def _rms_table(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> Table:
     for name, value in outcomes["rms"].items():
         unit = plan.model.unit(name)
         others = (outcomes["uncontrolled_rms"][name], outcomes.get("linear_rms", {}).get(name))
-        cells = ["-" if each is None else short_number(each, unit) for each in (value, *others)]
+        cells = ["-" if shown is None else short_number(shown, unit) for shown in (value, *others)]
         share = outcomes["at_limit"].get(name)
         at = "-" if share is None else f"{100 * share:.2g}"
         rows.append((f"rms {name}", *cells, at, shown_unit(unit)))
@@ -220,7 +220,7 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
         "first_left": None if inside.all() else float(flown["flown"][~inside].min()),
         "left_an_hour": 3600.0 * int((~inside).sum()) / max(float(flown["flown"].sum()), 1e-9),
         "left": {name: int((left == index).sum()) for index, name in enumerate(limited)},
-        "lost_95": lost_band(int((~inside).sum()), plan.members),
+        "lost_95": outside_band(int((~inside).sum()), plan.members),
         "exceeded": dict(zip(model.inputs, (~obeyed).sum(axis=0).tolist(), strict=True)),
         "limit_cycle": {name: int((cycle == at).sum()) for at, name in enumerate(oscillating)},
         "quantiles": np.array(_QUANTILES),

@@ -164,5 +164,5 @@ def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray
     t = times - times.mean()
     terms = [np.ones_like(t), t, np.cos(frequency * t), np.sin(frequency * t)]
     fitted, *_ = np.linalg.lstsq(np.column_stack(terms), values, rcond=None)
-    level, slope, *_ = fitted
-    return np.asarray(level + slope * t)
+    mean, slope, *_ = fitted
+    return np.asarray(mean + slope * t)

@@ -93,7 +93,7 @@ def step_function(rate: ca.Function, nominal: np.ndarray) -> ca.Function:
     ratio = ca.norm_2(error / (allowed + sys.float_info.min)) / math.sqrt(y.numel())
     in_units = ca.norm_2(error[deviating] / units[deviating])
     results = (after, largest, ratio, in_units, ca.mtimes(k, ca.DM(_POLYNOMIAL)))
-    return ca.Function("step", [t, y, held, h, before], [ca.densify(each) for each in results])
+    return ca.Function("step", [t, y, held, h, before], [ca.densify(result) for result in results])
 
 
 def _step_factor(ratio: float) -> float:
@@ -324,7 +324,7 @@ class CompiledLoop:
         def over_at(rows: _Rows) -> np.ndarray:
             """Return a mask of the rows but the last, True where the flight is over."""
             flown = self._flight(*(part[:-1] for part in rows))
-            return _is_lost(flown) if stop is None else stop(flown)
+            return _has_diverged(flown) if stop is None else stop(flown)
 
         ticks = loop.scenario.ticks if ticks is None else ticks
         per_tick = loop.scenario.steps_per_tick
@@ -346,11 +346,11 @@ class CompiledLoop:
             if ends:
                 break
         flight = self._flight(*map(np.concatenate, zip(*parts, strict=True)))
-        lost = _is_lost(flight)
-        if stop is None and lost.any():
+        diverged = _has_diverged(flight)
+        if stop is None and diverged.any():
             raise NoSolutionError(
-                f"the simulation diverges at t = {flight.times[lost.argmax()]:.6g} s; check that "
-                "the policy stabilizes the aircraft"
+                f"the simulation diverges at t = {flight.times[diverged.argmax()]:.6g} s; check "
+                "that the policy stabilizes the aircraft"
             )
         return replace(flight, integration_error=flying.integration.error)
 
@@ -388,7 +388,7 @@ def _shared(function: ca.Function) -> ca.Function:
 
     A function that calls Python, as that of an FMU does, has no text by which it could be equal.
     """
-    called = (each.class_name() for each in function.find_functions())
+    called = (call.class_name() for call in function.find_functions())
     if "CallbackInternal" in called:
         return _without_repetitions(function)
     return _of_text(function.serialize())
@@ -546,6 +546,6 @@ class _Flying:
         return np.concatenate([[begin + self._delay, end + self._delay], first, last])
 
 
-def _is_lost(flight: Deviations) -> np.ndarray:
+def _has_diverged(flight: Deviations) -> np.ndarray:
     """Return a mask (N,) of the rows at which a state of the plant is not finite."""
     return np.asarray(~np.isfinite(flight.states).all(axis=1))

@@ -107,15 +107,15 @@ class SmallestGusts(Result, Reported):
     @property
     def smallest(self) -> GustThreshold | None:
         """The smallest gust of all lengths, or None if no flight leaves."""
-        left = [each for each in self.thresholds if each.peak is not None]
-        return min(left, key=lambda each: abs(each.peak or 0.0), default=None)
+        left = [threshold for threshold in self.thresholds if threshold.peak is not None]
+        return min(left, key=lambda threshold: abs(threshold.peak or 0.0), default=None)
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "operating_point": self.point,
             "policy": self.policy,
-            "thresholds": [each._asdict() for each in self.thresholds],
+            "thresholds": [threshold._asdict() for threshold in self.thresholds],
             "smallest": None if self.smallest is None else self.smallest._asdict(),
             "flights": self.flights,
         }
@@ -126,7 +126,7 @@ class SmallestGusts(Result, Reported):
         speed = f"{length}/s"
         rows = []
         for up, down in zip(self.thresholds[::2], self.thresholds[1::2], strict=True):
-            cells = [cell for each in (up, down) for cell in _cells(each, speed)]
+            cells = [*_cells(up, speed), *_cells(down, speed)]
             rows.append((f"{up.length:g}", *cells))
         header = (f"length [{length}]", f"updraft [{speed}]", "by", f"downdraft [{speed}]", "by")
         flown = (

@@ -115,7 +115,7 @@ def enclosed_poles(loop: arb_mat) -> Poles:
         change = ball_matrix(np.random.default_rng(1).normal(size=(len(units), len(units))))
         changed = (F + change * half_the_digits).mid()
         vectors = _normalized(acb_mat(changed).eig(right=True, algorithm="approx")[1])
-        similar = min(similar, Similar.of(F, vectors), key=lambda each: each.largest_radius)
+        similar = min(similar, Similar.of(F, vectors), key=lambda found: found.largest_radius)
     return similar.discs
 
 
@@ -215,7 +215,7 @@ class Similar(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
+class ClosedLoops:
     """Loops of a solution in the states of its proof, with the user's inputs and disturbances.
 
     enclosure: of the solution
@@ -224,16 +224,16 @@ class Level:
     enclosure: Enclosure
 
     @cached_property
-    def to_level(self) -> arb_mat:
+    def T(self) -> arb_mat:
         """T, (n, n), of the states T y, in the exact units of the enclosure."""
         T = self.enclosure.units.T
         return identity(len(self._powers)) if T is None else T
 
     @cached_property
-    def from_level(self) -> arb_mat:
+    def T_inverse(self) -> arb_mat:
         """T⁻¹, (n, n), balls."""
         with precision(self.enclosure.bits):
-            return self.to_level.inv()
+            return self.T.inv()
 
     @cached_property
     def worst_loop(self) -> np.ndarray:
@@ -260,11 +260,11 @@ class Level:
 
     def _columns(self, matrix: arb_mat) -> arb_mat:
         """Return T M, (n, k): a matrix M of columns in the user's states, such as B."""
-        return self.to_level * scaled_balls(matrix, -self._powers, _zeros(matrix.ncols()))
+        return self.T * scaled_balls(matrix, -self._powers, _zeros(matrix.ncols()))
 
     def _rows(self, matrix: arb_mat) -> arb_mat:
         """Return M T⁻¹, (k, n): a matrix M of rows that multiply the user's states, such as K."""
-        return scaled_balls(matrix, _zeros(matrix.nrows()), self._powers) * self.from_level
+        return scaled_balls(matrix, _zeros(matrix.nrows()), self._powers) * self.T_inverse
 
     @cached_property
     def inputs(self) -> np.ndarray:
@@ -320,7 +320,7 @@ class Level:
             with precision(bits), suppress(FailedError, NotProvedError):
                 gain = enclosed_in_bits(self.enclosure, bits).K if K is None else ball_matrix(K)
                 bounds = gain_of(self._disturbed(gain))
-                best = min(best, bounds, key=lambda each: (each.high, -each.low))
+                best = min(best, bounds, key=lambda found: (found.high, -found.low))
             if best.is_narrow:
                 break
         # The value at delta proves that the gain is below it.
@@ -335,7 +335,7 @@ class Level:
         Q, N, R = map(ball_matrix, (game.Q, game.N, game.R))
         crossed = N * K
         cost = Q + K.transpose() * R * K - crossed - crossed.transpose()
-        F, E = (discounted(each, game) for each in (loop_with(game, K), ball_matrix(game.E)))
+        F, E = (discounted(matrix, game) for matrix in (loop_with(game, K), ball_matrix(game.E)))
         return self.in_new_states(F, E, cost)
 
     def in_new_states(self, F: arb_mat, E: arb_mat, cost: arb_mat) -> DisturbedLoop:

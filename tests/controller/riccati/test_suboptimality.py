@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exact_games import exact_excess
+from exact_games import exact_suboptimality
 from flint import arb
 from game_samples import game_models
 from stored_games import in_units, stored
@@ -13,7 +13,7 @@ from stored_games import in_units, stored
 from controller.riccati.balls import ball_matrix, precision
 from controller.riccati.l2_gain import DisturbedLoop
 from controller.riccati.lyapunov import FailedError, NotProvedError, stability_of
-from controller.riccati.suboptimality import excess_of, ratio_bounds
+from controller.riccati.suboptimality import ratio_bounds, suboptimality_of
 from hfa import Game, from_gain, solve, verify
 
 GAME = game_models()["published-15"]
@@ -21,7 +21,9 @@ EXACT = solve(GAME)
 
 
 def judged(game, K):
-    return excess_of(solve(game).enclosure, np.asarray(K, dtype=float), box=np.ones(len(game.A)))
+    return suboptimality_of(
+        solve(game).enclosure, np.asarray(K, dtype=float), box=np.ones(len(game.A))
+    )
 
 
 def graded(game, K):
@@ -51,9 +53,8 @@ def random_game(seed):
 @pytest.mark.parametrize(
     "seed", [pytest.param(seed, marks=pytest.mark.slow if seed > 7 else ()) for seed in range(24)]
 )
-def test_an_excess_contains_that_of_sixty_digits(seed):
-    """The excess of gains 1e-3 to 1e-12 off is enclosed, in either time, with and without disturbance
-    and discount.
+def test_a_suboptimality_contains_that_of_sixty_digits(seed):
+    """The suboptimality of gains off by 1e-3 to 1e-12 is enclosed in either time, with a discount too.
 
     It is that of the worst state. The 24 seeds are the eight kinds of `random_game`, each with three errors of the gain.
     """
@@ -62,7 +63,7 @@ def test_an_excess_contains_that_of_sixty_digits(seed):
     noise = np.random.default_rng(seed).standard_normal(K.shape)
     K = K * (1.0 + error * noise) + error * noise
     found = judged(game, K)
-    reference = exact_excess(game, K)
+    reference = exact_suboptimality(game, K)
     assert found.is_known
     assert found.low * (1.0 - 1e-12) <= reference <= found.high * (1.0 + 1e-12)
     if not found.is_optimal:
@@ -81,7 +82,7 @@ def loss(game, K):
 
 
 @pytest.mark.parametrize("delta", [6.0, math.inf])
-def test_the_worst_and_mean_costs_are_eigenvalues_of_the_excess(delta):
+def test_the_worst_and_mean_costs_are_eigenvalues_of_the_suboptimality(delta):
     """Over initial conditions with z'Pz = 1, z'Dz is at most the largest eigenvalue of P^-1 D, and
     on average their mean.
     """
@@ -162,7 +163,7 @@ def test_states_without_cost_are_not_left_out(extra):
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.1])
-def test_a_gain_right_on_states_without_cost_has_the_excess_of_the_others(factor):
+def test_a_gain_right_on_states_without_cost_has_the_suboptimality_of_the_others(factor):
     game = Game([[1.0, 0.0], [3.0, -1.0]], [[1.0], [0.0]], Q=np.diag([1.0, 0.0]), R=[[1.0]])
     K = factor * (1.0 + math.sqrt(2.0))
     found = judged(game, [[K, 0.0]])
@@ -191,7 +192,7 @@ def test_states_without_cost_need_not_be_rational():
 
 
 def test_a_gain_beyond_delta_has_infinite_cost():
-    """The excess cost is infinite if the L2 gain is above delta, and if K destabilizes."""
+    """The suboptimality is infinite if the L2 gain is above delta, and if K destabilizes."""
     tight = GAME.with_delta(151.0)
     beyond = judged(tight, 0.3 * solve(tight).K)
     assert (beyond.is_stable, beyond.low) == (True, math.inf)
@@ -200,12 +201,12 @@ def test_a_gain_beyond_delta_has_infinite_cost():
 
 
 @pytest.mark.parametrize(("kind", "number"), [("weak", 12), ("discrete", 5), ("aircraft", 4)])
-def test_an_excess_does_not_depend_on_units(kind, number):
+def test_a_suboptimality_does_not_depend_on_units(kind, number):
     game = stored(kind, number).game.with_delta(math.inf)
     other, units = in_units(game, np.random.default_rng(number), base=10.0, most=3)
     K = 1.01 * solve(game).K
-    first = excess_of(solve(game).enclosure, K, box=np.ones(len(game.A)))
-    second = excess_of(solve(other).enclosure, K * units.u[:, None] / units.z, box=units.z)
+    first = suboptimality_of(solve(game).enclosure, K, box=np.ones(len(game.A)))
+    second = suboptimality_of(solve(other).enclosure, K * units.u[:, None] / units.z, box=units.z)
     assert second.high == pytest.approx(first.high, rel=1e-6)
     if math.isfinite(first.mean):
         assert second.mean == pytest.approx(first.mean, rel=1e-6)
