@@ -192,10 +192,10 @@ def require_policy(request: PolicyOptions, name: str) -> None:
         raise BadInputError(f"{name} requires a policy; give --policy {EXACT}")
 
 
-def check_policy(request: PolicyOptions, prices: Sequence[str] = ()) -> None:
+def check_policy(request: PolicyOptions, weights: Sequence[str] = ()) -> None:
     """Raise BadInputError for an option that has no effect with the chosen policy.
 
-    prices: weights of the flight's cost, which are not of the policy
+    weights: weights of the flight's cost, which are not of the policy
     """
     kind, options = request.kind, options_of(type(request))
     if kind == DEPLOYMENT and "delay" in options and is_given(request, "delay"):
@@ -203,7 +203,7 @@ def check_policy(request: PolicyOptions, prices: Sequence[str] = ()) -> None:
             f"--delay cannot be combined with a deployment; set delay in [timing] of "
             f"{request.flown}"
         )
-    unused = [name for name in _UNUSED[kind] if name in options and name not in prices]
+    unused = [name for name in _UNUSED[kind] if name in options and name not in weights]
     whose = kind if isinstance(request.flown, Path) else f"--policy {kind}"
     reason = f"cannot be combined with {whose}; remove one of the two"
     if kind == NONE and request.policy is None:

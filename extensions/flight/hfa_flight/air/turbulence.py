@@ -510,7 +510,7 @@ class AirFilter:
     @cached_property
     def step(self) -> tuple[np.ndarray, np.ndarray]:
         """Transition matrix Φ and noise gain G of a sample, x⁺ = Φ x + G ξ, ξ ~ N(0, I)."""
-        Phi, covariance = held_noise(self.A, self.noise, self.interval)
+        Phi, covariance = noise_of_sample(self.A, self.noise, self.interval)
         return Phi, _root(covariance)
 
     def risen(self, time: float) -> float:
@@ -543,7 +543,7 @@ class AirFilter:
         return rows @ self.C.T
 
 
-def held_noise(A: np.ndarray, noise: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+def noise_of_sample(A: np.ndarray, noise: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Return e^(A dt) and the covariance ∫ e^(A t) noise e^(A' t) dt that white noise adds in dt.
 
     Source: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395.

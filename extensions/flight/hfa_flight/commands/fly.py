@@ -298,7 +298,7 @@ def _smallest_gusts(request: FlyRequest, given: GivenTrim, asked: SmallestGust) 
 def _refuse_contradictions(request: FlyRequest) -> None:
     """Raise BadInputError if options contradict each other or have no effect."""
     # Of a single flight, --Q and --R are the weights of its cost.
-    check_policy(request, prices=("Q", "R", "sizes") if request.members is None else ())
+    check_policy(request, weights=("Q", "R", "sizes") if request.members is None else ())
     beside = "cannot be combined with --{}; remove one of the two"
     if request.reference:
         require_policy(request, "--reference")

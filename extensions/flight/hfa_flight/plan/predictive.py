@@ -271,11 +271,11 @@ def _end_of(scaled: ScaledProblem, dt: float, end_game: Game) -> tuple[np.ndarra
         return scaled.P, K
     of_states, of_inputs = scaled.problem.sizes
     P = np.pad(np.array(solve(end_game).P), [(0, n - k)] * 2) * np.outer(of_states, of_states)
-    K = np.array(solve(_held_game(end_game, dt)).K)
+    K = np.array(solve(_sampled_game(end_game, dt)).K)
     return P, K * of_states[:k] / of_inputs[:, None]
 
 
-def _held_game(continuous: Game, dt: float) -> Game:
+def _sampled_game(continuous: Game, dt: float) -> Game:
     """Return the game whose inputs and disturbance are held dt, with the exact cost of the inputs.
 
     The cost of the disturbance alone is exact. Its effect on the states within a hold costs nothing

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hfa_flight.air.held_step import in_samples
-from hfa_flight.policies.deployment.sampled_loop import Chain, chain_margins, held_late
+from hfa_flight.policies.deployment.sampled_loop import Chain, chain_margins, late_hold
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.results import Result
@@ -93,7 +93,7 @@ def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
     """
     Phi, Gamma, L, C = known.Phi, known.Gamma, known.L, known.C
     (n, m), (whole, rest) = Gamma.shape, in_samples(delay, known.dt)
-    plant = held_late(known.A, known.B, known.dt, rest)
+    plant = late_hold(known.A, known.B, known.dt, rest)
     count = (whole + (rest > 0.0)) * m
     size = n + count + n
     F, G, command = np.zeros((size, size)), np.zeros((size, m)), np.zeros((m, size))

@@ -12,8 +12,8 @@ import numpy as np
 
 from hfa_flight.air.gust_equations import in_gusts, seen_in_air
 from hfa_flight.air.gusts import state_of
-from hfa_flight.air.turbulence import AirFilter, Turbulence, held_noise, turbulence_of
-from hfa_flight.policies.deployment.sampled_loop import held
+from hfa_flight.air.turbulence import AirFilter, Turbulence, noise_of_sample, turbulence_of
+from hfa_flight.policies.deployment.sampled_loop import zero_order_hold
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -163,15 +163,15 @@ class KalmanFilter(Result):
         C = plant.C * plant.scale / sigma[:, None]
         unobservable = _unobservable(plant, A, C, tuple(drift), tuple(noise))
         units = np.outer(plant.scale, plant.scale)
-        balanced_Phi, drifted = held_noise(A, np.diag((plant.drift / plant.scale) ** 2), dt)
+        balanced_Phi, drifted = noise_of_sample(A, np.diag((plant.drift / plant.scale) ** 2), dt)
         air, held_air = np.zeros_like(A), slice(len(drift), None)
         if turbulence is not None:
             block = (held_air, held_air)
-            _, air[block] = held_noise(A[block], (plant.noise / units)[block], dt)
+            _, air[block] = noise_of_sample(A[block], (plant.noise / units)[block], dt)
         Q = air + drifted
         Q = 0.5 * (Q + Q.T)
         P, L, residual = _stationary(balanced_Phi, C, Q)
-        Phi, Gamma = held(plant.A, plant.B, dt)
+        Phi, Gamma = zero_order_hold(plant.A, plant.B, dt)
         return cls(
             point=point,
             dt=dt,

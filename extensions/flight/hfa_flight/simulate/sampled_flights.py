@@ -234,7 +234,8 @@ class SampledFlight:
         """Return the policy and the aircraft, as machine code for long flights."""
         on_rows = row_code if is_long else RowFunction
         actor = self.deployed.deployment.actor
-        network = actor.rows or _first_result(on_rows(actor.function))
+        outputs = on_rows(actor.function)
+        network = actor.rows or (lambda rows: outputs(rows)[0])
         stepper = Ticks(self.tick(), self.dt, is_long=is_long)
         return CompiledSamples(self, on_rows(self.entering()), network, stepper)
 
@@ -354,11 +355,6 @@ def _extremes_of_both(early: ca.MX, late: ca.MX) -> ca.MX:
     lowest_late, highest_late = ca.vertsplit_n(late, 2)
     lowest = ca.fmin(lowest_early, lowest_late)
     return ca.vertcat(lowest, ca.fmax(highest_early, highest_late))
-
-
-def _first_result(function: Callable[..., list[np.ndarray]]) -> RowNetwork:
-    """Return the function of many rows that returns only the first of the results of `function`."""
-    return lambda rows: function(rows)[0]
 
 
 def in_threads(work: Callable[[np.ndarray], None], count: int, stored: int) -> None:

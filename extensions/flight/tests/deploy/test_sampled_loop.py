@@ -35,7 +35,7 @@ def gain_case(**timing):
     return found, linear, K
 
 
-def held(A, B, dt):
+def zero_order_hold(A, B, dt):
     """Return A and B of a sample with held inputs, by SciPy."""
     Phi, Gamma, *_ = cont2discrete((A, B, np.eye(len(A)), 0.0 * B), dt)
     return Phi, Gamma
@@ -52,7 +52,7 @@ def test_half_a_sample_delay_equals_twice_the_rate():
     In the loop for comparison, the delay is one sample and the command changes every second sample.
     """
     found, linear, K = gain_case(delay=DT / 2)
-    Phi, Gamma = held(linear.A, linear.B, DT / 2)
+    Phi, Gamma = zero_order_hold(linear.A, linear.B, DT / 2)
     twice = np.zeros((6, 6))
     twice[:4, :4] = Phi @ Phi - Gamma @ K
     twice[:4, 4:] = Phi @ Gamma
@@ -64,7 +64,7 @@ def test_margins_equal_python_control(case):
     """Gain, phase and disk margins agree with python-control."""
     assessed, linear, K = case
     found = assessed.margins
-    Phi, Gamma = held(linear.A, linear.B, DT)
+    Phi, Gamma = zero_order_hold(linear.A, linear.B, DT)
     grid = np.geomspace(1e-3, math.pi / DT, 4000)
     for loop in range(2):
         other = 1 - loop
@@ -92,10 +92,10 @@ def integrated_weights(A, B, Q, R, dt):
     both = np.zeros_like(total)
     both[:n, :n], both[n:, n:] = Q, R
     for node, weight in zip(nodes, weights, strict=True):
-        Phi, Gamma = held(A, B, 0.5 * dt * (1.0 + node))
+        Phi, Gamma = zero_order_hold(A, B, 0.5 * dt * (1.0 + node))
         along = np.vstack([np.hstack([Phi, Gamma]), np.eye(len(total))[n:]])
         total += 0.5 * dt * weight * along.T @ both @ along
-    return total[:n, :n], total[:n, n:], total[n:, n:], *held(A, B, dt)
+    return total[:n, :n], total[:n, n:], total[n:, n:], *zero_order_hold(A, B, dt)
 
 
 def test_the_cost_of_an_observed_input_is_that_of_a_state_more(case):

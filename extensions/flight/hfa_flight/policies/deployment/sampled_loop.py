@@ -286,7 +286,7 @@ class Chain:
         return spectral_radius(closed) if np.isfinite(closed).all() else math.inf
 
 
-def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+def zero_order_hold(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the matrices of a plant with held inputs, x⁺ = Φ x + Γ u.
 
     Φ = exp(A dt), and Γ = ∫ exp(A t) dt B over [0, dt].
@@ -306,17 +306,17 @@ class LateHold(NamedTuple):
     early: np.ndarray
 
 
-def held_late(A: np.ndarray, B: np.ndarray, dt: float, change: float) -> LateHold:
+def late_hold(A: np.ndarray, B: np.ndarray, dt: float, change: float) -> LateHold:
     """Return the matrices of a plant whose held input changes within a sample.
 
     dt: sample time, s
     change: time at which the input changes, s after the sample
     """
-    Phi, Gamma = held(A, B, dt)
+    Phi, Gamma = zero_order_hold(A, B, dt)
     if not change:
         return LateHold(Phi, Gamma, np.zeros_like(Gamma))
-    Phi_after, late = held(A, B, dt - change)
-    return LateHold(Phi, late, Phi_after @ held(A, B, change)[1])
+    Phi_after, late = zero_order_hold(A, B, dt - change)
+    return LateHold(Phi, late, Phi_after @ zero_order_hold(A, B, change)[1])
 
 
 def chain_of(nominal: NominalLoop, dt: float, delay: float) -> Chain:
@@ -325,7 +325,7 @@ def chain_of(nominal: NominalLoop, dt: float, delay: float) -> Chain:
     dt, delay: sample time and delay, s
     """
     whole, rest = in_samples(delay, dt)
-    plant = held_late(nominal.A, nominal.B, dt, rest)
+    plant = late_hold(nominal.A, nominal.B, dt, rest)
     n, m = nominal.B.shape
     size = n + (whole + 1) * m
     newest, oldest = slice(n, n + m), slice(size - m, size)  # commands in s
