@@ -362,7 +362,7 @@ class Conditions(StatesAndInputs, Result, Reported):
                 plain = re.sub(r"[^\w.-]+", "_", name)
                 write_text(path / f"{row:02}_{plain}.json", json_text(self._file(row - 1) | origin))
         elif suffix == ".npz":
-            arrays: dict[str, Any] = {name: array for name, (_, array) in self.arrays.items()}
+            arrays = {name: array for name, (_, array) in self.arrays.items()}
             words = [name for name, array in arrays.items() if array.dtype == object]
             arrays |= {name: arrays[name].astype(str) for name in words}
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
@@ -386,7 +386,7 @@ def _stacked(
 
     names: axis -> names of its entries
     """
-    arrays = {}
+    arrays: dict[str, np.ndarray] = {}
     for name, (axes, attribute) in table.items():
         of_axes = [names[axis.replace("rate", "state")] for axis in axes]
         stack = np.full((len(models), *map(len, of_axes)), math.nan)
