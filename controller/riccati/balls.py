@@ -303,7 +303,8 @@ class DoubleBalls:
             return False
         units = np.exp2(-np.round(0.5 * np.log2(diagonal)))
         scales = np.outer(units, units)
-        scaled, spread = self.midpoint * scales, self.radius * scales
+        scaled = self.midpoint * scales
+        spread = np.maximum(self.radius, self.radius.T) * scales  # Cholesky reads one triangle
         rounding = 8.0 * (len(scaled) + 2) * ROUNDOFF * np.trace(scaled)
         shift = arb(float(rounding)) + DoubleBalls(0.0 * spread, spread).norm() + arb(UNDERFLOW)
         if not shift.is_finite():

@@ -44,7 +44,7 @@ from controller.riccati.lyapunov import (
     lyapunov_of,
     shape_in_doubles,
 )
-from controller.riccati.rationals import states_without_cost
+from controller.riccati.rationals import Zeros, zeros_of
 from controller.riccati.refusal import (
     Stabilizing,
     has_semidefinite_weights,
@@ -136,29 +136,33 @@ class Enclosure:
                 L = weight.matrix.solve((equation.E.T @ ahead).matrix)
             return scaled_balls(units.gain(L), units.disturbances, -units.states)
 
-    def relative_radius(self, *, with_zeros: bool) -> float:
+    def relative_radius(self) -> float:
         """Return the largest relative radius of P and K, rounded up; inf if a number is not known.
 
         The radius of P_ij is relative to √(P_ii P_jj), and that of K_ij to √P_jj times the largest
-        K_ik / √P_kk of its row, with |P| in place of an indefinite P.
-
-        with_zeros: whether states and inputs whose numbers may all be 0 count, as not known
+        K_ik / √P_kk of its row, with |P| in place of an indefinite P, or to K_ij where P_jj is 0.
+        What may be 0 is known only if it is proved to be 0.
         """
-        P, K = self.value_in_units, np.abs(self.gain_in_units.midpoint)
-        P_radius, K_radius = P.radius, self.gain_in_units.radius
+        radius = self._relative_radius(zeros_of(self.game, in_rationals=False))
+        if radius < 1.0:
+            return radius
+        return self._relative_radius(zeros_of(self.game, in_rationals=True))
+
+    def _relative_radius(self, zeros: Zeros) -> float:
+        """Return the `relative_radius` with these numbers known to be 0."""
+        P, gain = self.value_in_units, self.gain_in_units
         with np.errstate(all="ignore"):
             sizes = sizes_of(P.midpoint)
-            has_value = sizes > UP * np.diag(P_radius)
-            if with_zeros and not (has_value | states_without_cost(self.game)).all():
+            has_value = sizes > UP * np.diag(P.radius)
+            if not (has_value | zeros.states).all():
                 return math.inf
             roots = np.sqrt(sizes[has_value])
-            of_P = P_radius[np.ix_(has_value, has_value)] / np.outer(roots, roots)
-            K, K_radius = K[:, has_value], K_radius[:, has_value]
-            if not with_zeros:
-                is_moved = (UP * K_radius < K).any(1)
-                K, K_radius = K[is_moved], K_radius[is_moved]
-            largest = (K / roots).max(1, keepdims=True, initial=0.0)
-            of_K = np.where(K_radius > 0.0, K_radius / roots / largest, 0.0)
+            of_P = P.radius[np.ix_(has_value, has_value)] / np.outer(roots, roots)
+            K_radius = np.where(zeros.gains, 0.0, gain.radius)
+            scales = np.where(zeros.gains, 0.0, np.abs(gain.midpoint))
+            rows = scales[:, has_value] / roots
+            scales[:, has_value] = rows.max(1, keepdims=True, initial=0.0) * roots
+            of_K = np.where(K_radius > 0.0, K_radius / scales, 0.0)
         worst = UP * float(max(of_P.max(initial=0.0), of_K.max(initial=0.0)))
         return worst if math.isfinite(worst) else math.inf
 
@@ -286,7 +290,7 @@ def _outcome(
             return ""  # determinants in balls take longer than another proof
         return why_no_value(candidate.equation, ball, in_bits=in_bits)
     enclosure = Enclosure(ball, bits())
-    if digits and not enclosure.relative_radius(with_zeros=bits() == BITS) < DIGITS:
+    if digits and not enclosure.relative_radius() < DIGITS:
         return ""
     return enclosure
 
@@ -347,7 +351,7 @@ class Certificate(Result):
     @cached_property
     def radius(self) -> float:
         """Largest radius of the balls of P and K, relative to the sizes of their rows."""
-        return self.enclosure.relative_radius(with_zeros=False)
+        return self.enclosure.relative_radius()
 
     @cached_property
     def proved(self) -> tuple[str, ...]:

@@ -419,6 +419,49 @@ def states_without_cost(game: Game) -> np.ndarray:
     return np.asarray(~has_cost)
 
 
+class Zeros(NamedTuple):
+    """Which numbers are proved to be 0: whole rows of P, (n,), and entries of K, (m, n)."""
+
+    states: np.ndarray
+    gains: np.ndarray
+
+
+@lru_cache(maxsize=4)
+def zeros_of(game: Game, *, in_rationals: bool) -> Zeros:
+    """Return which numbers of P and K are proved to be 0. False proves nothing.
+
+    P vanishes on the states without optimal cost, where K is known. Row j of K is 0 if P B_j and
+    N_j are, and if R couples u_j to no other inputs; in discrete time, column i if A_i and N_i are.
+
+    in_rationals: whether these states are sought in rationals, not only in zeros of the matrices
+    """
+    states = states_without_cost(game)
+    inputs, gains = ~game.B[~states].any(0), np.zeros(game.N.T.shape, dtype=bool)
+    gains[:, states] = True
+    free = free_states(game) if in_rationals and not states.all() else None
+    if free is not None and free.states is not None:
+        units = np.eye(len(game.A))
+        basis = stacked_rationals([[rational(units[:, states]), free.states]])
+        states, inputs = _are_within(basis, units), _are_within(basis, game.B)
+        known = free.gains.transpose().tolist()
+        for pivot, column in zip(free.pivots, known, strict=True):
+            if states[pivot]:
+                gains[:, pivot] |= [entry == 0 for entry in column]
+    inputs = inputs & ~game.N.any(0)
+    if not (game.R[np.ix_(inputs, ~inputs)].any() or game.R[np.ix_(~inputs, inputs)].any()):
+        gains[inputs] = True
+    if game.is_discrete:
+        gains[:, ~(game.A.any(0) | game.N.any(1))] = True
+    return Zeros(states, gains)
+
+
+def _are_within(basis: fmpq_mat, columns: np.ndarray) -> np.ndarray:
+    """Return which columns, (n, k), are in the span of a basis, (k,)."""
+    rank = basis.rank()
+    each = (stacked_rationals([[basis, rational(column[:, None])]]) for column in columns.T)
+    return np.array([extended.rank() == rank for extended in each])
+
+
 def disturbance_costs_nothing(game: Game, K: np.ndarray | None = None) -> bool:
     """Return whether all that the disturbance moves is without cost, for u = -K z or the optimum.
 

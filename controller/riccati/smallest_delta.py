@@ -228,7 +228,8 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
         outcome = search.proved(w, frequency)
         is_value = not isinstance(outcome, str)
         if isinstance(outcome, str):
-            refused, secant.high = delta, w
+            # The next smaller delta may be what was refused.
+            refused, secant.high = float(np.nextafter(delta, 0.0)), w
         else:
             value, frequency = delta, outcome.frequency
             secant.add(outcome)

@@ -131,3 +131,12 @@ def test_balls_that_are_not_finite_can_be_pickled():
     assert restored[1] < -1e300
     assert [ball.is_finite() for ball in restored] == [False] * 4
     assert [repr(ball.mid()) for ball in restored] == [repr(ball.mid()) for ball in balls]
+
+
+def test_both_triangles_of_a_ball_count():
+    """The symmetric matrix in this ball is that with 0.8 beside the diagonal, which is indefinite:
+    the midpoints of one triangle, with the radii of the other, do not prove otherwise.
+    """
+    beside = 0.8 * np.eye(3, k=1)
+    for middle, radius in ((beside, beside.T), (beside.T, beside)):
+        assert not DoubleBalls(np.eye(3) + middle, radius).is_positive_definite()

@@ -115,3 +115,32 @@ def test_a_mode_is_solved_that_is_undamped_up_to_rounding():
     assert solution.is_stable
     assert solution.spectral_radius == pytest.approx(1.0, abs=2e-16)
     assert (solution.loops, solution.disk_margin) == ((), None)
+
+
+@pytest.mark.parametrize("rate", [1e-18, 1e-20])
+def test_a_ball_that_may_be_zero_is_not_taken_for_zero(rate):
+    """x'' + 2 rate x' + 9 x = 0, nearly, costs x²: P is 1 / (4 rate), which no double knows at first."""
+    game = Game([[-rate, 3.0], [-3.0, -rate]], np.zeros((2, 1)), Q=[1.0, 0.0], R=[1.0])
+    np.testing.assert_allclose(np.diag(solve(game).P), 0.25 / rate, rtol=1e-14)
+
+
+@pytest.mark.parametrize("weight", [0.0, 1.0])
+def test_numbers_that_are_zero_are_proved_to_be(weight):
+    """z⁺ = u needs no input. An input of a state without cost, and one without effect, are 0."""
+    at_once = solve(Game([[0.0]], [[1.0]], Q=[[4.0]], R=[[weight]], dt=True))
+    assert (at_once.P.item(), at_once.K.item()) == (4.0, 0.0)
+    B = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    game = Game(np.diag([1.0, -1.0]), B, Q=[1.0, 0.0], R=np.eye(3))
+    np.testing.assert_array_equal(solve(game).K[1:], 0.0)
+    turned = np.array([[1.0, 1.0], [1.0, 2.0]])  # no entry of P is 0 in these states
+    back = np.linalg.inv(turned).round()
+    turned_game = Game(turned @ game.A @ back, turned @ B, Q=back.T @ game.Q @ back, R=np.eye(3))
+    np.testing.assert_array_equal(solve(turned_game).K[1:], 0.0)
+
+
+def test_weights_that_are_symmetric_up_to_rounding_do_not_make_P_positive():
+    """The symmetric part [[1, e/2], [e/2, 0]] of Q is indefinite, and so is P."""
+    Q = [[1.0, 1e-12], [0.0, 0.0]]
+    solution = solve(Game(-np.eye(2), [[0.0], [1.0]], Q=Q, R=[1.0], delta=10.0))
+    assert np.linalg.det(solution.P) < 0.0
+    assert not any("P is positive" in line for line in solution.certificate.proved)

@@ -62,3 +62,13 @@ def test_an_eigenvalue_exactly_on_the_axis_is_decided_in_rationals():
     game = Game([[-1.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]])
     assert "at least 1" in why_never_at(game, 1.0)
     assert why_never_at(game, 1.0 + 2.0**-52) == ""
+
+
+def test_a_disturbance_that_gains_the_same_at_each_frequency_is_the_reason():
+    """z⁺ = d with the cost z² has the gain 1 at each frequency: the pencil is singular at δ = 1,
+    and the reason is not the input, which has a weight.
+    """
+    game = Game([[0.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], dt=True)
+    assert "at least 1" in why_never_at(game, 1.0)
+    no_weight = Game([[0.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[0.0]], dt=True)
+    assert "not unique" in why_never_at(no_weight, 1.0)
