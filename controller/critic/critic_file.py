@@ -15,8 +15,7 @@ import numpy as np
 
 from controller.critic.critic import Critic, from_parts, from_q_function, polynomial_policy
 from controller.critic.features import basis_of, blocks_in_order, is_list
-from controller.critic.network.declared import NOTHING
-from controller.critic.network.network_file import SUFFIXES
+from controller.critic.network.declared import NOTHING, SUFFIXES
 from controller.game.basis import Basis
 from controller.game.linear_game import DISCRETE_KEYS, MODEL_KEYS, unused
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game

@@ -100,7 +100,6 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
     is a trim. With several values of the scheduling variable, such as --dihedral 5,10,15, the gain
     is computed at each: -o FILE writes the gain table that `hfa fly --policy FILE` interpolates
     linearly. The exit code is 1 if there is no certified solution."""
-    from controller.expansion.expansion import expand
     from controller.riccati import gare
 
     if given.at is not None:
@@ -113,6 +112,8 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
     figure = None
     # A game without a linear model is that of --model, with which --order is refused.
     if request.order is not None and named.linear is not None:
+        from controller.expansion.expansion import expand
+
         expansion = expand(named.linear, solution, request.order)
         figure = expansion.figure
         expanded = expansion.report()

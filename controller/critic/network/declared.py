@@ -13,6 +13,12 @@ from hfa_aircraft.batch_simulation import saturated
 from hfa_support.errors import BadInputError, is_finite, numbers_in
 from hfa_support.reporting.results import Result, Vector
 
+#: Suffixes of the files of networks.
+SUFFIXES = (
+    *(".onnx", ".pkl", ".pt", ".pth", ".cleanrl_model", ".safetensors", ".msgpack"),
+    ".zip",
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Normalizer(Result):

@@ -126,11 +126,6 @@ def _refuse_settings(module: Any, kind: str) -> None:
 
 #: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
 OUTPUTS = ("V", "gradient", "policy", "V+policy")
-#: Suffixes of the files of networks.
-SUFFIXES = (
-    *(".onnx", ".pkl", ".pt", ".pth", ".cleanrl_model", ".safetensors", ".msgpack"),
-    ".zip",
-)
 
 #: What a policy requires whose observations are not the states.
 _DEPLOYMENT = "state its observations in a deployment file FILE.toml (docs/policy.md) and give that"

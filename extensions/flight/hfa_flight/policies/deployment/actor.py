@@ -14,13 +14,14 @@ from controller.critic.critic_file import entries_in, is_network, matrix_of_gain
 from controller.critic.network.checkpoints import read_normalizer
 from controller.critic.network.declared import (
     NOTHING,
+    SUFFIXES,
     ActionBox,
     Normalizer,
     Stated,
     notes_on_statistics,
 )
 from controller.critic.network.layers import RowNetwork
-from controller.critic.network.network_file import SUFFIXES, Asked, NetworkFile, network_in
+from controller.critic.network.network_file import Asked, NetworkFile, network_in
 from hfa_aircraft.readers.matrices_file import NAME_KEYS, sample_time, words
 from hfa_support.errors import BadInputError, prefix_errors, shown
 from hfa_support.files import MATRIX_FILES
