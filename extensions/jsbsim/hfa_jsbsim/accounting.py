@@ -347,7 +347,7 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
     """
     properties = equations.properties
     notes = []
-    for name, writers in properties.writers().items():
+    for name, writers in properties.writers.items():
         rights = access(name, parts.thrusters)
         in_files = [writer for writer in writers if writer.is_of_file]
         if not rights or not in_files:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
 from itertools import product
 from types import SimpleNamespace
@@ -126,7 +126,7 @@ class Equations:
         section = parts.section("aerodynamics")
         aerodynamics = Aerodynamics(section, self.properties, parts.wings, self.motion, self)
         reactions = Reactions(parts.section("external_reactions"), self.properties)
-        self._define_reactions(reactions)
+        self._define_totals("external", lambda: [reactions.loads(self.motion, self.mass.arm)])
         self._host = HostAircraft(
             self.properties,
             self.motion,
@@ -135,7 +135,9 @@ class Equations:
             parts.tanks,
             self.parameters,
         )
-        self._engines = [self._add_engine(file, self._host) for file in parts.engines]
+        self._engines = [add_engine(file, self._host) for file in parts.engines]
+        if self._engines:
+            self._define_totals("prop", self._effects)
         self._reach_throttles()
         if section is not None:
             self._use_surface_positions(section)
@@ -290,7 +292,8 @@ class Equations:
                 properties.define(command, value)
                 position = f"fcs/{lever}-pos-norm[{file.number}]"
                 self._define_lazily(position, partial(properties.read, command, ""))
-        self._define_chosen_inputs()
+        for full_name, name in self.chosen.items():
+            properties.define(full_name, self.inputs[name].symbol)
         properties.define_initial("gear/gear-pos-norm", 1.0)
         properties.define("accelerations/gravity-ft_sec2", self.parameters["gravity"])
         properties.define_initial("simulation/dt", STEP)
@@ -300,11 +303,6 @@ class Equations:
             properties.define_initial(f"forces/fb{along}-buoyancy-lbs", 0.0)
             properties.define_initial(f"forces/fb{along}-gear-lbs", 0.0)
             properties.define_initial(f"moments/{turn}-gear-lbsft", 0.0)
-
-    def _define_chosen_inputs(self) -> None:
-        """Define the properties that the user made inputs."""
-        for full_name, name in self.chosen.items():
-            self.properties.define(full_name, self.inputs[name].symbol)
 
     def _define_masses(self) -> None:
         """Define the properties of tanks, point masses, mass and center of gravity."""
@@ -355,16 +353,16 @@ class Equations:
         height = self.states["altitude"] - ca.dot(self.motion.down, arm)
         return height / self.parts.wings.span
 
-    def _define_reactions(self, reactions: Reactions) -> None:
-        """Define the properties of the total external force and moment."""
+    def _define_totals(self, of: str, parts: Callable[[], Sequence[Loads | Effect]]) -> None:
+        """Define the properties of the total force and moment of parts."""
         for axis, (along, turn) in enumerate(zip("xyz", "lmn", strict=True)):
             for kind, name in (
-                ("force", f"forces/fb{along}-external-lbs"),
-                ("moment", f"moments/{turn}-external-lbsft"),
+                ("force", f"forces/fb{along}-{of}-lbs"),
+                ("moment", f"moments/{turn}-{of}-lbsft"),
             ):
 
                 def total(kind: str = kind, axis: int = axis) -> Any:
-                    return getattr(reactions.loads(self.motion, self.mass.arm), kind)[axis]
+                    return sum((getattr(part, kind)[axis] for part in parts()), start=ca.SX(0.0))
 
                 self._define_lazily(name, total)
 
@@ -448,24 +446,6 @@ class Equations:
                 raise element.error(f"{fault}; give this function another name")
             writer = Writer(compute, element.where, is_of_file=True)
             self.properties.add_writer(full_name, writer)
-
-    def _add_engine(self, file: EngineFile, aircraft: HostAircraft) -> Writer:
-        """Define the properties of an engine and return the writer of the engine's `Effect`."""
-        writer = add_engine(file, aircraft)
-        if file.number == 0:
-            for axis, (along, moment_axis) in enumerate(zip("xyz", "lmn", strict=True)):
-                self._define_total_of_engines(f"forces/fb{along}-prop-lbs", "force", axis)
-                self._define_total_of_engines(f"moments/{moment_axis}-prop-lbsft", "moment", axis)
-        return writer
-
-    def _define_total_of_engines(self, name: str, kind: str, axis: int) -> None:
-        """Define a property as a component of the force or moment of all engines."""
-
-        def compute() -> Any:
-            parts = (getattr(effect, kind)[axis] for effect in self._effects())
-            return sum(parts, start=ca.SX(0.0))
-
-        self._define_lazily(name, compute)
 
     def _effects(self) -> list[Effect]:
         """Return the effect of each engine."""

@@ -202,6 +202,7 @@ class Properties:
     ranges: argument of a table -> lowest and highest breakpoint of its tables.
     filters: states of dynamic components.
     left_out: omitted dynamics of components, by file, line and name.
+    writers: writers of each property, in the order in which they were added.
     """
 
     def __init__(self, has_filter_states: bool) -> None:
@@ -216,7 +217,7 @@ class Properties:
         self.in_control: set[str] = set()
         self.notes: list[Note] = []
         self.interpolate = Interpolator()
-        self._writers: dict[str, list[Writer]] = {}
+        self.writers: dict[str, list[Writer]] = {}
         self._initial: dict[str, Any] = {}
         # Place of the running writer in the order of evaluation: `read` prefers earlier writers.
         self._order = AFTER_ALL
@@ -225,7 +226,7 @@ class Properties:
 
     def define(self, name: str, value: Any) -> None:
         """Add a value of a property that components of the control system may override."""
-        self._writers.setdefault(canonical(name), []).append(
+        self.writers.setdefault(canonical(name), []).append(
             Writer(lambda: value, "", order=BEFORE_ALL)
         )
 
@@ -257,15 +258,11 @@ class Properties:
 
     def add_writer(self, name: str, writer: Writer) -> None:
         """Add a writer of a property. The value is computed when the property is first read."""
-        self._writers.setdefault(canonical(name), []).append(writer)
+        self.writers.setdefault(canonical(name), []).append(writer)
 
     def is_known(self, name: str) -> bool:
         """Return whether a property has an initial value or a writer."""
-        return bool(self._writers.get(canonical(name))) or canonical(name) in self._initial
-
-    def writers(self) -> dict[str, list[Writer]]:
-        """Return the writers of each property, in the order in which they were added."""
-        return self._writers
+        return bool(self.writers.get(canonical(name))) or canonical(name) in self._initial
 
     def add_state(self, component: Element) -> ca.SX:
         """Add a state for a dynamic component and return its symbol."""
@@ -291,11 +288,11 @@ class Properties:
 
     def replace(self, name: str, value: Any) -> None:
         """Set a property to a value and remove all its writers."""
-        self._writers[canonical(name)] = [Writer(lambda: value, "", order=BEFORE_ALL)]
+        self.writers[canonical(name)] = [Writer(lambda: value, "", order=BEFORE_ALL)]
 
     def writer(self, name: str) -> Writer | None:
         """Return the last writer that was added for a property, or None if it has none."""
-        writers = self._writers.get(canonical(name))
+        writers = self.writers.get(canonical(name))
         return writers[-1] if writers else None
 
     def read(self, name: str, where: str) -> Any:
@@ -318,7 +315,7 @@ class Properties:
             fault = f"{where}: {shortened(name)!r} is neither a number nor a property name"
             raise BadInputError(f"{fault}; give a number or the name of a property")
         self.names_read.add(key)
-        writers = self._writers.get(key)
+        writers = self.writers.get(key)
         if not writers:
             if key not in self._initial:
                 if key.startswith(_OF_ALL_FORCES):
@@ -391,7 +388,7 @@ class Properties:
 
         commands: symbols of the commands
         """
-        every = [writer for writers in self._writers.values() for writer in writers]
+        every = [writer for writers in self.writers.values() for writer in writers]
         values = [writer.value for writer in every]
         self.centered = True
         try:

@@ -227,23 +227,22 @@ class _Declaration:
         throttles = self._throttles()
 
         def is_moved(values: list[float]) -> bool:
-            ends = [
-                [1.0 * high if name in throttles else 0.0 for name in self.inputs]
-                for high in (False, True)
-            ]
-            idle, full = (self._still(x, u, values)[0].full() for u in ends)
-            return bool((idle != full).any())
+            idle, full = (
+                self._still(x, [end * (name in throttles) for name in self.inputs], values)[0]
+                for end in (0.0, 1.0)
+            )
+            return not ca.is_equal(idle, full)
 
         if not throttles or is_moved(p):
             return ""
-        switches = dict(self.equations.constants)
-        switches |= {name: name for name in self.parameters if name.startswith("engine")}
-        names = [*self.parameters]
-        for full_name, name in switches.items():
-            place = names.index(name) if name in names else 0
+        full_names = {name: full_name for full_name, name in self.equations.constants.items()}
+        for place, name in enumerate(self.parameters):
             other = 1.0 - p[place]
-            if name in names and is_moved([*p[:place], other, *p[place + 1 :]]):
-                return f"the throttle moves no thrust: --hold {full_name}={other:g}"
+            is_switch = name in full_names or name.startswith("engine")
+            if is_switch and is_moved([*p[:place], other, *p[place + 1 :]]):
+                return (
+                    f"the throttle moves no thrust: --hold {full_names.get(name, name)}={other:g}"
+                )
         return "the throttle moves no thrust"
 
     def _configuration(self) -> Callable[..., dict[str, tuple[float, str]]]:
@@ -385,29 +384,21 @@ class _Declaration:
         """Return the signals of the parameters, by name."""
         starts = {"mixture": 1.0, "advance": 1.0}
         signals = {name: Signal(start=starts.get(name, 0.0)) for name in self.parameters}
-        for name in WINDS:
-            if name in signals:
-                signals[name] = Signal("ft/s", 10.0)
         for name in (*LEVERS, *starts):
             if name in signals:
                 lowest = -1.0 if name.endswith("_trim") else 0.0
                 full = self._angle_at_full(name)
                 signals[name] = signals[name]._replace(min=lowest, max=1.0, full=full)
+        special = dict.fromkeys(WINDS, Signal("ft/s", 10.0)) | {ISA: DEVIATION}
         for number, tank in enumerate(self.parts.tanks):
-            if f"tank{number}" in signals:
-                signals[f"tank{number}"] = Signal(
-                    "lbf", 100.0, 0.0, tank.capacity, start=tank.contents
-                )
+            special[f"tank{number}"] = Signal("lbf", 100.0, 0.0, tank.capacity, tank.contents)
         for number, point in enumerate(self.parts.points):
-            if f"pointmass{number}" in signals:
-                signals[f"pointmass{number}"] = Signal("lbf", 100.0, start=point.weight)
+            special[f"pointmass{number}"] = Signal("lbf", 100.0, start=point.weight)
         for file in self.parts.engines:
-            for name, start in ((f"engine{file.number}", 1.0), (f"feather{file.number}", 0.0)):
-                if name in signals:
-                    signals[name] = Signal(min=0.0, max=1.0, start=start)
-        if ISA in signals:
-            signals[ISA] = DEVIATION
-        signals["gravity"] = Signal("ft/s^2", 32.0, start=SLUG_TO_LB)
+            special[f"engine{file.number}"] = Signal(min=0.0, max=1.0, start=1.0)
+            special[f"feather{file.number}"] = Signal(min=0.0, max=1.0, start=0.0)
+        special["gravity"] = Signal("ft/s^2", 32.0, start=SLUG_TO_LB)
+        signals = {name: special.get(name, signal) for name, signal in signals.items()}
         for name, value in self.equations.starts.items():
             if name in signals:
                 signals[name] = signals[name]._replace(start=value)

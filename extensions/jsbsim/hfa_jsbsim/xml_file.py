@@ -227,21 +227,18 @@ def parsed(text: bytes, file: str) -> Element:
     def characters(piece: str, line: int) -> None:
         open_elements[-1].lines.append((line, piece))
 
-    read_xml(text, file, start, lambda _: open_elements.pop(), characters)
-    _strip(roots[0])
+    read_xml(text, file, start, lambda _: _strip(open_elements.pop()), characters)
     return roots[0]
 
 
 def _strip(element: Element) -> None:
-    """Join the pieces of text on each line of an element, and of all elements inside it."""
+    """Join the pieces of text on each line of an element."""
     # White space around lines and empty lines are removed.
     lines: dict[int, list[str]] = {}
     for number, text in element.lines:
         lines.setdefault(number, []).append(text)
     stripped = [(number, "".join(pieces).strip()) for number, pieces in lines.items()]
     element.lines = [(number, text) for number, text in stripped if text]
-    for child in element.children:
-        _strip(child)
 
 
 class Folders:
