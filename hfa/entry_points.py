@@ -216,7 +216,7 @@ def words_after(name: str) -> Mapping[str, str]:
 def _is_single(name: str) -> bool:
     """Return whether a name is a command of this distribution that takes no second word."""
     own = own_commands()
-    return name in own and not any(each.startswith(f"{name} ") for each in own)
+    return name in own and not any(command.startswith(f"{name} ") for command in own)
 
 
 def found_in(words: list[str]) -> tuple[str, list[str]]:

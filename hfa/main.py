@@ -126,7 +126,7 @@ def _run(words: list[str], find: Find) -> int:
         try:
             return _computed(command, request)
         except BadInputError as error:
-            names = [each.names for each in options_of(command.request).values()]
+            names = [declared.names for declared in options_of(command.request).values()]
             if not error.options or error.options[0] not in chain(*names):
                 raise
             supplied = shlex.join([*program.split(), *_with_option(options, error.options)])

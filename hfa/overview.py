@@ -20,7 +20,7 @@ GROUPS = {
 
 def _group(name: str, entries: Mapping[str, CommandEntry], width: int) -> str:
     """Return one group of commands as text for the overview, one line for each command."""
-    lines = [f"  {each:<{width}}  {entry.about}" for each, entry in entries.items()]
+    lines = [f"  {command:<{width}}  {entry.about}" for command, entry in entries.items()]
     return "\n".join([GROUPS.get(name, name), *lines])
 
 

@@ -98,7 +98,7 @@ def to_control(model: Model) -> control.NonlinearIOSystem:
     return control.nlsys(
         evaluated(f),
         evaluated(y),
-        name="".join(each if each.isalnum() else "_" for each in model.title),
+        name="".join(character if character.isalnum() else "_" for character in model.title),
         states=list(model.states),
         inputs=list(model.inputs),
         outputs=outputs,

@@ -335,7 +335,7 @@ def _format_of(text: str) -> str:
         return ""
     scheme = text.partition(":")[0]
     suffixes = "".join(Path(text.partition("?")[0]).suffixes).lower()
-    names = [scheme, *(suffixes[at:] for at, each in enumerate(suffixes) if each == ".")]
+    names = [scheme, *(suffixes[at:] for at, character in enumerate(suffixes) if character == ".")]
     return next((name for name in names if name in _known_formats()), "")
 
 

@@ -498,7 +498,9 @@ class Model(Reported):
     @cached_property
     def _stated_time_unit(self) -> str:
         """Unit of time that a declared unit contains, or "" if none does."""
-        words = {word for each in self.signals.values() for word in re.findall("[a-z]+", each.unit)}
+        words = {
+            word for signal in self.signals.values() for word in re.findall("[a-z]+", signal.unit)
+        }
         return next((unit for unit in ("s", "min", "h", "day") if unit in words), "")
 
     def rate_unit(self, name: str) -> str:
@@ -573,7 +575,7 @@ class Model(Reported):
             ends = f" from {low:g} to {high:g}" if math.isfinite(high - low) else ""
             return f"give a number without a unit{ends}"
         words = declared.replace("rad", "deg")
-        others = ", ".join(each for each in units_like(declared) if each != words)
+        others = ", ".join(unit for unit in units_like(declared) if unit != words)
         return f"give a finite number, in {words}" + f", or with a unit: {others}" * bool(others)
 
     def number(self, name: str, value: Any) -> Any:

@@ -154,13 +154,17 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
     - known names that contain the name, under the same condition
     - the most similar known names
     """
-    name_of = {each.lower().replace("-", "_"): each for each in known}
+    name_of = {known_name.lower().replace("-", "_"): known_name for known_name in known}
     typed = name.lower().replace("-", "_")
     if typed in name_of:
         return [name_of[typed]]
     if len(typed) >= _SHORTEST_BEGINNING:
-        longer = [each for spelling, each in name_of.items() if spelling.startswith(typed)]
-        longer = longer or [each for spelling, each in name_of.items() if typed in spelling]
+        longer = [
+            known_name for spelling, known_name in name_of.items() if spelling.startswith(typed)
+        ]
+        longer = longer or [
+            known_name for spelling, known_name in name_of.items() if typed in spelling
+        ]
         if longer:
             return longer[:_MOST_MEANT]
     from difflib import SequenceMatcher  # an error is rare
@@ -174,7 +178,9 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
     best = max(likeness.values(), default=0.0)
     if best < _LEAST_LIKENESS:
         return []
-    return [name_of[each] for each, ratio in likeness.items() if ratio == best][:_MOST_MEANT]
+    return [name_of[spelling] for spelling, ratio in likeness.items() if ratio == best][
+        :_MOST_MEANT
+    ]
 
 
 #: Least number of letters that are completed to a longer name, and largest number of suggestions.

@@ -380,14 +380,14 @@ def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict
         name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)
     }
     entries = {}
-    for name, each in value.items():
+    for name, item in value.items():
         if not (name in of_names or takes_other_names):
             unknown = shortened(ascii(name)[1:-1])
             raise BadInputError(
                 f"{where}: unknown entry {prefix}{unknown}; {choice_of(name, of_names)}"
             )
         kind = of_names.get(name, of_other_names)
-        entries[name] = checked(where, each, kind, f"{prefix}{shortened(name)}")
+        entries[name] = checked(where, item, kind, f"{prefix}{shortened(name)}")
     for name, kind in of_names.items():
         if f"{name}*" in declared and name not in entries:
             what = "the table" if isinstance(kind, dict) else "this entry"

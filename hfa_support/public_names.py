@@ -76,8 +76,8 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         offered = [(name, get(name)) for name in installed() if name != kind]
         made = [
             f"{package}.{name}"
-            for name, each in offered
-            if isinstance(each, FunctionType) and each.__annotations__["return"] == kind
+            for name, function in offered
+            if isinstance(function, FunctionType) and function.__annotations__["return"] == kind
         ]
         return f"a {kind} is returned by {' and by '.join(made)}" if made else ""
 

@@ -161,9 +161,9 @@ def units_like(unit: str) -> list[str]:
     if measured is None:
         return []
     spelling_of = {measured.size: unit}
-    for name, each in _UNITS.items():
-        if each.powers == measured.powers:
-            spelling_of.setdefault(each.size, name)
+    for name, known in _UNITS.items():
+        if known.powers == measured.powers:
+            spelling_of.setdefault(known.size, name)
     _, *others = spelling_of.values()
     return others
 

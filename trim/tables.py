@@ -53,7 +53,7 @@ def write_netcdf(labelled: xarray.Dataset, path: str | Path) -> None:
 
     NetCDF has no complex numbers: `NAME` is written as `NAME_real` and `NAME_imag`.
     """
-    is_complex = [name for name, each in labelled.items() if np.iscomplexobj(each)]
+    is_complex = [name for name, variable in labelled.items() if np.iscomplexobj(variable)]
     parts = {
         f"{name}_{part}": getattr(labelled[name], part)
         for name in is_complex

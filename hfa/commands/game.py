@@ -81,12 +81,12 @@ def given_games(request: SolveRequest) -> GivenGames:
     trims, source = given_trims(request, _MOST_BREAKPOINTS)
     name = f"--{at_name(trims[0].model)}"
     refuse(request, _OF_ONE_TRIM, f"applies to one trim; remove this option, or give one {name}")
-    breakpoints = np.array([each.at for each in trims])
+    breakpoints = np.array([given.at for given in trims])
     if np.any(np.diff(breakpoints) <= 0.0):
         raise BadInputError(f"{name} does not increase; give the values in increasing order")
     weights = given_weights(request, trims[0].model)
     trimmed = with_progress(trims, ProgressLine("trim"))
-    return GivenGames([game_at(each, weights) for each in trimmed], breakpoints, source)
+    return GivenGames([game_at(given, weights) for given in trimmed], breakpoints, source)
 
 
 @command(SolveRequest, given_games)
@@ -136,7 +136,7 @@ def _solved_table(games: list[NamedGame], at: np.ndarray, source: Mapping[str, A
     """
     from controller.riccati import gare
 
-    solutions = [gare.solve(each.game) for each in with_progress(games, ProgressLine("solve"))]
+    solutions = [gare.solve(named.game) for named in with_progress(games, ProgressLine("solve"))]
     notes = dict.fromkeys(note for named in games for note in named.warnings)
     return Outcome(report=_table_report(at, games, solutions), source=source, notes=notes)
 

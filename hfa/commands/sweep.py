@@ -87,7 +87,7 @@ def _plan(points: GivenPoints, stored: bool) -> SweepPlan:
         warn(f"no --{by} is given: every point is at 0 deg")
     axes: dict[str, Any] = dict(points.axes)
     if not stored:
-        axes = {name: array_of(name, each, MOST_POINTS) for name, each in axes.items()}
+        axes = {name: array_of(name, values, MOST_POINTS) for name, values in axes.items()}
     names = tuple(row.name for row in points.trims.rows)
     return SweepPlan(
         axes, model, condition, points.trims.start, points.listed, names if any(names) else ()

@@ -195,7 +195,9 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
 def _counts_in_words(results: Sequence[str]) -> str:
     """Return how many conditions have each result, the first line of their report."""
     counts = [f"{results.count(TRIMMED)} of {len(results)} conditions are trimmed"]
-    counts += [f"{results.count(each)} {each}" for each in (STALLED, DOUBTED) if each in results]
+    counts += [
+        f"{results.count(result)} {result}" for result in (STALLED, DOUBTED) if result in results
+    ]
     if UNTRIMMED in results:
         counts.append(f"{results.count(UNTRIMMED)} without a trim")
     return ", ".join(counts)

@@ -78,7 +78,7 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
     ]
     if len(unbalanced) > 1 and _exists(given, unbalanced):
         for name in unbalanced:
-            fewer = [each for each in unbalanced if each != name]
+            fewer = [other for other in unbalanced if other != name]
             unbalanced = fewer if fewer and _exists(given, fewer) else unbalanced
         return f"a trim exists with {' '.join(f'--free {name}' for name in unbalanced)}"
     for name in releasable:
@@ -104,8 +104,8 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
             point._large_angles or _is_printed_alike(model, found, usual.get(name), point[found])
         ):
             held = "".join(
-                f"--hold {each}={shown_value(value, model.unit(each))} "
-                for each, value in weak.items()
+                f"--hold {weak_input}={shown_value(value, model.unit(weak_input))} "
+                for weak_input, value in weak.items()
             )
             options.append(f"{held}{option} ({found} {model.describe(found, point[found])})")
         if len(options) == _MOST_ADVICE:
@@ -159,7 +159,7 @@ def _weak_input(given: GivenTrim, failure: TrimError) -> dict[str, float]:
     The result is {} if none or several are at a limit.
     """
     margins = failure.attempt.margins.values()
-    at_limits = [each for each in margins if each.at_limit and each.role == "free"]
+    at_limits = [margin for margin in margins if margin.at_limit and margin.role == "free"]
     is_balanced_beyond_limits = bool(failure.required)
     if (
         not is_balanced_beyond_limits

@@ -93,10 +93,10 @@ def options_of(request: type) -> dict[str, Option]:
     other groups, and rare ones; in each group, required ones come first.
     """
     options: dict[str, Option] = {}
-    for each in fields(request):
-        if declared := each.metadata.get("option"):
-            usual_name = "--" + each.name.strip("_").replace("_", "-")
-            options[each.name] = replace(declared, names=declared.names or (usual_name,))
+    for of_option in fields(request):
+        if declared := of_option.metadata.get("option"):
+            usual_name = "--" + of_option.name.strip("_").replace("_", "-")
+            options[of_option.name] = replace(declared, names=declared.names or (usual_name,))
 
     def place(name: str) -> tuple[bool, ...]:
         """Return the sort key of a field, of which False comes first."""

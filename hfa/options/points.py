@@ -81,7 +81,7 @@ class GivenPoints(NamedTuple):
         if self.trims.rows:
             yield from self.trims.rows
             return
-        columns = [array_of(name, each, most).tolist() for name, each in self.axes.items()]
+        columns = [array_of(name, values, most).tolist() for name, values in self.axes.items()]
         points = zip(*columns, strict=True) if self.listed else product(*columns)
         for point in points:
             values = {**self.constants, **dict(zip(self.axes, point, strict=True))}

@@ -241,7 +241,7 @@ class TrimInput(NamedTuple):
 
     def held(self) -> dict[str, float]:
         """Return the values of --hold and --isa, of which each variable has one."""
-        return {name: single_value(f"--hold {name}", each) for name, each in self.hold.items()}
+        return {name: single_value(f"--hold {name}", values) for name, values in self.hold.items()}
 
     def trim(self, at: float | None, hold: Mapping[str, float]) -> GivenTrim:
         """Return one trim.

@@ -344,7 +344,7 @@ def rigid_aircraft(
     about = replace(about, atmosphere="U.S. Standard 1976")
     length = LENGTH[system]
     foot = 1.0 if system == "english" else FOOT
-    lowest, highest = (foot * each for each in ALTITUDES)
+    lowest, highest = (foot * height for height in ALTITUDES)
     roll = Signal("rad", 0.1, -3.1, 3.1, assumed=True)
     rate = Signal("rad/s", 0.1, rate=1.0)
     states = {

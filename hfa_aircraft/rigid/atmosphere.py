@@ -216,7 +216,7 @@ def with_airspeed(model: Model, imposed: Mapping[str, Any]) -> Model:
         return model
     (name,) = names
     speed = recognized(model.states)["speed"]
-    factors = [_factor_to_model(model, each, unit) for each, unit in _OF_AIR.items()]
+    factors = [_factor_to_model(model, output, unit) for output, unit in _OF_AIR.items()]
     equations = _with_output(
         model.equations, name, speed, (*factors, _factor_to_model(model, speed, "kt"))
     )
@@ -234,7 +234,7 @@ def _with_output(equations: Any, name: str, speed: str, factors: tuple[float, ..
     def with_output(x: Any, u: Any, p: Any, w: Any) -> tuple[Any, dict[str, Any]]:
         """Return rates by state, and outputs by name."""
         rates, outputs = equations(x, u, p, w)
-        values = (*(outputs[each] for each in _OF_AIR), getattr(x, speed))
+        values = (*(outputs[output] for output in _OF_AIR), getattr(x, speed))
         dynamic, mach, ktas = (
             value / factor for value, factor in zip(values, factors, strict=True)
         )
@@ -264,10 +264,12 @@ def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
     if not names:
         return dict(imposed)
     speed, altitude = recognized(model.states)["speed"], altitudes(model)[0]
-    for each in names:
-        least = np.min(imposed[each])
+    for airspeed in names:
+        least = np.min(imposed[airspeed])
         if not least > 0.0:
-            raise BadInputError(f"{each} is {model.describe(each, least)}; give a positive speed")
+            raise BadInputError(
+                f"{airspeed} is {model.describe(airspeed, least)}; give a positive speed"
+            )
     name = names[0]
     if altitude not in imposed:
         if {*names} <= {*model.outputs}:  # the model's equations find the speed and the altitude
@@ -282,7 +284,7 @@ def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
     # The model's equations find the speed, or else the standard atmosphere gives it.
     if name in model.outputs and ISA not in model.parameters:
         return dict(imposed)
-    others = {each: imposed[each] for each in imposed if each != name}
+    others = {other: imposed[other] for other in imposed if other != name}
     in_ft_per_s = _true_airspeed_of(model, name, altitude, imposed)
     return others | {speed: in_ft_per_s * _factor_to_model(model, speed, "ft/s")}
 
@@ -314,7 +316,7 @@ def _crossover(
     """
     from scipy.optimize import brentq
 
-    lowest, highest = (each * _factor_to_model(model, altitude, "ft") for each in ALTITUDES)
+    lowest, highest = (height * _factor_to_model(model, altitude, "ft") for height in ALTITUDES)
 
     def speed_difference(height: float, at_point: Mapping[str, float]) -> float:
         """Return the first minus the second true airspeed, ft/s, at an altitude."""
@@ -350,13 +352,13 @@ def _true_airspeed_of(model: Model, name: str, altitude: str, imposed: Mapping[s
     altitude: name of the altitude
     imposed: airspeed, altitude or parameter -> value in the units of the model
     """
-    start = {each: signal.start for each, signal in model.parameters.items()}
+    start = {parameter: signal.start for parameter, signal in model.parameters.items()}
     if ISA in model.parameters or not {*_OF_AIR} <= {*model.outputs}:
         height = imposed[altitude] / _factor_to_model(model, altitude, "ft")
         return _evaluated(
             _in_standard_air(name), imposed[name], height, imposed.get(ISA, start.get(ISA, 0.0))
         )
-    p = [imposed.get(each, value) for each, value in start.items()]
+    p = [imposed.get(parameter, value) for parameter, value in start.items()]
     function = _in_own_air(model, name, altitude)
     return _evaluated(function, imposed[name], imposed[altitude], *p)
 
@@ -371,9 +373,11 @@ def _factor_to_model(model: Model, name: str, unit: str) -> float:
 
 def _evaluated(function: ca.Function, *arguments: Any) -> Any:
     """Return the value of a function of scalars, for numbers or arrays of a common length."""
-    rows = np.broadcast_arrays(*(np.atleast_1d(np.asarray(each, float)) for each in arguments))
+    rows = np.broadcast_arrays(
+        *(np.atleast_1d(np.asarray(argument, float)) for argument in arguments)
+    )
     found = function.map(rows[0].size)(*(row[None] for row in rows)).full().ravel()
-    return float(found[0]) if all(np.ndim(each) == 0 for each in arguments) else found
+    return float(found[0]) if all(np.ndim(argument) == 0 for argument in arguments) else found
 
 
 @lru_cache
@@ -390,16 +394,16 @@ def _in_own_air(model: Model, name: str, altitude: str) -> ca.Function:
     # Air density and speed of sound follow from dynamic pressure and Mach number at any one speed,
     # here the nominal speed.
     speed = recognized(model.states)["speed"]
-    airspeed, height, *p = (ca.SX.sym(each) for each in (name, altitude, *model.parameters))
+    airspeed, height, *p = (ca.SX.sym(symbol) for symbol in (name, altitude, *model.parameters))
     start: dict[str, Any] = {
-        each: model.signals[each].start for each in (*model.states, *model.inputs)
+        variable: model.signals[variable].start for variable in (*model.states, *model.inputs)
     }
     start |= {altitude: height, speed: model.signals[speed].nominal}
-    x, u = ([start[each] for each in group] for group in (model.states, model.inputs))
+    x, u = ([start[variable] for variable in group] for group in (model.states, model.inputs))
     _, outputs = model.layout.expressions((x, u, p), tuple(_OF_AIR))
     pressure, mach = (
-        output / _factor_to_model(model, each, unit)
-        for output, (each, unit) in zip(ca.vertsplit(outputs), _OF_AIR.items(), strict=True)
+        output / _factor_to_model(model, output_name, unit)
+        for output, (output_name, unit) in zip(ca.vertsplit(outputs), _OF_AIR.items(), strict=True)
     )
     nominal = start[speed] / _factor_to_model(model, speed, "ft/s")
     density, sound = 2.0 * pressure / nominal**2, nominal / mach

@@ -156,7 +156,9 @@ def _call(callee: str, operands: Sequence[str], targets: Sequence[int], real: st
     """
     values = ", ".join(operands)
     count = len(targets)
-    stores = " ".join(f"w{each} = out[{place}];" for place, each in enumerate(targets) if each >= 0)
+    stores = " ".join(
+        f"w{target} = out[{place}];" for place, target in enumerate(targets) if target >= 0
+    )
     return (
         f"{{ const {real} in[] = {{{values}}}; {real} out[{count}]; {callee}(in, out); {stores} }}"
     )

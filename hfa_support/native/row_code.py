@@ -48,7 +48,7 @@ def machine_code(function: ca.Function) -> ca.Function:
     function that calls an FMU, which is compiled already, or erfinv, which C does not have, is
     returned unchanged.
     """
-    if any(not _has_c(each) for each in (function, *function.find_functions())):
+    if any(not _has_c(called) for called in (function, *function.find_functions())):
         return function
     loaded = compiled(
         lambda symbol: _c_text(function, symbol),
@@ -315,8 +315,8 @@ class RowCode(threading.local):
         """
         count = len(tables[0])
         widths = (*self._widths, *self._sizes)
-        for each, width in zip((*tables, *results), widths, strict=True):
-            if each.shape != (count, width) or each.dtype != float or not each.data.contiguous:
+        for array, width in zip((*tables, *results), widths, strict=True):
+            if array.shape != (count, width) or array.dtype != float or not array.data.contiguous:
                 raise ValueError(
                     "a bound table is not a contiguous array of doubles with all rows; copy the "
                     "table"

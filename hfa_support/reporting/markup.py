@@ -67,7 +67,7 @@ def _markdown(part: Any, level: int) -> str:
         return markdown_table(part)
     if isinstance(part, str):
         return printable(part, lines=True)
-    return "\n\n".join(_markdown(each, level) for each in part)
+    return "\n\n".join(_markdown(nested, level) for nested in part)
 
 
 def markdown_table(table: Table) -> str:
@@ -231,7 +231,7 @@ def as_page(fragment: str) -> str:
 
 
 #: Character with a meaning in LaTeX -> how it is printed.
-_ESCAPED = {each: f"\\{each}" for each in "&%$#_{}"} | {
+_ESCAPED = {character: f"\\{character}" for character in "&%$#_{}"} | {
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
     "^": r"\textasciicircum{}",
@@ -259,8 +259,8 @@ def _blocks(part: Any) -> Iterator[str]:
     elif isinstance(part, str):
         yield from map(_latex_paragraph, filter(None, flowing(part).split("\n")))
     elif isinstance(part, (tuple, list)):
-        for each in part:
-            yield from _blocks(each)
+        for nested in part:
+            yield from _blocks(nested)
     elif isinstance(part, Contents):
         yield from _blocks(part.title)
         yield from (_latex_paragraph(f"{label}: {text}") for label, text in part.head.items())
@@ -271,7 +271,7 @@ def _blocks(part: Any) -> Iterator[str]:
 
 def _latex_paragraph(text: str) -> str:
     """Return a sentence as a paragraph."""
-    escaped = "".join(_ESCAPED.get(each, each) for each in printable(text))
+    escaped = "".join(_ESCAPED.get(character, character) for character in printable(text))
     return f"\\noindent {escaped}\n"
 
 

@@ -154,7 +154,7 @@ def _column(heading: str, cells: Sequence[Any], is_label: bool) -> _Column:
         shown.append(paragraph(str(cell), CELL, link=link, alignment=side, textColor=color))
     longest_cell = max(pdfmetrics.stringWidth(str(cell), SANS, CELL) for cell in ("", *cells))
     longest_cell += 0.01  # above its rounding
-    least = max(each.minWidth() for each in shown)
+    least = max(flowable.minWidth() for flowable in shown)
     if not is_words:
         least = max(longest_cell, least)
     natural = max(longest_cell, least)
@@ -335,9 +335,9 @@ def _story(report: Contents, level: int) -> Iterator[Flowable]:
     others = [part for part in report.parts if not isinstance(part, Contents)]
     if nested:
         yield from _book(report.head, others, notes)
-        for each in nested:
+        for inner_report in nested:
             yield PageBreak()
-            yield from _story(each, level + 1)
+            yield from _story(inner_report, level + 1)
         return
     if report.head:
         yield _framed(report.head)
@@ -442,11 +442,11 @@ def _part(part: Any, page: str) -> Iterator[Flowable]:
         yield from _lines(flowing(part))
     elif isinstance(part, Table):
         yield from _part((part,), page)
-    elif part and isinstance(part[0], Table) and all(isinstance(each, str) for each in part[1:]):
+    elif part and isinstance(part[0], Table) and all(isinstance(text, str) for text in part[1:]):
         yield from tables(part[0], part[1:], width)
     else:
-        for each in part:
-            yield from _part(each, page)
+        for nested in part:
+            yield from _part(nested, page)
 
 
 def _sheet(parts: Sequence[Any], notes: Sequence[str], with_pictures: bool) -> Iterator[Flowable]:

@@ -272,12 +272,12 @@ def _with_note(line: str, row: Row, color: bool, width: int | None) -> Iterator[
     indent = begin if is_beside else len(_GAP)
     note_lines = [note] if width is None else textwrap.wrap(note, width - indent)
     if color and row.tone:
-        note_lines = [f"\033[{TONES[row.tone]}m{each}\033[0m" for each in note_lines]
+        note_lines = [f"\033[{TONES[row.tone]}m{note_line}\033[0m" for note_line in note_lines]
     if is_beside and note_lines:
         first, *note_lines = note_lines
         line += _GAP + first
     yield line.rstrip()
-    yield from (" " * indent + each for each in note_lines)
+    yield from (" " * indent + note_line for note_line in note_lines)
 
 
 class Sheet(ByName[Row]):

@@ -322,7 +322,7 @@ def blocks_that_fit(
     """
     blocks = [[*range(min(labels, len(widths)))]]
     for i in range(labels, len(widths)):
-        needed = sum(widths[each] + gap for each in (*blocks[-1], i)) - gap
+        needed = sum(widths[column] + gap for column in (*blocks[-1], i)) - gap
         if room is not None and needed > room and len(blocks[-1]) > labels:
             blocks.append([*range(labels)])
         blocks[-1].append(i)

@@ -52,7 +52,7 @@ def with_other_dynamics(point: OperatingPoint) -> LinearModel | None:
     model = point.model
     if model.name not in VARIANTS or model.native is not model or point.found_by is None:
         return None
-    name = next(each for each in VARIANTS if each != model.name)
+    name = next(variant for variant in VARIANTS if variant != model.name)
     other = aircraft(name, parameters_of(model))
     with suppress(BadInputError, NoSolutionError):
         return trim(other, point.found_by.asked.at(), point).linearize()
@@ -77,7 +77,8 @@ def differences_group(other: str, differences: Sequence[ModeDifference]) -> Grou
     other: name of the other dynamics
     """
     rows = [
-        Row(each.mode, each.other, "1/s", f"{each.percent:.3g} % apart") for each in differences
+        Row(difference.mode, difference.other, "1/s", f"{difference.percent:.3g} % apart")
+        for difference in differences
     ]
     return Group(f"modes of {other} dynamics", tuple(rows))
 

@@ -437,7 +437,7 @@ def responses_table(responses: Responses, time: str) -> Table:
 
     time: unit of time
     """
-    header = ("response", *(f"{each:.4g} rad/{time}" for each in responses.frequencies))
+    header = ("response", *(f"{frequency:.4g} rad/{time}" for frequency in responses.frequencies))
     rows = [
         (channel, *map(_response_text, values.tolist()))
         for channel, values in responses.by_channel.items()

@@ -38,11 +38,11 @@ def with_parameters_as_inputs(model: Model, names: tuple[str, ...]) -> Model:
         return model.trimming.initial({**loaded, **imposed})
 
     trimming = replace(model.trimming, begin=model.trimming.begin and begin)
-    declared = {name: each for name, each in model.source.declared.items() if name not in names}
+    declared = {name: value for name, value in model.source.declared.items() if name not in names}
     return replace(
         model,
         inputs={**model.inputs, **{name: model.parameters[name] for name in names}},
-        parameters={name: each for name, each in model.parameters.items() if name not in names},
+        parameters={name: signal for name, signal in model.parameters.items() if name not in names},
         equations=equations,
         trimming=trimming,
         source=replace(model.source, declared=declared),

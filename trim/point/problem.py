@@ -163,8 +163,8 @@ class TrimProblem:
         _, output = layout.expressions([components(x), components(u), components(p)], (name,))
         used = ca.which_depends(output, ca.vertcat(p, x, u), 1, False)
         names = (*layout.names.parameters, *layout.variables)
-        deciding = [each for each, is_used in zip(names, used, strict=True) if is_used]
-        parameters = [each for each in deciding if each in layout.names.parameters]
+        deciding = [name for name, is_used in zip(names, used, strict=True) if is_used]
+        parameters = [name for name in deciding if name in layout.names.parameters]
         advised = (parameters or deciding)[:_MOST_DECIDING]
         if not advised:
             return "; remove this value"

@@ -441,7 +441,7 @@ class TrimSystem:
         self.start = self.unknowns(self.begin)
         self.limits = condition.limits_on(self.equations.unknowns)
         self.lowest, self.highest, self.quarter_turn = _scaled_limits(self.limits, self.equations)
-        self.watched = condition.limits_on([each.name for each in self.structure.watched])
+        self.watched = condition.limits_on([signal.name for signal in self.structure.watched])
         self.row_scales = self.equations.row_scales
         self.affected_count = self.equations.affected_count
         self.is_quick = self.equations.square and len(self.scales) <= _FEW

@@ -82,12 +82,15 @@ def with_range(point: OperatingPoint) -> list[Margin]:
 def _draw_variables(axes: Axes, point: OperatingPoint) -> None:
     """Draw a bar for the range of each variable, with a mark at its value."""
     limited = with_range(point)
-    shares = [100 * (each.value - each.lowest) / (each.highest - each.lowest) for each in limited]
+    shares = [
+        100 * (margin.value - margin.lowest) / (margin.highest - margin.lowest)
+        for margin in limited
+    ]
     rows = range(len(limited))
     axes.hlines(rows, 0.0, 100.0, color="0.85", linewidth=5, zorder=1)
-    axes.scatter(shares, rows, color=["C3" if each.at_limit else "C0" for each in limited])
-    labels = [f"{each.name} {shown_value(each.value, each.unit)}" for each in limited]
-    axes.set_yticks(rows, map(beside_unit, labels, [each.unit for each in limited]))
+    axes.scatter(shares, rows, color=["C3" if margin.at_limit else "C0" for margin in limited])
+    labels = [f"{margin.name} {shown_value(margin.value, margin.unit)}" for margin in limited]
+    axes.set_yticks(rows, map(beside_unit, labels, [margin.unit for margin in limited]))
     axes.set_xlabel("share of the range between the limits, %; at a limit red")
     axes.set_title(wrapped(title_of(Trimmed(point)), WIDTH), fontsize=10)
 
@@ -139,11 +142,14 @@ def book_of(
     head: further entries of the cover, label -> text
     """
     count = len(conditions)
-    conditions = [_numbered(number, count, each) for number, each in enumerate(conditions, start=1)]
-    sheets = [each.report for each in conditions if each.point is not None]
+    conditions = [
+        _numbered(number, count, condition) for number, condition in enumerate(conditions, start=1)
+    ]
+    sheets = [condition.report for condition in conditions if condition.point is not None]
     name = subject(model)
     loaded = [
-        {} if each.point is None else configuration_of(Trimmed(each.point)) for each in conditions
+        {} if condition.point is None else configuration_of(Trimmed(condition.point))
+        for condition in conditions
     ]
     drawn = partial(matrix_figure, conditions)
     figure = Picture("conditions.png", f"{name} at {count} conditions", drawn)
@@ -235,15 +241,15 @@ def _standards(conditions: Sequence[Condition], model: Model) -> dict[str, str]:
             note = f" ({row.note})" if row.note else ""
             texts.setdefault(row.name, {})[f"{row.value}{note}"] = None
     atmosphere = {"atmosphere": model.about.atmosphere} if model.about.atmosphere else {}
-    return {label: "; ".join(each) for label, each in texts.items()} | atmosphere
+    return {label: "; ".join(standards) for label, standards in texts.items()} | atmosphere
 
 
 def _not_trimmed(conditions: Sequence[Condition]) -> dict[str, str]:
     """Return result -> conditions with this result, of those that are not plainly trimmed."""
     named: dict[str, list[str]] = {}
-    for number, each in enumerate(conditions, start=1):
-        if each.result != TRIMMED:
-            named.setdefault(each.result, []).append(f"{number} {each.name}".rstrip())
+    for number, condition in enumerate(conditions, start=1):
+        if condition.result != TRIMMED:
+            named.setdefault(condition.result, []).append(f"{number} {condition.name}".rstrip())
     return {result: ", ".join(names) for result, names in named.items()}
 
 
@@ -273,9 +279,11 @@ def _column(cells: Sequence[Any]) -> list[str]:
     largest = max(map(abs, shown), default=0.0)
     before_point = math.floor(math.log10(largest)) + 1 if largest else 0
     decimals = max(0, numbers[0].figures - before_point) if largest else 0
-    while decimals and all(round(each, decimals) == round(each, decimals - 1) for each in shown):
+    while decimals and all(
+        round(number, decimals) == round(number, decimals - 1) for number in shown
+    ):
         decimals -= 1  # no zeros at the end of all
-    texts = iter([f"{each:z.{decimals}f}" for each in shown])
+    texts = iter([f"{number:z.{decimals}f}" for number in shown])
     found = []
     for cell in cells:
         text = next(texts) if isinstance(cell, _Number) else cell
@@ -435,7 +443,10 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
         axes.grid(axis="y", linewidth=0.4)
         if len(lines) > 1:
             axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    names = [f"{number} {each.name}".rstrip() for number, each in enumerate(conditions, start=1)]
+    names = [
+        f"{number} {condition.name}".rstrip()
+        for number, condition in enumerate(conditions, start=1)
+    ]
     all_axes[-1].set_xticks(range(count), names, rotation=90, fontsize=8)
     all_axes[-1].set_xlim(-0.5, count - 0.5)
     return figure

@@ -32,7 +32,7 @@ def flight_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     if "speed" in trimmed.roles:
         yield from airspeed_rows(trimmed)
         parameters = trimmed.model.parameters.items()
-        in_wind = any(name.startswith("wind_") and each.start for name, each in parameters)
+        in_wind = any(name.startswith("wind_") and signal.start for name, signal in parameters)
         yield from output_rows(trimmed, _OVER_GROUND, rare=not in_wind)
         yield from output_rows(trimmed, _OF_AIR)
         yield from air_rows(trimmed)

@@ -308,7 +308,7 @@ def _of_limits(margin: Margin) -> str:
     """Return an input with its limits as text: "elevator -1.37 of ±30 deg"."""
     reached = without_rounding(margin.value, margin.scale)
     numbers = (reached, margin.lowest, margin.highest)
-    value, low, high = (float(shown_value(each, margin.unit, ".12g")) for each in numbers)
+    value, low, high = (float(shown_value(number, margin.unit, ".12g")) for number in numbers)
     if math.isinf(low) and math.isinf(high):
         limits = ""
     elif low == -high:

@@ -123,7 +123,7 @@ def nearest_first(trimmed: Trimmed) -> list[Margin]:
     ]
     alpha = margins.get(trimmed.roles.get("alpha", ""))
     if alpha is not None and (stalling := _limit_of_the_largest_lift(trimmed, alpha)):
-        limited = [each for each in limited if each.name != alpha.name] + [stalling]
+        limited = [margin for margin in limited if margin.name != alpha.name] + [stalling]
     return sorted(limited, key=lambda margin: _rank(margin, margin.name in inputs))
 
 
@@ -232,8 +232,8 @@ def matrix(asked: Sequence[Mapping[str, Any]], sheets: Sequence[Sheet]) -> Table
     """
     found = matrix_of(sheets)
     headings = [*dict.fromkeys(heading for cells in asked for heading in cells)]
-    last = [each for each in (FREE, LIMIT) if each in headings]
-    headings = [each for each in headings if each not in last] + last
+    last = [heading for heading in (FREE, LIMIT) if heading in headings]
+    headings = [heading for heading in headings if heading not in last] + last
     worst = [{row.name: row.note for row in sheet}.get("worst level", "") for sheet in sheets]
     rows = [
         (*(cells.get(heading, "") for heading in headings), result_of(sheet), *row, qualities)
@@ -323,14 +323,20 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool)
             "not determined": uniqueness_lines(trimmed),
             "far out": point._large_angles,
             "engines out": engines_without_power(trimmed).values(),
-            "limits reached": [each.name for each in nearest_first(trimmed) if each.at_limit],
-            "assumed limits": [each.name for each in margins if each.nearer and each.assumed],
+            "limits reached": [margin.name for margin in nearest_first(trimmed) if margin.at_limit],
+            "assumed limits": [
+                margin.name for margin in margins if margin.nearer and margin.assumed
+            ],
             "search": [*trimmed.search.sentences, *trimmed.search.unlimited],
             "notes": without_line_numbers(point.warnings),
         }
         for title, _, lines in sheet.groups:
             said[f"on {title}"] = [line for line in lines if line != ASSUMED]
-    rows = [Row(name, _joined(words), rare=True) for name, words in said.items() if words]
+    rows = []
+    for name, words in said.items():
+        separator = "; " if any(" " in word for word in words) else ", "  # of sentences, or names
+        if words:
+            rows.append(Row(name, separator.join(words), rare=True))
     levels = {row.name: row for row in sheet if row.level is not None}
     if levels:
         chosen, why = chosen_airplane(trimmed, airplane)
@@ -342,11 +348,6 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool)
             Row("worst level", worst.stated_level, note=", ".join(named), rare=True),
         ]
     return rows
-
-
-def _joined(words: Iterable[str]) -> str:
-    """Return names with commas between them, or sentences with semicolons."""
-    return ("; " if any(" " in word for word in words) else ", ").join(words)
 
 
 def report_of(
@@ -412,7 +413,7 @@ def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
         "not_in_model": sheet.lacking,
         "variables": point.margins,
         "nearest_limits": [margin.name for margin in nearest],
-        "binding": [each.name for each in nearest if each.at_limit and each.role != "held"],
+        "binding": [margin.name for margin in nearest if margin.at_limit and margin.role != "held"],
         "equations": equations_of(point),
         "scaled_residuals": point.scaled_residuals,
         "balance_limit": BALANCE,
@@ -501,7 +502,7 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
     reached = [margin for margin in nearest_first(trimmed) if margin.at_limit]
     groups = [condition, variables, ("limits", limit_rows(reached), ()), *others]
     sheet = Sheet.of(groups, first=VARIABLES)
-    shown = [group for each in sheet.groups if (group := _shortened(each)).rows]
+    shown = [group for group in map(_shortened, sheet.groups) if group.rows]
     modes = f"no modes: {trimmed.fault}"
     if not trimmed.fault:
         modes = mode_lines(trimmed.modes, point.model)
@@ -539,9 +540,9 @@ def brief_list(report: Report) -> Report:
     """
     overview, *sheets = report.parts
     titles = [
-        each.title
-        for each in sheets
-        if isinstance(each, Report) and result_of(each.sheet) != TRIMMED
+        part.title
+        for part in sheets
+        if isinstance(part, Report) and result_of(part.sheet) != TRIMMED
     ]
     return replace(report, parts=[overview, *titles, "--full prints each sheet; -o FILE has all"])
 

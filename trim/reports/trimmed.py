@@ -88,7 +88,7 @@ def _size_text(value: float, least: float) -> str:
 def balance_row(point: OperatingPoint) -> Row:
     """Return the row of the largest residual of the equations, relative to their scales."""
     count = len(point.residuals)
-    wrong = sum(abs(each) > BALANCE for each in point.scaled_residuals.values())
+    wrong = sum(abs(residual) > BALANCE for residual in point.scaled_residuals.values())
     verdict, tone = f"all {count} equations balance", ""
     if wrong:
         verdict, tone = f"{wrong} of {count} equations do not balance", "bad"
@@ -390,7 +390,9 @@ class Trimmed:
             )
 
         rates = with_lags(slopes.A[kept], slopes.B[kept])
-        outputs = {name: with_lags(*each) for name, each in slopes.outputs.items()}
+        outputs = {
+            name: with_lags(*slopes_of_output) for name, slopes_of_output in slopes.outputs.items()
+        }
         return Slopes(tuple(names[i] for i in kept), rates.by_states, rates.by_inputs, outputs)
 
     def _lags(self) -> list[int]:
@@ -499,8 +501,10 @@ class Trimmed:
         for state, slope in zip(model.states, slopes.by_states, strict=True):
             if slope and state not in of_motion:
                 return f"the thrust follows the state {state}"
-        levers = [each for each, slope in zip(model.inputs, slopes.by_inputs, strict=True) if slope]
-        full = self.coherent.inputs._replace(**{each: model.inputs[each].max for each in levers})
+        levers = [
+            lever for lever, slope in zip(model.inputs, slopes.by_inputs, strict=True) if slope
+        ]
+        full = self.coherent.inputs._replace(**{lever: model.inputs[lever].max for lever in levers})
         thrust = math.inf
         if levers and np.isfinite(full).all():
             thrust = model.outputs_at(self.coherent.states, full, (name,))[name]

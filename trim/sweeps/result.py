@@ -399,7 +399,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         moved = ~is_zero(np.nan_to_num(self.inputs), nominal).all(axis=0)
         inputs = [name for name, is_moved in zip(model.inputs, moved, strict=True) if is_moved]
         alpha = recognized(model.states).get("alpha", "")
-        names = [each for each in (alpha, *inputs) if each and each not in self.variables]
+        names = [name for name in (alpha, *inputs) if name and name not in self.variables]
         values = {name: self[name] for name in names}
         units = {name: model.unit(name) for name in names}
 

@@ -134,7 +134,7 @@ class StabilityFile:
                 " or CDCL to the .avl file"
             )
         of_file, of_flight = (
-            math.sqrt(max(0.0, 1.0 - each**2)) for each in (self.value("Mach"), mach)
+            math.sqrt(max(0.0, 1.0 - mach_number**2)) for mach_number in (self.value("Mach"), mach)
         )
         if abs(of_file - of_flight) > _COMPRESSIBILITY:
             yield (
@@ -396,7 +396,7 @@ def _refuse_other_center(own: Mapping[str, Entry], file: StabilityFile, where: s
     value: Any = entry.value
     if not isinstance(value, list | tuple) or len(value) != len(_REFERENCE):
         raise entry.error(f"{_CENTER} is {shown(value)}; give [x, y, z]")
-    center = [number(_CENTER, Entry(each, entry.where), "1") for each in value]
+    center = [number(_CENTER, Entry(coordinate, entry.where), "1") for coordinate in value]
     chord = file.value("Cref")
     for given, referred in zip(center, reference, strict=True):
         largest = max(abs(referred), chord)

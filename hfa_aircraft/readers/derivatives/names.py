@@ -294,7 +294,7 @@ def dimensional_of(name: str, surfaces: Iterable[str]) -> DimensionalDerivative 
 def dimensional_names(surfaces: Iterable[str]) -> list[str]:
     """Return the names of all dimensional derivatives, for an aircraft with control surfaces."""
     variables = (*_VARIABLES, *surfaces)
-    return [DimensionalDerivative(load, each).name for load in _LOADS for each in variables]
+    return [DimensionalDerivative(load, variable).name for load in _LOADS for variable in variables]
 
 
 def _inertia(load: str, values: Mapping[str, float], axes: str) -> float:

@@ -222,17 +222,19 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Tabl
 
     name: name of an aircraft whose table states none
     """
-    pairs = {key: each for key, each in entries.items() if isinstance(each.value, list | tuple)}
+    pairs = {key: entry for key, entry in entries.items() if isinstance(entry.value, list | tuple)}
     words_that_are_surfaces = {*pairs} & {*WORDS}  # flap = ["0 deg", "30 deg"]
     texts = {key: "" if key in words_that_are_surfaces else _text(key, entries) for key in _TEXTS}
     system = texts["units"] or "si"
     axes = texts["axes"] or "body"
-    limits = {key: _limits(key, each, system) for key, each in pairs.items()}
+    limits = {key: _limits(key, entry, system) for key, entry in pairs.items()}
     thrust = limits.pop(THRUST_INPUT, (0.0, math.inf))
-    numbers = {key: each for key, each in entries.items() if key not in {*pairs, *_TEXTS}}
+    numbers = {key: entry for key, entry in entries.items() if key not in {*pairs, *_TEXTS}}
     by_kind = _numbers_of(numbers, limits, texts, system)
     values, derivatives = by_kind.values, by_kind.derivatives
-    determined = {each.coefficient.name: each.name for each in by_kind.dimensional}
+    determined = {
+        derivative.coefficient.name: derivative.name for derivative in by_kind.dimensional
+    }
     _refuse_missing(values, {*derivatives, *determined}, source.text or _DICTIONARY)
     _refuse_sizes(values, entries)
     _refuse_altitude(values.get("altitude", 0.0), entries, system)
@@ -422,7 +424,9 @@ def _unit(name: str, system: str) -> str:
 def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputError:
     """Return the error for an unknown entry, or for an entry without the two limits it requires."""
     arguments = (*ARGUMENTS, *surfaces)
-    derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
+    derivatives = (
+        f"{coefficient}_{argument}" for coefficient in COEFFICIENTS for argument in arguments
+    )
     others = (THRUST_BY_SPEED, *dimensional_names(surfaces), AVL)
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT, *others)
     if name in known:
@@ -432,7 +436,9 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
         if meant not in known:
             advised = "give lift and drag, in stability axes CL = -CZ and CD = -CX"
         return entry.error(f"{name} is flow5's name of {meant}; {advised}")
-    alike = [each for each in known if each[:2] == name[:2]]  # CL is lift, Cl is roll
+    alike = [
+        candidate for candidate in known if candidate[:2] == name[:2]
+    ]  # CL is lift, Cl is roll
     if near := advice(name, alike) or advice(name, known):
         return entry.error(f"unknown entry {shown(name)}{near}")
     coefficient, _, argument = name.partition("_")
