@@ -90,15 +90,15 @@ def _verdict(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> str:
         f"{verdict_text(outcomes['ok'])}: {within} of {members} flights of "
         f"{plan.scenario.duration:g} s {stay}{_air_text(plan.scenario)}{need_text(plan.share)}"
     )
-    lost = members - within
+    outside = members - within
     if not has_envelope:
         line = f"{line}; {NO_LIMIT}"
-    band = "" if _all_same(plan) else band_text(lost, members, verb)
-    if not lost:
+    band = "" if _all_same(plan) else band_text(outside, members, verb)
+    if not outside:
         return f"{line}; {band}" if band else line
     left = {name: count for name, count in outcomes["left"].items() if count}
     by = f" by {next(iter(left)) if len(left) == 1 else _listed(left)}" if left else ""
-    return f"{line}; {lost} {verb}{by}" + (f" ({band})" if band else "")
+    return f"{line}; {outside} {verb}{by}" + (f" ({band})" if band else "")
 
 
 def _far_text(far: Mapping[str, Mapping[str, float]]) -> str:
