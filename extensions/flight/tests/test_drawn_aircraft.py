@@ -18,7 +18,7 @@ CORRELATION = 0.5 * np.eye(3) + 0.5
 def written(deviation=0.02):
     """Write an aircraft with uncertain parameters: relative standard deviations, correlated by .5."""
     model = hfa.load_model(UAV)
-    values = np.array([model.parameters[each].start for each in NAMES])
+    values = np.array([model.parameters[name].start for name in NAMES])
     covariance = np.outer(values, values) * deviation**2 * CORRELATION
     rows = [f"aircraft = '{UAV}'", "[covariance]", f"names = {list(NAMES)}"]
     Path("found.toml").write_text("\n".join([*rows, f"rows = {covariance.tolist()}"]))

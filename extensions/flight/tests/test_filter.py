@@ -182,7 +182,7 @@ class Recursion:
             known.winds.index(name) if name in known.winds else None for name in model.disturbances
         ]
         winds = [0.0 if place is None else w[place] for place in names]
-        vectors = [ca.vertsplit(each) for each in (X, u, ca.SX(ca.DM(model.p)))]
+        vectors = [ca.vertsplit(vector) for vector in (X, u, ca.SX(ca.DM(model.p)))]
         rates = model.layout.expressions(vectors, (), winds)[0]
         self.rates = ca.Function("rates", [X, u, w], [rates])
         slopes = [ca.jacobian(rates, X), ca.jacobian(rates, w)]
@@ -209,7 +209,7 @@ class Recursion:
         known, rows, w = self.known, [0, 1, 3, 4, 5, 6], self.winds()
         X, U = known.point.x, known.point.u + u
         X[rows] += self.x[:6]
-        A_x, A_w = (each.full() for each in self.slopes(X, U, w))
+        A_x, A_w = (slope.full() for slope in self.slopes(X, U, w))
         A_w = A_w * (np.abs(w) < known.strongest)
         A = np.zeros((9, 9))
         A[:6, :6], A[:6, 6:], A[6:, 6:] = (
@@ -227,7 +227,7 @@ class Recursion:
         X = X + 0.01 / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(X + 0.01 * k3))
         Phi = expm(0.01 * A)
         self.x = np.append((X - known.point.x)[rows], Phi[6:, 6:] @ self.x[6:])
-        self.P, self.G = (Phi @ each @ Phi.T + known.Q for each in (self.P, self.G))
+        self.P, self.G = (Phi @ covariance @ Phi.T + known.Q for covariance in (self.P, self.G))
 
     def __call__(self, y, u_of):
         C, R = self.known.C, self.known.R
@@ -622,13 +622,15 @@ def test_margins_of_a_filters_loop_are_where_it_is_unstable(angle):
             predicted = known.Phi @ estimate + known.Gamma @ u
             return np.concatenate([x, commands[: whole + 1].ravel(), predicted])
 
-        columns = [after(each) for each in np.eye(18 + 5 * (whole + 1))]
+        columns = [after(state) for state in np.eye(18 + 5 * (whole + 1))]
         return np.abs(np.linalg.eigvals(np.array(columns).T)).max()
 
     for share, is_stable in ((0.99, True), (1.01, False)):
         for margin in (found.gain_low, found.gain_high):
             more = share * (margin - 1.0)
-            assert (max(radius(1.0 + more * each) for each in np.eye(5)) < 1.0) == is_stable
+            assert (
+                max(radius(1.0 + more * one_input) for one_input in np.eye(5)) < 1.0
+            ) == is_stable
         assert (radius(np.ones(5), share * found.unknown_delay) < 1.0) == is_stable
     alone = np.linalg.eigvals((known.Phi - known.Gamma @ gain) @ kept)
     assert found.compensator_radius == pytest.approx(np.abs(alone).max(), rel=1e-9)

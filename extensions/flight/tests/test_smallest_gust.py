@@ -47,11 +47,11 @@ def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
     response = largest_response(length=5.0, rate=3.0 + 2.0)
     assert up.peak == pytest.approx(2.0 / response, rel=0.006)
     assert down.peak == pytest.approx(-1.0 / response, rel=0.006)
-    for each in (up, down):
-        assert abs(each.inside) < abs(each.peak) <= 1.005 * abs(each.inside)
-        assert (each.by, each.length) == ("v", 5.0)
+    for threshold in (up, down):
+        assert abs(threshold.inside) < abs(threshold.peak) <= 1.005 * abs(threshold.inside)
+        assert (threshold.by, threshold.length) == ("v", 5.0)
     assert found.smallest == down
-    assert [each.peak for each in none] == [None, None]
+    assert [threshold.peak for threshold in none] == [None, None]
 
 
 def fluttering():

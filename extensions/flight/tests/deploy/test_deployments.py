@@ -345,7 +345,7 @@ def test_a_deployment_has_the_actions_that_verify_judges(name):
     Another box or squash is refused.
     """
     file = ZIPS / f"{name}.zip"
-    tables = {"observation": {each: {} for each in ("speed", "alpha", "pitch")}}
+    tables = {"observation": {name: {} for name in ("speed", "alpha", "pitch")}}
     deployment = gtm_deployment({"file": file}, **tables)
     game = hfa.Game(-np.eye(3), np.ones((3, 2)), Q=np.ones(3), R=np.ones(2))
     observed = 2.0 * np.random.default_rng(2).normal(size=(50, 3))
@@ -391,14 +391,14 @@ def test_a_normalizer_of_a_dictionary_is_in_the_order_of_its_space():
     """
     stored = json.loads((ZIPS / "actions.json").read_text())
     observed, normalized = stored["observations"], stored["normalized by sac_dict.pkl"]
-    tables = {"observation": {each: {} for each in ("speed", "alpha", "pitch")}}
+    tables = {"observation": {name: {} for name in ("speed", "alpha", "pitch")}}
     acts = [
         Deployed(gtm_deployment({"file": ZIPS / "sac_dict.zip", **entry}, **tables), model_of(GTM))
         for entry in ({"normalizer": ZIPS / "sac_dict.pkl"}, {})
     ]
     behind, alone = (
-        np.array(each.act(np.transpose(o)))
-        for each, o in zip(acts, (observed, normalized), strict=True)
+        np.array(actor.act(np.transpose(o)))
+        for actor, o in zip(acts, (observed, normalized), strict=True)
     )
     np.testing.assert_allclose(behind, alone, atol=1e-6)
     assert np.abs(behind - np.array(acts[1].act(np.transpose(observed)))).max() > 0.1
@@ -417,7 +417,7 @@ def test_a_normalizer_that_saw_more_than_the_training_is_noted(folder):
         rewrite_zip(folder, {"num_timesteps": steps - less, "n_envs": environments})
         critic = hfa.read_critic(folder / "deployment.toml", game, linear=linear)
         noted = f"but the policy was trained with {steps - less}: it was not saved with this policy"
-        assert any(noted in each for each in critic.stated.notes) == is_told
+        assert any(noted in note for note in critic.stated.notes) == is_told
     assert noted in " ".join(hfa.verify(game, critic, flights=0).report().text().split())
 
 
@@ -432,7 +432,7 @@ def test_an_assessment_finds_another_normalizer_and_a_missing_one():
     ):
         files = {"file": FOLDER / "ppo_gtm.zip", **policy}
         found = assess(model_of(GTM), stored.changed(policy=files), [45.0], samples=0)
-        warned = [each.text for each in found.findings if "normali" in each.text.lower()]
+        warned = [finding.text for finding in found.findings if "normali" in finding.text.lower()]
         assert len(warned) == bool(said)
         assert all(said in text for text in warned)
         assert (found.points[0].radius == radius) == (said == "")

@@ -76,7 +76,7 @@ def test_exported_c_equals_the_deployment_file(name, tmp_path, capsys):
     assert differences(deployed, point, command) < 1e-12
     measured = np.array(point.states)
     measured[list(point.model.states).index("pitch")] = np.nan
-    commanded = [list(point.model.inputs).index(each) for each in deployed.commanded]
+    commanded = [list(point.model.inputs).index(name) for name in deployed.commanded]
     assert np.isnan(command(measured, np.array(point.inputs))[commanded]).all()
     header = (tmp_path / "c" / "deployed_policy.h").read_text()
     assert f"#define POLICY_DT {deployed.deployment.dt!r}" in header

@@ -44,7 +44,7 @@ def flown_with(dt, delay, *, actuators=False):
     timed = stored_deployment("ppo_gtm").changed(timing={"dt": dt, "delay": delay})
     point = trims("ppo_gtm")[0]
     lag, lowest, highest, rate = (
-        point.inputs._make([each] * 2) for each in (0.01, -np.inf, np.inf, np.inf)
+        point.inputs._make([value] * 2) for value in (0.01, -np.inf, np.inf, np.inf)
     )
     bank = ActuatorBank(lag, lowest, highest, rate) if actuators else None
     scenario = Scenario(duration=0.3, initial=np.array([1.0, 0.02, 0.0, 0.0]), actuators=bank)

@@ -51,8 +51,8 @@ def test_effects_are_those_of_the_exact_gain_and_reversed_with_an_action():
         action = {"elevator": {"map": f"trim + {sign} * a"}, "throttle": {}}
         policy = gtm_deployment(gain, action=action)
         told = assess(model, policy, [point], samples=0)
-        effects = {each.action: each for each in told.points[0].actions}
-        exact = {name: each.exact_effect for name, each in effects.items()}
+        effects = {effect.action: effect for effect in told.points[0].actions}
+        exact = {name: action.exact_effect for name, action in effects.items()}
         shift = np.linalg.eigvals(linear.A).sum() - np.linalg.eigvals(linear.A - linear.B @ K).sum()
         assert sum(exact.values()) == pytest.approx(shift.real, rel=1e-9)
         assert min(exact.values()) > 0.0

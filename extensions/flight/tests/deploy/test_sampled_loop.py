@@ -164,6 +164,6 @@ def test_the_integration_error_is_that_of_deviations_to_either_side(nothing):
         assess(oscillator(1.0, sign), nothing, samples=1, seed=7, box={"x": 1e-9, "v": 3.0})
         for sign in (1.0, -1.0)
     )
-    errors = [each.points[0].integration for each in (first, other)]
-    assert {each.figure for each in errors} == {"the largest deviation of x"}
+    errors = [told.points[0].integration for told in (first, other)]
+    assert {error.figure for error in errors} == {"the largest deviation of x"}
     assert errors[0].change == pytest.approx(errors[1].change, rel=1e-5)

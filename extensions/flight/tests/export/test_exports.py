@@ -136,7 +136,10 @@ def test_an_fmu_simulates_the_flight_in_fmpy(folder, kind, request):
     scenario = Scenario(5.0, 0.001, 0.1, 0.02 * np.eye(len(STATES))[0], **happens)
     flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
     assert validation.validate_fmu("a.fmu") == []
-    units = {each.name: each.unit for each in fmpy.read_model_description("a.fmu").modelVariables}
+    units = {
+        variable.name: variable.unit
+        for variable in fmpy.read_model_description("a.fmu").modelVariables
+    }
     assert units["speed"] == "ft/s"
     assert ("reference_speed" in units) == (kind != "aircraft")
     assert ("elevator_center_actuator" in units) == (kind == "gains")

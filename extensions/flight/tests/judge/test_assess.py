@@ -85,7 +85,7 @@ def test_the_cost_above_the_optimum_is_that_of_summed_samples():
         """Return the motion (3, 3) of states and input, and the weight (3, 3) of its cost."""
         times, parts = (np.polynomial.legendre.leggauss(8) + np.array([[1.0], [0.0]])) / 2.0
         along = [expm(moving * seconds * time) for time in times]
-        costs = [each.T @ block_diag(Q, 0.3) @ each for each in along]
+        costs = [column.T @ block_diag(Q, 0.3) @ column for column in along]
         return expm(moving * seconds), seconds * np.tensordot(parts, costs, 1)
 
     F, W = held(0.1)
@@ -283,7 +283,9 @@ def test_a_finding_names_its_trims_or_their_range(sign, where):
         {"file": ca.Function("policy", [o], [0.0 * o])}, {"v": {}}, {"f": {}}, {"dt": 0.01}
     )
     told = assess(model, nothing, [1.0, 2.0, 3.0, 4.0, 5.0], samples=0)
-    assert [each.text for each in told.findings if each.text.startswith(f"{where}unstable")]
+    assert [
+        finding.text for finding in told.findings if finding.text.startswith(f"{where}unstable")
+    ]
 
 
 def gain_of_gtm(**tables):

@@ -74,7 +74,9 @@ def test_a_deployment_flies_behind_its_filter_and_is_assessed_without_it():
     assert flown.report().data["filter"]["noise"] == pytest.approx(SENSORS)
     told = hfa.assess(model, filtered, [point], samples=0)
     plain = hfa.assess(model, stored_deployment("ppo_gtm"), [point], samples=0)
-    (note,) = {each.text for each in told.findings} - {each.text for each in plain.findings}
+    (note,) = {finding.text for finding in told.findings} - {
+        finding.text for finding in plain.findings
+    }
     assert f"hfa fly --policy {filtered.origin} --samples" in note
     assert told.points[0].radius == plain.points[0].radius
 

@@ -67,7 +67,9 @@ def test_a_policy_passes_only_if_every_flight_returns_to_the_trim(offset, passes
     assert point.costs.offset_rate == pytest.approx(v**2 + (0.1 * v) ** 2, rel=1e-6)
     if not passes:
         sign = "+" if offset > 0.0 else "-"
-        (error,) = [each.text for each in found.findings if each.text.startswith("steady-state ")]
+        (error,) = [
+            finding.text for finding in found.findings if finding.text.startswith("steady-state ")
+        ]
         assert error.startswith(f"steady-state v error {sign}")
 
 

@@ -74,7 +74,7 @@ def test_an_environment_needs_no_deployment():
     weights = (nominal, [signal.nominal for signal in model.inputs.values()])
     Q, R = (np.power(sizes, -2.0) for sizes in weights)
     K = hfa.solve(hfa.game(linear, Q=Q, R=R)).K
-    poles = [np.linalg.eigvals(each) for each in (linear.A, linear.A - linear.B @ K)]
+    poles = [np.linalg.eigvals(matrix) for matrix in (linear.A, linear.A - linear.B @ K)]
     assert env.dt * np.abs(poles).max() <= 1.0 < 2.5 * env.dt * np.abs(poles).max()
     assert env.model == model
     _, reward, *_ = env.step(np.zeros(len(model.inputs)))
@@ -300,11 +300,11 @@ def test_a_copy_of_an_environment_continues_at_the_same_sample(copied):
     env.step(np.array([0.3]))
     other = copied(env)
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 1))
-    runs = [[each.step(action)[:2] for action in actions] for each in (other, env)]
+    runs = [[environment.step(action)[:2] for action in actions] for environment in (other, env)]
     for (seen, reward), (same, equal) in zip(*runs, strict=True):
         assert reward == equal
         np.testing.assert_array_equal(seen, same)
-    again = [each.reset() for each in (other, env)]  # the next draws are equal too
+    again = [environment.reset() for environment in (other, env)]  # the next draws are equal too
     np.testing.assert_array_equal(again[0][0], again[1][0])
     assert again[0][1]["parameters"] == again[1][1]["parameters"]
 

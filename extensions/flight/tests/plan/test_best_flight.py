@@ -65,8 +65,8 @@ def test_policies_in_any_form_are_compared_with_the_best_flight():
     best = best_of_cart({"position": 2.0, "velocity": 0.5}, policies=policies)
     # `optimize` puts its own saturated linear policy first.
     linear, *others, drifting = best.policies
-    assert [each.policy for each in others] == ["gain", "critic", "function"]
-    assert [each.cost for each in others] == pytest.approx([linear.cost] * 3, rel=1e-4)
+    assert [row.policy for row in others] == ["gain", "critic", "function"]
+    assert [row.cost for row in others] == pytest.approx([linear.cost] * 3, rel=1e-4)
     assert 1.0 <= linear.over_best < 1.1
     assert (drifting.policy, drifting.converges) == ("none", False)
 

@@ -100,9 +100,9 @@ def test_a_deployment_and_a_critic_are_compared(folder, capsys):
     assert main([*words, "--policy", "deployment.toml", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     linear, *others = data["policies"]
-    assert {each["policy"].partition(" of ")[0] for each in others} == {"critic", "policy"}
-    for each in others:
-        assert each["over_best"] > linear["over_best"] >= 1.0
+    assert {row["policy"].partition(" of ")[0] for row in others} == {"critic", "policy"}
+    for row in others:
+        assert row["over_best"] > linear["over_best"] >= 1.0
     assert data["start"] == pytest.approx({"angle": np.radians(20.0)}, rel=1e-4)
 
 
@@ -119,10 +119,10 @@ def test_optimize_counts_and_summarizes_initial_conditions(folder, capsys):
     assert main([*words, *limits, "--seed", "7", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["starts"] == data["found"] + data["refused"] == 6
-    assert 0.265 < max(abs(each["start"]["x1"]) for each in data["flights"]) <= 0.27
+    assert 0.265 < max(abs(best["start"]["x1"]) for best in data["flights"]) <= 0.27
     for place, policy in enumerate(data["policies"]):
-        flown = [each["policies"][place] for each in data["flights"]]
-        ratios = [each["over_best"] for each in flown if each["over_best"]]
+        flown = [best["policies"][place] for best in data["flights"]]
+        ratios = [row["over_best"] for row in flown if row["over_best"]]
         assert policy["median"] == pytest.approx(np.median(ratios))
         assert policy["worst"] == pytest.approx(max(ratios))
         assert min(ratios) >= 1.0
@@ -137,10 +137,10 @@ def test_flights_order_two_policies_opposite_to_their_linear_costs():
     point = hfa.trim(model, at=48.0)
     files = {name: str(EXAMPLES / "gtm_policy" / f"{name}.toml") for name in ("on_time", "late")}
     told = {name: hfa.assess(model, file, [point], samples=1) for name, file in files.items()}
-    linear = {name: each.points[0].cost.worst for name, each in told.items()}
+    linear = {name: assessment.points[0].cost.worst for name, assessment in told.items()}
     assert linear["on_time"] < linear["late"]
     assert told["on_time"].points[0].costs.offset_rate == pytest.approx(0.001, rel=0.1)
-    flown = {name: each.points[0].costs.ratios.median for name, each in told.items()}
+    flown = {name: assessment.points[0].costs.ratios.median for name, assessment in told.items()}
     assert flown["on_time"] > flown["late"] > 1.0
 
 

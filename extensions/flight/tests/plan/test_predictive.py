@@ -398,7 +398,7 @@ def test_a_copy_in_flight_flies_on_as_the_policy_does(law):
     for number, angle in enumerate((0.5, 0.48)):
         policy(number * policy.dt, [angle, -0.4])
     others = copy(policy), deepcopy(policy), pickle.loads(pickle.dumps(policy)), policy
-    flown = [[each(0.0, X).item() for X in ([0.46, -0.45], [0.43, -0.5])] for each in others]
+    flown = [[policy(0.0, X).item() for X in ([0.46, -0.45], [0.43, -0.5])] for policy in others]
     np.testing.assert_allclose(flown, [flown[0]] * 4, rtol=1e-9)
     sizes = []
     for number in range(200):
@@ -464,7 +464,7 @@ def test_laws_fly_and_are_compared_on_the_command_line(law, capsys):
     flown = json.loads(capsys.readouterr().out)
     assert main(["optimize", *words, "--initial", "angle=70"]) == 0
     compared = json.loads(capsys.readouterr().out)["policies"]
-    (of_law,) = [each for each in compared if each["policy"] == law]
+    (of_law,) = [row for row in compared if row["policy"] == law]
     assert 0.999 < of_law["over_best"] < 1.02
     assert of_law["cost"] == pytest.approx(flown["cost"] + flown["cost_to_go"], rel=5e-5)
     assert flown["policy"]["name"] == law

@@ -82,7 +82,7 @@ def test_a_policy_that_needs_no_filter_is_unchanged():
     """Inside all limits, the filtered policy flies the same states and inputs."""
     policy = GainPolicy("gain", np.array([[1.0, 1.0]]))
     kept = hfa.keep_inside(policy, DUFFING, AT_REST)
-    flights = [duffing_flight(each, {"position": 0.5}) for each in (policy, kept)]
+    flights = [duffing_flight(flown, {"position": 0.5}) for flown in (policy, kept)]
     np.testing.assert_allclose(flights[0].states, flights[1].states, atol=1e-6)
     np.testing.assert_allclose(flights[0].inputs, flights[1].inputs, atol=1e-6)
     assert flights[1].policy["changed_samples"] == 0
