@@ -438,28 +438,22 @@ def zeros_of(game: Game, *, in_rationals: bool) -> Zeros:
     states = states_without_cost(game)
     inputs, gains = ~game.B[~states].any(0), np.zeros(game.N.T.shape, dtype=bool)
     gains[:, states] = True
-    free = free_states(game) if in_rationals and not states.all() else None
-    if free is not None and free.states is not None:
-        units = np.eye(len(game.A))
-        basis = stacked_rationals([[rational(units[:, states]), free.states]])
-        states, inputs = _are_within(basis, units), _are_within(basis, game.B)
-        known = free.gains.transpose().tolist()
-        for pivot, column in zip(free.pivots, known, strict=True):
-            if states[pivot]:
-                gains[:, pivot] |= [entry == 0 for entry in column]
+    held = _states_held_without_cost(game) if in_rationals and not states.all() else None
+    if held is not None:
+        units = rational(np.eye(len(game.A)))
+        for i in np.flatnonzero(~states):
+            if _are_without_cost(unit := columns_of(units, [i]), held, game):
+                states = states | (np.arange(len(states)) == i)
+                gain = held.inputs * _rows(unit, held.pivots)
+                gains[:, i] = [entry == 0 for entry in gain.entries()]
+        within = [_are_without_cost(rational(column[:, None]), held, game) for column in game.B.T]
+        inputs = inputs | np.array(within)
     inputs = inputs & ~game.N.any(0)
     if not (game.R[np.ix_(inputs, ~inputs)].any() or game.R[np.ix_(~inputs, inputs)].any()):
         gains[inputs] = True
     if game.is_discrete:
         gains[:, ~(game.A.any(0) | game.N.any(1))] = True
     return Zeros(states, gains)
-
-
-def _are_within(basis: fmpq_mat, columns: np.ndarray) -> np.ndarray:
-    """Return which columns, (n, k), are in the span of a basis, (k,)."""
-    rank = basis.rank()
-    each = (stacked_rationals([[basis, rational(column[:, None])]]) for column in columns.T)
-    return np.array([extended.rank() == rank for extended in each])
 
 
 def disturbance_costs_nothing(game: Game, K: np.ndarray | None = None) -> bool:
@@ -476,16 +470,23 @@ def disturbance_costs_nothing(game: Game, K: np.ndarray | None = None) -> bool:
     E = rational(game.E)
     if not game.N.any() and any(entry != 0 for entry in (rational(game.Q) * E).entries()):
         return False
-    found = _states_held_without_cost(game)
-    if found is None:
+    held = _states_held_without_cost(game)
+    return held is not None and _are_without_cost(E, held, game)
+
+
+def _are_without_cost(columns: fmpq_mat, held: _StatesHeldWithoutCost, game: Game) -> bool:
+    """Return whether columns are proved to be states without optimal cost.
+
+    columns: (n, k)
+    held: of the game
+    """
+    coordinates = _rows(columns, held.pivots)
+    if held.states * coordinates != columns:
         return False
-    E_in_states = _rows(E, found.pivots)
-    if found.states * E_in_states != E:
-        return False
-    # What E moves is the least subspace that contains E and that the loop maps into itself.
-    moved, pivots = _column_echelon(E_in_states)
+    # What they move is the least subspace that contains them and that the loop maps into itself.
+    moved, pivots = _column_echelon(coordinates)
     while True:
-        following = found.loop * moved
+        following = held.loop * moved
         wider, wider_pivots = _column_echelon(stacked_rationals([[moved, following]]))
         if wider.ncols() == moved.ncols():
             break
