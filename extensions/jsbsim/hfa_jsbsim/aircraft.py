@@ -315,7 +315,7 @@ class Equations:
                 self.properties.define_initial(full_name, place)
         self.properties.define("inertia/empty-weight-lbs", self.parts.empty.weight)
         for name in OF_MASS:
-            self._define_lazily(name, partial(self._mass_property, name))
+            self._define_lazily(name, lambda name=name: mass_properties(self.mass)[name])
         self._define_lazily("aero/h_b-mac-ft", self._reference_height)
 
     def _define_tanks(self) -> None:
@@ -338,10 +338,6 @@ class Equations:
                 if tank.kind == kind:
                     total += self.parameters[f"tank{number}"]
             self.properties.define(f"propulsion/{name}", total)
-
-    def _mass_property(self, name: str) -> Any:
-        """Return the mass property with this name."""
-        return mass_properties(self.mass)[name]
 
     def _define_lazily(self, name: str, compute: Callable[[], Any]) -> None:
         """Define a property by a function that is called when the property is first read."""
@@ -572,18 +568,18 @@ class Equations:
         Raises BadInputError if they depend on it in steady flight.
         """
         rates = ca.vertcat(*self.rates.values())
-        if not ca.depends_on(rates, self._time):
-            self._substitute(self._time, ca.SX(0.0))
-            return
-        symbols = [*self.states.values(), *(each.symbol for each in self.inputs.values())]
-        symbols += [*self.parameters.values(), *self.gusts.values()]
-        if depends_on_time(rates, self._time, symbols):
-            raise BadInputError(
-                f"{self.parts.path}: the rates depend on simulation/sim-time-sec, which is not "
-                "supported; remove this property"
+        if ca.depends_on(rates, self._time):
+            symbols = [*self.states.values(), *(given.symbol for given in self.inputs.values())]
+            symbols += [*self.parameters.values(), *self.gusts.values()]
+            if depends_on_time(rates, self._time, symbols):
+                raise BadInputError(
+                    f"{self.parts.path}: the rates depend on simulation/sim-time-sec, which is not "
+                    "supported; remove this property"
+                )
+            statement = (
+                "simulation/sim-time-sec is always 0, but forces depend on it at some states"
             )
-        statement = "simulation/sim-time-sec is always 0, but forces depend on it at some states"
-        self.notes.append(Note(statement))
+            self.notes.append(Note(statement))
         self._substitute(self._time, ca.SX(0.0))
 
     def _substitute(self, symbol: ca.SX, value: ca.SX) -> None:
