@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.features import basis_of, symbols_for
-from controller.critic.network.declared import NOTHING, Stated
+from controller.critic.network.declared import NOTHING, Declared
 from controller.game.basis import Basis, bases_of_size, monomials, q_extremum
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike
@@ -80,7 +80,7 @@ class Critic(Reported):
     has_weights: bool = False
     is_discrete: bool | None = None
     has_kink: bool = False
-    stated: Stated = NOTHING
+    stated: Declared = NOTHING
 
     @property
     def is_quadratic(self) -> bool:

@@ -279,9 +279,9 @@ def _other_game(entries: Mapping[str, Any], game: Game, scales: FileScales) -> I
         names, units = getattr(game.names, f"{signal}s"), getattr(game.names, f"{signal}_units")
         of_file = words(entries, f"{signal}_units")
         converted = [
-            f"{name} from {stated} to {unit}"
-            for name, stated, unit in zip(names, of_file, units, strict=False)
-            if stated and unit and stated != unit
+            f"{name} from {unit_of_file} to {unit}"
+            for name, unit_of_file, unit in zip(names, of_file, units, strict=False)
+            if unit_of_file and unit and unit_of_file != unit
         ]
         if converted:
             yield f"converted {', '.join(converted)}"
@@ -487,12 +487,7 @@ def policy_in(entries: Mapping[str, Any], plant: PlantNames) -> ca.Function | No
     """
     if "policy_weights" not in entries:
         return None
-    weights = checked_matrix(
-        "policy_weights",
-        numbers_in("policy_weights", entries["policy_weights"]),
-        LARGEST_CRITIC_ENTRY,
-        2,
-    )
+    weights = checked_matrix("policy_weights", entries["policy_weights"], LARGEST_CRITIC_ENTRY)
     if len(weights) != len(plant.inputs):
         raise BadInputError(
             f"policy_weights has {len(weights)} rows; give one for each of the "

@@ -362,7 +362,8 @@ def game_of_data(
     with prefix_errors(name):
         if "u" not in entries:
             raise BadInputError(f"there is no u{found_in(entries)}; add it")
-        n, m = ((*np.shape(entries[key])[1:], 1)[-2:][0] for key in "xu")
+        shapes = np.shape(entries["x"]), np.shape(entries["u"])
+        n, m = (shape[-1] if len(shape) > 1 else 1 for shape in shapes)
         is_continuous = "x_rate" in entries or words(entries, "time") == ("continuous",)
         dt = None if is_continuous else sample_time(entries) or True
         named = {key: words(entries, key) for key in NAME_KEYS}

@@ -441,7 +441,7 @@ def zeros_of(game: Game, *, in_rationals: bool) -> Zeros:
     held = _states_held_without_cost(game) if in_rationals and not states.all() else None
     if held is not None:
         units = rational(np.eye(len(game.A)))
-        for i in np.flatnonzero(~states):
+        for i in np.flatnonzero(~states).tolist():
             if _are_without_cost(unit := columns_of(units, [i]), held, game):
                 states = states | (np.arange(len(states)) == i)
                 gain = held.inputs * _rows(unit, held.pivots)

@@ -433,7 +433,7 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     imaginary = _crossings(lambda values: np.real(values) + 0.5, locus, grid, seen)
     at_zero, at_infinity = seen[grid == 0.0].real, below.D.ravel()
     real_values = np.concatenate([at_zero, real.values.real, at_infinity])
-    real_values = real_values[~_is_lost(real_values, seen)]
+    real_values = real_values[~_is_rounding(real_values, seen)]
     frequencies = only.rate(imaginary.frequencies)
     # With M = S - I/2, a factor f on the loop reaches -1 where f = (M + 1/2) / (M - 1/2).
     gains = (real_values + 1.0) / real_values
@@ -480,7 +480,7 @@ def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
     return unit * np.abs(zeros[np.isfinite(zeros)].imag)
 
 
-def _is_lost(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _is_rounding(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """Return whether the loop gain is 0 or infinite up to rounding at values of M - 1/2.
 
     seen: M - 1/2 at the grid
@@ -509,10 +509,10 @@ def _crossings(
     seen: M - 1/2 at the grid, (N,)
     """
     # If l is 0 or infinite up to rounding, rounding changes the sign of Im M.
-    is_lost = _is_lost(seen, seen)
+    is_rounding = _is_rounding(seen, seen)
     is_positive = part(seen) > 0.0
     changes = is_positive[1:] != is_positive[:-1]
-    (where,) = np.nonzero(changes & ~(is_lost[1:] & is_lost[:-1]))
+    (where,) = np.nonzero(changes & ~(is_rounding[1:] & is_rounding[:-1]))
     low, high = grid[where], grid[where + 1]
     M_low, M_high = seen[where], seen[where + 1]
     last_secant = low

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.critic.network.declared import ActionBox, Normalizer, Stated, notes_on_statistics
+from controller.critic.network.declared import ActionBox, Declared, Normalizer, notes_on_statistics
 from controller.critic.network.layers import activation_named, has_word, is_deviation, is_of_critic
 from controller.critic.network.tensors import (
     Inert,
@@ -176,7 +176,7 @@ LAYOUTS = (
 )
 
 
-def checkpoint_of(tensors: Tensors) -> tuple[dict[str, np.ndarray], Stated] | None:
+def checkpoint_of(tensors: Tensors) -> tuple[dict[str, np.ndarray], Declared] | None:
     """Return the tensors that no normalizer and box uses, and what a checkpoint states.
 
     The result is None for a file of no known layout.
@@ -188,7 +188,7 @@ def checkpoint_of(tensors: Tensors) -> tuple[dict[str, np.ndarray], Stated] | No
         normalizer, notes, used = _normalizer(layout.running, tensors)
         used += _of_box(root) if layout.has_box else ()
         others = {name: array for name, array in tensors.items() if name not in used}
-        return others, Stated(
+        return others, Declared(
             layout.algorithm,
             words_in(layout.words.replace("{}", root), tensors),
             layout.activation,
@@ -302,7 +302,7 @@ def is_stable_baselines(path: Path) -> bool:
         return False
 
 
-def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Stated]:
+def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Declared]:
     """Return the tensors of a zip of Stable-Baselines3, and what it states of its policy.
 
     Raises BadInputError for a policy that is no feed-forward network of a vector.
@@ -318,7 +318,7 @@ def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Stated]:
     return tensors, _declared_in(data, doubles)
 
 
-def _declared_in(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Stated:
+def _declared_in(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Declared:
     """Return what the member `data` of a zip states of the policy with these tensors."""
     actions = _stored_box(data, "action_space", "actions")
     settings = _settings_of(data)
@@ -326,7 +326,7 @@ def _declared_in(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> 
     observations = _stored_box(data, "observation_space", "observations")
     activation = settings.get("activation_fn")
     class_of_activation = str(getattr(activation, "made_of", activation)).rpartition(".")[2]
-    return Stated(
+    return Declared(
         algorithm=_algorithm(of_class, data, settings),
         network=words_in(of_class.words, tensors),
         activation=(

@@ -182,16 +182,16 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
         origin = f"{origin}, its one output read as the policy u, not V"
     z = symbols_for(functions.values(), n)
     outputs = _outputs_by_kind(functions, kinds, ca.DM(scales) * z)
-    stated = stored.stated
+    declared = stored.declared
     # The policy of a Q minimizes over u: it is the action already.
-    if str(stated.action) and "policy" in outputs and not of_q_functions:
-        outputs["policy"] = stated.action.of(outputs["policy"])
-        origin = f"{origin}, {stated.action}"
-    notes = stated.notes
-    if stated.observations not in ((), game.names.states):
-        notes += (f"observations {', '.join(stated.observations)}, taken as the states",)
+    if str(declared.action) and "policy" in outputs and not of_q_functions:
+        outputs["policy"] = declared.action.of(outputs["policy"])
+        origin = f"{origin}, {declared.action}"
+    notes = declared.notes
+    if declared.observations not in ((), game.names.states):
+        notes += (f"observations {', '.join(declared.observations)}, taken as the states",)
     critic = from_functions(game, z, outputs, origin, stored.precision)
-    return replace(critic, stated=stated._replace(notes=notes))
+    return replace(critic, stated=declared._replace(notes=notes))
 
 
 def _outputs_by_kind(
@@ -241,7 +241,7 @@ def _on_basis(
         z = symbols_for([psi], len(scales))
         psi = ca.Function("basis", [z], [psi(ca.DM(scales) * z)])
     critic = from_weights(game, weights, psi, float(layer.bias[0]), stored.precision)
-    return replace(critic, origin=origin, is_layer=True, stated=stored.stated)
+    return replace(critic, origin=origin, is_layer=True, stated=stored.declared)
 
 
 def is_taken_as_policy(name: str, size: int, m: int) -> bool:

@@ -109,7 +109,7 @@ class ActionBox(NamedTuple):
         return f"{words[self.squash]} {box}"
 
 
-class Stated(NamedTuple):
+class Declared(NamedTuple):
     """What the file of a policy says besides its numbers.
 
     algorithm: such as "PPO", or "" if the file does not state it
@@ -146,4 +146,4 @@ def notes_on_statistics(mean: np.ndarray, spread: np.ndarray) -> tuple[str, ...]
 
 
 #: Of a file that states nothing.
-NOTHING = Stated()
+NOTHING = Declared()

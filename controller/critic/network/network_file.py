@@ -2,11 +2,11 @@
 
 1. A file contains an ONNX graph (`onnx_graph`), or tensors by name, in one of several containers
    (`tensors`). No code in a file is executed.
-2. What it says besides its numbers is `Stated` (`declared`): the algorithm, the activation, the way
-   from the network's output to the action (squash, clip, box), the normalizer. Zips of
+2. What it says besides its numbers is `Declared` (`declared`): the algorithm, the activation, the
+   way from the network's output to the action (squash, clip, box), the normalizer. Zips of
    Stable-Baselines3 and checkpoints of known layouts (`checkpoints`) declare it.
 3. What is judged are functions of the network's inputs: the layers that the file states or the user
-   names (`layers`), with their activations. `Stated.action` is a part of each policy.
+   names (`layers`), with their activations. `Declared.action` is a part of each policy.
 
 `network_in` does the three steps, for the critics of `hfa verify` (`critic`) and for the policies
 of deployment files. Arithmetic is in double precision, whatever the precision of the file.
@@ -24,7 +24,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.network.checkpoints import checkpoint_of, is_stable_baselines, read_zip
-from controller.critic.network.declared import NOTHING, Stated
+from controller.critic.network.declared import NOTHING, Declared
 from controller.critic.network.layers import (
     ACTIVATIONS,
     Layer,
@@ -136,10 +136,10 @@ class NetworkFile:
     """Network in a file: its functions, and what the file states.
 
     functions: requested kind, or name of an output -> function from x (n,) to the output (k,), for
-        a policy before `stated.action`
+        a policy before `declared.action`
     chain: the operations in their order, such as "6 -> tanh 64 -> 1"
     precision: lowest precision of the weights in the file, such as "float32"
-    stated: what the file states besides its numbers
+    declared: what the file states besides its numbers
     on_basis: single layer whose inputs are the functions of the basis, or None. With such a layer,
         `functions` is empty
     rows: versions of `functions` that are faster for many rows
@@ -148,7 +148,7 @@ class NetworkFile:
     functions: dict[str, ca.Function]
     chain: str
     precision: str = "float64"
-    stated: Stated = NOTHING
+    declared: Declared = NOTHING
     on_basis: Layer | None = None
     rows: Mapping[str, RowNetwork] = field(default_factory=dict)
 
@@ -186,7 +186,7 @@ class _Contents(NamedTuple):
 
     tensors: Mapping[str, np.ndarray]
     is_ordered: bool
-    stated: Stated = NOTHING
+    declared: Declared = NOTHING
     activations: Mapping[str, str] | None = None
 
 
@@ -224,15 +224,17 @@ def _of_graph(path: Path, asked: Asked, parts: Mapping[str, str]) -> NetworkFile
     if asked.activation is not None:
         raise BadInputError("an ONNX file already contains the activations; remove activation")
     graph = graph_functions(path, asked.states, asked.inputs, parts)
-    return NetworkFile(graph.functions, graph.operators, graph.precision, Stated(notes=graph.notes))
+    return NetworkFile(
+        graph.functions, graph.operators, graph.precision, Declared(notes=graph.notes)
+    )
 
 
 def _in_file(path: Path) -> _Contents:
     """Return the tensors in a file, and what it states."""
     suffix = path.suffix.lower()
     if suffix == ".zip" and is_stable_baselines(path):
-        tensors, stated = read_zip(path)
-        return _Contents(tensors, is_ordered=True, stated=stated)
+        tensors, declared = read_zip(path)
+        return _Contents(tensors, is_ordered=True, declared=declared)
     stored = stored_in(regular_file(path).read_bytes(), suffix)
     return _contents(stored, is_ordered=suffix in ORDERED)
 
@@ -257,8 +259,8 @@ def _contents(stored: Any, *, is_ordered: bool) -> _Contents:
     found = flattened(stored)
     flat = without_training(_as_layers(found))
     is_ordered = is_ordered and not any(name.endswith("kernel") for name in found)
-    tensors, stated = checkpoint_of(flat) or (flat, NOTHING)
-    return _Contents(tensors, is_ordered, stated)
+    tensors, declared = checkpoint_of(flat) or (flat, NOTHING)
+    return _Contents(tensors, is_ordered, declared)
 
 
 def _as_layers(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -274,17 +276,17 @@ def _as_layers(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> NetworkFile:
     """Return the requested networks of linear layers among tensors."""
-    stated = contents.stated
+    declared = contents.declared
     if asked.of_states:
-        refuse_normalizer(stated)
+        refuse_normalizer(declared)
     tensors, precision = checked_tensors(without_training(contents.tensors))
     if any(has_word(name, "logits") for name in tensors) and not any(parts.values()):
         raise BadInputError(
             "the policy chooses one of several discrete actions (logits), and is no input u(x); "
             "train a policy with continuous actions, or name another network by --network"
         )
-    if stated.network:
-        parts = _with_policy(parts, stated.network)
+    if declared.network:
+        parts = _with_policy(parts, declared.network)
     words = "+".join(filter(None, parts.values()))
 
     def check(kind: str, layers: list[Layer], is_named: bool) -> None:
@@ -294,7 +296,7 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
             return
         check_width(layers[0].inputs, asked.states, 0 if kind == "policy" else asked.inputs)
         # Nothing acts on layers that are named, or on the observations of a zip.
-        if not is_named and stated.inputs != layers[0].inputs:
+        if not is_named and declared.inputs != layers[0].inputs:
             of_network = {layer.name for layer in layers}
             others = {
                 name: array
@@ -307,24 +309,24 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         kind: layers_of(tensors, kind, part, contents.is_ordered, partial(check, kind), asked.sizes)
         for kind, part in parts.items()
     }
-    if stated.has_mean and "policy" in networks:
+    if declared.has_mean and "policy" in networks:
         networks["policy"], note = _of_mean(networks["policy"])
-        stated = stated._replace(notes=(*stated.notes, note))
-    stated = _with_note_on_unread(stated, tensors, networks)
+        declared = declared._replace(notes=(*declared.notes, note))
+    declared = _with_note_on_unread(declared, tensors, networks)
     on_basis = _layer_on_basis(networks, asked)
     if on_basis is not None:
         chain = f"{asked.basis_size} functions -> 1"
-        return NetworkFile({}, chain, precision, stated, on_basis)
+        return NetworkFile({}, chain, precision, declared, on_basis)
     functions: dict[str, ca.Function] = {}
     rows: dict[str, RowNetwork] = {}
-    chains = [stated.algorithm] if stated.algorithm else []
+    chains = [declared.algorithm] if declared.algorithm else []
     for kind, layers in networks.items():
         layers = _with_activations(layers, contents, asked.activation)
         functions[kind], of_rows = _composed(layers)
         chains.append(_description(kind, layers))
         if of_rows is not None:
             rows[kind] = of_rows
-    return NetworkFile(functions, "; ".join(chains), precision, stated, rows=rows)
+    return NetworkFile(functions, "; ".join(chains), precision, declared, rows=rows)
 
 
 def _of_mean(layers: list[Layer]) -> tuple[list[Layer], str]:
@@ -336,25 +338,25 @@ def _of_mean(layers: list[Layer]) -> tuple[list[Layer], str]:
 
 
 def _with_note_on_unread(
-    stated: Stated, tensors: Mapping[str, np.ndarray], networks: Mapping[str, list[Layer]]
-) -> Stated:
+    declared: Declared, tensors: Mapping[str, np.ndarray], networks: Mapping[str, list[Layer]]
+) -> Declared:
     """Return what a file states, with a note on the tensors that no network uses."""
     used = {layer.name for layers in networks.values() for layer in layers}
     unused = [name for name in tensors if _layer(name) not in used]
     if not unused:
-        return stated
+        return declared
     names = shortened(", ".join(roots(unused)), 200)
-    return stated._replace(notes=(*stated.notes, f"not used: {names}"))
+    return declared._replace(notes=(*declared.notes, f"not used: {names}"))
 
 
-def refuse_normalizer(stated: Stated) -> None:
+def refuse_normalizer(declared: Declared) -> None:
     """Raise BadInputError if the policy of a file acts on normalized observations."""
-    if stated.normalizer is not None:
+    if declared.normalizer is not None:
         raise BadInputError(
-            f"the file normalizes {stated.normalizer.mean.size} observations of its training, "
+            f"the file normalizes {declared.normalizer.mean.size} observations of its training, "
             f"which are not the deviations of the states; {_DEPLOYMENT} file"
         )
-    if stated.is_normalized:
+    if declared.is_normalized:
         raise BadInputError(
             "the policy was trained behind a VecNormalize, which the zip file does not contain; "
             f'{_DEPLOYMENT} file, with normalizer = "vecnormalize.pkl" in its [policy]'
@@ -424,7 +426,7 @@ def _with_activations(
         ]
     between, _, last = (activation or "").partition(",")
     between, last = (activation_named(name) if name else "" for name in (between, last))
-    of_file = contents.stated.activation
+    of_file = contents.declared.activation
     if of_file is not None:
         if activation is not None and (between, last) != (of_file, ""):
             raise BadInputError(

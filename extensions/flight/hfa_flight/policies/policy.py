@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import casadi as ca
 import numpy as np
 
-from controller.critic.network.declared import NOTHING, Stated
+from controller.critic.network.declared import NOTHING, Declared
 from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
@@ -176,7 +176,7 @@ class FunctionPolicy(Policy):
     function: ca.Function
     lowest: np.ndarray
     highest: np.ndarray
-    stated: Stated = NOTHING
+    stated: Declared = NOTHING
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs π(z), (m,), clipped to the limits."""
@@ -219,7 +219,7 @@ class FunctionPolicy(Policy):
 
 
 def function_policy(
-    name: str, function: ca.Function, point: OperatingPoint, stated: Stated = NOTHING
+    name: str, function: ca.Function, point: OperatingPoint, stated: Declared = NOTHING
 ) -> FunctionPolicy:
     """Return the policy π(z) about a trim, saturated at the control limits of the model.
 

@@ -317,7 +317,7 @@ def test_the_normalizer_in_a_checkpoint_is_that_of_its_library(library):
     for numbers in (np.array([4.0, 0.25, 9.0]), np.ones(3)):
         of_normalizer = {mean: numbers - 1.0, spread: numbers}
         path = torch_file("a.pt", tensors | of_normalizer)
-        found = network_in(path, Asked(3, "policy=", "tanh", sizes=(2,))).stated
+        found = network_in(path, Asked(3, "policy=", "tanh", sizes=(2,))).declared
         assert found.normalizer.mean == pytest.approx(numbers - 1.0)
         assert found.normalizer.deviation == pytest.approx(divisor(numbers), rel=1e-12)
         assert ("saw no data" in " ".join(found.notes)) == (numbers[0] == 1.0)

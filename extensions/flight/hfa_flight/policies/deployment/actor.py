@@ -16,8 +16,8 @@ from controller.critic.network.declared import (
     NOTHING,
     SUFFIXES,
     ActionBox,
+    Declared,
     Normalizer,
-    Stated,
     notes_on_statistics,
 )
 from controller.critic.network.layers import RowNetwork
@@ -42,7 +42,7 @@ class Actor:
 
     function: ca.Function
     chain: str
-    stated: Stated = NOTHING
+    stated: Declared = NOTHING
     rows: RowNetwork | None = None
     of_gain: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -83,7 +83,7 @@ def read_actor(wanted: Wanted) -> Actor:
         )
     ((name, function),) = stored.functions.items()
     _refuse_sizes(function, origin, wanted)
-    stated = stored.stated
+    stated = stored.declared
     with prefix_errors(origin):
         action = _action(stated.action, wanted)
     normalizer, notes = _normalizer(stated, wanted)
@@ -181,7 +181,7 @@ def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
     return action
 
 
-def _normalizer(stated: Stated, wanted: Wanted) -> tuple[Normalizer | None, tuple[str, ...]]:
+def _normalizer(stated: Declared, wanted: Wanted) -> tuple[Normalizer | None, tuple[str, ...]]:
     """Return the normalizer of the file or the deployment, and notes on contradictions.
 
     Raises BadInputError if both have one, or if its size is not that of the observations.
