@@ -148,7 +148,7 @@ class Rows:
 Over = Callable[[History], np.ndarray]
 
 
-def march(
+def simulate_batch(
     loop: Loop,
     ticks: int,
     *,
@@ -309,7 +309,7 @@ OF_EXPANSION = 1e-2
 OF_EXACT = 2.0
 
 
-class Outcome(StrEnum):
+class FlightOutcome(StrEnum):
     """Outcome of a flight."""
 
     CONVERGED = "converges"

@@ -23,8 +23,8 @@ from hfa_aircraft.readers.matrices_file import (
     NAME_ALIASES,
     NAME_KEYS,
     FileScales,
+    entries_found,
     file_scales,
-    found_in,
     is_discrete,
     one_number,
     sample_time,
@@ -517,7 +517,7 @@ def single_parts(
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts:
         raise BadInputError(
-            f"the file contains no W, P or K; add one of these matrices{found_in(entries)}"
+            f"the file contains no W, P or K; add one of these matrices{entries_found(entries)}"
         )
     for name, values in parts.items():
         if name == "K" and values.ndim == 3:

@@ -19,7 +19,7 @@ from hfa_aircraft.batch_simulation import (
     History,
     Rows,
     has_decayed,
-    march,
+    simulate_batch,
 )
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction
@@ -112,7 +112,7 @@ def flown_until_decayed(
     starts = np.column_stack([z0, np.zeros(len(z0))])
     loop = Rows(lambda w: rates(w[:, :-1])[0], starts, step, TESTED)
     with np.errstate(all="ignore"):
-        flown, _ = march(loop, ticks, over=over, keep=False)
+        flown, _ = simulate_batch(loop, ticks, over=over, keep=False)
         final = flown.states[:, 0]
         return final, has_decayed(quadratic_forms(final[:, :-1], P), initial, OF_EXPANSION)
 

@@ -13,7 +13,7 @@ import numpy as np
 from controller.critic.training_run import Excitation
 from controller.game.linear_game import weights_of_sizes
 from controller.game.zero_sum import Game
-from hfa_aircraft.readers.matrices_file import NAME_KEYS, found_in, sample_time, words
+from hfa_aircraft.readers.matrices_file import NAME_KEYS, entries_found, sample_time, words
 from hfa_aircraft.signals import UNNAMED, PlantNames
 from hfa_support.arrays.read import Label, columns_of, read_arrays
 from hfa_support.errors import (
@@ -294,7 +294,7 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
         what = ", ".join((*names.states, *names.inputs)) or "alpha, alpha_next, elevator"
         raise BadInputError(
             f"the data have neither x and u nor columns of all states and inputs ({what})"
-            f"{found_in(entries)}; name the columns so, with units as in alpha [deg], or "
+            f"{entries_found(entries)}; name the columns so, with units as in alpha [deg], or "
             "give a plant that names them"
         )
     matrices: dict[str, Any] = {key: columns[key] for key in _OTHERS if key in columns}
@@ -361,7 +361,7 @@ def game_of_data(
     name, entries = next(iter(matrices_in(data, UNNAMED).items()))
     with prefix_errors(name):
         if "u" not in entries:
-            raise BadInputError(f"there is no u{found_in(entries)}; add it")
+            raise BadInputError(f"there is no u{entries_found(entries)}; add it")
         shapes = np.shape(entries["x"]), np.shape(entries["u"])
         n, m = (shape[-1] if len(shape) > 1 else 1 for shape in shapes)
         is_continuous = "x_rate" in entries or words(entries, "time") == ("continuous",)
@@ -430,7 +430,7 @@ class _Source:
     def _matrix(self, key: str, columns: int) -> np.ndarray:
         """Return a matrix (N, columns) of finite numbers, of episodes (e, N, columns) too."""
         if key not in self.entries:
-            raise BadInputError(f"there is no {key}{found_in(self.entries)}; add it")
+            raise BadInputError(f"there is no {key}{entries_found(self.entries)}; add it")
         values = checked_matrix(key, self.entries[key], LARGEST, None)
         if values.ndim < 2:
             values = values.reshape(-1, 1)

@@ -450,10 +450,10 @@ def reference_of(texts: Mapping[str, str], named: NamedGame) -> dict[str, Wavefo
     if named.linear is None:
         raise BadInputError("--reference requires an aircraft; remove --model")
     named.game.refuse_steps("--reference")
-    return signals_of(texts, named.linear.model)
+    return deviation_signals(texts, named.linear.model)
 
 
-def signals_of(texts: Mapping[str, str], model: Model) -> dict[str, Waveform]:
+def deviation_signals(texts: Mapping[str, str], model: Model) -> dict[str, Waveform]:
     """Return state -> signal of its deviation from the trim, in the units of the model."""
     return each_of("--reference", model, texts, _signal)
 

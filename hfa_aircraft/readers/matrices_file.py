@@ -28,7 +28,7 @@ NAME_ALIASES = {
 }
 
 
-def found_in(stored: Mapping[str, Any]) -> str:
+def entries_found(stored: Mapping[str, Any]) -> str:
     """Return the end of an error message with the names of all entries of a file.
 
     The text is " (found: A, B)", or " (the file is empty)".
@@ -278,7 +278,7 @@ def plant_matrices(stored: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     for key in ("A", "B"):
         if key not in stored:
             beside = "give A and B in one file, or in A.csv and B.csv"
-            raise BadInputError(f"there is no {key}; {beside}{found_in(stored)}")
+            raise BadInputError(f"there is no {key}; {beside}{entries_found(stored)}")
     A = checked_matrix("A", stored["A"], LARGEST)
     B = checked_matrix("B", stored["B"], LARGEST)
     n = len(A)

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 
-class Cell(NamedTuple):
-    """Cell between two breakpoints in which an argument of a table lies.
+class Interval(NamedTuple):
+    """Interval between two breakpoints in which an argument of a table lies.
 
     indicator: 1 for the cell and 0 for all others, (n - 1,)
     offset: argument, limited to the range of the breakpoints, minus `_middle` of them
@@ -34,7 +34,7 @@ class Interpolator:
 
     def __init__(self) -> None:
         #: (hash of an argument, breakpoints) -> its cell, and the argument, which keeps its hash.
-        self._cells: dict[tuple[int, bytes], tuple[Cell, ca.SX]] = {}
+        self._cells: dict[tuple[int, bytes], tuple[Interval, ca.SX]] = {}
 
     def __call__(
         self, values: np.ndarray, breakpoints: Sequence[np.ndarray], arguments: Sequence[Any]
@@ -58,7 +58,7 @@ class Interpolator:
         ]
         return _value_of_lines(ca.SX(ca.DM(lines.ravel())), cells)
 
-    def cell(self, argument: ca.SX, points: np.ndarray) -> Cell:
+    def cell(self, argument: ca.SX, points: np.ndarray) -> Interval:
         """Return the cell of an argument.
 
         points: breakpoints, (n,)
@@ -68,7 +68,7 @@ class Interpolator:
             inside = ca.fmin(ca.fmax(argument, points[0]), points[-1])
             above = argument >= ca.SX(ca.DM(points[1:-1]))
             indicator = ca.vertcat(1, above) - ca.vertcat(above, 0)
-            self._cells[key] = Cell(indicator, inside - _middle(points)), argument
+            self._cells[key] = Interval(indicator, inside - _middle(points)), argument
         cell, _ = self._cells[key]
         return cell
 
@@ -94,7 +94,7 @@ def _middle(points: np.ndarray) -> float:
     return float(points[len(points) // 2])
 
 
-def _value_of_lines(lines: ca.SX, cells: Sequence[Cell]) -> ca.SX:
+def _value_of_lines(lines: ca.SX, cells: Sequence[Interval]) -> ca.SX:
     """Return the interpolated value of a table, given as a flat array (2, n1 - 1, 2, n2 - 1, ...).
 
     Levels and slopes along the first argument are themselves tables of the other arguments.

@@ -63,7 +63,7 @@ class MeanSlopes(NamedTuple):
     notes: dict[int, tuple[str, ...]]
 
 
-def mean_at_kinks(
+def means_at_nonsmooth_points(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, A: np.ndarray, B: np.ndarray
 ) -> MeanSlopes:
     """Return A and B at N points, with the mean slope of both sides in each entry at a kink.
@@ -114,7 +114,7 @@ def linearization_at(
     x, u = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
     exact = model.at(x, u, outputs, disturbances)
     A, B = exact.A[None], exact.B[None]
-    found = mean_at_kinks(model, x[None], u[None], model.p[None], A, B)
+    found = means_at_nonsmooth_points(model, x[None], u[None], model.p[None], A, B)
     if not found.notes:
         return exact, ()
     return exact._replace(A=found.A[0], B=found.B[0]), found.notes[0]
@@ -135,7 +135,7 @@ def near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> 
     u: (N, m), inputs
     p: (N, k), parameters
     """
-    steps = steps_of(model)
+    steps = difference_steps(model)
     switches = _switches(model.layout, steps)
     if switches is None:
         if not _calls_functions(model.layout):
@@ -153,7 +153,7 @@ def near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> 
 
 
 @lru_cache(maxsize=16)
-def steps_of(model: Model) -> tuple[float, ...]:
+def difference_steps(model: Model) -> tuple[float, ...]:
     """Return the finite-difference step of each state and input."""
     signals = (*model.states.values(), *model.inputs.values())
     return tuple(STEP * signal.nominal for signal in signals)
@@ -261,7 +261,7 @@ def _mean_along(
     """
     name, signal = [*model.states.items(), *model.inputs.items()][column]
     rate_scales = _rate_scales(model)
-    step = _BESIDE * steps_of(model)[column]
+    step = _BESIDE * difference_steps(model)[column]
     below = _side(model, z, p, column, -step)
     above = _side(model, z, p, column, step)
     changes = below.changes + above.changes

@@ -40,7 +40,7 @@ class Scaled(NamedTuple):
     scale: float
 
 
-class Row(NamedTuple):
+class TrimEquation(NamedTuple):
     """Equation of a trim: (rate of a state, or output, minus its imposed value) / scale = 0.
 
     name: state or output
@@ -69,13 +69,13 @@ class Structure(NamedTuple):
     layout: Layout
     given: tuple[str, ...]
     unknowns: tuple[Scaled, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[TrimEquation, ...]
     watched: tuple[Scaled, ...]
     zero: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
+class TrimEquations:
     """Equations r(z, c) = 0 of a trim as CasADi expressions in scaled units, and as functions of
     rows.
 
@@ -97,7 +97,7 @@ class Equations:
     layout: Layout
     scaled_unknowns: tuple[Scaled, ...]
     idle: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[TrimEquation, ...]
     affected_count: int
     constants: tuple[str, ...]
     z: ca.SX
@@ -164,7 +164,7 @@ class Equations:
 
 
 @lru_cache(maxsize=32)
-def step_rows(equations: Equations, steps: int) -> RowFunction:
+def step_rows(equations: TrimEquations, steps: int) -> RowFunction:
     """Return a function of rows (z, c) that takes full Newton steps from the unknowns z.
 
     The function returns z after the steps, and 1 if z has converged, otherwise 0. A point has
@@ -227,10 +227,10 @@ def _structure(
         rate = f"{name}_dot"
         if name in is_nonzero_rate or rate in varied:
             has_value = rate in varied or is_nonzero_rate[name]
-            rows.append(Row(name, True, rate if has_value else "", model.rate_scale(name)))
+            rows.append(TrimEquation(name, True, rate if has_value else "", model.rate_scale(name)))
     for name in dependent:
         if name in held:
-            rows.append(Row(name, False, name, model.signals[name].nominal))
+            rows.append(TrimEquation(name, False, name, model.signals[name].nominal))
     given = {*varied, *(row.imposed for row in rows)}
     given.update(name for name, is_nonzero in imposed if is_nonzero or name in model.outputs)
     free = [name for name in model.variables if name not in held]
@@ -311,7 +311,7 @@ def _dependence(jacobian: ca.SX) -> _Dependence:
 
 
 @lru_cache(maxsize=16)
-def equations(structure: Structure) -> Equations:
+def equations(structure: Structure) -> TrimEquations:
     """Return the equations of a trim as CasADi expressions.
 
     The free variables that are in an equation become the unknowns z, divided by their scales.
@@ -336,7 +336,7 @@ def equations(structure: Structure) -> Equations:
     parts = [e.x, e.u, e.y, in_order, ca.densify(jacobian) @ ca.diag(scales)]
     x, u, y, residual, jacobian_of_z = ca.substitute(parts, [sought], [z * scales])
     is_square = bool(active) and len(affected) == len(active)
-    return Equations(
+    return TrimEquations(
         layout=structure.layout,
         scaled_unknowns=scaled_unknowns,
         idle=idle,
@@ -577,7 +577,7 @@ class _ScaledLimits(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _scaled_limits(limits: Limits, equations: Equations) -> _ScaledLimits:
+def _scaled_limits(limits: Limits, equations: TrimEquations) -> _ScaledLimits:
     """Return the limits of the unknowns in scaled units, and 90 deg for angles without limits or
     with assumed ones, inf for other unknowns.
     """

@@ -40,7 +40,7 @@ from trim.sweeps.points import (
     model_at,
     parameters_at,
 )
-from trim.sweeps.sweep_plan import SweepPlan, arrays_of, at_limit, labels_of, limited
+from trim.sweeps.sweep_plan import SweepPlan, arrays_of, at_limit, coordinates_of, limited
 from trim.tables import draw_curves, eigenvalue_headings, entry_headings, write_netcdf
 
 if TYPE_CHECKING:
@@ -551,7 +551,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             swept = {name: (name, np.array(plan.axes[name])) for name in plan.axes}
         coordinates: dict[str, Any] = {
             **swept,
-            **labels_of(plan.condition),
+            **coordinates_of(plan.condition),
         }
         if self.mode_names:
             coordinates["mode"] = list(self.mode_names)

@@ -24,7 +24,7 @@ from trim.point.system import TrimSystem
 from trim.sweeps.points import CHUNK, STATUS, TRIMMED, parameters_at
 from trim.sweeps.result import slow_note, trimmed_words
 from trim.sweeps.sweep import run_points
-from trim.sweeps.sweep_plan import SweepPlan, arrays_of, at_limit, labels_of, limited
+from trim.sweeps.sweep_plan import SweepPlan, arrays_of, at_limit, coordinates_of, limited
 
 #: Number of points in a chunk if each point is trimmed separately: seconds of work.
 SLOW_CHUNK = 1_000
@@ -196,7 +196,7 @@ def _template(plan: SweepPlan) -> Any:
     arrays["kinks"] = template_variable((_POINT,), (plan.count,), np.int16(-1), chunk, kinks)
     arrays["one_by_one"] = template_variable((_POINT,), (plan.count,), np.int8(0), chunk, slow)
 
-    coordinates: dict[str, Any] = dict(labels_of(plan.condition))
+    coordinates: dict[str, Any] = dict(coordinates_of(plan.condition))
     for name, unit in zip(plan.variables, plan.units, strict=True):
         varied = {"long_name": "what is varied", "units": unit}
         coordinates[name] = template_variable((_POINT,), (plan.count,), np.nan, chunk, varied)

@@ -11,7 +11,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.rows import with_names
-from trim.linear.nonsmooth import mean_at_kinks
+from trim.linear.nonsmooth import means_at_nonsmooth_points
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import beyond_limits
@@ -52,7 +52,7 @@ def run_points(
     progress: called with (finished points, all points), or None
     """
     points = trim_points(model, variables, values, condition, start=start, progress=progress)
-    slopes = mean_at_kinks(
+    slopes = means_at_nonsmooth_points(
         model,
         points.states,
         points.inputs,
@@ -62,14 +62,14 @@ def run_points(
     )
     linear = model.state_places(model.linear)
     points = points._replace(A=slopes.A[:, linear][:, :, linear], B=slopes.B[:, linear])
-    kink_counts = np.zeros(len(values), dtype=int)
+    nonsmooth_counts = np.zeros(len(values), dtype=int)
     for point, notes in slopes.notes.items():
-        kink_counts[point] = len(notes)
+        nonsmooth_counts[point] = len(notes)
     return {
         **points._asdict(),
         **dict(zip(variables, values.T, strict=True)),
         "values": values,
-        "kinks": kink_counts,
+        "kinks": nonsmooth_counts,
         "kinked": slopes.notes,
     }
 

@@ -81,7 +81,7 @@ def at_limit(condition: TrimCondition, states: np.ndarray, inputs: np.ndarray) -
     return limits.at_highest(values).astype(np.int8) - limits.at_lowest(values).astype(np.int8)
 
 
-def labels_of(condition: TrimCondition) -> dict[str, tuple[str, np.ndarray]]:
+def coordinates_of(condition: TrimCondition) -> dict[str, tuple[str, np.ndarray]]:
     """Return the xarray coordinates of a sweep: names and units along each axis."""
     model = condition.model
     states = tuple(model.states)

@@ -19,7 +19,13 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.riccati.gare import Solution
 from controller.riccati.suboptimality import Suboptimality
-from hfa_aircraft.batch_simulation import FAR_OF_VALUE, OF_EXACT, OF_VALUE, Outcome, has_decayed
+from hfa_aircraft.batch_simulation import (
+    FAR_OF_VALUE,
+    OF_EXACT,
+    OF_VALUE,
+    FlightOutcome,
+    has_decayed,
+)
 from hfa_support.matrices import quadratic_forms, spectral_abscissa
 from hfa_support.native.bound import BoundFunction, of_rows
 from hfa_support.reporting.report import Check, at_most
@@ -62,7 +68,7 @@ class End(NamedTuple):
     costs: (N,)
     """
 
-    outcome: Outcome
+    outcome: FlightOutcome
     times: np.ndarray
     z: np.ndarray
     costs: np.ndarray
@@ -206,7 +212,7 @@ class Loop:
         rows = np.column_stack([starts, np.zeros(len(starts))])
         times = np.zeros(len(starts))
         if self.equilibrium is None:
-            return End(Outcome.UNDECIDED, times, rows[:, :-1], rows[:, -1])
+            return End(FlightOutcome.UNDECIDED, times, rows[:, :-1], rows[:, -1])
         initial = self._value(starts - self.equilibrium)
         flying = np.arange(len(starts))
         time, steps_left = 0.0, self.changes.most_steps
@@ -214,7 +220,7 @@ class Loop:
             rows[flying], used = self.changes.after(rows[flying], time, steps_left)
             steps_left -= used
             if not (self._value(rows[flying, :-1]) <= self.largest).all():
-                return End(Outcome.LEFT, times, rows[:, :-1], rows[:, -1])
+                return End(FlightOutcome.LEFT, times, rows[:, :-1], rows[:, -1])
             time += self.changes.tick
             times[flying] = time
             now = self._value(rows[flying, :-1] - self.equilibrium)
@@ -224,7 +230,7 @@ class Loop:
             by_exact = np.linalg.matrix_power(self.by_exact, round(time))
             exact = (starts[flying] - self.equilibrium) @ by_exact.T
             flying = flying[~has_decayed(self._value(z[flying]), self._value(exact), OF_EXACT)]
-        outcome = Outcome.UNDECIDED if flying.size else Outcome.CONVERGED
+        outcome = FlightOutcome.UNDECIDED if flying.size else FlightOutcome.CONVERGED
         return End(outcome, times, z, rows[:, -1])
 
     def _value(self, z: np.ndarray) -> np.ndarray:
@@ -541,9 +547,9 @@ def costs_above_optimum(
     worst = suboptimality.worst if np.any(np.nan_to_num(suboptimality.worst)) else b
     starts = np.vstack([worst, starts_in(b, flights - 1)])
     end = loop.simulate(starts)
-    if end.outcome is Outcome.LEFT:
+    if end.outcome is FlightOutcome.LEFT:
         return np.full(flights, math.inf), None
-    if end.outcome is Outcome.UNDECIDED:
+    if end.outcome is FlightOutcome.UNDECIDED:
         return np.full(flights, math.nan), float(end.times.max())
     after_end = exact.game.discount**end.times * quadratic_forms(end.z, remaining)
     costs, optima = end.costs + after_end, quadratic_forms(starts, exact.P)
@@ -567,7 +573,7 @@ def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
         starts = size * starts_in(b, few)
         first, others = starts[:1], starts[1:]  # the corner may fail before all fly
         return all(
-            loop.simulate(flown).outcome is Outcome.CONVERGED
+            loop.simulate(flown).outcome is FlightOutcome.CONVERGED
             for flown in (first, others)
             if len(flown)
         )

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 from hfa_aircraft.readers.derivatives.names import LARGEST_LIFT
 from hfa_aircraft.readers.derivatives.published import FIGURES, Values, unusual
-from hfa_aircraft.readers.derivatives.table import Table
+from hfa_aircraft.readers.derivatives.table import DerivativeTable
 from hfa_aircraft.rigid.aircraft import inertia_doubt
 from hfa_aircraft.rigid.atmosphere import air_at
 
@@ -27,7 +27,7 @@ _RATIO = 8.0
 _OFF_ALPHA = math.radians(2.0)
 
 
-def doubts_about(table: Table, parameters: Mapping[str, float]) -> Iterator[str]:
+def doubts_about(table: DerivativeTable, parameters: Mapping[str, float]) -> Iterator[str]:
     """Yield a sentence for each entry that is probably a mistake. None is refused.
 
     parameters: the parameters of the model, which may differ from the table, name -> value
@@ -53,7 +53,7 @@ def doubts_about(table: Table, parameters: Mapping[str, float]) -> Iterator[str]
     yield from _of_weight(table, of)
 
 
-def _unusual(table: Table, of: Values) -> Iterator[str]:
+def _unusual(table: DerivativeTable, of: Values) -> Iterator[str]:
     """Yield a sentence for each figure outside those of published aircraft, with its entries.
 
     Those of entries that are named already, or that the table declares as checked, are left out.
@@ -76,7 +76,7 @@ def _moves(surface: str, values: Mapping[str, float]) -> bool:
     return any(name.endswith(f"_{surface}") and value for name, value in values.items())
 
 
-def _of_angles(table: Table) -> Iterator[str]:
+def _of_angles(table: DerivativeTable) -> Iterator[str]:
     """Yield a sentence for each angle that was probably typed in degrees, without a unit."""
     angles = {"alpha": (abs(table.values.get("alpha", 0.0)), _STEEPEST)}
     angles |= {
@@ -99,7 +99,7 @@ def _of_inertias(of: Values) -> str:
     return inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
 
 
-def _of_weight(table: Table, of: Values) -> Iterator[str]:
+def _of_weight(table: DerivativeTable, of: Values) -> Iterator[str]:
     """Yield a sentence if lift, weight and alpha at the stated condition contradict each other.
 
     The lift is far above the weight, the largest lift is below it, or level flight has another

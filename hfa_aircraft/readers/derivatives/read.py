@@ -53,7 +53,7 @@ from hfa_aircraft.readers.derivatives.names import (
     THRUST_INPUT,
 )
 from hfa_aircraft.readers.derivatives.plausible import doubts_about
-from hfa_aircraft.readers.derivatives.table import Table, read_table, table_of
+from hfa_aircraft.readers.derivatives.table import DerivativeTable, read_table, table_of
 from hfa_aircraft.rigid.aircraft import (
     FORCE,
     GRAVITY,
@@ -130,7 +130,7 @@ def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
     return _model(table_of(table))
 
 
-def _model(table: Table) -> Model:
+def _model(table: DerivativeTable) -> Model:
     """Return the aircraft of a table as a `Model`."""
     outputs = {"lift_coefficient": Signal(), "drag_coefficient": Signal()}
     if LARGEST_LIFT in table.values:
@@ -168,7 +168,7 @@ def _model(table: Table) -> Model:
     )
 
 
-def _reference(table: Table) -> dict[str, float]:
+def _reference(table: DerivativeTable) -> dict[str, float]:
     """Return the condition of the derivatives, state or output -> value."""
     altitude = table.values.get("altitude", 0.0)
     speed = table.values["speed"]
@@ -178,14 +178,16 @@ def _reference(table: Table) -> dict[str, float]:
     return {"alpha": alpha, "speed": speed, "altitude": altitude, "mach": mach}
 
 
-def _by_speed(table: Table) -> tuple[str, ...]:
+def _by_speed(table: DerivativeTable) -> tuple[str, ...]:
     """Return the entries that state an effect of the speed."""
     slopes = [name for name, meaning in table.meanings.items() if meaning.argument == "u"]
     slopes = [name for name in slopes if table.derivatives[name]]
     return (*slopes, *(["thrust_slope"] if table.values.get("thrust_slope") else []))
 
 
-def _configuration(table: Table, x: Any, u: Any, p: Any) -> dict[str, tuple[float | str, str]]:
+def _configuration(
+    table: DerivativeTable, x: Any, u: Any, p: Any
+) -> dict[str, tuple[float | str, str]]:
     """Return sizes, center of gravity, flap and gear as far as known, name -> (value, unit)."""
     names = {"reference_area": "wing_area", "reference_span": "span", "reference_chord": "chord"}
     found: dict[str, tuple[float | str, str]] = {
@@ -206,7 +208,7 @@ def _configuration(table: Table, x: Any, u: Any, p: Any) -> dict[str, tuple[floa
     return found
 
 
-def _turns_both_ways(table: Table) -> bool:
+def _turns_both_ways(table: DerivativeTable) -> bool:
     """Return whether two or more control surfaces have a derivative of the roll or yaw moment."""
     # If so, a trim can impose the sideslip.
     lateral = {
@@ -217,7 +219,7 @@ def _turns_both_ways(table: Table) -> bool:
     return len(lateral) >= 2
 
 
-def _parameters(table: Table) -> dict[str, Signal]:
+def _parameters(table: DerivativeTable) -> dict[str, Signal]:
     """Return name -> signal of the parameters: mass, inertias, gravity and derivatives."""
     mass_unit = "slug" if table.system == "english" else "kg"
     mass = table.values["mass"]
@@ -250,7 +252,7 @@ class _ForceCoefficients(NamedTuple):
 class _Equations:
     """Equations of the aircraft of a table, (x, u, p, w) -> (rates, outputs) by name."""
 
-    def __init__(self, table: Table) -> None:
+    def __init__(self, table: DerivativeTable) -> None:
         self._table = table
         values = table.values
         self._reference_alpha = values.get("alpha", 0.0)

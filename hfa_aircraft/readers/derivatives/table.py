@@ -63,7 +63,7 @@ _ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
 
 
 @dataclass(frozen=True)
-class Table:
+class DerivativeTable:
     """The checked table of an aircraft, in the table's system of units, with angles in rad.
 
     name: name of the aircraft.
@@ -104,7 +104,7 @@ class Table:
         return _unit(name, self.system)
 
 
-def read_table(path: str, stability_file: str = "") -> Table:
+def read_table(path: str, stability_file: str = "") -> DerivativeTable:
     """Return the table of a TOML file, or of a CSV file with the columns name, value and unit.
 
     stability_file: file of AVL that completes the table, or "" for the one that the table names, if
@@ -145,7 +145,7 @@ def _stability_file(
 
 def _completed_table(
     entries: dict[str, Entry], file: StabilityFile | None, source: Source, name: str
-) -> Table:
+) -> DerivativeTable:
     """Return the checked table of entries, completed by a stability file if there is one.
 
     name: name of an aircraft whose table states none
@@ -166,7 +166,7 @@ def _completed_table(
     return replace(table, notes=notes, center=center, mach=file.value("Mach"), doubts=doubts)
 
 
-def table_of(values: Mapping[str, Any]) -> Table:
+def table_of(values: Mapping[str, Any]) -> DerivativeTable:
     """Return the table of a dictionary of entries, which may be grouped in inner dictionaries.
 
     Raises BadInputError if an entry is missing, unknown or invalid.
@@ -217,7 +217,7 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
     return entries
 
 
-def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Table:
+def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> DerivativeTable:
     """Return the table of the entries after checks of names, units, limits and required entries.
 
     name: name of an aircraft whose table states none
@@ -245,7 +245,7 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Tabl
     for slope in (THRUST_BY_SPEED, "thrust_slope"):
         if slope in values or slope in derivatives:
             _refuse_no_drag(slope, entries, derivatives)
-    return Table(
+    return DerivativeTable(
         name=texts["name"] or name,
         system=system,
         source=source,

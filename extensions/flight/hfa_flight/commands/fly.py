@@ -24,7 +24,7 @@ from hfa.options.command import (
     picture_option,
     provenance,
 )
-from hfa.options.games import given_weights, reference_option, signals_of, weighted_game
+from hfa.options.games import deviation_signals, given_weights, reference_option, weighted_game
 from hfa.options.parser import option, refuse
 from hfa.options.plants import parameter_spread
 from hfa.options.trims import GivenTrim, given_trim
@@ -401,7 +401,7 @@ def _steering(
     for name in steps.names:
         refuse_unknown("a gain cannot follow a command of", name, model.linear)
     reference = CommandedStates(steps, model.linear) if steps.names else None
-    signals = signals_of(request.reference, model)
+    signals = deviation_signals(request.reference, model)
     policy = policy_about(request, linear)
     if not signals:
         return _Steering(policy, reference)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_aircraft.batch_simulation import History, Outcome, is_within
+from hfa_aircraft.batch_simulation import FlightOutcome, History, is_within
 from hfa_flight.policies.deployment.sampled_loop import Chain, Equilibrium
 from hfa_flight.simulate.envelope import Departure, departure, flight_envelope
 from hfa_flight.simulate.sampled_flights import SampledFlight, in_threads
@@ -30,13 +30,13 @@ _GROWN = 1.02
 
 
 class Endings:
-    """How N flights end, decided window by window while `march` simulates them.
+    """How N flights end, decided window by window while `simulate_batch` simulates them.
 
     A flight ends with the window in which it leaves the limits, or a state is not a number. A
     flight of the full duration converges if it ends in the ball, and its distance does not grow
     about an unstable equilibrium.
 
-    outcomes: `Outcome` of each flight, (N,)
+    outcomes: `FlightOutcome` of each flight, (N,)
     nearest: distance of each flight in its last window, (N,)
     left_at: number of the step at which each flight left the limits, (N,)
     left_with: states at this step, (N, n)
@@ -62,7 +62,7 @@ class Endings:
             each step, which must be within the limits
         """
         count, n = limits[0].shape
-        self.outcomes = np.full(count, Outcome.UNDECIDED, dtype=object)
+        self.outcomes = np.full(count, FlightOutcome.UNDECIDED, dtype=object)
         self.nearest = np.full(count, np.inf)
         self.left_at = np.zeros(count, dtype=int)
         self.left_with = np.full((count, n), np.nan)
@@ -81,7 +81,7 @@ class Endings:
             self._earlier[flying] = self.nearest[flying]
         self.nearest[flying] = self._distance(flown)
         left = self._mark_departures(flown)
-        self.outcomes[flying[left]] = Outcome.LEFT
+        self.outcomes[flying[left]] = FlightOutcome.LEFT
         mask = np.zeros(flown.states.shape[:2], dtype=bool)
         mask[:, -1] = left
         return mask
@@ -90,7 +90,9 @@ class Endings:
         """Decide the flights of the full duration: those that end in the ball have converged."""
         grows = self.nearest > _GROWN * self._earlier
         in_ball = (self.nearest <= 1.0) & (self._stable | ~grows)
-        self.outcomes[(self.outcomes == Outcome.UNDECIDED) & in_ball] = Outcome.CONVERGED
+        self.outcomes[(self.outcomes == FlightOutcome.UNDECIDED) & in_ball] = (
+            FlightOutcome.CONVERGED
+        )
 
     def _mark_departures(self, flown: History) -> np.ndarray:
         """Return a mask of the flights that left their limits, and store when and with what.
@@ -354,8 +356,8 @@ class CaseFlights:
         case = self.cases[owner]
         flights = np.flatnonzero(self.owners == owner)
         ends = self.endings.outcomes[flights]
-        left = flights[ends == Outcome.LEFT]
-        converged = int((ends == Outcome.CONVERGED).sum())
+        left = flights[ends == FlightOutcome.LEFT]
+        converged = int((ends == FlightOutcome.CONVERGED).sum())
         first_departure = None
         worst = int(flights[np.argmax(self.endings.nearest[flights])])
         if left.size:

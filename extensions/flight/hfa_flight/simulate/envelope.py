@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.batch_simulation import RESOLVED, Outcome, has_decayed
+from hfa_aircraft.batch_simulation import RESOLVED, FlightOutcome, has_decayed
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, limited_names
@@ -354,7 +354,7 @@ class FlightRow(Result):
     def outcome(self) -> str:
         """Return the outcome in words, with the state and limit of a departure."""
         departure = "" if self.departure is None else self.departure.text()
-        return departure or self.loss or Outcome.CONVERGED
+        return departure or self.loss or FlightOutcome.CONVERGED
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

@@ -23,7 +23,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.network.layers import RowNetwork
-from hfa_aircraft.batch_simulation import History, Over, Stepper, is_within, march
+from hfa_aircraft.batch_simulation import History, Over, Stepper, is_within, simulate_batch
 from hfa_flight.air.held_step import Delay, held_step, in_samples, steps_of
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
@@ -274,7 +274,7 @@ class CompiledSamples:
         over: Over | None = None,
         keep: bool = True,
     ) -> tuple[History, np.ndarray]:
-        """Return the result of `march` for flights of at most `ticks` samples.
+        """Return the result of `simulate_batch` for flights of at most `ticks` samples.
 
         `over` decides after each window of `WINDOW` s. The other arguments are those of
         `SampledRows`.
@@ -282,11 +282,11 @@ class CompiledSamples:
         loop = SampledRows(self, states, trims, pushes, pulse)
         window = self.flight.samples_in_window
         with np.errstate(all="ignore"):  # a flight may diverge
-            return march(loop, ticks, over=over, window=window, keep=keep)
+            return simulate_batch(loop, ticks, over=over, window=window, keep=keep)
 
 
 class SampledRows:
-    """Flights of a deployed policy as a loop of `march`, of which a tick is a sample.
+    """Flights of a deployed policy as a loop of `simulate_batch`, of which a tick is a sample.
 
     samples: policy and aircraft
     states: initial states, (N, s)
