@@ -79,7 +79,7 @@ def acting_commands(delay: float, dt: float, seconds: float) -> list[ActingComma
     return acting
 
 
-def steps_of(seconds: float, step: float) -> int:
+def step_count(seconds: float, step: float) -> int:
     """Return the least number of steps, at least 1, that last as long as a time, up to `WHOLE`."""
     return max(1, math.ceil(seconds / step - WHOLE))
 
@@ -113,7 +113,7 @@ def parts_of_a_sample(
     if boxes is not None:
         for point, half_widths in zip(points, boxes, strict=True):
             fastest = max(fastest, fastest_mode(point, half_widths))
-    parts = max(steps_of(dt * fastest, longest), steps_of(dt, _SECONDS))
+    parts = max(step_count(dt * fastest, longest), step_count(dt, _SECONDS))
     return min(parts, _MOST_PARTS)
 
 

@@ -16,7 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.gust_equations import in_gusts, undeclared
 from hfa_flight.air.gusts import Gust
-from hfa_flight.air.held_step import in_samples, steps_of
+from hfa_flight.air.held_step import in_samples, step_count
 from hfa_flight.air.signals import TimeVector
 from hfa_flight.air.turbulence import Turbulence
 from hfa_support.errors import (
@@ -296,7 +296,7 @@ class Scenario(Reported):
     @property
     def sample_count(self) -> int:
         """Number of samples of the flight."""
-        return steps_of(self.duration, self.interval)
+        return step_count(self.duration, self.interval)
 
     @property
     def moving_air(self) -> bool:
@@ -363,7 +363,7 @@ class Scenario(Reported):
         sample: duration of a sample, s, or None for samples of one tick
         """
         count = max(1, round(self.duration / tick))
-        step = tick / steps_of(tick, longest_step)
+        step = tick / step_count(tick, longest_step)
         return replace(self, duration=count * tick, tick=tick, step=step, sample=sample)
 
     @property

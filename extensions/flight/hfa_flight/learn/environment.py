@@ -10,7 +10,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.judge.assessment import trims_of
 from hfa_flight.judge.flight_costs import diagonal_weights, usual_weights
-from hfa_flight.learn.episode import SECONDS, Episode, sample_time
+from hfa_flight.learn.episode import SECONDS, Episode, usual_sample_time
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_support.arguments import ArrayLike
@@ -119,7 +119,7 @@ def _usual_deployment(
     model: Model, trims: Sequence[OperatingPoint], dt: float | None, Q: Any, R: Any
 ) -> Deployment:
     """Return the default deployment of a model, with the given sample time and weights."""
-    usual = Deployment.usual(model, sample_time(model, trims) if dt is None else dt)
+    usual = Deployment.usual(model, usual_sample_time(model, trims) if dt is None else dt)
     if Q is None and R is None:
         return usual
     return usual.changed(cost={"Q": _weights("Q", model, Q), "R": _weights("R", model, R)})

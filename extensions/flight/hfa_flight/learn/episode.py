@@ -14,7 +14,7 @@ import numpy as np
 from hfa_aircraft.batch_simulation import all_finite, is_within, saturated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.air.held_step import parts_of_a_sample, steps_of
+from hfa_flight.air.held_step import parts_of_a_sample, step_count
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.judge.flight_costs import cost_rate, cost_weights
 from hfa_flight.judge.outcomes import refuse_edges
@@ -51,7 +51,7 @@ _DRAWN = 200
 _CORNERS = 6
 
 
-def sample_time(model: Model, points: Sequence[OperatingPoint]) -> float:
+def usual_sample_time(model: Model, points: Sequence[OperatingPoint]) -> float:
     """Return the sample time of a default environment, s.
 
     It is the longest of 20, 10, 5, 2 and 1 ms whose product with the fastest pole is at most 1, of
@@ -127,7 +127,7 @@ def _surviving_shares(
     deviations = directions[:, None, :] * _SHARES[:, None] * box
     starts[:, rows] += deviations.reshape(count, len(box))
     trims = np.tile(flight.deployed.trim_vector(point), (count, 1))
-    ticks = steps_of(_SURVIVED, flight.dt)
+    ticks = step_count(_SURVIVED, flight.dt)
     flown, _ = samples.fly(flight.start(starts, trims), trims, ticks)
     envelope = flight_envelope(model, point)
     stays = flight.stays(flown.states, envelope.least, envelope.most).all(axis=1)

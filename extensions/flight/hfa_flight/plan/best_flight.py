@@ -16,7 +16,7 @@ from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.search import Found
 from hfa_flight.plan.smooth import is_nonsmooth
 from hfa_flight.simulate.envelope import RULE, FlightRow, limits_text
-from hfa_flight.simulate.flight_figure import Curve, flight_figure, signals_of
+from hfa_flight.simulate.flight_figure import Curve, flight_figure, histories_of
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Entries, Matrix, Result, Vector
@@ -335,7 +335,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             end = f"{flown.cost:.5g}" if flown.converges else flown.loss
             label = f"{flown.policy if number else 'best flight found'}: {end}"
             shown = flown.times <= self.seconds
-            values = signals_of(self.model, flown.states[shown], flown.inputs[shown])
+            values = histories_of(self.model, flown.states[shown], flown.inputs[shown])
             style = f"C{number}{'--' if number else '-'}"
             is_whole = number == 0 or flown.converges
             curves.append(Curve(label, style, flown.times[shown], values, is_whole))

@@ -13,7 +13,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.features import symbols_for
 from hfa_aircraft.batch_simulation import FAR, Cost, saturated
-from hfa_flight.air.held_step import steps_of
+from hfa_flight.air.held_step import step_count
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import Deviations
 from hfa_flight.plan.collocation import Proposal
@@ -85,7 +85,7 @@ def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np
     tick: duration of a tick, s
     """
     seconds = float(proposal.lengths.sum())
-    ticks = steps_of(seconds, tick)
+    ticks = step_count(seconds, tick)
     z, v = proposal.at(tick / STEPS * np.arange(ticks * STEPS + 1))
     both = np.hstack([z[:, : len(problem.states)], v])
     knots = STEPS * np.arange(ticks)[:, None] + np.arange(STEPS + 1)
@@ -316,7 +316,7 @@ class Flights:
         """Return a scenario without disturbance. Its duration is `seconds`, rounded up to whole
         ticks.
         """
-        ticks = steps_of(seconds, self.tick)
+        ticks = step_count(seconds, self.tick)
         start = np.zeros(len(self.problem.model.states))
         return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
 
@@ -365,7 +365,7 @@ class Flights:
         initial = np.zeros(len(problem.model.states))
         initial[problem.places] = start
         scenario = loop.loop.scenario
-        duration = scenario.tick * steps_of(seconds, scenario.tick)
+        duration = scenario.tick * step_count(seconds, scenario.tick)
         scenario = replace(scenario, duration=duration, initial=initial)
         far = FAR * problem.model.nominal(problem.model.states)
 

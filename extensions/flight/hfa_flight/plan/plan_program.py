@@ -83,7 +83,7 @@ class Room(NamedTuple):
     inputs: Range
 
 
-class Change(NamedTuple):
+class ProgramSolution(NamedTuple):
     """Solution of a quadratic program.
 
     v, z: changes of the inputs (N, m) and states (N + 1, n)
@@ -135,7 +135,7 @@ class PlanProgram:
         results = [found[name] for name in ("x", "cost", "lam_a", "lam_x")]
         self._solve = BoundFunction(ca.Function("change", list(given.values()), results))
 
-    def step(self, cost: PlanCost, slopes: AlongHolds, room: Room) -> Change:
+    def step(self, cost: PlanCost, slopes: AlongHolds, room: Room) -> ProgramSolution:
         """Return the change that minimizes the cost within the room.
 
         The result may contain values that are not finite.
@@ -157,7 +157,7 @@ class PlanProgram:
         of_holds = changes[:-n].reshape(count, -1)
         moved = np.vstack([of_holds[:, :n], changes[-n:]])
         is_solved = self._status() in (_SOLVED, None)
-        return Change(of_holds[:, n : n + m], moved, float(change[0]) * unit**2, is_solved)
+        return ProgramSolution(of_holds[:, n : n + m], moved, float(change[0]) * unit**2, is_solved)
 
     def _status(self) -> int | None:
         """Return HPIPM's status of the last program, None if CasADi does not tell."""

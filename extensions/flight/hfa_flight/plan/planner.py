@@ -9,7 +9,14 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.plan.held_model import HeldModel, NearestInputs
-from hfa_flight.plan.plan_program import AlongHolds, Change, PlanCost, PlanProgram, Range, Room
+from hfa_flight.plan.plan_program import (
+    AlongHolds,
+    PlanCost,
+    PlanProgram,
+    ProgramSolution,
+    Range,
+    Room,
+)
 from hfa_flight.plan.scaled import Grid, Hold, ScaledProblem, gains_of
 from hfa_flight.policies.policy import NextSample
 from hfa_support.native.bound import BoundFunction
@@ -283,7 +290,7 @@ class Planner:
         v = np.clip(plan.v + change, *self.scaled.input_limits)
         return self.flown(plan.z[0], v, plan.room, plan.age)
 
-    def _proposed(self, plan: Plan, slopes: AlongHolds, correction: AlongHolds) -> Change:
+    def _proposed(self, plan: Plan, slopes: AlongHolds, correction: AlongHolds) -> ProgramSolution:
         """Return the result of the quadratic program: changes of inputs, states and cost.
 
         It knows at least the limits of the states that the plan brings beyond half of their room.

@@ -340,7 +340,7 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     Raises BadInputError for a dt that is too long and for a horizon that is too short. Raises
     NoSolutionError if no sample time fits.
     """
-    dt = sample_time(scaled, dt)
+    dt = sample_time_of_plans(scaled, dt)
     if horizon is not None and not dt <= horizon < math.inf:
         raise BadInputError(
             f"the horizon is {shown(horizon)} s; with samples of {dt:g} s, give at least {dt:g} s"
@@ -372,7 +372,7 @@ def _longest_hold(scaled: ScaledProblem, dt: float) -> int:
     return 1 << (max(1, samples).bit_length() - 1)
 
 
-def sample_time(scaled: ScaledProblem, asked: float | None = None) -> float:
+def sample_time_of_plans(scaled: ScaledProblem, asked: float | None = None) -> float:
     """Return the sample time of the rule of `grid_of`, or the asked one, s.
 
     Raises BadInputError if the asked one is more than _COARSEST times as long as that of the rule.

@@ -20,7 +20,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.plan.held_model import Measured, NearestInputs, wrong_samples_note
 from hfa_flight.plan.problem import FlightProblem, flight_problem
-from hfa_flight.plan.scaled import ScaledProblem, sample_time
+from hfa_flight.plan.scaled import ScaledProblem, sample_time_of_plans
 from hfa_flight.plan.smooth import smooth_slopes
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
@@ -257,7 +257,7 @@ def state_dependent(
     scaled = ScaledProblem(problem)
     of_states = problem.sizes.states[: scaled.sizes[0]]
     P = np.array(solve(at_trim).P) * np.outer(of_states, of_states)
-    step = sample_time(scaled, dt)
+    step = sample_time_of_plans(scaled, dt)
     disturbing = np.array(at_trim.E) / of_states[:, None]
     law = RiccatiLaw(scaled, step, disturbing, at_trim.delta, P, limit_weight)
     weights = [matrix.tolist() for matrix in (at_trim.Q, at_trim.R, at_trim.E)]

@@ -79,7 +79,7 @@ def known_start(known: KalmanFilter) -> np.ndarray:
     return np.eye(1, memory_size(known), len(known.Phi) + 2).ravel()
 
 
-def unpacked(known: KalmanFilter, memory: ca.SX) -> Estimate:
+def estimate_in(known: KalmanFilter, memory: ca.SX) -> Estimate:
     """Return the estimate in a memory, with the stationary P and G before the first sample."""
     n = len(known.Phi)
     ends = [0, n, n + 1, n + 2, n + 3, n + 3 + len(known.sensors), memory.numel()]

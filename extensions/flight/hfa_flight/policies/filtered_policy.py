@@ -19,11 +19,11 @@ from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
 from hfa_flight.policies.estimate import (
+    estimate_in,
     extended_step,
     known_start,
     memory_size,
     propagated,
-    unpacked,
     updated,
 )
 from hfa_flight.policies.filter_margins import FilterMargins, margins_of
@@ -117,7 +117,7 @@ def _functions_of(known: KalmanFilter, fade: float) -> _Functions:
     n, k = len(known.Phi), len(known.states)
     memory, y = ca.SX.sym("memory", memory_size(known)), ca.SX.sym("y", len(known.sensors))
     x, Phi = ca.SX.sym("x", n), ca.SX.sym("Phi", n, n)
-    before = unpacked(known, memory)
+    before = estimate_in(known, memory)
     now = updated(known, before, y, fade)
     later = propagated(known, before, x, Phi)
     shares = [now.is_left_out, now.estimate.share]
@@ -536,7 +536,7 @@ def sample_of(policy: FilteredPolicy, t: ca.SX, memory: ca.SX, y: ca.SX) -> tupl
     y: measured deviations from the trim, (p,)
     """
     known, point = policy.filter, policy.point
-    now, is_left_out = updated(known, unpacked(known, memory), y, policy.fade)
+    now, is_left_out = updated(known, estimate_in(known, memory), y, policy.fade)
     limits = Limits.of(point.model, tuple(point.model.inputs))
     held = ca.DM(policy.law.held_inputs(0, 0.0))
     u = now.share * command_of(policy.law, t, known.seen(now.x), held)

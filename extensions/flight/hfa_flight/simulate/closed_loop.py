@@ -171,7 +171,7 @@ def _disturbances(winds: Winds, model: Model) -> list[Any]:
     return [winds.get(name, 0.0) for name in model.disturbances]
 
 
-class Expressions(NamedTuple):
+class LoopSignals(NamedTuple):
     """Signals of a closed loop as CasADi expressions of t, y and the held inputs.
 
     rate: y'
@@ -297,7 +297,7 @@ class ClosedLoop:
         held = ca.SX.sym("held", sum(self.held_sizes))
         return ca.SX.sym("t"), y, held
 
-    def at(self, t: ca.SX, y: ca.SX, held: ca.SX) -> Expressions:
+    def at(self, t: ca.SX, y: ca.SX, held: ca.SX) -> LoopSignals:
         """Return the expressions of the loop at t, y and the held inputs."""
         scenario = self.scenario
         plant = self.plant
@@ -322,7 +322,7 @@ class ClosedLoop:
         error = state.plant[plant.linear_places] - reference
         cost_rate = no_states if self.cost is None else self.cost.rate(error, u)
         rates = StateParts(plant_rate, actuators_rate, cost_rate)
-        return Expressions(
+        return LoopSignals(
             rate=ca.vertcat(*rates),
             error=error,
             inputs=u,

@@ -46,7 +46,7 @@ from hfa_flight.simulate.envelope import (
     refuse_start,
     share_at_limits,
 )
-from hfa_flight.simulate.flight_figure import Curve, flight_figure, signals_of
+from hfa_flight.simulate.flight_figure import Curve, flight_figure, histories_of
 from hfa_flight.simulate.limit_cycle import (
     LimitCycle,
     duration_for,
@@ -529,7 +529,7 @@ class Flight(StatesAndInputs, Result, Reported):
         title: heading, by default that of the report
         """
         model, flown, times = self.model, self.deviations, self.time
-        values = signals_of(model, self.states, self.inputs)
+        values = histories_of(model, self.states, self.inputs)
         reference = {
             name: values[name] - error
             for name, error in zip(model.linear, flown.errors.T, strict=True)
@@ -542,7 +542,7 @@ class Flight(StatesAndInputs, Result, Reported):
         ]
         if self.predicted is not None:
             states, inputs = self.predicted.states + self.point.x, self.predicted.inputs
-            linear = signals_of(model, states, inputs + self.point.u)
+            linear = histories_of(model, states, inputs + self.point.u)
             curves.append(Curve("linear", "C1--", self.predicted.times, linear))
         return flight_figure(new_figure(10.0, 8.0), self.envelope, curves, title or self.title())
 

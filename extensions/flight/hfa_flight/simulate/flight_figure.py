@@ -44,7 +44,7 @@ class Curve(NamedTuple):
     is_whole: bool = True
 
 
-def signals_of(model: Model, states: np.ndarray, inputs: np.ndarray) -> dict[str, np.ndarray]:
+def histories_of(model: Model, states: np.ndarray, inputs: np.ndarray) -> dict[str, np.ndarray]:
     """Return signal -> values (N,) of a flight.
 
     states, inputs: absolute, (N, n) and (N, m)

@@ -24,7 +24,7 @@ import numpy as np
 
 from controller.critic.network.layers import RowNetwork
 from hfa_aircraft.batch_simulation import History, Over, Stepper, is_within, simulate_batch
-from hfa_flight.air.held_step import Delay, held_step, in_samples, steps_of
+from hfa_flight.air.held_step import Delay, held_step, in_samples, step_count
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.row_code import row_code
@@ -170,7 +170,7 @@ class SampledFlight:
 
     def _step(self, seconds: float) -> ca.Function:
         """Return `held_step` over a part of a sample."""
-        count = steps_of(seconds, self.dt / self.steps_per_sample)
+        count = step_count(seconds, self.dt / self.steps_per_sample)
         return held_step(self.deployed.model, seconds, count, self.winds)
 
     def entering(self) -> ca.Function:
