@@ -404,12 +404,10 @@ def states_without_cost(game: Game) -> np.ndarray:
 
     P and K vanish there. Zeros decide it, exactly, and balls whether a block is stable. (n,)
     """
-    has_cost = game.Q.any(0) | game.Q.any(1) | game.N.any(1)
+    has_cost = np.asarray(game.Q.any(0) | game.Q.any(1) | game.N.any(1))
     if has_cost.all():
         return np.asarray(~has_cost)
-    reaches = (game.A.T != 0.0) | np.eye(len(game.A), dtype=bool)  # [j, i]: state j moves state i
-    for _ in range(len(game.A).bit_length()):
-        reaches = reaches @ reaches
+    reaches = _connected(game.A.T)  # [j, i]: state j moves state i
     has_cost = reaches[:, has_cost].any(1)
     for block in np.unique(reaches & reaches.T, axis=0):
         if not has_cost[block].any():
@@ -417,6 +415,14 @@ def states_without_cost(game: Game) -> np.ndarray:
             if stability_of(alone, is_discrete=game.is_discrete) is not True:
                 has_cost = has_cost | reaches[:, block].any(1)
     return np.asarray(~has_cost)
+
+
+def _connected(graph: np.ndarray) -> np.ndarray:
+    """Return from which nodes of a graph a path leads to which, (n, n)."""
+    paths = (graph != 0.0) | np.eye(len(graph), dtype=bool)
+    for _ in range(len(graph).bit_length()):
+        paths = paths @ paths
+    return np.asarray(paths)
 
 
 class Zeros(NamedTuple):
@@ -432,6 +438,7 @@ def zeros_of(game: Game, *, in_rationals: bool) -> Zeros:
 
     P vanishes on the states without optimal cost, where K is known. Row j of K is 0 if P B_j and
     N_j are, and if R couples u_j to no other inputs; in discrete time, column i if A_i and N_i are.
+    K_ij is 0 if no entry of the game connects them.
 
     in_rationals: whether these states are sought in rationals, not only in zeros of the matrices
     """
@@ -453,6 +460,11 @@ def zeros_of(game: Game, *, in_rationals: bool) -> Zeros:
         gains[inputs] = True
     if game.is_discrete:
         gains[:, ~(game.A.any(0) | game.N.any(1))] = True
+    (n, m), k = game.B.shape, game.E.shape[1]
+    links = np.zeros((n + m + k, n + m + k), dtype=bool)
+    links[:n] = np.hstack([game.A, game.B, game.E]) != 0.0
+    links[: n + m, : n + m] |= game.weights != 0.0
+    gains |= ~_connected(links | links.T)[n : n + m, :n]
     return Zeros(states, gains)
 
 
@@ -475,14 +487,14 @@ def disturbance_costs_nothing(game: Game, K: np.ndarray | None = None) -> bool:
 
 
 def _are_without_cost(columns: fmpq_mat, held: _StatesHeldWithoutCost, game: Game) -> bool:
-    """Return whether columns are proved to be states without optimal cost.
+    """Return whether columns are proved to be states without optimal cost, or 0.
 
     columns: (n, k)
     held: of the game
     """
     coordinates = _rows(columns, held.pivots)
-    if held.states * coordinates != columns:
-        return False
+    if held.states * coordinates != columns or not coordinates.rank():
+        return columns.rank() == 0
     # What they move is the least subspace that contains them and that the loop maps into itself.
     moved, pivots = _column_echelon(coordinates)
     while True:

@@ -126,7 +126,9 @@ def test_a_ball_that_may_be_zero_is_not_taken_for_zero(rate):
 
 @pytest.mark.parametrize("weight", [0.0, 1.0])
 def test_numbers_that_are_zero_are_proved_to_be(weight):
-    """z⁺ = u needs no input. An input of a state without cost, and one without effect, are 0."""
+    """z⁺ = u needs no input. An input of a state without cost, and one without effect, are 0. A state
+    whose effect a free input cancels has no cost.
+    """
     at_once = solve(Game([[0.0]], [[1.0]], Q=[[4.0]], R=[[weight]], dt=True))
     assert (at_once.P.item(), at_once.K.item()) == (4.0, 0.0)
     B = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
@@ -136,6 +138,12 @@ def test_numbers_that_are_zero_are_proved_to_be(weight):
     back = np.linalg.inv(turned).round()
     turned_game = Game(turned @ game.A @ back, turned @ B, Q=back.T @ game.Q @ back, R=np.eye(3))
     np.testing.assert_array_equal(solve(turned_game).K[1:], 0.0)
+    A = [[0.5, 0.0], [1.0, 0.5]]
+    canceled = solve(Game(A, [[0.0], [1.0]], Q=[0.0, 1.0], R=[[0.0]], dt=True))
+    np.testing.assert_array_equal(canceled.P, np.diag([0.0, 1.0]))
+    np.testing.assert_array_equal(canceled.K, [[1.0, 0.5]])
+    apart = solve(Game(np.diag([0.0, 0.5]), np.eye(2), Q=[1.0, 1.0], R=np.eye(2), dt=True))
+    np.testing.assert_array_equal(apart.K[0], 0.0)
 
 
 def test_weights_that_are_symmetric_up_to_rounding_do_not_make_P_positive():
