@@ -189,7 +189,9 @@ class Series:
         self._game = solution.game
         self._rays = rays
         self.root = root_of(solution.P)
-        self._loop_in_y = in_root(solution.game.worst_case_loop(solution.P), self.root)
+        worst_loop = solution.game.worst_case_loop(solution.P)
+        # y' = root'A root'⁻¹ y of z' = A z in the coordinates y = root'z
+        self._loop_in_y = np.linalg.solve(self.root, (self.root.T @ worst_loop).T).T
         self._y = directions(n, count, _SEED)  # directions of the rays, (count, n)
         self._z = np.linalg.solve(self.root.T, self._y.T)  # the same in z, (n, count)
         self._gradients_in_z = [2.0 * self.root @ self._y.T]  # ∂V2/∂z = 2 P z on the rays
@@ -274,11 +276,6 @@ def least_squares(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     basis, triangle = np.linalg.qr(matrix)
     X = np.linalg.solve(triangle, basis.T @ right)
     return X + np.linalg.solve(triangle, basis.T @ (right - matrix @ X))
-
-
-def in_root(A: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """Return the matrix of z' = A z in the coordinates y = root'z, (n, n)."""
-    return np.linalg.solve(root, (root.T @ A).T).T
 
 
 def gradient(y: np.ndarray, degree: int, weights: np.ndarray) -> np.ndarray:

@@ -519,10 +519,10 @@ class _Source:
             times = np.ravel(numbers_in("time", self.entries["time"]))
             of_times, accuracy = self._step_of(times, starts, are_apart)
             if of_times is not None:
-                _refuse_other_time("their dt", dt, of_times, accuracy)
+                _refuse_other_dt("their dt", dt, of_times, accuracy)
                 dt = of_times
         if self.game.is_discrete:
-            _refuse_other_time("the game", self.game.dt, dt, accuracy)
+            _refuse_other_dt("the game", self.game.dt, dt, accuracy)
             return None
         if dt is None or dt is True:
             raise BadInputError(
@@ -572,7 +572,7 @@ def _last_digits(columns: np.ndarray) -> np.ndarray:
     return precision
 
 
-def _refuse_other_time(whose: str, one: Any, other: Any, accuracy: float) -> None:
+def _refuse_other_dt(whose: str, one: Any, other: Any, accuracy: float) -> None:
     """Raise BadInputError if two known sample times differ by more than the accuracy."""
     if (
         isinstance(one, float)

@@ -259,11 +259,6 @@ class DoubleBalls:
             return arb(0)
         return (arb(float(sizes.sum(0).max())) * arb(float(sizes.sum(1).max()))).sqrt() * arb(UP)
 
-    def column_norms(self, factor: arb) -> list[arb]:
-        """Return upper bounds of the norms of the columns, times a factor."""
-        sizes = (np.abs(self.midpoint) + self.radius).sum(0)
-        return [factor * size * UP for size in sizes.tolist()]
-
     def inverse(self) -> tuple[np.ndarray, arb]:
         """Return an approximate inverse M~ and a bound of |M⁻¹|, |M~| / (1 - |M M~ - I|).
 

@@ -21,7 +21,8 @@ import numpy as np
 from hfa_support.matrices import balanced
 from trim.linear.frequency_response import System, in_continuous_time, level_crossings, responses
 
-GRID_PER_DECADE = 60
+#: Frequencies per decade of the grid where a search begins.
+PER_DECADE = 20
 #: Points near a resonance: their spacing grows with the distance from the pole, up to a hundred of
 #: its widths.
 RESONANCE = np.linspace(-5.3, 5.3, 45)
@@ -29,7 +30,7 @@ RESONANCE = np.linspace(-5.3, 5.3, 45)
 _SAME = 1e-9
 
 
-def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -> np.ndarray:
+def frequency_grid(eigenvalues: np.ndarray) -> np.ndarray:
     """Return frequencies that resolve every resonance, rad/s, ascending.
 
     The frequencies are 0, a logarithmic grid from 1 % of the smallest nonzero eigenvalue magnitude
@@ -37,13 +38,12 @@ def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -
     from 0.01 to 100 rad/s. The points around a resonance begin within its width.
 
     eigenvalues: poles, (n,), 1/s
-    per_decade: number of grid points per decade
     """
     moduli = np.abs(eigenvalues)
     slowest = float(moduli[moduli > 0.0].min(initial=1.0))
     fastest = float(moduli.max(initial=1.0))
     decades = math.log10(fastest / slowest) + 4.0
-    grid = np.geomspace(1e-2 * slowest, 1e2 * fastest, math.ceil(decades * per_decade))
+    grid = np.geomspace(1e-2 * slowest, 1e2 * fastest, math.ceil(decades * PER_DECADE))
     around = np.abs(eigenvalues.real) * np.sinh(RESONANCE)[:, None]
     resonances = np.append(np.abs(eigenvalues.imag + around), np.abs(eigenvalues.imag))
     return _distinct(np.concatenate([[0.0], grid, resonances]))
@@ -66,8 +66,6 @@ SWEEPS = 20
 #: The search ends where the relative slope of σ_max(D M D⁻¹) over log D is below this: then so is
 #: its relative distance from the least one nearby.
 SETTLED = 1e-10
-#: Frequencies per decade of the grid where the search begins.
-PER_DECADE = 20
 #: The response at up to this number of frequencies is computed without the Schur form.
 FEW = 4
 #: Number of states that are solved for with one product of matrices.
@@ -198,7 +196,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     pieces = list(pairwise([*ends.tolist(), math.inf]))
     # The search begins at the largest bound of a grid: at a level next to σ_max(D), rounding hides
     # the crossings.
-    grid = np.append(frequency_grid(loop.poles, PER_DECADE), near)
+    grid = np.append(frequency_grid(loop.poles), near)
     M_at_grid = loop.at(grid)
     scalings = _osborne_scaling(M_at_grid)
     largest = scaled_norm(M_at_grid, scalings).argmax()
@@ -351,8 +349,6 @@ INFINITE = 1e3 * np.finfo(float).eps
 _ROUNDS = 17
 #: A crossover has converged if two secants agree to this relative accuracy.
 _SETTLED = 1e-15
-#: Frequencies per decade of a grid, in addition to those at which Re M or Im M is 0.
-_PER_DECADE = 20
 #: Number of refinements around the largest value of a grid, and points of each.
 _REFINEMENTS = 5
 _POINTS = 17
@@ -420,7 +416,7 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     only = loop.only(i)
     zeros = np.unique(np.concatenate([_zeros(only, sign) for sign in (-1.0, 1.0)]))
     between = (zeros[1:] + zeros[:-1]) / 2.0
-    resonances = frequency_grid(loop.poles, _PER_DECADE)
+    resonances = frequency_grid(loop.poles)
     grid = np.unique(np.concatenate([zeros, between, resonances]))
 
     below = replace(only, D=only.D - 0.5)  # M - 1/2, which is small without rounding

@@ -239,14 +239,6 @@ class Loop:
             return quadratic_forms(z, self.P)
 
 
-def undisturbed_loop(exact: Solution, critic: Critic, b: np.ndarray) -> Loop:
-    """Return the closed loop without disturbance and without cost.
-
-    b: half-widths of the box of states, (n,)
-    """
-    return _linear_loop(exact, exact.game.A, critic, b)
-
-
 def worst_loop(
     exact: Solution, critic: Critic, suboptimality: Suboptimality, b: np.ndarray
 ) -> Loop:
@@ -506,7 +498,7 @@ def fly(
     if critic.is_wide:
         flights = min(flights, _WIDE_FLIGHTS)
     losses, undecided_at = costs_above_optimum(exact, critic, suboptimality, b, flights)
-    loop = undisturbed_loop(exact, critic, b)
+    loop = _linear_loop(exact, exact.game.A, critic, b)  # without disturbance and cost
     equilibrium_cost = 0.0
     if loop.equilibrium is not None:
         z_and_u = np.append(loop.equilibrium, critic.u(loop.equilibrium))
