@@ -149,7 +149,7 @@ def control_points(
 def _evaluated(model: hfa.Model, outputs: tuple[str, ...]) -> Callable[..., np.ndarray]:
     """Return the rates of a model, or these outputs, as a function (t, x, u, params)."""
     vectors = model.layout.symbols("x", "u", "p")
-    parts = model.layout.expressions([ca.vertsplit(each) for each in vectors], outputs)
+    parts = model.layout.expressions([ca.vertsplit(vector) for vector in vectors], outputs)
     function = BoundFunction(ca.Function("peer", vectors, [parts[len(outputs) > 0]]))
     function.inputs[2][:] = model.p
 
@@ -186,8 +186,8 @@ def _one_trim(
         points = [hfa.trim(model, condition) for _ in range(number)]
         linear = [hfa.linearize(model, point) for point in points]
         return [
-            TrimmedPlant(np.array(point.states), np.array(point.inputs), each.A)
-            for point, each in zip(points, linear, strict=True)
+            TrimmedPlant(np.array(point.states), np.array(point.inputs), model_at.A)
+            for point, model_at in zip(points, linear, strict=True)
         ]
 
     theirs = partial(control_points(condition), name, [condition.imposed[name]] * number)
@@ -238,7 +238,7 @@ def _sweep(
         swept = hfa.sweep(condition.model, {name: values}, condition=condition)
         assert swept.trimmed.all()
         points = zip(swept.states[common], swept.inputs[common], swept.A[common], strict=True)
-        return [TrimmedPlant(*each) for each in points]
+        return [TrimmedPlant(*point) for point in points]
 
     theirs = partial(control_points(condition), name, values[common].tolist())
     units, rounds = (count, peer_count), 1 if quick else 5

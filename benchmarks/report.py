@@ -62,7 +62,7 @@ def in_turn(
     rounds: number of timed calls of each
     agree: function of both results that asserts their equality; None for a goal, not a peer
     """
-    functions = [each for each in (ours, theirs) if callable(each)]
+    functions = [function for function in (ours, theirs) if callable(function)]
     results = [function() for function in functions]
     if agree is not None:
         agree(*results)
@@ -84,12 +84,12 @@ def markdown(rows: Sequence[Comparison]) -> str:
     """Return the comparisons as a Markdown table."""
     head = ("job", "compared with", "ours", "peer's", "ratio", "goal", "met")
     cells = []
-    for each in rows:
-        low, middle, high = map(ratio_text, each.ratios)
-        met = "yes" if each.ratios[1] >= each.goal else "NO"
-        times = time_text(each.ours), time_text(each.theirs)
+    for row in rows:
+        low, middle, high = map(ratio_text, row.ratios)
+        met = "yes" if row.ratios[1] >= row.goal else "NO"
+        times = time_text(row.ours), time_text(row.theirs)
         ratio = f"{middle} ({low}..{high})"
-        cells.append((each.job, each.peer, *times, ratio, ratio_text(each.goal), met))
+        cells.append((row.job, row.peer, *times, ratio, ratio_text(row.goal), met))
     return markdown_table(Table(head, cells))
 
 

@@ -53,7 +53,7 @@ class ImportsNothingBut(Contract):
             details = check.metadata["graph"].get_import_details(
                 importer=importer, imported=imported
             )
-            lines = ", ".join(f"l.{each['line_number']}" for each in details)
+            lines = ", ".join(f"l.{detail['line_number']}" for detail in details)
             output.print_error(f"- {importer} -> {imported} ({lines})", bold=False)
         output.new_line()
 

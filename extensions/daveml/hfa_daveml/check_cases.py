@@ -175,7 +175,7 @@ def refuse_wrong(document: Document) -> None:
 
 def _checked(document: Document, case: CheckCase) -> list[CheckedOutput]:
     """Return the outputs of one check case."""
-    inputs = {_variable(document, case, each).key: each.value for each in case.inputs}
+    inputs = {_variable(document, case, given).key: given.value for given in case.inputs}
     outputs = []
     for signal in case.outputs:
         variable = _variable(document, case, signal)
@@ -195,7 +195,7 @@ def _variable(document: Document, case: CheckCase, signal: Signal) -> Variable:
             place,
             f"signal {signal.name} is not a variable of the file; correct the name of the signal",
         )
-    units = [spelled(each.units) for each in (signal, variable) if each.units]
+    units = [spelled(named.units) for named in (signal, variable) if named.units]
     if len(set(units)) > 1:
         raise document.error(
             place,

@@ -157,7 +157,9 @@ class Document:
         """
         if name in self.variables:
             return self.variables[name]
-        return next((each for each in self.variables.values() if each.name == name), None)
+        return next(
+            (variable for variable in self.variables.values() if variable.name == name), None
+        )
 
     def range_of_tables(self, variable: Variable) -> tuple[float, float]:
         """Return the range of a variable that is within every table that depends on it.
@@ -213,7 +215,10 @@ class _Reader:
         )
         self._tables = self._by_key(
             "table",
-            ((each.get("gtID", ""), each) for each in root.iterfind(".//griddedTableDef[@gtID]")),
+            (
+                (table.get("gtID", ""), table)
+                for table in root.iterfind(".//griddedTableDef[@gtID]")
+            ),
         )
 
     def document(self) -> Document:
@@ -223,14 +228,18 @@ class _Reader:
         with both a table and a formula.
         """
         header = self._root.find("fileHeader")
-        functions = [self._function(each) for each in self._root.iter("function")]
-        variables = [self._variable(each) for each in self._root.iter("variableDef")]
+        functions = [self._function(element) for element in self._root.iter("function")]
+        variables = [self._variable(element) for element in self._root.iter("variableDef")]
         document = Document(
             path=self._path,
             title="" if header is None else header.get("name", ""),
-            variables=self._by_key("variable", ((each.key, each) for each in variables)),
-            functions=self._by_key("function for", ((each.result, each) for each in functions)),
-            cases=tuple(self._case(each) for each in self._root.iter("staticShot")),
+            variables=self._by_key(
+                "variable", ((variable.key, variable) for variable in variables)
+            ),
+            functions=self._by_key(
+                "function for", ((function.result, function) for function in functions)
+            ),
+            cases=tuple(self._case(shot) for shot in self._root.iter("staticShot")),
         )
         for function in functions:
             for key in (function.result, *(axis.key for axis in function.axes)):
@@ -309,7 +318,7 @@ class _Reader:
                 "variable that the function defines",
             )
         key = self._attribute(result, "varID")
-        axes = tuple(self._axis(each, key) for each in element.iter("independentVarRef"))
+        axes = tuple(self._axis(reference, key) for reference in element.iter("independentVarRef"))
         definition = element.find("functionDefn")
         table_element = None if definition is None else self._table_of(definition)
         if table_element is None:
@@ -339,10 +348,10 @@ class _Reader:
             raise self._error(f"function {name}", f"<{tag}> is missing; add <{tag}>")
         key = self._attribute(values, "varID")
         place = f"function for {key}"
-        axes = tuple(self._axis(each, key) for each in points)
+        axes = tuple(self._axis(point, key) for point in points)
         breakpoints = [
-            _Breakpoints(axis.key, self._numbers_in(each, place))
-            for axis, each in zip(axes, points, strict=True)
+            _Breakpoints(axis.key, self._numbers_in(point, place))
+            for axis, point in zip(axes, points, strict=True)
         ]
         table = self._table_on_grid(breakpoints, self._numbers_in(values, place), place)
         return Function(key, axes, table)
@@ -380,7 +389,7 @@ class _Reader:
     def _gridded(self, element: ElementTree.Element, result: str) -> GriddedTable:
         """Return the table in an element of the function for the variable `result`."""
         place = f"function for {result}"
-        keys = [self._attribute(each, "bpID") for each in element.iter("bpRef")]
+        keys = [self._attribute(reference, "bpID") for reference in element.iter("bpRef")]
         missing = [key for key in keys if key not in self._breakpoints]
         if not keys:
             raise self._error(place, "the table has no <bpRef>; add a <bpRef> for each argument")
@@ -407,14 +416,14 @@ class _Reader:
                     "the breakpoints are not two or more increasing numbers; correct the "
                     "breakpoints",
                 )
-        shape = tuple(each.points.size for each in breakpoints)
+        shape = tuple(axis.points.size for axis in breakpoints)
         if values.size != math.prod(shape):
             raise self._error(
                 place,
                 f"the table has {values.size} values, but the breakpoints require "
                 f"{math.prod(shape)}; correct the table or the breakpoints",
             )
-        return GriddedTable(tuple(each.points for each in breakpoints), values.reshape(shape))
+        return GriddedTable(tuple(axis.points for axis in breakpoints), values.reshape(shape))
 
     def _case(self, element: ElementTree.Element) -> CheckCase:
         """Return the check case of a <staticShot>."""

@@ -83,7 +83,7 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
         operator_element, *arguments = element
         if not arguments and operator_element.tag in ("apply", "piecewise", "ci", "cn"):
             return expression(operator_element, value_of)  # a formula in brackets
-        return _finite(operator_element, [expression(each, value_of) for each in arguments])
+        return _finite(operator_element, [expression(argument, value_of) for argument in arguments])
     raise BadInputError(
         f"<{shortened(element.tag)}> is not supported in a formula; rewrite the formula"
     )
@@ -97,12 +97,12 @@ def _finite(element: ElementTree.Element, arguments: list[Any]) -> Any:
     try:
         result = _applied(element, arguments)
         is_finite = not isinstance(result, complex)
-        if is_finite and all(isinstance(each, int | float) for each in arguments):
+        if is_finite and all(isinstance(argument, int | float) for argument in arguments):
             is_finite = math.isfinite(result)
     except ArithmeticError:  # division by zero, or an overflow
         is_finite = False
     if not is_finite:
-        numbers = ", ".join(f"{each:g}" for each in arguments)
+        numbers = ", ".join(f"{argument:g}" for argument in arguments)
         raise BadInputError(
             f"<{shortened(element.tag)}> of {numbers} is not a finite number; correct the formula"
         )
@@ -166,7 +166,7 @@ def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
             raise BadInputError(
                 "<piece> does not contain a value and a condition; add the missing element"
             )
-        chosen, condition = (expression(each, value_of) for each in piece)
+        chosen, condition = (expression(part, value_of) for part in piece)
         value = ca.if_else(condition, chosen, value)
     return value
 

@@ -155,16 +155,16 @@ class _Files:
             for document in documents
             for variable in document.variables.values()
         ]
-        for each in variables:
-            if each.variable.is_output:
-                self._add_output(each)
+        for file_variable in variables:
+            if file_variable.variable.is_output:
+                self._add_output(file_variable)
         self._refuse_missing_outputs()
         # After all outputs: an input with the name of an output is no input of the model.
         declarations: dict[str, list[_FileVariable]] = {}
-        for each in variables:
-            name = each.variable.name
-            if each.variable.is_input and name not in (*names.MOTION, *self._outputs):
-                declarations.setdefault(name, []).append(each)
+        for file_variable in variables:
+            name = file_variable.variable.name
+            if file_variable.variable.is_input and name not in (*names.MOTION, *self._outputs):
+                declarations.setdefault(name, []).append(file_variable)
         for name, declared in declarations.items():
             group = self.inputs if _is_command(declared[0].variable) else self.parameters
             group[name] = _common_signal(declared)
@@ -396,7 +396,7 @@ def _common_signal(declarations: Sequence[_FileVariable]) -> Signal:
     Raises BadInputError if their units are of different quantities, or their initial values differ.
     """
     first, *others = declarations
-    signals = [each.signal() for each in declarations]
+    signals = [declaration.signal() for declaration in declarations]
     for other, signal in zip(others, signals[1:], strict=True):
         same_unit = signal.unit == signals[0].unit
         same_default = (first.variable.initial is None) == (other.variable.initial is None)

@@ -135,7 +135,7 @@ def library_of(folder: Path, description: Description) -> Path:
     here = folder_of_fmi_2 if description.version == 2 else f"{processor}-{system}"
     library = folder / "binaries" / here / f"{description.identifier}{suffix}"
     if not library.is_file():
-        found = ", ".join(sorted(each.name for each in folder.glob("binaries/*"))) or "none"
+        found = ", ".join(sorted(platform.name for platform in folder.glob("binaries/*"))) or "none"
         raise BadInputError(
             f"the FMU has no library for this system (found: {found}); export it for {here}"
         )
@@ -156,18 +156,24 @@ def _read(root: ElementTree.Element) -> Description:
     structure = _structure(root, version, variables)
     states = [state_of[rate] for rate in structure.rates]
     _refuse_states(structure.rates, states, variables)
-    inputs = [each for each in variables.values() if each.causality == "input" and each.is_real]
+    inputs = [
+        variable
+        for variable in variables.values()
+        if variable.causality == "input" and variable.is_real
+    ]
     if (count := len(states) + len(inputs)) > _MOST_STATES:
         raise BadInputError(
             f"the FMU has {count} states and inputs; export a model with at most {_MOST_STATES}"
         )
-    constants = [each for each in variables.values() if each.is_constant]
+    constants = [variable for variable in variables.values() if variable.is_constant]
     outputs = [variables[name] for name in structure.outputs if name not in {*states}]
-    real_outputs = [each for each in outputs if each.is_real]
+    real_outputs = [variable for variable in outputs if variable.is_real]
     in_model = [*(variables[name] for name in states), *inputs, *constants, *real_outputs]
-    names = _names_in_model([each.name for each in in_model], states)
-    settable = [each for each in variables.values() if each.causality in ("input", "parameter")]
-    left_out = [each for each in (*settable, *outputs) if each.name not in names]
+    names = _names_in_model([variable.name for variable in in_model], states)
+    settable = [
+        variable for variable in variables.values() if variable.causality in ("input", "parameter")
+    ]
+    left_out = [variable for variable in (*settable, *outputs) if variable.name not in names]
     listed = {*structure.rates, *states}
     unlisted = [
         variables[state] for rate, state in state_of.items() if listed.isdisjoint((rate, state))
@@ -207,18 +213,18 @@ def _structure(
         def listed(tag: str) -> list[str]:
             """Return the names of the unknowns in an element, which have numbers from 1 on."""
             unknowns = root.findall(f"ModelStructure/{tag}//Unknown")
-            return [in_order[int(each.attrib["index"]) - 1] for each in unknowns]
+            return [in_order[int(unknown.attrib["index"]) - 1] for unknown in unknowns]
 
         count = int(root.get("numberOfEventIndicators") or 0)
         indicators = [f"event indicator {number}" for number in range(1, count + 1)]
         structure = _Structure(listed("Derivatives"), listed("Outputs"), indicators)
     else:
-        name_of = {each.reference: name for name, each in variables.items()}
+        name_of = {variable.reference: name for name, variable in variables.items()}
 
         def referenced(tag: str) -> list[str]:
             """Return the names of the variables to which the elements of a kind refer."""
             elements = root.findall(f"ModelStructure/{tag}")
-            return [name_of[int(each.attrib["valueReference"])] for each in elements]
+            return [name_of[int(element.attrib["valueReference"])] for element in elements]
 
         tags = ("ContinuousStateDerivative", "Output", "EventIndicator")
         structure = _Structure(*map(referenced, tags))
@@ -252,25 +258,28 @@ def _sentences(
     names: name in the FMU -> name in the model
     left_out, unlisted: variables, and states of unlisted derivatives, that the model does not have
     """
-    constants = [each for each in in_model if each.is_constant]
-    inputs = [each for each in in_model if each.causality == "input" and each.is_real]
+    constants = [variable for variable in in_model if variable.is_constant]
+    inputs = [
+        variable for variable in in_model if variable.causality == "input" and variable.is_real
+    ]
     groups = {
         "parameters that --hold sets": constants,
         "parameters of whole numbers (1 is true, 0 false)": [
-            each for each in constants if each.is_whole
+            variable for variable in constants if variable.is_whole
         ],
         "left out: texts, arrays, and outputs that are not real numbers": left_out,
         "inputs that the FMU changes in steps are taken as continuous": [
-            each for each in inputs if each.is_discrete
+            variable for variable in inputs if variable.is_discrete
         ],
         "no states, because ModelStructure does not list their derivatives": unlisted,
         "states without a unit, which the sheet of an aircraft requires": [
-            each for each in in_model if each.name in states and not each.unit
+            variable for variable in in_model if variable.name in states and not variable.unit
         ],
     }
     for text, group in groups.items():
         if group:
-            yield f"{text}: {_listed([names.get(each.name, each.name) for each in group])}"
+            own_names = [names.get(variable.name, variable.name) for variable in group]
+            yield f"{text}: {_listed(own_names)}"
 
 
 def _names_in_model(names: list[str], states: list[str]) -> dict[str, str]:
@@ -293,7 +302,7 @@ def _variables(
     root: ElementTree.Element, version: int
 ) -> tuple[dict[str, Variable], dict[str, str]]:
     """Return the variables by name, and derivative -> state."""
-    types = {each.get("name"): each for each in root.findall("TypeDefinitions/*")}
+    types = {definition.get("name"): definition for definition in root.findall("TypeDefinitions/*")}
     variables: dict[str, Variable] = {}
     key_of_state: dict[str, str] = {}  # derivative -> number or value reference of its state
     for element in root.findall("ModelVariables/*"):
@@ -305,7 +314,7 @@ def _variables(
     if version == 2:
         name_of = {str(number): name for number, name in enumerate(variables, start=1)}
     else:
-        name_of = {str(each.reference): name for name, each in variables.items()}
+        name_of = {str(variable.reference): name for name, variable in variables.items()}
     return variables, {rate: name_of[key] for rate, key in key_of_state.items()}
 
 
@@ -328,7 +337,7 @@ def _variable(
     kind = "Float64" if kind == "Real" else kind
     lowest, highest = _RANGES.get(kind, (0, 0))
     if enumerated:
-        values = [int(each.attrib["value"]) for each in enumerated]
+        values = [int(item.attrib["value"]) for item in enumerated]
         lowest, highest = min(values), max(values)
     usual = {"min": lowest, "max": highest, "nominal": 0, "start": 0}
     stated = attributes if kind in _RANGES else {}

@@ -100,7 +100,9 @@ class Instance:
         n, m = len(interface.states), len(interface.inputs)
         self._v = (c_double * (n + m + len(interface.parameters)))()
         self._f = (c_double * (n + len(interface.outputs)))()
-        self._v_bytes, self._f_bytes = (memoryview(each).cast("B") for each in (self._v, self._f))
+        self._v_bytes, self._f_bytes = (
+            memoryview(buffer).cast("B") for buffer in (self._v, self._f)
+        )
         # Arguments of the calls that set the states and the inputs, and get the rates and outputs.
         self._x = self._v, c_size_t(n)
         self._rates = self._f, c_size_t(n)
@@ -347,7 +349,9 @@ class Instance:
         kind = CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
         log = kind(lambda _, __, ___, ____, message: say(message))
         memory = ctypes.CDLL("msvcrt" if sys.platform == "win32" else None)
-        addresses = [ctypes.cast(each, c_void_p) for each in (log, memory.calloc, memory.free)]
+        addresses = [
+            ctypes.cast(function, c_void_p) for function in (log, memory.calloc, memory.free)
+        ]
         return [_Allocation(*addresses, None, None), log]
 
 

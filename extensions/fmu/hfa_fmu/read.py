@@ -67,8 +67,8 @@ def _read(text: str, digest: str) -> Model:
         description = described(folder)
         interface = _interface(folder, description)
         start = [
-            each.start
-            for each in (*description.states, *description.inputs, *description.parameters)
+            variable.start
+            for variable in (*description.states, *description.inputs, *description.parameters)
         ]
         _run_once(interface, start)
         try:
@@ -97,9 +97,13 @@ def _interface(folder: Path, description: Description) -> Interface:
     resources = folder / "resources"
     parameters = [
         Parameter(
-            description.names[each.name], each.reference, each.kind, each.is_whole, each.start
+            description.names[parameter.name],
+            parameter.reference,
+            parameter.kind,
+            parameter.is_whole,
+            parameter.start,
         )
-        for each in description.parameters
+        for parameter in description.parameters
     ]
     return Interface(
         library=str(library_of(folder, description)),
@@ -109,12 +113,12 @@ def _interface(folder: Path, description: Description) -> Interface:
         # FMI 3.0 passes a path that ends with a separator, FMI 2.0 a URI
         resources=f"{resources}/" if description.version == 3 else resources.as_uri(),
         indicators=len(description.indicators),
-        states=[each.reference for each in description.states],
-        rates=[each.reference for each in description.rates],
-        inputs=[each.reference for each in description.inputs],
+        states=[variable.reference for variable in description.states],
+        rates=[variable.reference for variable in description.rates],
+        inputs=[variable.reference for variable in description.inputs],
         parameters=parameters,
-        outputs=[each.reference for each in description.outputs],
-        has_steps=any(each.is_discrete for each in description.inputs),
+        outputs=[variable.reference for variable in description.outputs],
+        has_steps=any(variable.is_discrete for variable in description.inputs),
     )
 
 
@@ -142,7 +146,7 @@ def _model(
 ) -> Model:
     """Return the model of the variables of an FMU."""
     states, inputs, parameters, outputs = (
-        {description.names[each.name]: _signal(each) for each in group}
+        {description.names[variable.name]: _signal(variable) for variable in group}
         for group in (
             description.states,
             description.inputs,
@@ -151,10 +155,10 @@ def _model(
         )
     )
     nominals = [
-        np.array([each.nominal for each in group.values()])
+        np.array([signal.nominal for signal in group.values()])
         for group in (states, inputs, parameters)
     ]
-    whole = [each.is_whole for each in description.parameters]
+    whole = [parameter.is_whole for parameter in description.parameters]
     values = len(states) + len(outputs)
     evaluator = Evaluator(instance, nominals, values, description.indicators, whole)
     begun = _beside_events(evaluator, np.array(start), len(states))
@@ -274,7 +278,7 @@ def _error_of_differences(evaluator: Evaluator, start: np.ndarray) -> float:
     smooth = (0.5 * (far_below + far_above) - slopes) / 3.0
     # The gap between the sides doubles with the step, but at a kink.
     kinked = (above - below) - 0.5 * (far_above - far_below)
-    return max(_largest_error(each, slopes, nominals) for each in (smooth, kinked))
+    return max(_largest_error(part, slopes, nominals) for part in (smooth, kinked))
 
 
 def _doubts(evaluator: Evaluator, start: np.ndarray) -> tuple[str, ...]:

@@ -134,8 +134,8 @@ def _as_records(
 ) -> list[Record]:
     """Return a `Record` for each path, flight, table, dictionary or record."""
     records = []
-    for number, each in enumerate(given, start=1):
-        record = _as_record(model, each, held, f"record {number}")
+    for number, source in enumerate(given, start=1):
+        record = _as_record(model, source, held, f"record {number}")
         records.append(replace(record, has_steps=inputs == "steps"))
     return records
 
@@ -233,14 +233,17 @@ def _identified(fit: Fit) -> Identified:
             responses.signals.items(), theta, half.tolist(), strict=True
         )
     }
-    of_model = {name: each for name, each in estimates.items() if name in model.parameters}
+    of_model = {name: estimate for name, estimate in estimates.items() if name in model.parameters}
     wide = tuple(
         name
-        for name, each in of_model.items()
-        if not each.high - each.value <= _WIDE * max(abs(each.value), abs(each.start))
+        for name, estimate in of_model.items()
+        if not estimate.high - estimate.value
+        <= _WIDE * max(abs(estimate.value), abs(estimate.start))
     )
     return Identified(
-        model=model.with_parameters(**{name: each.value for name, each in of_model.items()}),
+        model=model.with_parameters(
+            **{name: estimate.value for name, estimate in of_model.items()}
+        ),
         records=tuple(record.name for record in search.records),
         parameters=estimates,
         quantities=_quantities(responses, fit),

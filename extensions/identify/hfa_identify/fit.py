@@ -125,7 +125,7 @@ class Fit:
         Raises FloatingPointError if a sensitivity is not finite.
         """
         slopes = self.search.responses.slopes
-        return tuple(Response(each.y, slopes(each)) for each in self.simulated)
+        return tuple(Response(response.y, slopes(response)) for response in self.simulated)
 
     @cached_property
     def normals(self) -> tuple[Normal, ...]:
@@ -138,7 +138,7 @@ class Fit:
     @cached_property
     def information(self) -> np.ndarray:
         """Fisher information (p, p) of the parameters if the initial states are unknown."""
-        return np.sum([each.information for each in self.normals], axis=0)
+        return np.sum([normal.information for normal in self.normals], axis=0)
 
     @cached_property
     def projected(self) -> tuple[np.ndarray, ...]:
@@ -203,8 +203,8 @@ class OutputError:
         self.responses = responses
         self.records = tuple(records)
         signals = responses.signals.values()
-        self.bounds = np.array([(each.min, each.max) for each in signals])
-        self._begin = np.array([each.start for each in signals])
+        self.bounds = np.array([(signal.min, signal.max) for signal in signals])
+        self._begin = np.array([signal.start for signal in signals])
         self.guesses = tuple(guesses)
         self._priors = tuple(_start_weights(responses.model, record) for record in self.records)
         tables = [record.table(responses.measured) for record in self.records]
@@ -283,8 +283,8 @@ class OutputError:
             for record, start in zip(self.records, starts, strict=True)
         )
         residuals = tuple(
-            np.where(flags, table - each.y, 0.0)
-            for flags, table, each in zip(self.present, self._measured, simulated, strict=True)
+            np.where(flags, table - response.y, 0.0)
+            for flags, table, response in zip(self.present, self._measured, simulated, strict=True)
         )
         with np.errstate(over="ignore", invalid="ignore"):
             noise = self._noise(residuals)
@@ -305,7 +305,7 @@ class OutputError:
 
     def _noise(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
         """Return the variances of the residuals (k,)."""
-        squares = sum((each**2).sum(axis=0) for each in residuals)
+        squares = sum((residual**2).sum(axis=0) for residual in residuals)
         return np.asarray(np.maximum(squares / np.maximum(self.samples, 1), self.least))
 
     def _likelihood(
@@ -313,7 +313,7 @@ class OutputError:
     ) -> float:
         """Return L, as defined in this module."""
         # residuals (N, k), noise (k,), starts (n,)
-        squares = sum((each**2).sum(axis=0) for each in residuals)
+        squares = sum((residual**2).sum(axis=0) for residual in residuals)
         total = 0.5 * float(np.sum(self.samples * (np.log(noise) - 1.0) + squares / noise))
         for start, guess, prior in zip(starts, self.guesses, self._priors, strict=True):
             total += 0.5 * float((start - guess) ** 2 @ prior)

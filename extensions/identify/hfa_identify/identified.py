@@ -140,23 +140,26 @@ class Identified(Result, Reported):
         if self.at_bounds:
             yield f"at a limit of the model: {', '.join(self.at_bounds)}"
 
-    def _misfit_text(self, each: Misfit) -> str:
+    def _misfit_text(self, misfit: Misfit) -> str:
         """Return the finding on a misfit."""
-        where = f" in {each.record}" if len(self.records) > 1 else ""
-        far = beside_unit(shown_value(each.difference, each.unit, ".3g"), each.unit)
+        where = f" in {misfit.record}" if len(self.records) > 1 else ""
+        far = beside_unit(shown_value(misfit.difference, misfit.unit, ".3g"), misfit.unit)
         why = "as the inputs move"
-        if each.samples:
-            why = f"in {each.samples} sample{'s' * (each.samples > 1)}"
-        return f"{each.quantity}{where} is off the model by {far} at {each.time:.4g} s, {why}"
+        if misfit.samples:
+            why = f"in {misfit.samples} sample{'s' * (misfit.samples > 1)}"
+        return f"{misfit.quantity}{where} is off the model by {far} at {misfit.time:.4g} s, {why}"
 
     @property
     def far(self) -> tuple[str, ...]:
         """Parameters with another sign than at the start of the search, or 8 times its value."""
         return tuple(
             name
-            for name, each in self.parameters.items()
-            if each.value * each.start < 0.0
-            or (each.start * each.value > 0.0 and not 1.0 / _FAR < each.value / each.start < _FAR)
+            for name, estimate in self.parameters.items()
+            if estimate.value * estimate.start < 0.0
+            or (
+                estimate.start * estimate.value > 0.0
+                and not 1.0 / _FAR < estimate.value / estimate.start < _FAR
+            )
         )
 
     @property
@@ -199,7 +202,7 @@ class Identified(Result, Reported):
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
-        entries = {each.name: getattr(self, each.name) for each in fields(self)}
+        entries = {field.name: getattr(self, field.name) for field in fields(self)}
         del entries["model"], entries["fitted"]
         computed = {name: getattr(self, name) for name in ("far", "ok", "first_line")}
         return {"dynamics": self.model.name, **entries, **computed}
@@ -221,14 +224,14 @@ class Identified(Result, Reported):
         factor = f"widen them by a factor of up to {self.coloured:.2g}"
         widened = factor if self.coloured > _WIDENED else "do not widen them"
         parts.append(f"The bands are 95 % bands. Colored residuals {widened}.")
-        coloured = [name for name, each in self.quantities.items() if each.white < WHITE]
+        coloured = [name for name, quantity in self.quantities.items() if quantity.white < WHITE]
         if coloured:
             sentence = f"The residuals of {', '.join(coloured)} are colored."
             parts.append(wrapped(sentence, WIDTH))
         title = f"{self.first_line}\nIdentification of {self.model.title}"
         estimates = [
-            (name, each.value, each.low, each.high, each.start, each.unit)
-            for name, each in self.parameters.items()
+            (name, estimate.value, estimate.low, estimate.high, estimate.start, estimate.unit)
+            for name, estimate in self.parameters.items()
         ]
         rows_of_file = Table(("parameter", "value", "low", "high", "start", "unit"), estimates)
         return Report(title, tuple(parts), further, self.to_dict(), rows_of_file)
@@ -236,12 +239,15 @@ class Identified(Result, Reported):
     def _estimates(self) -> Table:
         """Return a table of the estimates and their bands."""
         rows = []
-        for name, each in self.parameters.items():
-            half_width = 0.5 * (each.high - each.low)
-            band = f"{100.0 * half_width / abs(each.value):.2g} %" if each.value else "-"
-            ends = [shown_value(value, each.unit) for value in (each.value, each.low, each.high)]
-            before = shown_value(each.start, each.unit)
-            rows.append((name, *ends, band, before, shown_unit(each.unit)))
+        for name, estimate in self.parameters.items():
+            half_width = 0.5 * (estimate.high - estimate.low)
+            band = f"{100.0 * half_width / abs(estimate.value):.2g} %" if estimate.value else "-"
+            ends = [
+                shown_value(value, estimate.unit)
+                for value in (estimate.value, estimate.low, estimate.high)
+            ]
+            before = shown_value(estimate.start, estimate.unit)
+            rows.append((name, *ends, band, before, shown_unit(estimate.unit)))
         return Table(
             ("parameter", "estimate", "low", "high", "band", "before", "unit"), tuple(rows)
         )
@@ -249,10 +255,10 @@ class Identified(Result, Reported):
     def _explained(self) -> Table:
         """Return a table of the quality of the fit of each measured quantity."""
         rows = []
-        for name, each in self.quantities.items():
-            noise = beside_unit(shown_value(each.noise, each.unit), each.unit)
-            white = f"{100.0 * each.white:.0f} %"
-            rows.append((name, f"{100.0 * each.fit:.2f} %", noise, white))
+        for name, quantity in self.quantities.items():
+            noise = beside_unit(shown_value(quantity.noise, quantity.unit), quantity.unit)
+            white = f"{100.0 * quantity.white:.0f} %"
+            rows.append((name, f"{100.0 * quantity.fit:.2f} %", noise, white))
         return Table(("measured", "explained", "noise", "white lags"), tuple(rows))
 
     def figure(self) -> Figure:
@@ -339,7 +345,8 @@ def aircraft_text(identified: Identified, folder: Path) -> str:
     rows += [f"{name} = {value!r}" for name, value in values.items()]
     rows += ["", "# Ends of the 95 % bands.", "[bands]"]
     rows += [
-        f"{name} = [{each.low!r}, {each.high!r}]" for name, each in identified.parameters.items()
+        f"{name} = [{estimate.low!r}, {estimate.high!r}]"
+        for name, estimate in identified.parameters.items()
     ]
     if biases:
         rows += ["", "# Biases of the columns of the records.", "[sensors]"]

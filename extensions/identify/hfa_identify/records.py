@@ -80,21 +80,28 @@ def record_of(
                 f"{name}: {column} has {len(values)} samples, but time has {len(time)}; "
                 "give columns of equal length"
             )
-    missing = [each for each in model.inputs if each not in arrays and each not in held]
+    missing = [
+        input_name
+        for input_name in model.inputs
+        if input_name not in arrays and input_name not in held
+    ]
     if missing:
         raise BadInputError(
             f"{name} has no column {missing[0]}; add the column, or give a constant (--hold"
             f" {missing[0]}=VALUE, or in Python hold={{{missing[0]!r}: VALUE}})"
         )
-    inputs = [arrays.pop(each, np.full(len(time), held.get(each))) for each in model.inputs]
+    inputs = [
+        arrays.pop(input_name, np.full(len(time), held.get(input_name)))
+        for input_name in model.inputs
+    ]
     _check_inputs(name, list(model.inputs), inputs)
     if not arrays:
         raise BadInputError(
             f"{name} has no column of a measured state or output; add a column such as "
             f"{next(iter(model.states))}"
         )
-    for each, values in arrays.items():
-        _check_measured(name, each, values)
+    for measured, values in arrays.items():
+        _check_measured(name, measured, values)
     return Record(name, time, _stacked(time, inputs), arrays)
 
 
@@ -129,7 +136,7 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
     try:
         text = path.read_text("utf-8-sig")
         head = text.lstrip().partition("\n")[0]
-        separator = next((each for each in "\t;" if each in head), ",")
+        separator = next((mark for mark in "\t;" if mark in head), ",")
         if separator == ";":
             text = _with_decimal_points(path, text)
         rows = list(csv.reader(io.StringIO(text), delimiter=separator))
@@ -277,11 +284,11 @@ def _check_time(name: str, time: np.ndarray) -> None:
 
 def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray]) -> None:
     """Raise BadInputError if a sample of an input is missing."""
-    for each, values in zip(names, inputs, strict=True):
+    for input_name, values in zip(names, inputs, strict=True):
         gaps = np.flatnonzero(~np.isfinite(values))
         if len(gaps):
             raise BadInputError(
-                f"{name}: the input {each} has no value at sample {gaps[0] + 1}; give a value"
+                f"{name}: the input {input_name} has no value at sample {gaps[0] + 1}; give a value"
                 " at every sample"
             )
 

@@ -56,7 +56,7 @@ def _variance_ratio(fit: Fit) -> float:
 
 def _unknowns(fit: Fit) -> float:
     """Return the number of parameters, and of the initial states that the records determine."""
-    return len(fit.theta) + sum(each.determined for each in fit.normals)
+    return len(fit.theta) + sum(normal.determined for normal in fit.normals)
 
 
 def covariance(fit: Fit) -> np.ndarray:
@@ -145,8 +145,8 @@ def autocorrelation(residual: np.ndarray, present: np.ndarray) -> np.ndarray:
 
     values = np.where(present, residual, 0.0)
     sums, pairs = (
-        correlate(each, each, method="fft")[len(each) - 1 :]
-        for each in (values, present.astype(float))
+        correlate(series, series, method="fft")[len(series) - 1 :]
+        for series in (values, present.astype(float))
     )
     means = sums / np.maximum(np.round(pairs), 1.0)
     return np.asarray(means / max(means[0], 1e-300))
@@ -174,8 +174,8 @@ def determination(fit: Fit) -> np.ndarray:
     coefficients = []
     for place in range(len(fit.noise)):
         measured, residuals = _samples(fit, place)
-        of_residuals = sum(float(each @ each) for each in residuals)
-        about_means = sum(len(each) * float(each.var()) for each in measured if len(each))
+        of_residuals = sum(float(residual @ residual) for residual in residuals)
+        about_means = sum(len(values) * float(values.var()) for values in measured if len(values))
         coefficients.append(1.0 - of_residuals / about_means if about_means else 0.0)
     return np.array(coefficients)
 
@@ -269,8 +269,8 @@ def misfits(fit: Fit) -> list[Misfit]:
         for place in np.flatnonzero(present.any(axis=0))
     ]
     candidates = [_candidate(fit, number, place) for number, place in measured]
-    clear = [each for each in candidates if each.chance < _CHANCE / len(measured)]
-    return [each.misfit for each in sorted(clear, key=lambda each: each.chance)]
+    clear = [candidate for candidate in candidates if candidate.chance < _CHANCE / len(measured)]
+    return [candidate.misfit for candidate in sorted(clear, key=lambda candidate: candidate.chance)]
 
 
 class _Candidate(NamedTuple):

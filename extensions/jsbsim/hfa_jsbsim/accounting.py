@@ -306,7 +306,7 @@ def _reason_to_omit(parent: Element, child: Element) -> str:
     if name in KINDS or name in ("function", "table", "t") or parent.name == "channel":
         return _NO_FORCE  # it sets properties that are not read
     is_named = parent.name in ("function", "table", "t")
-    if is_named and not any(each.taken for each in parent.children):
+    if is_named and not any(inner.taken for inner in parent.children):
         return _NO_FORCE  # those of engines are read by name
     if any(other.name == name and other.taken for other in parent.children):
         return _NOT_READ if name not in _REPEATED else _NO_FORCE

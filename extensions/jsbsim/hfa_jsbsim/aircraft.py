@@ -167,7 +167,9 @@ class Equations:
         """Return the inputs on which rates or outputs depend, by name."""
         used = self.used_symbols()
         return {
-            name: each for name, each in self.inputs.items() if each.symbol.element_hash() in used
+            name: pilot_input
+            for name, pilot_input in self.inputs.items()
+            if pilot_input.symbol.element_hash() in used
         }
 
     def _declare_symbols(self) -> None:
@@ -315,7 +317,7 @@ class Equations:
                 self.properties.define_initial(full_name, place)
         self.properties.define("inertia/empty-weight-lbs", self.parts.empty.weight)
         for name in OF_MASS:
-            self._define_lazily(name, lambda name=name: mass_properties(self.mass)[name])
+            self._define_lazily(name, partial(lambda name: mass_properties(self.mass)[name], name))
         self._define_lazily("aero/h_b-mac-ft", self._reference_height)
 
     def _define_tanks(self) -> None:
@@ -410,8 +412,8 @@ class Equations:
         if rights and "value" in element.attributes:
             held = self.properties.writer(element.text)
             symbol = held.compute() if held is not None and not held.is_of_file else None
-            parameter = next((name for name, each in self.parameters.items() if each is symbol), "")
-            is_command = any(each.symbol is symbol for each in self.inputs.values())
+            parameter = next((name for name, own in self.parameters.items() if own is symbol), "")
+            is_command = any(pilot_input.symbol is symbol for pilot_input in self.inputs.values())
             if parameter and parameter not in ("mixture", "advance"):  # engines run best with 1
                 self.starts[parameter] = value
             if not (parameter or is_command):
@@ -454,8 +456,8 @@ class Equations:
         """Set the outputs and the time derivatives of all states except filter states."""
         motion = self.motion
         mass = self.mass
-        force = sum((each.force for each in self.effects), start=air.force + external.force)
-        moment = sum((each.moment for each in self.effects), start=air.moment + external.moment)
+        force = sum((effect.force for effect in self.effects), start=air.force + external.force)
+        moment = sum((effect.moment for effect in self.effects), start=air.moment + external.moment)
         specific_force = force / mass.slugs
         gravity = self.parameters["gravity"] * motion.down
         velocity_rate = acceleration(motion.velocity, motion.rates, specific_force, gravity)

@@ -183,9 +183,9 @@ def _content(mount: Element, opened: Any, kinds: Sequence[str]) -> Element:
     part: Element = opened(mount)
     if part is mount:
         inside = (
-            each
-            for each in mount.children
-            if each.name in kinds or each.name.endswith("_engine")  # also an unsupported one
+            child
+            for child in mount.children
+            if child.name in kinds or child.name.endswith("_engine")  # also an unsupported one
         )
         part = next(inside, mount)
     if part.take().name not in kinds:

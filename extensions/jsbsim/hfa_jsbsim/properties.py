@@ -243,8 +243,8 @@ class Properties:
     def at_start(self, value: Any) -> float | None:
         """Return a value with all constants at their values in the files, or None if it varies."""
         constants = self.constants.values()
-        symbols = ca.vertcat(*(each.symbol for each in constants))
-        starts = ca.SX([each.start for each in constants])
+        symbols = ca.vertcat(*(constant.symbol for constant in constants))
+        starts = ca.SX([constant.start for constant in constants])
         number = ca.substitute(ca.SX(value), symbols, starts)
         return float(number) if number.is_constant() else None
 
@@ -252,8 +252,8 @@ class Properties:
         """Keep the constants in a value at their values in the files."""
         self.frozen |= {
             name
-            for name, each in self.constants.items()
-            if ca.depends_on(ca.SX(value), each.symbol)
+            for name, constant in self.constants.items()
+            if ca.depends_on(ca.SX(value), constant.symbol)
         }
 
     def add_writer(self, name: str, writer: Writer) -> None:
@@ -278,7 +278,7 @@ class Properties:
         The function is evaluated at the position of the current component in the order of
         evaluation.
         """
-        state = next(each for each in self.filters if each.symbol is symbol)
+        state = next(state for state in self.filters if state.symbol is symbol)
         state.writer = Writer(compute, state.component.where, self._order, state.component)
 
     def leave_out(self, component: Element, what: str, is_always: bool = False) -> None:
@@ -325,7 +325,7 @@ class Properties:
                         )
                 elif not _ON_GROUND.fullmatch(key):
                     self.define_constant(key, 0.0, where)
-            if key in self.constants and any(each.component for each in self._running):
+            if key in self.constants and any(writer.component for writer in self._running):
                 self.in_control.add(key)
             return self._initial.get(key, 0.0)
         before = [writer for writer in writers if writer.order < self._order]

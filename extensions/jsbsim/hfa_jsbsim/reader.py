@@ -364,7 +364,9 @@ class _Declaration:
         ]
         if not components:
             return ""
-        names = ", ".join(shortened(each.attributes.get("name", "")) for each in components)
+        names = ", ".join(
+            shortened(component.attributes.get("name", "")) for component in components
+        )
         return f"{name} moves, and <kinematic> {names} follows without its travel time"
 
     def _note_on_engines(self, throttle: str) -> str:
@@ -477,7 +479,7 @@ class _Declaration:
         """
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
-        columns = [[values.get(key, each[key].start) for key in each] for each in signals]
+        columns = [[values.get(key, named[key].start) for key in named] for named in signals]
         row = list(self.equations.rates).index(name)
 
         def rates(speeds: np.ndarray) -> np.ndarray:
@@ -530,7 +532,7 @@ class _Declaration:
         """Return the arguments x, u and p of the aircraft's functions."""
         # Inputs and parameters without an effect are replaced by constants. Commands that surface
         # positions replace as inputs are 0 in the filters that they still reach.
-        inputs = {name: each.symbol for name, each in equations.inputs.items()}
+        inputs = {name: pilot_input.symbol for name, pilot_input in equations.inputs.items()}
         kept_inputs = [inputs.pop(name) for name in self.inputs]
         parameters = dict(equations.parameters)
         kept_parameters = [parameters.pop(name) for name in self.parameters]

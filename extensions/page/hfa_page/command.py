@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +56,6 @@ from trim.reports.book import Condition
 class ReportRequest(Request, WeightOptions, SeveralTrims):
     """Options of `hfa report`."""
 
-    moved: ClassVar = {"--beside": "type --aircraft"}
     at: str | None = option(
         f"values of the scheduling variable shown in detail: {SEVERAL}", "RANGE"
     )

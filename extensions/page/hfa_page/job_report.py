@@ -108,8 +108,12 @@ def sections_of(job: MainJob) -> Sections:
     angles = tuple(angle_report(angle) for angle in job.angles)
     if job.regeneration is None or job.parameters is None:
         conditions = job.book or [
-            Condition(each.label, each.report, None if each.model is None else each.model.point)
-            for each in job.slider.points
+            Condition(
+                position.label,
+                position.report,
+                None if position.model is None else position.model.point,
+            )
+            for position in job.slider.points
         ]
         others = (_book(conditions, with_sheets=bool(job.book)), _doubts(conditions), modes)
         return Sections(of_slider, (), angles, others)
@@ -130,12 +134,14 @@ def _book(conditions: Sequence[Condition], *, with_sheets: bool) -> Report:
     """Return the section with the matrix of conditions and its figure, and their sheets if they are
     on no slider.
     """
-    points = [each.point for each in conditions if each.point is not None]
+    points = [condition.point for condition in conditions if condition.point is not None]
     if not points:
         return Report("Book", ("No condition has a trim.",))
     whole = book_of(Report(""), conditions, points[0].model, {})
     parts = [part for part in whole.parts if with_sheets or not isinstance(part, Report)]
-    return Report("Book", parts, data={"sheets": [each.report.data for each in conditions]})
+    return Report(
+        "Book", parts, data={"sheets": [condition.report.data for condition in conditions]}
+    )
 
 
 def _doubts(conditions: Sequence[Condition]) -> Report:

@@ -279,9 +279,11 @@ def games_over(
     weights: as for `with_game`
     """
     in_full = []
-    for count, each in enumerate(point for point in slider.points if point.value in asked):
-        progress(0.1 + 0.9 * count / len(asked), 1.0, f"{slider.sweep.variables[-1]} {each.label}")
-        in_full.append(with_game(each, weights))
+    for count, position in enumerate(point for point in slider.points if point.value in asked):
+        progress(
+            0.1 + 0.9 * count / len(asked), 1.0, f"{slider.sweep.variables[-1]} {position.label}"
+        )
+        in_full.append(with_game(position, weights))
     progress(1.0, 1.0)
     return tuple(in_full)
 
@@ -338,7 +340,7 @@ def _flown(angle: Position) -> Flight:
     if angle.model is None or angle.solution is None:
         raise NoSolutionError(angle.reason)
     point, model = angle.model.point, angle.model.point.model
-    angles = {name: math.radians(each) for name, each in (_ANGLES | _RATES).items()}
+    angles = {name: math.radians(degrees) for name, degrees in (_ANGLES | _RATES).items()}
     noise = {"speed": _SPEED, **angles}
     air = Turbulence(_LEVEL, float(point["altitude"]))
     policy = filter(angle.model, noise, air).policy(angle.solution)

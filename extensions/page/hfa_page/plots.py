@@ -159,7 +159,7 @@ def pictures_over(slider: Slider) -> list[InteractivePlot]:
         return []
     draw = _front_view if hfa_model.is_hfa(slider.sweep.model) else _limits_view
     drawn = draw("trim.png", trims)
-    return [each for each in (drawn, _locus_plot(slider)) if each is not None]
+    return [plot for plot in (drawn, _locus_plot(slider)) if plot is not None]
 
 
 def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> InteractivePlot | None:
@@ -173,20 +173,23 @@ def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interacti
 
     def shares(point: OperatingPoint | None) -> list[dict[str, Any]]:
         """Return the trace of one trim, which is empty without a trim."""
-        ranged = {} if point is None else {each.name: each for each in with_range(point)}
+        ranged = (
+            {} if point is None else {variable.name: variable for variable in with_range(point)}
+        )
         drawn = [ranged[name] for name in names if name in ranged]
         texts = [
-            beside_unit(shown_value(each.value, each.unit, ".4g"), each.unit) for each in drawn
+            beside_unit(shown_value(variable.value, variable.unit, ".4g"), variable.unit)
+            for variable in drawn
         ]
         return [
             {
                 "type": "scatter",
                 "hoverinfo": "skip",
                 "x": [
-                    100 * (each.value - each.lowest) / (each.highest - each.lowest)
-                    for each in drawn
+                    100 * (variable.value - variable.lowest) / (variable.highest - variable.lowest)
+                    for variable in drawn
                 ],
-                "y": [each.name for each in drawn],
+                "y": [variable.name for variable in drawn],
                 "text": texts,
             }
         ]

@@ -145,7 +145,7 @@ class Fields:
         """Return name -> number of an entry that is an object with exactly the given names."""
         numbers = self.numbers(name, names)
         require(set(numbers) == set(names), self._called(name), sorted(numbers))
-        return {each: numbers[each] for each in names}
+        return {name: numbers[name] for name in names}
 
     def array(self, name: str, *shape: int | None) -> np.ndarray:
         """Return an entry of nested lists of finite numbers as an array.
@@ -200,17 +200,17 @@ def entry(
     subject: str = "",
     **default: Any,
 ) -> Any:
-    """Return the declaration of a field of a `Stated` object, see `Entry`."""
+    """Return the declaration of a field of a `Stored` object, see `Entry`."""
     declared = Entry(read, store or stored, subject)
     return field(metadata={"entry": declared}, **default)
 
 
-def part(kind: type[Stated]) -> Any:
+def part(kind: type[Stored]) -> Any:
     """Return the declaration of a field that is an object with entries of its own."""
     return entry(lambda file, name, known: kind.read(file.fields(name), known))
 
 
-class Stated:
+class Stored:
     """Object of a certificate. The fields of the dataclass are the entries of the object."""
 
     @classmethod
@@ -226,10 +226,10 @@ class Stated:
         """
         known = SimpleNamespace(**vars(known))
         values = {}
-        for each in fields(cls):  # type: ignore[arg-type]  # a dataclass
-            declared: Entry = each.metadata["entry"]
-            values[each.name] = declared.read(file, each.name, known)
-            setattr(known, each.name, values[each.name])
+        for attribute in fields(cls):  # type: ignore[arg-type]  # a dataclass
+            declared: Entry = attribute.metadata["entry"]
+            values[attribute.name] = declared.read(file, attribute.name, known)
+            setattr(known, attribute.name, values[attribute.name])
         file.close()
         made = cls(**values)
         made.check_consistent()
@@ -241,10 +241,10 @@ class Stated:
     def content(self) -> dict[str, Any]:
         """Return the object in the form that is stored in a file and that `read` accepts."""
         content = {}
-        for each in fields(self):  # type: ignore[arg-type]  # a dataclass
-            value = getattr(self, each.name)
+        for attribute in fields(self):  # type: ignore[arg-type]  # a dataclass
+            value = getattr(self, attribute.name)
             if value is not None:
-                content[each.name] = each.metadata["entry"].store(value)
+                content[attribute.name] = attribute.metadata["entry"].store(value)
         return content
 
     def entries(self, before: str = "") -> Iterator[tuple[str, Entry, Any]]:
@@ -252,11 +252,11 @@ class Stated:
 
         before: beginning of every path, such as "flight."
         """
-        for each in fields(self):  # type: ignore[arg-type]  # a dataclass
-            declared: Entry = each.metadata["entry"]
-            path = f"{before}{each.name}"
-            value = getattr(self, each.name)
-            if isinstance(value, Stated):
+        for attribute in fields(self):  # type: ignore[arg-type]  # a dataclass
+            declared: Entry = attribute.metadata["entry"]
+            path = f"{before}{attribute.name}"
+            value = getattr(self, attribute.name)
+            if isinstance(value, Stored):
                 yield from value.entries(f"{path}.")
             elif value is not None:
                 yield path, declared, declared.store(value)
@@ -264,7 +264,7 @@ class Stated:
 
 def stored(value: Any) -> Any:
     """Return a value in the form that is stored in a file."""
-    if isinstance(value, Stated):
+    if isinstance(value, Stored):
         return value.content()
     if isinstance(value, Mapping):
         return {name: stored(item) for name, item in value.items()}
@@ -324,7 +324,7 @@ def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
     return same
 
 
-def compare(statement: Stated, given: Mapping[str, Given]) -> list[str]:
+def compare(statement: Stored, given: Mapping[str, Given]) -> list[str]:
     """Return the subjects (`Entry.subject`) that the user did not give, in the statement's order.
 
     given: path of an entry -> the user's value

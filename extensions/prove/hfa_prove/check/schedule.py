@@ -27,7 +27,7 @@ from flint import arb, arb_mat, ctx
 
 from controller.riccati.balls import ball_matrix, identity, is_positive_definite, midpoints
 from hfa_prove.check.trims import SteadyFlight, TrimPiece
-from hfa_prove.enclosure.ball_function import BallFunction, Undecided, exact, symmetric
+from hfa_prove.enclosure.ball_function import BallFunction, Undecided, about_zero, exact
 from hfa_prove.enclosure.precision import PRECISION
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.schedule import SAME_TRIM, ScheduleStatement, ScheduleWitness
@@ -205,7 +205,7 @@ class ScheduleProof:
         n = K.value.ncols()
         estimate = [exact(value) for value in trims.estimate.tolist()]
         (at_centre,) = self._loops.balls(estimate, [trims.middle], self.flight.numbers, *gain)
-        s = trims.middle + symmetric(trims.half_width)
+        s = trims.middle + about_zero(trims.half_width)
         # e and 0: all points between the estimate at the center and the trims
         around = trims.along([offset.union(exact(0.0)) for offset in trims.offset])
         _, by_w, by_s = self._loops.derivatives(around, [s], self.flight.numbers, *gain)
@@ -213,10 +213,10 @@ class ScheduleProof:
         by_free = arb_mat(f, n * n, by_w).transpose()
         along = arb_mat(n * n, 1, by_s) + by_free * ball_matrix(trims.slope[:, None])
         middle = along.mid()
-        rest = (along - middle) * symmetric(trims.half_width)
+        rest = (along - middle) * about_zero(trims.half_width)
         rest += by_free * arb_mat(f, 1, list(trims.offset))
         columns = (at_centre, middle.entries(), rest.entries())
-        return LinearInPosition(*(arb_mat(n, n, list(each)).transpose() for each in columns))
+        return LinearInPosition(*(arb_mat(n, n, list(column)).transpose() for column in columns))
 
     def _check_decay(self, loop: LinearInPosition, trims: TrimPiece) -> None:
         """Raise Rejected unless the decay rate a is proved on a piece.

@@ -22,7 +22,7 @@ from flint import arb, arb_mat
 
 from controller.riccati.balls import ball_matrix, identity
 from hfa_aircraft.model import Model
-from hfa_prove.enclosure.ball_function import READING, BallFunction, Undecided, exact, symmetric
+from hfa_prove.enclosure.ball_function import READING, BallFunction, Undecided, about_zero, exact
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.schedule import Flight, unit_of_schedule
 from hfa_support.errors import BadInputError
@@ -155,7 +155,7 @@ class TrimPiece:
 
     def along(self, around: Sequence[arb]) -> list[arb]:
         """Return the enclosures estimate + slope t + around for all scheduling values."""
-        return self._plus(symmetric(self.half_width), around)
+        return self._plus(about_zero(self.half_width), around)
 
     def _plus(self, t: arb, around: Sequence[arb]) -> list[arb]:
         """Return estimate + slope t + around, f balls."""
@@ -175,7 +175,7 @@ class TrimPiece:
 
 def _inside(inner: Sequence[arb], outer: Sequence[arb]) -> bool:
     """Return whether each ball is in the interior of the other ball at its place."""
-    return all(ball.contains_interior(each) for each, ball in zip(inner, outer, strict=True))
+    return all(ball.contains_interior(part) for part, ball in zip(inner, outer, strict=True))
 
 
 class SteadyFlight:
@@ -208,7 +208,7 @@ class SteadyFlight:
     def balls(self, name: str, outputs: Sequence[ca.SX], *more: ca.SX) -> BallFunction:
         """Return the function (w, s, numbers, *more) -> outputs on balls, column by column."""
         w, s, numbers, *_ = self.expressions
-        dense = [ca.densify(ca.vec(each)) for each in outputs]
+        dense = [ca.densify(ca.vec(output)) for output in outputs]
         return BallFunction(
             ca.Function(name, [w, s, numbers, *more], dense), self.flight.model.name
         )
@@ -241,7 +241,7 @@ class SteadyFlight:
         """
         w = np.array(guess, dtype=float)
         for _ in range(_STEPS):
-            G, Gw, Gs = (np.array(each) for each in self._doubles(w, s, self.doubles))
+            G, Gw, Gs = (np.array(slopes) for slopes in self._doubles(w, s, self.doubles))
             try:
                 inverse = np.linalg.inv(Gw)
             except np.linalg.LinAlgError as error:
@@ -264,10 +264,10 @@ class SteadyFlight:
         w, slope, Y = self.estimate(guess, 0.5 * (low + high))
         thin = [exact(0.0)] * len(w)
         estimated = TrimPiece(low, high, w, slope, thin, thin)
-        least = [symmetric(_LEAST * nominal) for nominal in self.nominal]
+        least = [about_zero(_LEAST * nominal) for nominal in self.nominal]
         first = self._krawczyk(estimated, Y, least)
         box = [
-            symmetric(_ROOM * abs(ball).upper() + small.rad())
+            about_zero(_ROOM * abs(ball).upper() + small.rad())
             for ball, small in zip(first, least, strict=True)
         ]
         offset = self._krawczyk(estimated, Y, box)
@@ -288,7 +288,7 @@ class SteadyFlight:
         f = len(box)
         at = [exact(value) for value in piece.estimate.tolist()]
         G, _ = self._balanced(at, [piece.middle], self.numbers)
-        s = piece.middle + symmetric(piece.half_width)
+        s = piece.middle + about_zero(piece.half_width)
         around = piece.along(box)
         if not all(value == 0 for value in self._balanced(around, [s], self.numbers)[1]):
             raise Rejected("no values of the free variables satisfy an equation of the trim")
@@ -296,13 +296,13 @@ class SteadyFlight:
         slopes = arb_mat(f, f, Gw).transpose()
         along = arb_mat(f, 1, Gs) + slopes * ball_matrix(piece.slope[:, None])
         inverse = ball_matrix(Y)
-        step = inverse * (arb_mat(f, 1, G) + along * symmetric(piece.half_width))
+        step = inverse * (arb_mat(f, 1, G) + along * about_zero(piece.half_width))
         rest = (identity(f) - inverse * slopes) * arb_mat(f, 1, list(box))
         return list((rest - step).entries())
 
     def _check_limits(self, piece: TrimPiece) -> None:
         """Raise Rejected unless every signal is proved to be within its limits on a piece."""
-        s = piece.middle + symmetric(piece.half_width)
+        s = piece.middle + about_zero(piece.half_width)
         (values,) = self._limits(piece.along(piece.offset), [s], self.numbers)
         for name, value in zip(self.limited, values, strict=True):
             low, high = self.flight.limits[name]

@@ -30,7 +30,7 @@ def exact(value: float) -> arb:
     return arb(float(value))
 
 
-def symmetric(radius: Any) -> arb:
+def about_zero(radius: Any) -> arb:
     """Return [-r, r], with r an upper bound of the absolute value of a number or ball."""
     bound = abs(arb(radius)).upper()
     return (-bound).union(bound)

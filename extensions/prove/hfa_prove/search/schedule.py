@@ -349,7 +349,7 @@ def _motions(
     middle = samples[len(samples) // 2]
     for weight in (W, _first_weight(middle.C)):
         P = _lyapunov(middle.C, weight)
-        if all(_is_positive(-(each.C.T @ P + P @ each.C)) for each in samples):
+        if all(_is_positive(-(sample.C.T @ P + P @ sample.C)) for sample in samples):
             yield motion(math.inf if wanted is None else wanted, [middle.s], [P])
     best = 0.0
     kept: list[tuple[float, np.ndarray, np.ndarray]] = []

@@ -20,7 +20,7 @@ from flint import arb
 from hfa_aircraft.model import Model
 from hfa_prove.enclosure.ball_function import LARGEST
 from hfa_prove.enclosure.splines import is_table, tables_of
-from hfa_prove.fields import Fields, Stated, entry, part, require
+from hfa_prove.fields import Fields, Stored, entry, part, require
 from hfa_prove.hfa import aircraft_of
 from hfa_support.errors import BadInputError, shown
 
@@ -99,7 +99,7 @@ def digest_of_equations(model: Model) -> str:
         return ""
     layout = model.layout
     x, u, p, w = layout.symbols("x", "u", "p", "w")
-    vectors = [ca.vertsplit(each) if each.numel() else [] for each in (x, u, p)]
+    vectors = [ca.vertsplit(vector) if vector.numel() else [] for vector in (x, u, p)]
     disturbances = ca.vertsplit(w) if w.numel() else []
     rates, outputs = layout.expressions(vectors, tuple(model.outputs), disturbances)
     graph = ca.Function("equations", [x, u, p, w], [ca.densify(rates), ca.densify(outputs)])
@@ -176,7 +176,7 @@ def unknowns_of(model: Model, imposed: Mapping[str, float]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Flight(Stated):
+class Flight(Stored):
     """Trims of an aircraft at every scheduling value of an interval, within its limits.
 
     model: the equations
@@ -195,7 +195,8 @@ class Flight(Stated):
     )
     imposed: Mapping[str, float] = entry(
         lambda file, name, known: file.numbers(
-            name, [each for each in known.model.holdable if each != known.model.schedule]
+            name,
+            [holdable for holdable in known.model.holdable if holdable != known.model.schedule],
         ),
         subject="trim",
     )
@@ -226,7 +227,7 @@ class Flight(Stated):
         """
         require(bool(self.unknowns), "imposed", self.imposed)
         ends = {name: (value, value) for name, value in self.imposed.items()}
-        low, high = (in_model_unit(self.model, each) for each in self.range)
+        low, high = (in_model_unit(self.model, end) for end in self.range)
         ends[self.model.schedule] = (low, high)
         for name, (lowest, highest) in ends.items():
             if name in self.limits:
@@ -256,7 +257,7 @@ def _read_breakpoints(file: Fields, name: str, known: Any) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Gains(Stated):
+class Gains(Stored):
     """Gain schedule u = u0 - K(η) (x - x0), with K linear in η between breakpoints.
 
     breakpoints: scheduling values, (g,), increasing. With one value, K is constant.
@@ -285,7 +286,7 @@ class Gains(Stated):
 
 
 @dataclass(frozen=True, eq=False)
-class ScheduleStatement(Stated):
+class ScheduleStatement(Stored):
     """Claim about the linear loop x' = (A - B K) x at the trims of an aircraft.
 
     For every scheduling value η of the flight, within all limits, there is one trim on the smooth
@@ -337,7 +338,7 @@ def _read_matrices(file: Fields, name: str, known: Any) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class ScheduleWitness(Stated):
+class ScheduleWitness(Stored):
     """Numbers for the proof of a schedule, not part of the claim.
 
     pieces: number of pieces after which the checker stops

@@ -9,7 +9,7 @@ from flint import arb
 from proofs import FLOAT
 
 from hfa_prove.check.trims import SteadyFlight
-from hfa_prove.enclosure.ball_function import exact, symmetric
+from hfa_prove.enclosure.ball_function import about_zero, exact
 from hfa_prove.enclosure.precision import PRECISION
 from hfa_prove.statements.schedule import Flight
 
@@ -17,9 +17,9 @@ from hfa_prove.statements.schedule import Flight
 def test_balls_contain_their_members():
     """Symmetric balls contain both signs of a number, and a double is exact."""
     for value in (arb(-2, 1), -3, 3.0):
-        assert symmetric(value).contains(3)
-        assert symmetric(value).contains(-3)
-        assert not symmetric(value).contains(3.001)
+        assert about_zero(value).contains(3)
+        assert about_zero(value).contains(-3)
+        assert not about_zero(value).contains(3.001)
     assert exact(0.1).rad() == 0
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hfa_prove.enclosure import splines
-from hfa_prove.enclosure.ball_function import BallFunction, Undecided, exact, symmetric
+from hfa_prove.enclosure.ball_function import BallFunction, Undecided, about_zero, exact
 from hfa_prove.enclosure.splines import tables_of
 from hfa_support.errors import BadInputError
 
@@ -68,7 +68,7 @@ def test_balls_of_tables_are_decided_between_breakpoints(name):
         at = (Fraction(low) + Fraction(high)) / 2
         value = sum(c * (at - Fraction(low)) ** k for k, c in enumerate(piece))
         assert abs(function([exact(float(at))])[0][0] - exact(float(value))) < 1e-15
-    across = exact(spline.knots[1]) + symmetric(1e-9)
+    across = exact(spline.knots[1]) + about_zero(1e-9)
     undecided = [across, exact(spline.knots[0])] if name == "cubic" else [across]
     for place in undecided:  # a smooth table jumps at its ends
         with pytest.raises(Undecided):
