@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from hfa.options.argument_types import quantity, span
+from hfa.options.argument_types import option_errors, quantity, span
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, choice_of, shown
+from hfa_support.errors import BadInputError, choice_of, prefix_errors, shown
 from hfa_support.files import regular_file
 from hfa_support.units import split_unit
 from trim.point.operating_point import FREE, HELD, LIMIT, NAME, RESULTS
@@ -24,24 +24,17 @@ class ListedCondition(NamedTuple):
     """Row of a file of conditions, in the units of the model.
 
     name: name of the condition, or ""
-    hold: variable or rate -> imposed value
-    parameters: parameter -> value
+    values: variable, rate or parameter -> value; parameters come last
     free: variables that are set free
     limits: variable -> (lowest, highest)
     where: file, row and name, for messages, or ""
     """
 
     name: str
-    hold: Mapping[str, float]
-    parameters: Mapping[str, float]
+    values: Mapping[str, float]
     free: tuple[str, ...]
     limits: Mapping[str, tuple[float, float]]
     where: str = ""
-
-    @property
-    def values(self) -> dict[str, float]:
-        """Variable, rate or parameter -> value."""
-        return {**self.hold, **self.parameters}
 
 
 def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
@@ -195,10 +188,8 @@ class _Column(NamedTuple):
                 f"{where}: the column {shown(self.title)} has labels ({shown(cell)}), which are "
                 f"not read; remove it, or call it {NAME}"
             )
-        try:
+        with prefix_errors(where):
             model.refuse_unheld("the column is unknown:", self.name, tuple(model.parameters))
-        except BadInputError as error:
-            raise BadInputError(f"{where}: {error}") from error
 
     def text(self, cell: str) -> str:
         """Return the text of a cell with its unit, or that of the column: "250 kt", "FL100".
@@ -242,22 +233,17 @@ def _condition(
         cell = row[column.name]
         if not cell or column.name in (NAME, FREE, LIMIT):
             continue
-        try:
+        with option_errors(f"{where}, column {column.name}"):
             values[column.name] = quantity(model, column.name, column.text(cell))
-        except BadInputError as error:
-            raise BadInputError(f"{where}, column {column.name} {error}") from error
     free = tuple(_name_of(model, name) for name in _words(row.get(FREE, "")))
     for name in free:
         if name in values:
             raise BadInputError(f"{where}: {name} is both free and held; clear one of its cells")
-        try:
+        with option_errors(f"{where}, column {FREE} has"):
             model.refuse_unheld("the unknown variable", name, tuple(model.parameters))
-        except BadInputError as error:
-            raise BadInputError(f"{where}, column {FREE} has {error}") from error
-    parameters = {name: value for name, value in values.items() if name in model.parameters}
-    hold = {name: value for name, value in values.items() if name not in parameters}
+    in_order = dict(sorted(values.items(), key=lambda entry: entry[0] in model.parameters))
     limits = _limits(where, model, row.get(LIMIT, ""))
-    return ListedCondition(row.get(NAME, ""), hold, parameters, free, limits, where)
+    return ListedCondition(row.get(NAME, ""), in_order, free, limits, where)
 
 
 def _limits(where: str, model: Model, text: str) -> dict[str, tuple[float, float]]:
@@ -266,12 +252,10 @@ def _limits(where: str, model: Model, text: str) -> dict[str, tuple[float, float
     for word in _words(text):
         typed, equals, ends = word.partition("=")
         name = _name_of(model, typed)
-        try:
+        with option_errors(f"{where}, column {LIMIT}"):
             if not equals or name not in model.limits:
                 raise BadInputError(f"is {shown(word)}; give NAME=LOW:HIGH of a variable")
             limits[name] = span(model, name, ends)
-        except BadInputError as error:
-            raise BadInputError(f"{where}, column {LIMIT} {error}") from error
     return limits
 
 

@@ -85,7 +85,7 @@ class GivenPoints(NamedTuple):
         points = zip(*columns, strict=True) if self.listed else product(*columns)
         for point in points:
             values = {**self.constants, **dict(zip(self.axes, point, strict=True))}
-            yield ListedCondition("", values, {}, (), {})
+            yield ListedCondition("", values, (), {})
 
 
 def given_points(request: PointOptions) -> GivenPoints:

@@ -400,8 +400,8 @@ def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):
     text = 'c.g. [%],Altitude [FL],speed [KT],mass,,\n28,30,70,30 lb,,\n,3 feet,70,"2,000 lbs",,\n,,,,,\n'
     path.write_text(text, "utf-8")
     row, other = listed_conditions(path, model)
-    assert row.parameters == pytest.approx({"cg": 0.28, "mass": 30.0 * 0.45359237})
-    assert other.parameters == pytest.approx({"mass": 2000.0 * 0.45359237})
-    assert other.hold["altitude"] == pytest.approx(3.0 * 0.3048)
-    assert row.hold["speed"] == pytest.approx(70.0 * KNOT)
-    assert row.hold["altitude"] == pytest.approx(914.4, rel=1e-3)  # 3000 ft
+    assert [row.values["cg"], row.values["mass"]] == pytest.approx([0.28, 30.0 * 0.45359237])
+    assert other.values["mass"] == pytest.approx(2000.0 * 0.45359237)
+    assert other.values["altitude"] == pytest.approx(3.0 * 0.3048)
+    assert row.values["speed"] == pytest.approx(70.0 * KNOT)
+    assert row.values["altitude"] == pytest.approx(914.4, rel=1e-3)  # 3000 ft
