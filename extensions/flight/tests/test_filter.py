@@ -634,8 +634,21 @@ def test_margins_of_a_filters_loop_are_where_it_is_unstable(angle):
         assert (radius(np.ones(5), share * found.unknown_delay) < 1.0) == is_stable
     alone = np.linalg.eigvals((known.Phi - known.Gamma @ gain) @ kept)
     assert found.compensator_radius == pytest.approx(np.abs(alone).max(), rel=1e-9)
-    with pytest.raises(BadInputError, match="spectral radius"):
-        _ = known.policy(-K).margins
+
+
+def test_a_gain_whose_loop_is_unstable_is_flown_and_reported(point, known, gain):
+    """Behind a filter, -K leaves the envelope. The report says that the linear loop is unstable, and
+    predicts no rms by it.
+    """
+    policy = known.policy(-gain)
+    margins = policy.margins
+    assert margins.radius == pytest.approx(np.abs(np.linalg.eigvals(known.loop(-gain).F)).max())
+    assert margins.radius > 1.0
+    assert (margins.gain_low, margins.gain_high, margins.unknown_delay) == (1.0, 1.0, 0.0)
+    flown = flights_in_air(flights(point, policy, 2, 20.0))
+    assert flown.report().title.startswith("FAIL: 0 of 2 ")
+    assert "the filter is unstable" in str(flown)
+    assert "linear_rms" not in flown.report().data
 
 
 @pytest.mark.parametrize("lost", [0, 3, 5])

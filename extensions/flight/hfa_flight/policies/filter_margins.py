@@ -10,7 +10,6 @@ import numpy as np
 from hfa_flight.air.held_step import in_samples
 from hfa_flight.policies.deployment.sampled_loop import Chain, chain_margins, late_hold
 from hfa_flight.policies.kalman import KalmanFilter
-from hfa_support.errors import BadInputError
 from hfa_support.reporting.results import Result
 
 #: Longest unknown delay that is searched, in samples, and parts of a sample of the search.
@@ -43,6 +42,11 @@ class FilterMargins(Result):
 
     def text(self) -> str:
         """Return the margins as a sentence."""
+        if not self.radius < 1.0:
+            return (
+                "The linear loop of the gain behind the filter is unstable (spectral radius "
+                f"{self.radius:.4g})."
+            )
         alone = "un" * (self.compensator_radius >= 1.0)
         late = f"none to {_MOST_SAMPLES} samples"
         if self.unknown_delay is not None:
@@ -59,17 +63,14 @@ class FilterMargins(Result):
 def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
     """Return the margins of the loop of a gain behind a filter, as `KalmanFilter.loop`.
 
-    K: (m, k)
+    An unstable loop has none: they are 1 and 0.
 
-    Raises BadInputError for a gain with which the loop is not stable.
+    K: (m, k)
     """
     gain = K @ known.sight
     loop = _delayed(known, gain, 0.0)
     if not loop.radius < 1.0:
-        raise BadInputError(
-            f"the loop of the gain and the filter has the spectral radius {loop.radius:.6g}; give "
-            "a gain with which it is stable"
-        )
+        return FilterMargins(known.radius_alone(K), loop.radius, 1.0, 1.0, 0.0, 0.0, 0.0)
     inputs = chain_margins(loop).inputs
     return FilterMargins(
         compensator_radius=known.radius_alone(K),

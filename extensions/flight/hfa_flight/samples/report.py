@@ -15,6 +15,7 @@ from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.simulate.envelope import GIVE_LIMIT, NO_LIMIT, control_limits, is_limited
+from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.report import Part, Report, verdict_text
 from hfa_support.reporting.results import storable
 from hfa_support.reporting.rows import Group, Row
@@ -169,9 +170,10 @@ def _rms_figures(
         "margins": policy.margins,
     }
     gain = policy.law.gain
-    if gain is not None:
+    loop = None if gain is None else policy.filter.loop(gain)
+    if loop is not None and spectral_radius(loop.F) < 1.0:
         samples = round(plan.scenario.duration / policy.dt)
-        linear = policy.filter.loop(gain).rms(samples).tolist()
+        linear = loop.rms(samples).tolist()
         figures["linear_rms"] = dict(zip(names, linear, strict=True))
     return figures | {"rms_far_above": _far_above(plan, figures)}
 
