@@ -404,16 +404,16 @@ def states_without_cost(game: Game) -> np.ndarray:
 
     P and K vanish there. Zeros decide it, exactly, and balls whether a block is stable. (n,)
     """
-    has_cost = np.asarray(game.Q.any(0) | game.Q.any(1) | game.N.any(1))
+    has_cost: np.ndarray = np.asarray(game.Q.any(0) | game.Q.any(1) | game.N.any(1))
     if has_cost.all():
         return np.asarray(~has_cost)
     reaches = _connected(game.A.T)  # [j, i]: state j moves state i
-    has_cost = reaches[:, has_cost].any(1)
+    has_cost = np.asarray(reaches[:, has_cost].any(1))
     for block in np.unique(reaches & reaches.T, axis=0):
         if not has_cost[block].any():
             alone = discounted(ball_matrix(game.A[np.ix_(block, block)]), game)
             if stability_of(alone, is_discrete=game.is_discrete) is not True:
-                has_cost = has_cost | reaches[:, block].any(1)
+                has_cost = np.asarray(has_cost | reaches[:, block].any(1))
     return np.asarray(~has_cost)
 
 
