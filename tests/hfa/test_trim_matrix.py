@@ -231,6 +231,17 @@ def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
     assert_refused(command("trim", *at_60_kcas, "mach=0.02"), 2, "no altitude between")
 
 
+def test_a_list_is_printed_alike_with_and_without_a_file(book, tmp_path):
+    """Without a file, only the printed figures are computed; results and levels are the same."""
+    rows = [row for row in CONDITIONS.splitlines() if row.startswith(("name", "cru", "sta", "pla"))]
+    (tmp_path / "few.csv").write_text("\n".join(rows), "utf-8")
+    words = ("trim", "--aircraft", str(book / "uav.toml"), "--conditions")
+    run = command(*words, str(tmp_path / "few.csv"), "-q")
+    written = command(*words, str(tmp_path / "few.csv"), "-q", "-o", str(tmp_path / "few.json"))
+    assert run.out.startswith("1 of 3 conditions are trimmed, 1 stalled, 1 doubted\n")
+    assert run.out == written.out
+
+
 @pytest.mark.slow
 def test_a_sweep_of_named_conditions_counts_stalls_as_their_trims_do(book, tmp_path):
     """Its CSV file has names, degrees and results, and runs again as conditions of `hfa trim`.
