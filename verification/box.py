@@ -271,10 +271,7 @@ def box_flights(
 
 
 def _figures(costs: _Costs) -> Figures:
-    """Return the costs whose change with half the step is tested, without those of lost flights.
-
-    The cost of a lost flight is inf.
-    """
+    """Return the costs of flights that converge, whose change with half the step is tested."""
     return {
         f"cost {number} of the {who} policy": ReportedFigure(float(cost))
         for who, from_starts in costs._asdict().items()

@@ -165,7 +165,7 @@ def _nearest(family: Family, of: str, given: np.ndarray, sizes: np.ndarray) -> O
     def errors_at(logarithm: float) -> np.ndarray:
         """Return the errors of P or K of a game, or inf without a value."""
         with suppress(FailedError, BadInputError), np.errstate(all="ignore"):
-            return (_proposed(game_at(logarithm), of) - given) / sizes
+            return (_candidate(game_at(logarithm), of) - given) / sizes
         return np.full(given.shape, math.inf)
 
     size = np.linalg.norm
@@ -192,7 +192,7 @@ def _nearest(family: Family, of: str, given: np.ndarray, sizes: np.ndarray) -> O
     return None
 
 
-def _proposed(game: Game, of: str) -> np.ndarray:
+def _candidate(game: Game, of: str) -> np.ndarray:
     """Return P or K of a game in doubles, which nothing proves.
 
     Raises FailedError.

@@ -381,7 +381,7 @@ def has_indefinite_weights(game: Game) -> bool:
 
 def _sentences(certificate: Certificate) -> Iterator[str]:
     """Yield sentences on what is proved: digits, stable loops, weight and gain of the disturbance,
-    raised weights.
+    regularized weights.
     """
     enclosure = certificate.enclosure
     equation = enclosure.proved.bounds

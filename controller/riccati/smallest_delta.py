@@ -76,13 +76,13 @@ class DeltaMin(NamedTuple):
         (relative).
         """
         what = "; choose a larger delta"
-        excess = self.margin(delta) - 1.0
+        distance = self.margin(delta) - 1.0
         if self.refused < delta < self.value:
             where = f"at delta_min, which is between {self.refused:.9g} and {self.value:.9g}"
         elif delta < self.value:
             where = f"below delta_min = {self.value:.7g}"
-        elif excess < CLOSE:
-            where = f"only {100.0 * excess:.2g} % above delta_min = {self.value:.7g}"
+        elif distance < CLOSE:
+            where = f"only {100.0 * distance:.2g} % above delta_min = {self.value:.7g}"
         else:
             where = f"well above delta_min = {self.value:.7g}"
             what = ""
@@ -178,10 +178,7 @@ class _Estimate(NamedTuple):
 
 
 def _estimate(search: _Search) -> _Estimate:
-    """Return an estimate of 1/delta_min² in doubles, by secants, each nine tenths of the way.
-
-    It is a proposal only: `_bracket` proves what is returned.
-    """
+    """Return an estimate of 1/delta_min² in doubles, by secants, each nine tenths of the way."""
     first = search.in_doubles(0.0)
     secant = _Secant(first)
     w, factor, guess = search.first_w(), 8.0, math.inf

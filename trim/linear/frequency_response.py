@@ -142,7 +142,7 @@ class Peak(NamedTuple):
 
 
 def peak_of(loop: System, *, is_discrete: bool) -> Peak:
-    """Return the largest gain of a stable system, in doubles: a proposal for `l2_gain`.
+    """Return the largest gain of a stable system, in doubles: an estimate for `l2_gain`.
 
     Raises NoSolutionError as `responses` does.
     """
