@@ -108,22 +108,19 @@ def sections_of(job: MainJob) -> Sections:
     angles = tuple(angle_report(angle) for angle in job.angles)
     if job.regeneration is None or job.parameters is None:
         conditions = job.book or [
-            Condition(
-                position.label,
-                position.report,
-                None if position.model is None else position.model.point,
-            )
+            Condition(position.label, position.report, position.model and position.model.point)
             for position in job.slider.points
         ]
         others = (_book(conditions, with_sheets=bool(job.book)), _doubts(conditions), modes)
         return Sections(of_slider, (), angles, others)
+    meanings = tomllib.loads(_file("glosses.toml"))
     return Sections(
         of_slider,
         in_air=tuple(flight_in_turbulence(angle) for angle in job.angles[:1]),
         angles=angles,
         others=(
             Report("Every entry compared with the printed one", (job.regeneration.picture(),)),
-            Report("Checks", (check_meanings(),)),
+            Report("Checks", (Table(("check", "what it says"), tuple(meanings.items())),)),
             modes,
             Report("The aircraft", (job.parameters.report(),)),
         ),
@@ -187,11 +184,6 @@ def main_report(job: MainJob, sections: Sections) -> Report:
     )
 
 
-def check_meanings() -> Table:
-    """Return a table with the name and the meaning of each check on the page."""
-    return Table(("check", "what it says"), tuple(tomllib.loads(_file("glosses.toml")).items()))
-
-
 def verdicts(job: MainJob) -> Table:
     """Return a table with the name and the verdict of each check of `hfa report`."""
     pairs = [] if job.regeneration is None else job.regeneration.pairs
@@ -238,13 +230,12 @@ def angle_report(angle: Position) -> Report:
     """
     model = angle.model
     aircraft = angle.condition.model
-    data: dict[str, Any] = {"reason": angle.reason}
     what = "model, game, critic"
-    if aircraft.about.names_schedule:
-        data = {"dihedral_deg": angle.dihedral_deg} | data
-    else:
-        data = {"scheduled": {aircraft.schedule: angle.value}} | data
+    data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg}
+    if not aircraft.about.names_schedule:
+        data = {"scheduled": {aircraft.schedule: angle.value}}
         what = "model" if angle.solution is None else "model, game"
+    data["reason"] = angle.reason
     title = f"{aircraft.schedule.capitalize()} {angle.label}: {what}"
     if model is None:
         return Report(title, (f"No trim: {angle.reason}",), data=data)

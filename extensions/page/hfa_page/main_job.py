@@ -138,9 +138,18 @@ def slider_over(
     flight: condition of the trims, apart from the variable
     start: initial point of the search for these trims, or None
     """
+
+    def position(value: float) -> Position:
+        condition = flight.at(value, {model.schedule: value})
+        try:
+            point = trim(model, condition, start)
+        except NoSolutionError as error:
+            return Position(value, condition, reason=str(error))
+        return Position(value, condition, linearize(model, point, outputs=outputs))
+
     over = sweep(model, {model.schedule: values}, condition=flight, start=start)
-    points = tuple(_position(model, value, outputs, flight, start) for value in values.tolist())
-    return Slider(over, points, values.tolist().index(first))
+    listed = values.tolist()
+    return Slider(over, tuple(map(position, listed)), listed.index(first))
 
 
 def values_about(point: OperatingPoint) -> np.ndarray:
@@ -160,22 +169,6 @@ def values_about(point: OperatingPoint) -> np.ndarray:
     return np.union1d(values, usual)
 
 
-def _position(
-    aircraft: Model,
-    value: float,
-    outputs: tuple[str, ...] | None,
-    flight: TrimCondition,
-    start: OperatingPoint | None,
-) -> Position:
-    """Return the trim and the linear model at a value, or the reason why there is no trim."""
-    condition = flight.at(value, {aircraft.schedule: value})
-    try:
-        point = trim(aircraft, condition, start)
-    except NoSolutionError as error:
-        return Position(value, condition, reason=str(error))
-    return Position(value, condition, linearize(aircraft, point, outputs=outputs))
-
-
 def with_game(angle: Position, weights: Mapping[str, Any] | None) -> Position:
     """Return the results at a value, with the game's solution and, of the paper's game, the verdict
     on a learned critic.
@@ -193,8 +186,7 @@ def with_game(angle: Position, weights: Mapping[str, Any] | None) -> Position:
         angle = replace(angle, solution=solve(game))
         if weights is not None:
             return angle
-        run = learn(game)
-        return replace(angle, check=verify(game, run))
+        return replace(angle, check=verify(game, learn(game)))
     except NoSolutionError as error:
         return replace(angle, reason=str(error))
 
@@ -262,10 +254,10 @@ def main_job(
     progress(0.0, 1.0, "printed pairs")
     regeneration = regenerate_all(aircraft)
     progress(0.05, 1.0, "sweep")
-    swept = np.union1d(swept, asked)
-    slider = slider_over(aircraft, swept, min(asked), outputs, flight, start)
-    in_full = games_over(slider, asked, progress)
-    return MainJob(slider, in_full, parameters=parameters, regeneration=regeneration)
+    values = np.union1d(swept, asked)
+    slider = slider_over(aircraft, values, min(asked), outputs, flight, start)
+    games = games_over(slider, asked, progress)
+    return MainJob(slider, games, parameters=parameters, regeneration=regeneration)
 
 
 def games_over(
