@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import count, islice
 from pathlib import Path
@@ -287,51 +287,49 @@ SCHUR = "SciPy's ordered Schur form"
 
 def games(quick: bool) -> list[Comparison]:
     """Return comparisons of solutions, their smallest delta and verdicts on their gains."""
-    comparisons = []
     sizes = ((6, 25.0), (24, 20.0), (48, 15.0), (96, 15.0))  # states, permitted ratio of times
-    for states, slower in sizes[:1] if quick else sizes:
-        drawn = [random_game(states, seed) for seed in range(2 if quick else 480 // states)]
-        gains = [hfa.solve(game).K for game in drawn]
-        of = f"of a game of {states} states, unstable"
-        units, rounds = (len(drawn), len(drawn)), 1 if quick else 5
-        close = partial(np.testing.assert_allclose, rtol=2e-6, atol=1e-8)
+    chosen = sizes[:1] if quick else sizes
+    return [comparison for size in chosen for comparison in _games(quick, *size)]
 
-        def solved(drawn: list[hfa.Game] = drawn) -> list[np.ndarray]:
-            return [hfa.solve(game).P for game in drawn]
 
-        def smallest(drawn: list[hfa.Game] = drawn) -> list[float]:
-            return [hfa.solve(game).delta_min for game in drawn]
+def _games(quick: bool, states: int, slower: float) -> Iterator[Comparison]:
+    """Yield the comparisons of games of a number of states."""
+    drawn = [random_game(states, seed) for seed in range(2 if quick else 480 // states)]
+    gains = [hfa.solve(game).K for game in drawn]
+    of = f"of a game of {states} states, unstable"
+    units, rounds = (len(drawn), len(drawn)), 1 if quick else 5
+    close = partial(np.testing.assert_allclose, rtol=2e-6, atol=1e-8)
 
-        def judged(drawn: list[hfa.Game] = drawn, gains: list[np.ndarray] = gains) -> None:
-            for game, K in zip(drawn, gains, strict=True):
-                assert "PASS" in str(hfa.verify(game, K))
+    def solved() -> list[np.ndarray]:
+        return [hfa.solve(game).P for game in drawn]
 
-        comparisons += [
-            in_turn(
-                f"`hfa.solve` {of}: P, proved",
-                f"the bare equation by {SCHUR}",
-                1.0 / slower,
-                solved,
-                lambda drawn=drawn: [schur_value(game) for game in drawn],  # type: ignore[misc]
-                units,
-                rounds,
-                close,
-            ),
-            in_turn(
-                f"`delta_min` {of}: proved from both sides",
-                f"bisection by {SCHUR}",
-                0.1,
-                smallest,
-                lambda drawn=drawn: [bisected_delta(game) for game in drawn],  # type: ignore[misc]
-                units,
-                1 if states > 48 else rounds,
-                close,
-            ),
-        ]
-        if states <= 48:
-            job = f"`hfa.verify` of the gain {of}, printed"
-            comparisons.append(in_turn(job, "`hfa.solve`", 0.1, judged, solved, units, rounds))
-    return comparisons
+    def judged() -> None:
+        for game, K in zip(drawn, gains, strict=True):
+            assert "PASS" in str(hfa.verify(game, K))
+
+    yield in_turn(
+        f"`hfa.solve` {of}: P, proved",
+        f"the bare equation by {SCHUR}",
+        1.0 / slower,
+        solved,
+        lambda: [schur_value(game) for game in drawn],
+        units,
+        rounds,
+        close,
+    )
+    yield in_turn(
+        f"`delta_min` {of}: proved from both sides",
+        f"bisection by {SCHUR}",
+        0.1,
+        lambda: [hfa.solve(game).delta_min for game in drawn],
+        lambda: [bisected_delta(game) for game in drawn],
+        units,
+        1 if states > 48 else rounds,
+        close,
+    )
+    if states <= 48:
+        job = f"`hfa.verify` of the gain {of}, printed"
+        yield in_turn(job, "`hfa.solve`", 0.1, judged, solved, units, rounds)
 
 
 def environment(quick: bool) -> list[Comparison]:

@@ -51,10 +51,17 @@ def test_several_processes_share_the_tasks():
 
 
 @pytest.mark.slow
-def test_an_error_in_a_task_is_raised():
-    """An error in a task is raised, and no worker process is left."""
-    with open_workers(2) as run, pytest.raises(NoSolutionError, match="negative: -3"):
-        list(run(_square, ((key, (-key,)) for key in (0, 3))))
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (_square, "negative: -3"),
+        (_die, r"a worker process ended unexpectedly; .*continue with --resume"),
+    ],
+)
+def test_a_task_that_fails_is_reported(function, said):
+    """An error of a task, or the death of its worker, is raised, and no worker is left."""
+    with pytest.raises(NoSolutionError, match=said), open_workers(2) as run:
+        list(run(function, ((key, (-key,)) for key in (0, 3))))
     assert _gone()
 
 
@@ -67,21 +74,6 @@ def test_an_abandoned_job_leaves_no_worker():
         assert len(multiprocessing.active_children()) == 2
     assert _gone()
     assert time.monotonic() - start < 50.0
-
-
-@pytest.mark.slow
-def test_a_dead_worker_is_reported():
-    """The death of a worker is reported in one line that suggests --resume, and no worker is
-    left.
-    """
-    with (
-        pytest.raises(
-            NoSolutionError, match=r"a worker process ended unexpectedly; .*continue with --resume"
-        ),
-        open_workers(2) as run,
-    ):
-        list(run(_die, ((key, (key,)) for key in range(9))))
-    assert _gone()
 
 
 def test_a_worker_with_other_code_is_refused(monkeypatch):
