@@ -447,12 +447,12 @@ class Trimmed:
         strongest = int(np.argmax(pitching))
         if not pitching[strongest] or np.linalg.matrix_rank(balanced(A)[0]) < len(A):
             return None
-        at_rest = -np.linalg.solve(A, B[:, strongest])
+        steady_changes = -np.linalg.solve(A, B[:, strongest])
         load = math.nan
         if "load_factor" in model.outputs:
             slopes = steady.outputs["load_factor"]
-            load = float(slopes.by_states[places] @ at_rest + slopes.by_inputs[strongest])
-        return PullUp(tuple(model.inputs)[strongest], float(at_rest[0]), load)
+            load = float(slopes.by_states[places] @ steady_changes + slopes.by_inputs[strongest])
+        return PullUp(tuple(model.inputs)[strongest], float(steady_changes[0]), load)
 
     def change_per_knot(self, name: str) -> float | None:
         """Return the change of an input per knot between trims 0.5 kt slower and faster.
