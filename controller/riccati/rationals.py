@@ -160,20 +160,22 @@ def null_space(matrix: fmpq_mat) -> fmpq_mat:
     return basis
 
 
-def unstable_root(polynomial: fmpz_poly, growth: float, *, is_discrete: bool) -> complex | None:
+def unstable_root(polynomial: fmpz_poly, discount: float, *, is_discrete: bool) -> complex | None:
     """Return a root that is proved not to be stable, the one with the largest growth, or None.
 
-    growth: factor of the roots in discrete time, before they are compared with 1. Roots on the
-        boundary are found only with the factor 1, for which they are decided exactly.
+    discount: its root is a factor of the roots in discrete time, before they are compared with 1.
+        Roots on the boundary are found only with the discount 1: they are decided exactly.
     """
-    beyond_boundary = {}
+    from flint import arb
+
+    growth, beyond_boundary = arb(discount).sqrt(), {}
     for root in _roots(polynomial):
         distance = abs(root) * growth - 1 if is_discrete else root.real
         if distance > 0:
             beyond_boundary[complex(root)] = float(distance.mid())
     if beyond_boundary:
         return max(beyond_boundary, key=beyond_boundary.__getitem__)
-    return boundary_root(polynomial, is_discrete=is_discrete) if growth == 1.0 else None
+    return boundary_root(polynomial, is_discrete=is_discrete) if discount == 1.0 else None
 
 
 def _roots(polynomial: fmpz_poly) -> list[acb]:

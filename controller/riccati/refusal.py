@@ -331,18 +331,18 @@ def why_never(game: Game) -> str:
         return ""
     # √discount is taken into A if it is rational; modes on the boundary are then decided.
     root = rational_root(game.discount)
-    growth = 1.0 if root is not None else math.sqrt(game.discount)
+    discount = 1.0 if root is not None else game.discount
     exact = RationalGame.of(game)
     unreached = unreachable_modes(exact.A * (root or 1), exact.B)
     unstable = None
     if unreached is not None:
-        unstable = unstable_root(unreached, growth, is_discrete=game.is_discrete)
+        unstable = unstable_root(unreached, discount, is_discrete=game.is_discrete)
     if unstable is not None:
         return (
             "(A, B) is not stabilizable: no input reaches the"
-            f" {_mode_text(unstable * growth, game)}; change B or leave that mode out of A"
+            f" {_mode_text(unstable * math.sqrt(discount), game)}; change B or leave that mode out of A"
         )
-    if not exact.has_regular_R or growth != 1.0:
+    if not exact.has_regular_R or discount != 1.0:
         return ""
     plain = exact.without_cross_weights
     without_cost = unreachable_modes(plain.A.transpose() * (root or 1), plain.Q)

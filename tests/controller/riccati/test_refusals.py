@@ -1,6 +1,7 @@
 """Proofs that a game has no value, asked of games that have one and of games that have none."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -72,3 +73,12 @@ def test_a_disturbance_that_gains_the_same_at_each_frequency_is_the_reason():
     assert "at least 1" in why_never_at(game, 1.0)
     no_weight = Game([[0.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[0.0]], dt=True)
     assert "not unique" in why_never_at(no_weight, 1.0)
+
+
+def test_the_root_of_a_discount_is_not_rounded():
+    """√α A is below 1 by less than the rounding of √α: no input reaches the mode, which is stable."""
+    A, discount = 1.8076723200297387, 0.3060275913619129
+    assert Fraction(A) ** 2 * Fraction(discount) < 1 < Fraction(A) * Fraction(math.sqrt(discount))
+    game = Game([[A]], [[0.0]], Q=[[1.0]], R=[[1.0]], dt=True, discount=discount)
+    with precision(BITS):
+        assert why_never(game) == ""
