@@ -338,9 +338,10 @@ def why_never(game: Game) -> str:
     if unreached is not None:
         unstable = unstable_root(unreached, discount, is_discrete=game.is_discrete)
     if unstable is not None:
+        mode = _mode_text(unstable * math.sqrt(discount), game)
         return (
-            "(A, B) is not stabilizable: no input reaches the"
-            f" {_mode_text(unstable * math.sqrt(discount), game)}; change B or leave that mode out of A"
+            f"(A, B) is not stabilizable: no input reaches the {mode}; change B or leave that mode"
+            " out of A"
         )
     if not exact.has_regular_R or discount != 1.0:
         return ""
