@@ -274,13 +274,29 @@ def test_the_property_that_stops_the_engine_is_named(tmp_path):
     assert stopped.doubts == ("the throttle moves no thrust: --hold engine0=1",)
 
 
+def test_a_constant_that_no_control_reads_is_no_input(tmp_path):
+    """It turns the aircraft, whose elevator moves nothing, and --hold sets it."""
+    text = glider(LIFT + REST.replace("fcs/elevator-pos-rad", "sim/gust"))
+    assert "gust" in model_of(tmp_path, text).parameters
+
+
+def test_the_velocity_over_the_ground_is_an_output(tmp_path):
+    """Of a glider that descends at 0.1 rad with the heading 0.3 rad."""
+    model = model_of(tmp_path, glider())
+    found = model.outputs_at([120.0, 0.1, *[0.0] * 6, 0.3, 1000.0], [0.0] * 3)
+    expected = {"ground_speed": (120.0 * np.cos(0.1), "ft/s"), "track": (0.3, "rad")}
+    for name, (value, unit) in expected.items():
+        assert (found[name], model.outputs[name].unit) == (pytest.approx(value), unit)
+
+
 def test_a_constant_whose_loop_is_off_keeps_its_value(tmp_path):
     """An autopilot that a property switches off is no loop, and no value of it may switch it on."""
     switch = (
         '<switch name="s"> <default value="fcs/elevator-cmd-norm"/> <test value="fcs/s">'
         " sim/on == 1 </test> <output>fcs/elevator-pos-rad</output> </switch>"
     )
-    model = model_of(tmp_path, with_elevator(switch))
+    side = force("SIDE", slope(2.0, "sim/on")) + "</aerodynamics>"
+    model = model_of(tmp_path, with_elevator(switch).replace("</aerodynamics>", side))
     assert model.inputs["elevator"].unit == "1"
     assert "on" not in model.parameters
     assert any("sim/on" in note for note in model.about.notes)
