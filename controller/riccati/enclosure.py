@@ -144,7 +144,7 @@ class Enclosure:
         What may be 0 is known only if it is proved to be 0.
         """
         radius = self._relative_radius(zeros_of(self.game, in_rationals=False))
-        if radius < 1.0:
+        if radius < 1.0 or self.bits == BITS:  # rationals take longer than more bits
             return radius
         return self._relative_radius(zeros_of(self.game, in_rationals=True))
 
