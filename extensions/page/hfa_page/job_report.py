@@ -108,8 +108,9 @@ def sections_of(job: MainJob) -> Sections:
     angles = tuple(angle_report(angle) for angle in job.angles)
     if job.regeneration is None or job.parameters is None:
         conditions = job.book or [
-            Condition(position.label, position.report, position.model and position.model.point)
+            Condition(position.label, position.report, model.point if model else None)
             for position in job.slider.points
+            for model in [position.model]
         ]
         others = (_book(conditions, with_sheets=bool(job.book)), _doubts(conditions), modes)
         return Sections(of_slider, (), angles, others)
