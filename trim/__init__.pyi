@@ -7,9 +7,10 @@ from .hfa.reports import (
     trim_figure as trim_figure,
     trim_report as trim_report,
 )
+from .linear.frequency import draw_bode as draw_bode
 from .linear.linear_model import LinearModel as LinearModel
 from .linear.linearize import linearize as linearize
-from .linear.modes import Mode as Mode, draw_bode as draw_bode, modes_of as modes_of
+from .linear.modes import Mode as Mode, modes_of as modes_of
 from .point.condition import release as release, usual_condition as usual_condition
 from .point.solve import TrimError as TrimError
 from .reports.book import draw_point as draw_point

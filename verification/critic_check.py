@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.critic.critic import Critic, from_parts
-from controller.critic.critic_file import Reading, critic_in, part_by_shape
+from controller.critic.critic_file import critic_in, part_by_shape
+from controller.critic.reading import Reading
 from controller.critic.training_run import TrainingRun
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution, solve
@@ -23,7 +24,8 @@ from hfa_support.errors import (
 )
 from hfa_support.matrices import labels_of
 from hfa_support.progress import Progress
-from hfa_support.reporting.report import Check, Part, at_least
+from hfa_support.reporting.parts import Part
+from hfa_support.reporting.report import Check, at_least
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, nonlinear_plant, usual_box
 from verification.critic_errors import LIMIT, critic_errors, is_gain_right

@@ -14,7 +14,8 @@ from controller.riccati.balls import ball_matrix
 from controller.riccati.gare import Solution
 from controller.riccati.suboptimality import Suboptimality, suboptimality_of, without_bound
 from hfa_support.matrices import spectral_abscissa, spectral_radius
-from hfa_support.reporting.report import Check, Part, at_least
+from hfa_support.reporting.parts import Part
+from hfa_support.reporting.report import Check, at_least
 from hfa_support.reporting.results import without_empty
 from hfa_support.reporting.text import Table, percent
 from trim.linear.margins import DiskMargin

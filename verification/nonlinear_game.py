@@ -16,7 +16,7 @@ from controller.expansion.series import directions, homogeneous, least_squares, 
 from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
-from hfa_support.reporting.report import Part
+from hfa_support.reporting.parts import Part
 from hfa_support.reporting.results import Result, without_empty
 from hfa_support.reporting.text import Table, percent
 from trim.linear.linear_model import LinearModel

@@ -10,10 +10,10 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_model.published import PublishedModel, published_models
 from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import (
     Check,
     Checked,
-    Picture,
     Report,
     Reported,
     at_most,

@@ -13,7 +13,8 @@ from controller.game.linear_game import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.suboptimality import Suboptimality
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.report import Check, Part, Report, verdict_text
+from hfa_support.reporting.parts import Part
+from hfa_support.reporting.report import Check, Report, verdict_text
 from hfa_support.reporting.text import Cell, Table, entry_rows, percent
 from verification.box import SHARE
 from verification.nonlinear_game import GRADES, NonlinearComparison

@@ -13,7 +13,8 @@ from controller.critic.critic import Critic
 from controller.critic.network.declared import NOTHING
 from controller.riccati.gare import Solution
 from controller.riccati.suboptimality import SAME_DOUBLE, Suboptimality
-from hfa_support.reporting.report import Check, Checked, Part, Report, Reported
+from hfa_support.reporting.parts import Part
+from hfa_support.reporting.report import Check, Checked, Report, Reported
 from hfa_support.reporting.results import Result, storable, without_empty
 from verification.box import Box
 from verification.nonlinear_game import GRADES, NonlinearComparison

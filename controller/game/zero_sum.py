@@ -367,7 +367,7 @@ class Game(ByValue, Reported):
 
         Raises BadInputError for an unknown or repeated name.
         """
-        from trim.linear.linearize import positions
+        from trim.linear.reduction import positions
 
         kept = positions("input", inputs, self.names.inputs)
         if not kept:

@@ -12,7 +12,8 @@ from controller.game.linear_game import disturbance_text, matrix_text
 from controller.riccati.enclosure import has_indefinite_weights, warning_of
 from controller.riccati.gare import Solution
 from controller.riccati.lyapunov import stabilizes
-from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.parts import Part
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import storable
 from hfa_support.reporting.text import (
     Table,

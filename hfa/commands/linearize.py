@@ -116,7 +116,7 @@ def _of_trim(request: LinearizeRequest, given: GivenTrim) -> Outcome:
     report = linear_model_report(linear, responses=request.bode)
 
     def figure() -> Figure:
-        from trim.linear.modes import draw_bode
+        from trim.linear.frequency import draw_bode
 
         return draw_bode(linear, new_figure(8.0, 6.0))
 

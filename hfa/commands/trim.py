@@ -18,14 +18,15 @@ from hfa.options.points import GivenPoints, PointOptions, given_points
 from hfa.options.trims import TrimInput
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.report import Picture, Report
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Entries
 from hfa_support.reporting.rows import Row, Sheet
 from hfa_support.reporting.text import Table
 from trim.hfa.reports import trim_figure, trim_report
 from trim.point.condition import stated_cells
-from trim.point.operating_point import DOUBTED, NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
 from trim.point.solve import TrimError
+from trim.point.status import DOUBTED, NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
 from trim.reports.book import Condition, book_of, matrix_figure, with_range
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
 from trim.reports.sheet import brief, brief_list, matrix, read_first, result_of, revision

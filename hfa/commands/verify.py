@@ -9,7 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
-from controller.critic.critic_file import CriticFile, critic_file, critic_suffixes
+from controller.critic.critic_file import critic_file, critic_suffixes
+from controller.critic.reading import CriticFile
 from controller.game.zero_sum import Game
 from hfa.options.argument_types import listed_names, positive
 from hfa.options.command import Outcome, ProgressLine, Request, command, picture_option

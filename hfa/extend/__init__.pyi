@@ -1,6 +1,6 @@
 """Names for a package that adds an aircraft format or a command."""
 
-from controller.critic.critic_file import CriticFile as CriticFile, Reading as Reading
+from controller.critic.reading import CriticFile as CriticFile, Reading as Reading
 from hfa.entry_points import CommandEntry as CommandEntry
 from hfa.options.advice import trimmed as trimmed
 from hfa.options.argument_types import (

@@ -12,8 +12,9 @@ from hfa_support.reporting.text import shown_value
 from hfa_support.units import si_unit
 from trim.hfa.reports import trim_report
 from trim.point.condition import release, usual_condition
-from trim.point.operating_point import BALANCE, OperatingPoint
+from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, explained, trim
+from trim.point.status import BALANCE
 
 #: Largest number of options that help a failed trim.
 _MOST_ADVICE = 3

@@ -14,7 +14,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, choice_of, prefix_errors, shown
 from hfa_support.files import regular_file
 from hfa_support.units import split_unit
-from trim.point.operating_point import FREE, HELD, LIMIT, NAME, RESULTS
+from trim.point.status import FREE, HELD, LIMIT, NAME, RESULTS
 
 #: What separates names in a cell.
 _SEPARATORS = re.compile(r"[;\s]+")

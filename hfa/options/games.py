@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.critic.critic_file import CriticFile, Reading, critic_suffixes
+from controller.critic.critic_file import critic_suffixes
+from controller.critic.reading import CriticFile, Reading
 from controller.game.linear_game import game as game_of, sizes_text, weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names

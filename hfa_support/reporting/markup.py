@@ -10,7 +10,7 @@ from itertools import groupby
 from typing import Any
 
 from hfa_support.errors import imported, printable
-from hfa_support.reporting.report import BLANKS, SIGNERS, Contents, Picture
+from hfa_support.reporting.parts import BLANKS, SIGNERS, Contents, Picture
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Cell, Table, are_words, flowing, is_warning
 

@@ -37,7 +37,7 @@ from reportlab.platypus.tableofcontents import TableOfContents
 
 from hfa_support.errors import printable
 from hfa_support.files import written_whole
-from hfa_support.reporting.report import BLANKS, SIGNERS, Contents, Picture
+from hfa_support.reporting.parts import BLANKS, SIGNERS, Contents, Picture
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Table, are_words, blocks_that_fit, flowing, is_warning
 

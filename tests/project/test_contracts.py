@@ -58,7 +58,7 @@ BREACHES = {
     "Verdicts:": {
         "verification/box.py": "verification.verdict",
         "verification/network/search.py": "verification.reasons",
-        "verification/reports.py": "verification.reports",
+        "verification/reports.py": "verification.critic_check",
         "verification/verdict.py": "verification.reports",
     },
     "Enclosures are arithmetic": {f"{PROVE}/enclosure/balls.py": "hfa_aircraft.rigid.aircraft"},

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import xarray
 
     from hfa_aircraft.model import Model
-    from trim.linear.linearize import Matrices
+    from trim.linear.reduction import Matrices
 
 
 #: Array -> its axes, and the attribute of a linear model that has it. Rates are those of states.
@@ -258,7 +258,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         Raises BadInputError if the model does not have such a name, a name is repeated, no state
         remains, or A22 is singular.
         """
-        from trim.linear.linearize import reduced
+        from trim.linear.reduction import reduced
 
         kept = reduced(self.matrices, states, inputs, residualize)
         return replace(self, **kept._asdict())
@@ -272,7 +272,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         Raises BadInputError if the index is not a pair, the model does not have such a name, or a
         name is repeated.
         """
-        from trim.linear.linearize import with_outputs
+        from trim.linear.reduction import with_outputs
 
         match names:
             case (str() | list() | tuple() as outputs, str() | list() | tuple() as inputs):
@@ -291,7 +291,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     @property
     def matrices(self) -> Matrices:
         """Matrices A to F and the names of their signals."""
-        from trim.linear.linearize import Matrices
+        from trim.linear.reduction import Matrices
 
         return Matrices(*(getattr(self, name) for name in Matrices._fields))
 

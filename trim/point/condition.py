@@ -26,7 +26,7 @@ from hfa_support.matrices import LinearTable
 from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.text import shown_values, with_shown_unit
 from hfa_support.units import si_unit
-from trim.point.operating_point import FREE, HELD, LIMIT
+from trim.point.status import FREE, HELD, LIMIT
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +19,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Record, Result, json_text
 from hfa_support.reporting.text import in_degrees
 from hfa_support.units import conversion_factor, si_unit
+from trim.point.status import BALANCE, Status
 
 if TYPE_CHECKING:
     import xarray
@@ -29,34 +29,6 @@ if TYPE_CHECKING:
     from trim import LinearModel, Mode
     from trim.point.margins import Margin
     from trim.point.problem import TrimProblem, Undetermined
-
-
-#: An equation balances if its scaled residual is at most this. The rounding of equations of usual
-#: size, and the last Newton step, leave about 1e-14.
-BALANCE = 1e-10
-#: First column of what trims found, in a table of conditions. A file of conditions ends before it.
-RESULTS = "results"
-#: Columns of a table of conditions that are neither a variable nor a parameter.
-NAME, FREE, LIMIT = "name", "free", "limit"
-#: First word of the heading of an imposed value, "hold alpha [deg]"; a trim has "alpha [deg]".
-HELD = "hold"
-#: Results of the trims in a table of conditions.
-TRIMMED, STALLED, DOUBTED, UNTRIMMED = "trimmed", "stalled", "doubted", "no trim"
-
-
-class Status(StrEnum):
-    """Status of an operating point.
-
-    TRIMMED: the equations balance within the limits
-    BEYOND_LIMITS: the equations balance only beyond a limit
-    NO_TRIM: the equations do not balance
-    FAILED: the search failed; the point is the best one within the limits
-    """
-
-    TRIMMED = "trimmed"
-    BEYOND_LIMITS = "beyond limits"
-    NO_TRIM = "no trim"
-    FAILED = "failed"
 
 
 SCHEMA = "hfa.operating-point/1"

@@ -17,7 +17,7 @@ from hfa_support.matrices import LinearTable
 from hfa_support.units import si_factor, si_unit
 from trim.point.condition import TrimCondition, release
 from trim.point.halving import newton
-from trim.point.operating_point import BALANCE
+from trim.point.status import BALANCE
 from trim.point.system import Evaluation, TrimSystem, declared_start
 
 #: Number of other initial points, and their largest distance from the default one, in scaled units,

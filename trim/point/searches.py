@@ -18,8 +18,8 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import usual_condition
 from trim.point.halving import newton
-from trim.point.operating_point import BALANCE
 from trim.point.problem import SearchEnd, TrimProblem
+from trim.point.status import BALANCE
 from trim.point.system import Structure, TrimSystem, equations as equations_of
 
 #: Continuation from the trim that the model declares: first and smallest step of s, and largest

@@ -17,7 +17,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.reporting.results import Result, without_empty
 from trim.point.condition import TrimCondition, refuse_other_units, release, usual_condition
 from trim.point.freed import freed_parameters, with_found_parameters, with_parameters_as_inputs
-from trim.point.operating_point import BALANCE, OperatingPoint, Status
+from trim.point.operating_point import OperatingPoint
 from trim.point.problem import (
     DEPENDENT,
     SearchEnd,
@@ -26,6 +26,7 @@ from trim.point.problem import (
     keepable,
     kept_states,
 )
+from trim.point.status import BALANCE, Status
 
 #: Residuals, and differences of two trims, below this fraction of the largest are not named.
 MINOR = 1e-3

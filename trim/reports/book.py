@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.report import Picture, Report
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import (
     WIDTH,
     Cell,
@@ -25,7 +26,8 @@ from hfa_support.reporting.text import (
     wrapped,
 )
 from trim.point.margins import Margin
-from trim.point.operating_point import RESULTS, TRIMMED, OperatingPoint
+from trim.point.operating_point import OperatingPoint
+from trim.point.status import RESULTS, TRIMMED
 from trim.reports.first_lines import subject, title_of
 from trim.reports.sheet import result_of
 from trim.reports.trimmed import Trimmed

@@ -15,7 +15,8 @@ from hfa_aircraft.rigid.atmosphere import (
 from hfa_support.reporting.rows import Lacking, Row, Sheet
 from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_value, without_rounding
 from hfa_support.units import conversion_factor
-from trim.point.operating_point import BALANCE, is_in_range
+from trim.point.operating_point import is_in_range
+from trim.point.status import BALANCE
 from trim.reports.trimmed import Trimmed
 
 #: Outputs of the flight: relative to the ground, which are read first in a steady wind, and to the

@@ -23,7 +23,7 @@ from hfa_support.reporting.text import (
 from trim.linear.modes import Mode
 from trim.point.freed import freed_parameters
 from trim.point.margins import Margin
-from trim.point.operating_point import BALANCE
+from trim.point.status import BALANCE
 from trim.reports.figures import stall_lines_at
 from trim.reports.trimmed import Trimmed, named_value_text, value_text
 from trim.reports.warnings import doubts_of

@@ -8,12 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.parts import Part
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import storable
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import WIDTH, Table, five_decimals, matrix_table, wrapped
+from trim.linear.frequency import responses_at_modes, responses_table
 from trim.linear.linear_model import LinearModel
-from trim.linear.modes import modes_table, responses_at_modes, responses_table
+from trim.linear.modes import modes_table
 from trim.reports.first_lines import first_lines, mode_lines, without_line_numbers
 from trim.reports.levels import handling_qualities
 from trim.reports.trimmed import Trimmed

@@ -27,7 +27,8 @@ from trim.linear.linearize import direct_disturbances
 from trim.linear.modes import Mode
 from trim.point.condition import StatedValues, stated_cells
 from trim.point.margins import stalled
-from trim.point.operating_point import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED, OperatingPoint
+from trim.point.operating_point import OperatingPoint
+from trim.point.status import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
 from trim.reports.levels import DEFAULT_AIRPLANE, mode_rows
 from trim.reports.trimmed import Trimmed
 from trim.tables import dataset, eigenvalue_headings, entry_headings

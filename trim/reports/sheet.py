@@ -11,7 +11,8 @@ from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_support.provenance import Change
-from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.parts import Part
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Entries, storable, without_empty
 from hfa_support.reporting.rows import Group, Row, Sheet, matrix_of
 from hfa_support.reporting.text import (
@@ -27,17 +28,8 @@ from hfa_support.units import conversion_factor
 from trim.linear.modes import modes_table
 from trim.point.condition import stated_cells, stated_values
 from trim.point.margins import Margin
-from trim.point.operating_point import (
-    BALANCE,
-    DOUBTED,
-    FREE,
-    LIMIT,
-    RESULTS,
-    STALLED,
-    TRIMMED,
-    UNTRIMMED,
-    OperatingPoint,
-)
+from trim.point.operating_point import OperatingPoint
+from trim.point.status import BALANCE, DOUBTED, FREE, LIMIT, RESULTS, STALLED, TRIMMED, UNTRIMMED
 from trim.reports.figures import (
     flight_rows,
     lacks_coefficient,

@@ -20,9 +20,10 @@ from hfa_support.reporting.text import Cell, Table, digits_with_unit, shown_valu
 from hfa_support.units import conversion_factor
 from trim.linear.modes import Mode, modes_of
 from trim.linear.nonsmooth import linearization_at
-from trim.point.operating_point import BALANCE, OperatingPoint, Status
+from trim.point.operating_point import OperatingPoint
 from trim.point.problem import STARTS, TrimProblem
 from trim.point.solve import MINOR, failure, trim
+from trim.point.status import BALANCE, Status
 from trim.point.system import declared_start
 
 #: Smaller scaled residuals are printed as this: they are about fifty roundings, and differ between

@@ -22,9 +22,10 @@ from trim.point.condition import (
     usual_condition,
 )
 from trim.point.halving import newton, newton_step
-from trim.point.operating_point import BALANCE, OperatingPoint, Status
+from trim.point.operating_point import OperatingPoint
 from trim.point.problem import keepable
 from trim.point.solve import trim
+from trim.point.status import BALANCE, Status
 from trim.point.system import NewtonEnds, TrimSystem
 
 #: Possible statuses of a point.

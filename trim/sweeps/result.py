@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,7 +14,8 @@ from hfa_aircraft.model import Model, recognized
 from hfa_aircraft.signals import StatesAndInputs, record
 from hfa_support.errors import BadInputError, NoSolutionError, imported, refuse_unknown
 from hfa_support.reporting.figure import new_figure, pyplot_figure
-from hfa_support.reporting.report import Picture, Report, Reported
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack, storable
 from hfa_support.reporting.rows import ByName
 from hfa_support.reporting.text import (
@@ -32,8 +33,9 @@ from hfa_support.reporting.text import (
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import exact_cell, imposed_heading
 from trim.point.margins import stalled
-from trim.point.operating_point import NAME, RESULTS, STALLED, UNTRIMMED, OperatingPoint, Status
+from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
+from trim.point.status import NAME, RESULTS, STALLED, UNTRIMMED, Status
 from trim.sweeps.mode_tracking import mode_names_of, neighbours_in_grid, track_modes
 from trim.sweeps.points import (
     condition_at,
@@ -623,10 +625,13 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 f"the names are {', '.join(values) or 'missing'}; give one value for each of "
                 f"{', '.join(self.variables)}"
             )
-        from trim.sweeps.sweep import run_plan
+        from trim import sweep
 
+        plan = self.plan
         axes = {name: [value] for name, value in values.items()}
-        linear: LinearModel = run_plan(replace(self.plan, axes=axes))[0]
+        linear: LinearModel = sweep(
+            plan.model, axes, condition=plan.condition, start=plan.start, listed=plan.listed
+        )[0]
         return linear
 
 

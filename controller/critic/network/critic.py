@@ -12,9 +12,9 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic, from_functions, from_weights
-from controller.critic.critic_file import Reading
 from controller.critic.features import basis_of, symbols_for
 from controller.critic.network.network_file import OUTPUTS, Asked, NetworkFile, network_in
+from controller.critic.reading import Reading
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shortened

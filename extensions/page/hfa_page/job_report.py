@@ -24,7 +24,8 @@ from hfa_page.main_job import MainJob, Position, Slider, flight_in_turbulence
 from hfa_page.plots import InteractivePlot, pictures_over
 from hfa_support.errors import missing_package
 from hfa_support.provenance import Provenance
-from hfa_support.reporting.report import Part, Picture, Report, verdict_text
+from hfa_support.reporting.parts import Part, Picture
+from hfa_support.reporting.report import Report, verdict_text
 from hfa_support.reporting.text import TONES, Cell, Table, four_decimals
 from trim.hfa.printed import EntryRow, compare, printed_at
 from trim.hfa.reports import linear_model_report

@@ -26,7 +26,8 @@ from hfa_model.variants import variant_named
 from hfa_page.flights import StoredFlights
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
-from hfa_support.reporting.report import Picture, Report
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Row, Sheet
 from hfa_support.reporting.text import beside_unit, in_degrees, shown_value
 from trim.hfa.reports import trim_report

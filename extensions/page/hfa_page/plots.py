@@ -20,7 +20,7 @@ import hfa_model
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import in_units_of, unit_of
 from hfa_page.main_job import Slider
-from hfa_support.reporting.report import Picture
+from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.results import jsonable
 from hfa_support.reporting.text import beside_unit, shown_unit, shown_value, shown_values
 from trim.hfa.front_view import (

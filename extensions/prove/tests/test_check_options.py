@@ -12,7 +12,7 @@ from cli import answer, hfa
 from hfa import load_model
 from hfa.options.parser import options_of
 from hfa_prove.commands import given
-from hfa_prove.commands.given import CheckRequest
+from hfa_prove.commands.check_request import CheckRequest
 from hfa_prove.commands.schedule import ScheduleRequest
 from hfa_prove.fields import close_to
 from hfa_support.errors import NoSolutionError

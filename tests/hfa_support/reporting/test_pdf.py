@@ -6,7 +6,8 @@ import pypdf
 import pytest
 
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.report import Picture, Report
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Cell, Table
 

@@ -18,7 +18,8 @@ from hfa_flight.plan.smooth import is_nonsmooth
 from hfa_flight.simulate.envelope import RULE, FlightRow, limits_text
 from hfa_flight.simulate.flight_figure import Curve, flight_figure, histories_of
 from hfa_support.reporting.figure import new_figure, pyplot_figure
-from hfa_support.reporting.report import Picture, Report, Reported
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Entries, Matrix, Result, Vector
 from hfa_support.reporting.rows import Group, Row, with_names
 from hfa_support.reporting.text import Table

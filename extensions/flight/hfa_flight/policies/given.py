@@ -17,8 +17,9 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.critic.critic_file import Reading, critic_in, entries_in, is_network
+from controller.critic.critic_file import critic_in, entries_in, is_network
 from controller.critic.network.declared import NOTHING
+from controller.critic.reading import Reading
 from controller.game.linear_game import names_of_linear
 from controller.game.zero_sum import Game
 from hfa_flight.air.scenario import Scenario

@@ -16,7 +16,8 @@ from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.simulate.envelope import GIVE_LIMIT, NO_LIMIT, control_limits, is_limited
 from hfa_support.matrices import spectral_radius
-from hfa_support.reporting.report import Part, Report, verdict_text
+from hfa_support.reporting.parts import Part
+from hfa_support.reporting.report import Report, verdict_text
 from hfa_support.reporting.results import storable
 from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table, short_number, shown_unit

@@ -65,7 +65,8 @@ from hfa_support.errors import (
 from hfa_support.matrices import LARGEST, checked_matrix, quadratic_forms, shape_text
 from hfa_support.progress import Progress
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.report import Part, Picture, Report, Reported, verdict_text
+from hfa_support.reporting.parts import Part, Picture
+from hfa_support.reporting.report import Report, Reported, verdict_text
 from hfa_support.reporting.results import Entries, Result, without_empty
 from hfa_support.reporting.rows import Group, Row, with_names
 from hfa_support.reporting.text import Table, percent, short_number, shown_unit

@@ -27,7 +27,8 @@ from hfa_flight.simulate.flight import Flight, fly_within
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.progress import Progress
-from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.parts import Part
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, short_number
 from trim.point.operating_point import OperatingPoint

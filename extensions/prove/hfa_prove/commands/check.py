@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hfa.options.command import Outcome, ProgressLine, command
 from hfa.options.plants import aircraft_source
-from hfa_prove.commands.given import CheckRequest
+from hfa_prove.commands.check_request import CheckRequest
 from hfa_support.errors import BadInputError
 
 

@@ -2,45 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from hfa.options.argument_types import array_of, input_file
-from hfa.options.command import Request
-from hfa.options.games import WeightOptions, given_weights
-from hfa.options.parser import is_given, option
-from hfa.options.trims import OF_THE_TRIM, GivenTrim, TrimOptions, dihedral_option, trim_input
+from hfa.options.argument_types import array_of
+from hfa.options.games import given_weights
+from hfa.options.parser import is_given
+from hfa.options.trims import OF_THE_TRIM, GivenTrim, trim_input
 from hfa_aircraft.model import Model
+from hfa_prove.commands.check_request import CheckRequest
 from hfa_prove.commands.schedule import gains_of_file, interval_of, refuse_weights
 from hfa_prove.fields import Given, close_to, within
 from hfa_prove.search.schedule import Family, exact_gains
 from hfa_prove.statements.schedule import SAME_TRIM, ScheduleStatement
-from hfa_support.files import MATRIX_FILES
-from trim.point.operating_point import BALANCE
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CheckRequest(Request, TrimOptions, WeightOptions):
-    """Options of `hfa prove --check`: a certificate, and data with which it must agree."""
-
-    units: None = None
-    start: None = None
-    conditions: None = None
-    row: None = None
-    at: str | None = option("value or interval that the certificate must contain", "LOW:HIGH")
-    dihedral: str | None = dihedral_option(
-        "value or interval of the dihedral angle that the certificate must contain", "DEG|LOW:HIGH"
-    )
-    check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
-    weights: Path | None = option(
-        "file with the gains that the certificate must be about",
-        "FILE",
-        input_file(*MATRIX_FILES),
-    )
-
+from trim.point.status import BALANCE
 
 #: Options that name an aircraft or its trim.
 _OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", *OF_THE_TRIM)

@@ -11,8 +11,8 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic, from_functions
-from controller.critic.critic_file import CriticFile, Reading
 from controller.critic.features import symbols_for
+from controller.critic.reading import CriticFile, Reading
 from controller.game.zero_sum import Game
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment

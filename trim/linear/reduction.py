@@ -1,0 +1,203 @@
+"""Linear models of fewer states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, refuse_unknown
+from trim.linear.modes import spectrum
+
+
+def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) -> list[int]:
+    """Return the positions of names in a list of known names.
+
+    what: kind of the names in messages: "state"
+    names: one name or several; None for all known names
+    known: the known names
+
+    Raises BadInputError for an unknown name, and for a repeated name.
+    """
+    chosen: Any = known if names is None else names
+    if isinstance(chosen, str) or not isinstance(chosen, Iterable):
+        chosen = [chosen]
+    chosen = list(chosen)
+    position_of = {name: index for index, name in enumerate(known)}
+    for index, name in enumerate(chosen):
+        if not isinstance(name, str) or name not in position_of:
+            refuse_unknown(f"unknown {what}", name, known)
+        if name in chosen[:index]:
+            raise BadInputError(f"{what} {name} is named twice; remove one {name}")
+    return [position_of[name] for name in chosen]
+
+
+def omitted_positions(
+    states: Sequence[str], residualize: Sequence[str], known: tuple[str, ...]
+) -> list[int]:
+    """Return the positions of the residualized states in a list of known names.
+
+    states: the states that are kept
+
+    Raises BadInputError for an unknown or repeated name, and for one that is kept too.
+    """
+    for name in residualize:
+        if name in [*states]:
+            raise BadInputError(
+                f"state {name} is both kept and residualized; name it in states or in residualize"
+            )
+    return positions("state", residualize, known)
+
+
+class Matrices(NamedTuple):
+    """Matrices and names of x' = A x + B u + E w, y - Y0 = C x + D u + F w, as in `LinearModel`."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    E: np.ndarray
+    F: np.ndarray
+    output_offsets: np.ndarray
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+class _Kept(NamedTuple):
+    """Positions of the states and outputs that a reduced model keeps."""
+
+    rows: list[int]  # states that are kept
+    following: list[int]  # omitted states that follow the other states without delay
+    outputs: list[int]  # outputs that are kept
+
+
+def with_outputs(whole: Matrices, outputs: str | Sequence[str]) -> Matrices:
+    """Return the matrices of a system with only the named outputs.
+
+    outputs: a name or several
+
+    Raises BadInputError if the system does not have such a name, or a name is repeated.
+    """
+    rows = positions("output", outputs, whole.outputs)
+    return whole._replace(
+        C=whole.C[rows],
+        D=whole.D[rows],
+        F=whole.F[rows],
+        output_offsets=whole.output_offsets[rows],
+        outputs=tuple(whole.outputs[row] for row in rows),
+    )
+
+
+def reduced(
+    whole: Matrices,
+    states: Sequence[str] | None,
+    inputs: Sequence[str] | None,
+    residualize: Sequence[str],
+) -> Matrices:
+    """Return the matrices of a system with only the named states and inputs.
+
+    states, inputs, residualize: as for `LinearModel.select`
+
+    Raises BadInputError as `LinearModel.select` does.
+    """
+    if states is None:
+        states = tuple(name for name in whole.states if name not in residualize)
+    rows = positions("state", states, whole.states)
+    columns = positions("input", inputs, whole.inputs)
+    following = omitted_positions(states, residualize, whole.states)
+    if not rows:
+        raise BadInputError(
+            "residualize contains every state of the model; remove at least one state"
+        )
+    outputs = list(range(len(whole.outputs)))
+    if whole.outputs == whole.states:
+        outputs = rows
+    disturbances = list(range(whole.E.shape[1]))
+    kept = _Kept(rows, following, outputs)
+    _refuse_singular(whole, following)
+    A, C = _reduced(whole, whole.A, whole.C, kept, rows)
+    B, D = _reduced(whole, whole.B, whole.D, kept, columns)
+    E, F = _reduced(whole, whole.E, whole.F, kept, disturbances)
+    return Matrices(
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+        E=E,
+        F=F,
+        output_offsets=whole.output_offsets[outputs],
+        states=tuple(whole.states[i] for i in rows),
+        inputs=tuple(whole.inputs[i] for i in columns),
+        outputs=tuple(whole.outputs[i] for i in outputs),
+    )
+
+
+def _refuse_singular(whole: Matrices, following: list[int]) -> None:
+    """Raise BadInputError if the block A22 of A for the following states is singular."""
+    if not following:
+        return
+    A22 = whole.A[np.ix_(following, following)]
+    if not spectrum(A22).values.all():
+        names = ", ".join(whole.states[i] for i in following)
+        raise BadInputError(
+            f"{names} cannot be residualized, because the block A22 of A for these "
+            "states is singular; residualize fewer states"
+        )
+
+
+def _reduced(
+    whole: Matrices,
+    of_rates: np.ndarray,
+    of_outputs: np.ndarray,
+    kept: _Kept,
+    columns: list[int],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the derivatives of rates and outputs of the reduced system, with the effect of the
+    states that follow without delay: A and C, B and D, or E and F.
+
+    of_rates, of_outputs: derivatives of all rates and outputs: A and C, B and D, or E and F
+    columns: columns of the derivatives that are kept
+    """
+    rows, following, outputs = kept
+    by_columns = of_rates[:, columns]
+    shown = of_outputs[np.ix_(outputs, columns)]
+    if not following:
+        return by_columns[rows], shown
+    A22 = whole.A[np.ix_(following, following)]
+    followers_by_columns = -np.linalg.solve(A22, by_columns[following])
+    return (
+        by_columns[rows] + whole.A[np.ix_(rows, following)] @ followers_by_columns,
+        shown + whole.C[np.ix_(outputs, following)] @ followers_by_columns,
+    )
+
+
+def reduction_note(kept: Matrices, whole: Matrices) -> str:
+    """Return a note on the states that a reduced system leaves out, and on the change of the
+    eigenvalues, or "" if all states are kept.
+
+    kept: the reduced system
+    whole: the system with all states
+    """
+    truncated = [name for name in whole.states if name not in kept.states]
+    if not truncated:
+        return ""
+    eigenvalues = spectrum(whole.A).values
+    percent = 100.0 * max(
+        _relative_distance(value, eigenvalues) for value in spectrum(kept.A).values
+    )
+    verb = "is" if len(truncated) == 1 else "are"
+    return (
+        f"{', '.join(truncated)} {verb} left out (truncated); the eigenvalues differ by up to "
+        f"{percent:.2g} % from the eigenvalues with all {len(whole.states)} states "
+        "(select(residualize=...) keeps the steady effect of states)"
+    )
+
+
+def _relative_distance(value: complex, eigenvalues: np.ndarray) -> float:
+    """Return the least |value - λ| / |λ| over eigenvalues λ, 0 for one of them."""
+    distances = np.abs(value - eigenvalues)
+    sizes = np.abs(eigenvalues)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.where(distances == 0.0, 0.0, distances / sizes).min())
