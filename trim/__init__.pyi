@@ -17,3 +17,4 @@ from .reports.book import draw_point as draw_point
 from .reports.levels import Airplane as Airplane, graded as graded
 from .reports.sheet import sheet_of as sheet_of
 from .sweeps.points import trim_points as trim_points
+from .sweeps.sweep import sweep as sweep
