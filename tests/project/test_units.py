@@ -452,6 +452,7 @@ WITHOUT = {
     **dict.fromkeys(("controller.critic_in", "controller.load_game"), "reads"),
     "trim.load_condition": "reads",
     "trim.linearize": "is hfa.linearize",
+    "trim.sweep": "is hfa.sweep",
     **dict.fromkeys(("hfa.aircraft", "trim.compare"), "of the paper's aircraft"),
     **dict.fromkeys(("trim.entry_bands", "verification.regenerate_all"), "of the paper's aircraft"),
     **dict.fromkeys(("trim.trim_report", "trim.linear_model_report"), "shows"),
