@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 PRIME = 2**61 - 1
 #: Largest number of states that are decided in rationals, which takes seconds.
 MOST_STATES = 50
+#: The same where zeros of P and K are sought, with ranks for each state: 3 s.
+MOST_STATES_WITH_ZEROS = 20
 
 
 def rational(matrix: np.ndarray) -> fmpq_mat:
@@ -447,7 +449,8 @@ def zeros_of(game: Game, *, in_rationals: bool) -> Zeros:
     states = states_without_cost(game)
     inputs, gains = ~game.B[~states].any(0), np.zeros(game.N.T.shape, dtype=bool)
     gains[:, states] = True
-    held = _states_held_without_cost(game) if in_rationals and not states.all() else None
+    is_sought = in_rationals and not states.all() and len(states) <= MOST_STATES_WITH_ZEROS
+    held = _states_held_without_cost(game) if is_sought else None
     if held is not None:
         units = rational(np.eye(len(game.A)))
         for i in np.flatnonzero(~states).tolist():
