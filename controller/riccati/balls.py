@@ -33,9 +33,10 @@ if TYPE_CHECKING:
 
 #: What becomes a matrix of balls: exact doubles, balls of FLINT, or `Balls`.
 Exact: TypeAlias = "np.ndarray | arb_mat | Balls"
-#: Bits of the first attempt of each proof, and of all attempts.
+#: Bits of the first attempt of each proof, and of all attempts. With the last, what is 0 is smaller
+#: than the smallest double, 2^-1074.
 BITS = 128
-ATTEMPTS = (BITS, 2 * BITS, 4 * BITS, 8 * BITS)
+ATTEMPTS = (BITS, 2 * BITS, 4 * BITS, 8 * BITS, 16 * BITS)
 #: Unit roundoff of doubles.
 ROUNDOFF = 2.0**-53
 #: Sums and products of up to a million nonnegative doubles round by less than this factor, since

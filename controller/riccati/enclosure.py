@@ -141,12 +141,14 @@ class Enclosure:
 
         The radius of P_ij is relative to √(P_ii P_jj), and that of K_ij to √P_jj times the largest
         K_ik / √P_kk of its row, with |P| in place of an indefinite P, or to K_ij where P_jj is 0.
-        What may be 0 is known only if it is proved to be 0.
+        What may be 0 is known only if it is proved to be 0, or that its nearest double is 0.
         """
         radius = self._relative_radius(zeros_of(self.game, in_rationals=False))
         if radius < 1.0 or self.bits == BITS:  # rationals take longer than more bits
             return radius
-        return self._relative_radius(zeros_of(self.game, in_rationals=True))
+        zeros = zeros_of(self.game, in_rationals=True)
+        states = zeros.states | _rounds_to_zero(self.P).all(1)
+        return self._relative_radius(Zeros(states, zeros.gains | _rounds_to_zero(self.K)))
 
     def _relative_radius(self, zeros: Zeros) -> float:
         """Return the `relative_radius` with these numbers known to be 0."""
@@ -167,8 +169,13 @@ class Enclosure:
         return worst if math.isfinite(worst) else math.inf
 
 
+def _rounds_to_zero(matrix: arb_mat) -> np.ndarray:
+    """Return of which numbers of a matrix the nearest double is 0."""
+    return np.array([[float(ball.abs_upper()) == 0.0 for ball in row] for row in matrix.tolist()])
+
+
 class UndecidedError(NoSolutionError):
-    """Raised if neither a value nor that there is none is proved with 1024 bits."""
+    """Raised if neither a value nor that there is none is proved with all bits."""
 
 
 def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str:

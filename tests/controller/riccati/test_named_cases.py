@@ -152,3 +152,18 @@ def test_weights_that_are_symmetric_up_to_rounding_do_not_make_P_positive():
     solution = solve(Game(-np.eye(2), [[0.0], [1.0]], Q=Q, R=[1.0], delta=10.0))
     assert np.linalg.det(solution.P) < 0.0
     assert not any("P is positive" in line for line in solution.certificate.proved)
+
+
+def test_a_row_of_the_gain_that_rounds_to_zero_is_known():
+    """A free input leaves nothing to the other: its row of K is 0, which no pattern of zeros shows."""
+    solution = solve(
+        Game(
+            [[1, -1], [-1, -1]],
+            [[1, -2], [0, -1]],
+            Q=[[4, 2], [2, 1]],
+            R=[[1, 0], [0, 0]],
+            dt=True,
+            discount=0.25,
+        )
+    )
+    np.testing.assert_array_equal(solution.K, [[0.0, 0.0], [-0.2, 0.6]])

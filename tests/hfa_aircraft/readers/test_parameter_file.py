@@ -1,6 +1,7 @@
 """TOML files that name another aircraft and new values of its parameters."""
 
 import json
+import shlex
 import shutil
 from pathlib import Path
 
@@ -122,7 +123,7 @@ def test_a_data_file_executes_no_python(names_python):
 def test_the_suggested_command_applies_the_parameters(names_python):
     """The refusal ends with options that execute the Python code, with the parameters of the TOML."""
     parameters, trace = names_python
-    words = hfa("trim", "--aircraft", str(parameters)).err.rpartition("; give ")[2].split()
+    words = shlex.split(hfa("trim", "--aircraft", str(parameters)).err.rpartition("; give ")[2])
     assert words[0] == "--aircraft"
     trim = hfa("trim", *words, "--json")
     assert trim.code == 0, trim.err
