@@ -26,6 +26,7 @@ from hfa_support.errors import (
 )
 from hfa_support.matrices import (
     LARGEST,
+    balanced,
     checked_matrix,
     quadratic_forms,
     shape_text,
@@ -141,12 +142,12 @@ def natural_spread(game: Game) -> np.ndarray:
     result is the scale of the state in the balancing of A. The result depends on the units of the
     states.
     """
-    from scipy.linalg import matrix_balance, solve_continuous_lyapunov
+    from scipy.linalg import solve_continuous_lyapunov
 
-    balanced, (units, _) = matrix_balance(game.A, permute=False, separate=True)
-    shift = max(spectral_abscissa(balanced), 0.0) + 0.1 * _fastest(balanced)
+    A, units = balanced(game.A)
+    shift = max(spectral_abscissa(A), 0.0) + 0.1 * _fastest(A)
     noise = (game.S_control + game.S_disturbance / game.delta**2) / np.outer(units, units)
-    covariance = solve_continuous_lyapunov(balanced - shift * np.eye(len(units)), -noise)
+    covariance = solve_continuous_lyapunov(A - shift * np.eye(len(units)), -noise)
     variances = np.diag(covariance)
     return units * np.sqrt(np.where(variances > 0.0, variances, 1.0))
 
