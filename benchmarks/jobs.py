@@ -76,7 +76,7 @@ def same_points(
 
     States and inputs agree to 1e-6 of their nominal values, and A, which python-control computes by
     finite differences, to 0.2 % of its largest entry in units of the nominal values. The column of
-    the sideslip is left out: the 737 has a kink there, of which differences see one side.
+    the sideslip is left out: at 0 the 737 is not smooth, and differences see one side.
 
     condition: trim condition of the aircraft; A of `ours` has only the states of its linear models
     """

@@ -17,8 +17,8 @@ class About:
     title: name in reports, or "" for the name of the model
     subject: short name in the first lines of reports, or "" for the title
     notes: sentences for every report
-    doubts: sentences on data that are probably wrong, below the first line of reports of trims
-    doubts_about: function of the parameters, name -> value in the declared units, that returns more
+    warnings: sentences on data that are probably wrong, below the first line of reports of trims
+    warnings_about: function of the parameters, name -> value in declared units, that returns more
         such sentences; None for none
     aliases: name in another program -> name in the model
     names_schedule: whether options and data contain the name of the scheduling variable
@@ -42,8 +42,8 @@ class About:
     title: str = ""
     subject: str = ""
     notes: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
-    doubts_about: Callable[[Mapping[str, float]], Iterable[str]] | None = None
+    warnings: tuple[str, ...] = ()
+    warnings_about: Callable[[Mapping[str, float]], Iterable[str]] | None = None
     aliases: Mapping[str, str] = field(default_factory=dict)
     names_schedule: bool = False
     equations: str = ""

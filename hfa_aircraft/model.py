@@ -615,16 +615,16 @@ class Model(Reported):
         return with_unit(value, signal.unit, signal.nominal)
 
     @property
-    def doubts(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """Sentences on data of the model, with its parameters as they are, that are probably
         wrong.
         """
         native = self.native
         about = native.about
-        if about.doubts_about is None:
-            return about.doubts
+        if about.warnings_about is None:
+            return about.warnings
         values = dict(zip(native.parameters, native.p.tolist(), strict=True))
-        return (*about.doubts, *about.doubts_about(values))
+        return (*about.warnings, *about.warnings_about(values))
 
     @property
     def native(self) -> Model:

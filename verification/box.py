@@ -167,9 +167,9 @@ class BoxFlights(Result):
     lost: number of flights of the critic that diverge
     undecided: number of its flights that are not decided at the end of the clock
     clock: largest duration of a flight, s
-    excess: largest cost above that of the exact policy from the same state, relative to it; inf if
+    suboptimality: largest cost above the exact policy's from the same state, relative to it; inf if
         a flight diverges, nan if one is not decided
-    worst: initial state with this excess, (n,)
+    worst: initial state with it, (n,)
     integration: integration error of the costs
     resolved: whether the costs hardly change with half the step
     """
@@ -182,13 +182,13 @@ class BoxFlights(Result):
     flights: int = 0
     lost: int = 0
     undecided: int = 0
-    excess: float = math.inf
+    suboptimality: float = math.inf
     integration: str = ""
     resolved: bool = False
 
     def within(self, share: float) -> bool:
         """Return whether all flights converge, are resolved, and cost at most a share more."""
-        return self.part > 0.0 and self.excess <= share and self.resolved
+        return self.part > 0.0 and self.suboptimality <= share and self.resolved
 
     @property
     def where(self) -> str:
@@ -209,7 +209,8 @@ class BoxFlights(Result):
         if self.undecided:
             clock = f"{self.clock:.3g} s"
             return f"{self.undecided} of {self.flights} flights are not decided within {clock}"
-        more = percent(0.0 if self.excess < _ROUNDING else 100.0 * self.excess, up=True)
+        above = 0.0 if self.suboptimality < _ROUNDING else self.suboptimality
+        more = percent(100.0 * above, up=True)
         text = f"{self.flights} flights cost at most {more} more than by the exact policy"
         return text if self.resolved else f"{text}, but are not resolved"
 
@@ -253,8 +254,8 @@ def box_flights(
         return _Costs(*(who.costs(part * starts, step / per_step) for who in (flown, exact)))
 
     costs, error = resolved(simulate, _figures, step)
-    excess = costs.judged / costs.exact - 1.0
-    worst = int(np.argmax(np.where(np.isnan(excess), math.inf, excess)))
+    suboptimality = costs.judged / costs.exact - 1.0
+    worst = int(np.argmax(np.where(np.isnan(suboptimality), math.inf, suboptimality)))
     return BoxFlights(
         box=box.name,
         part=part,
@@ -263,7 +264,7 @@ def box_flights(
         lost=int(np.isinf(costs.judged).sum()),
         undecided=int(np.isnan(costs.judged).sum()),
         clock=flown.seconds,
-        excess=float(excess[worst]),
+        suboptimality=float(suboptimality[worst]),
         worst=part * starts[worst],
         integration=error.text(),
         resolved=error.is_resolved,

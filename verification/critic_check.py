@@ -159,7 +159,7 @@ def verify(
         searched=0 if findings is None else findings.states,
         sections=tuple(sections),
         nonlinear=nonlinear,
-        excess=loop.suboptimality if findings is None else None,
+        suboptimality=loop.suboptimality if findings is None else None,
     )
 
 
@@ -269,8 +269,10 @@ def _reason_of_network(exact: Solution, critic: Critic, box: np.ndarray, limit: 
     elif len(critic.K) == 1 and not critic.K.any():
         return "the output, read as u, has no slope at the trim; if it is V: --network V=NAME"
     finding = finding_of_policy(critic, exact, box, limit)
-    if finding is None and critic.has_kink:
-        return "the policy has a kink at the trim, and K has the mean slopes of both sides"
+    if finding is None and critic.is_nonsmooth:
+        return (
+            "the policy has a nonsmooth point at the trim, and K has the mean slopes of both sides"
+        )
     if finding is not None and finding.other_error <= limit:
         return finding.says
     of_slopes = ""

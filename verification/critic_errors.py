@@ -166,7 +166,7 @@ def measure_of(name: str, solution: Solution) -> Measure:
     if name == "P":
         scales = np.outer(units, units)
         return Measure(solution.P, np.eye(len(units)), scales, scales)
-    weight = solution.excess_weight
+    weight = solution.suboptimality_weight
     eigenvalues, vectors = np.linalg.eigh(weight)
     root = np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T
     scales = np.outer(np.ones(len(weight)), units)
@@ -191,7 +191,7 @@ def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -
         u_errors = np.abs(critic.K - exact.K) @ box
         if critic.slope_gain is not None:
             u_errors += 0.5 * np.abs(critic.slope_gain) @ (higher.slopes / box)
-    u_scale = np.sqrt(np.diag(exact.excess_weight))
+    u_scale = np.sqrt(np.diag(exact.suboptimality_weight))
     policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
     checks = [error_check("policy_rel_error", policy, limit, "the policy in the box")]
     if critic.P is None:

@@ -203,7 +203,7 @@ def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
     states in which costs are 1.
     """
     states = _sizes_of_states(exact)
-    weights = np.diag(exact.excess_weight)
+    weights = np.diag(exact.suboptimality_weight)
     inputs = np.sqrt(np.where(weights > 0.0, weights, 1.0))
     priced = exact.K * inputs[:, None] / states
     columns = floored(np.linalg.norm(priced, axis=0))

@@ -69,7 +69,7 @@ def verdict_report(
         f"{critic} on {names.origin}, against the exact {solution_words(verdict.exact.game)}"
     ]
     heading += about or (weights_line(verdict.exact.game),)
-    heading += verdict.critic.stated.notes
+    heading += verdict.critic.declared.notes
     if verdict.reason:
         where = "" if verdict.nonlinear is None else f", on the {game_words(verdict.exact.game)}"
         heading.append(f"Reason{where}: {verdict.reason}")
@@ -146,7 +146,7 @@ def _scope(verdict: Verdict) -> str:
 def _facts(verdict: Verdict) -> list[str]:
     """Return at least two findings, the most important one first.
 
-    - exactness, here only if a critic with a kink fails
+    - exactness, here only if a critic with a nonsmooth point fails
     - a failed check that no other finding mentions
     - the cost; of a simulated critic also the equilibrium and K
     - not stabilizing
@@ -156,17 +156,17 @@ def _facts(verdict: Verdict) -> list[str]:
     """
     failed = [check for check in verdict.checks if not check.ok]
     exactness = _exactness(verdict, failed)
-    has_kink = verdict.critic.has_kink and bool(failed)
-    facts = [exactness] if has_kink else []
+    is_nonsmooth = verdict.critic.is_nonsmooth and bool(failed)
+    facts = [exactness] if is_nonsmooth else []
     if failed and not any(check.kind in _IN_THE_FACTS for check in failed):
         facts.append(failed[0].reason)
     facts += [_cost_text(verdict)] if verdict.flights is None else _network_facts(verdict)
     if not verdict.stabilizing:
         facts.append("not stabilizing")
-    if not has_kink:
+    if not is_nonsmooth:
         facts.append(exactness)
     if verdict.stabilizing:
-        facts.append("stabilizing with the mean slopes" if has_kink else "stabilizing")
+        facts.append("stabilizing with the mean slopes" if is_nonsmooth else "stabilizing")
     gain = next((check for check in verdict.checks if check.kind == "gain"), None)
     if gain is not None and math.isfinite(gain.value):
         facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
@@ -194,9 +194,9 @@ def _nonlinear_lines(
 
 def _cost_text(verdict: Verdict) -> str:
     """Return the cost of the critic relative to the optimum, as text."""
-    excess = verdict.excess
-    if excess is not None:
-        return _enclosed_cost(excess)
+    suboptimality = verdict.suboptimality
+    if suboptimality is not None:
+        return _enclosed_cost(suboptimality)
     if math.isinf(verdict.cost_lost):
         return "cost without bound"
     if math.isnan(verdict.cost_lost):
@@ -208,19 +208,19 @@ def _cost_text(verdict: Verdict) -> str:
     return text if is_at_trim else f"{text} about its equilibrium"
 
 
-def _enclosed_cost(excess: Suboptimality) -> str:
+def _enclosed_cost(suboptimality: Suboptimality) -> str:
     """Return the cost of a linear policy, as far as its bounds are known."""
-    if excess.is_optimal:
+    if suboptimality.is_optimal:
         return "optimal cost"
-    if excess.is_known and not math.isinf(excess.low):
-        return f"{percent(100.0 * excess.low)} above the optimum"
-    if excess.matrix is None:
+    if suboptimality.is_known and not math.isinf(suboptimality.low):
+        return f"{percent(100.0 * suboptimality.low)} above the optimum"
+    if suboptimality.matrix is None:
         return "cost without bound"
-    if math.isinf(excess.low):
-        return f"costs {excess.from_free:.3g} where the optimum is 0"
-    if math.isinf(excess.high):
-        return f"cost not decided, at least {percent(100.0 * excess.low)} above the optimum"
-    bounds = percent(100.0 * excess.low), percent(100.0 * excess.high, up=True)
+    if math.isinf(suboptimality.low):
+        return f"costs {suboptimality.from_free:.3g} where the optimum is 0"
+    if math.isinf(suboptimality.high):
+        return f"cost not decided, at least {percent(100.0 * suboptimality.low)} above the optimum"
+    bounds = percent(100.0 * suboptimality.low), percent(100.0 * suboptimality.high, up=True)
     return f"{bounds[0]} to {bounds[1]} above the optimum"
 
 

@@ -60,7 +60,7 @@ class Verdict(Checked, Result, Reported):
         bounds.
     sections: further findings, each with the `part` and the `data` of a `Section`.
     nonlinear: comparison of a critic that is not quadratic with the nonlinear game, or None.
-    excess: enclosed cost of a quadratic critic above the optimum, or None.
+    suboptimality: enclosed cost of a quadratic critic above the optimum, or None.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0], delta=10.0)
@@ -82,7 +82,7 @@ class Verdict(Checked, Result, Reported):
     searched: int = 0
     sections: tuple[Any, ...] = ()
     nonlinear: NonlinearComparison | None = None
-    excess: Suboptimality | None = None
+    suboptimality: Suboptimality | None = None
 
     @property
     def ok(self) -> bool:
@@ -197,8 +197,8 @@ class Verdict(Checked, Result, Reported):
             "grade": self.grade,
             "checks": [storable(check) | {"kind": check.kind} for check in self.checks],
         } | without_empty(nonlinear=self.nonlinear)
-        if self.critic.stated is not NOTHING:
-            entries["stated"] = self.critic.stated
+        if self.critic.declared is not NOTHING:
+            entries["declared"] = self.critic.declared
         for section in self.sections:
             entries |= section.data
         return entries

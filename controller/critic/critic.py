@@ -53,8 +53,8 @@ class Critic(Reported):
     is_layer: True for a network with one layer on a basis
     has_weights: True if the value or the policy is given by the weights of listed functions
     is_discrete: whether the critic was made with a game in discrete time; None without a game
-    has_kink: True for a policy with a kink at z = 0, where K has the mean slopes of both sides
-    stated: what the file of a network states of its policy, and notes on what is not used
+    is_nonsmooth: True for a policy not smooth at z = 0, where K has the mean slopes of both sides
+    declared: what the file of a network states of its policy, and notes on what is not used
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0], delta=10.0)
@@ -79,8 +79,8 @@ class Critic(Reported):
     is_layer: bool = False
     has_weights: bool = False
     is_discrete: bool | None = None
-    has_kink: bool = False
-    stated: Declared = NOTHING
+    is_nonsmooth: bool = False
+    declared: Declared = NOTHING
 
     @property
     def is_quadratic(self) -> bool:
@@ -332,7 +332,7 @@ def from_functions(
     """Return the critic whose functions are given as expressions of the symbols z.
 
     K = -∂u/∂z and P = ½ ∂²V/∂z² are exact derivatives at z = 0. If only "policy" is given, P is
-    None. At a kink of the policy, K is the mean of both sides, and `origin` says so.
+    None. At a nonsmooth point of the policy, K is the mean of both sides, and `origin` says so.
 
     game: the game; R, B and N of the game define the policy if "policy" is not in `outputs`
     z: (n,), symbols
@@ -356,12 +356,12 @@ def from_functions(
     _refuse_not_finite(at_trim | ({} if P is None else {"second derivative of V": P}))
     if u is None:
         assert P is not None  # V or its gradient is given
-        K, has_kink = game.gain(P), False
+        K, is_nonsmooth = game.gain(P), False
     else:
-        K, has_kink = _gain_at_0(game, u, z)
+        K, is_nonsmooth = _gain_at_0(game, u, z)
         _refuse_not_finite({"slope of the policy": K})
-    if has_kink:
-        origin += "; kink at the trim: K has the mean slopes of both sides"
+    if is_nonsmooth:
+        origin += "; nonsmooth point at the trim: K has the mean slopes of both sides"
     critic = Critic(
         K,
         P,
@@ -370,7 +370,7 @@ def from_functions(
         precision=precision,
         network=network,
         is_discrete=game.is_discrete,
-        has_kink=has_kink,
+        is_nonsmooth=is_nonsmooth,
     )
     if u is not None:
         return critic
@@ -430,12 +430,12 @@ def _derivative_at(expression: ca.SX, z: ca.SX, point: np.ndarray) -> np.ndarray
 
 #: Distances from z = 0 at which K is compared on both sides, in sizes of the states (`_sizes`).
 _BESIDE, _NEARER = 1e-9, 1e-12
-#: Change of K between both sides that is a kink, relative to K, and least part of it that is left
+#: Change of K between both sides that is not smooth, relative to K, and its least part that is left
 #: at the smaller distance. Of a smooth u, `_NEARER` / `_BESIDE` is left, a thousandth.
 _NONSMOOTH = 1e-3
 _LEFT = 0.5
 #: Size of the states without a box, relative to those that cost 1: the cost's unit says nothing of
-#: how near to 0 a kink is, and only one exactly at 0 counts.
+#: how near to 0 a nonsmooth point is, and only one exactly at 0 counts.
 _WITHOUT_BOX = 1e-200
 
 
@@ -459,9 +459,9 @@ def _sizes(game: Game) -> _Sizes:
 
 
 def _gain_at_0(game: Game, u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
-    """Return K = -∂u/∂z at z = 0, (m, n), and whether u has a kink there.
+    """Return K = -∂u/∂z at z = 0, (m, n), and whether u has a nonsmooth point there.
 
-    At a kink, K is the mean of both sides.
+    At a nonsmooth point, K is the mean of both sides.
     """
     sizes = _sizes(game)
     without_units = sizes.states / sizes.inputs[:, None]

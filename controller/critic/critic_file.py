@@ -124,7 +124,7 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
             of_critic, reader = ["H", "H_signals", "P", "K", "L"], _critic_of_q_function
     notes += (*unused(entries, (*_USED, *of_critic), f"read: {', '.join(of_critic)}"),)
     critic = reader(entries, game, reading, scales)
-    return replace(critic, stated=NOTHING._replace(notes=notes)) if notes else critic
+    return replace(critic, declared=NOTHING._replace(notes=notes)) if notes else critic
 
 
 def _critic_of_parts(

@@ -305,14 +305,14 @@ class StoredGame(NamedTuple):
     notes: texts on unused entries, on defaults that were used, and on ignored names
     provenance: entry -> text on the origin of the plant, as stored in the file
     has_time: True if the file declares continuous or discrete time
-    stated: names of the entries A, B, E, Q, R, delta and N that the file contains
+    declared: names of the entries A, B, E, Q, R, delta and N that the file contains
     """
 
     game: Game
     notes: tuple[str, ...]
     provenance: dict[str, str]
     has_time: bool = False
-    stated: tuple[str, ...] = ()
+    declared: tuple[str, ...] = ()
 
 
 def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
@@ -370,7 +370,7 @@ def stored_game(
             noted,
             _provenance(stored),
             has_time="time" in stored or "dt" in stored,
-            stated=tuple(key for key in MODEL_KEYS if key in stored),
+            declared=tuple(key for key in MODEL_KEYS if key in stored),
         )
 
 

@@ -296,7 +296,7 @@ class Game(ByValue, Reported):
             gains = np.full_like(right, np.nan)
         return gains[:m], -gains[m:] / self.delta
 
-    def excess_weight(self, P: np.ndarray) -> np.ndarray:
+    def suboptimality_weight(self, P: np.ndarray) -> np.ndarray:
         """Return the weight (m, m) of u - u* in the cost above the value z'P z.
 
         In continuous time, it is R. In discrete time, it is R + α B'P B.

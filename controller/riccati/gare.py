@@ -102,9 +102,9 @@ class Solution(Result, Reported):
         return q_function(self.game, self.P) if self.game.is_discrete else None
 
     @property
-    def excess_weight(self) -> np.ndarray:
+    def suboptimality_weight(self) -> np.ndarray:
         """Weight of u + K z in the cost above V*: R, in discrete time R + α B'P B, (m, m)."""
-        return self.game.excess_weight(self.P)
+        return self.game.suboptimality_weight(self.P)
 
     @property
     def names(self) -> PlantNames:

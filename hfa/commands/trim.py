@@ -26,7 +26,7 @@ from hfa_support.reporting.text import Table
 from trim.hfa.reports import trim_figure, trim_report
 from trim.point.condition import stated_cells
 from trim.point.solve import TrimError
-from trim.point.status import DOUBTED, NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
+from trim.point.status import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED, WARNED
 from trim.reports.book import Condition, book_of, matrix_figure, with_range
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
 from trim.reports.sheet import brief, brief_list, matrix, read_first, result_of, revision
@@ -197,7 +197,7 @@ def _counts_in_words(results: Sequence[str]) -> str:
     """Return how many conditions have each result, the first line of their report."""
     counts = [f"{results.count(TRIMMED)} of {len(results)} conditions are trimmed"]
     counts += [
-        f"{results.count(result)} {result}" for result in (STALLED, DOUBTED) if result in results
+        f"{results.count(result)} {result}" for result in (STALLED, WARNED) if result in results
     ]
     if UNTRIMMED in results:
         counts.append(f"{results.count(UNTRIMMED)} without a trim")

@@ -205,7 +205,7 @@ def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Ver
         notes = [
             f"{path}: {note}"
             for path, verdict in verdicts.items()
-            for note in verdict.critic.stated.notes
+            for note in verdict.critic.declared.notes
         ]
         report = replace(report, parts=(*report.parts, *notes))
     else:

@@ -36,16 +36,16 @@ def trimmed(given: GivenTrim) -> OperatingPoint:
 
 
 def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
-    """Return the error of a failed trim, with its reason, doubts, options that help, and the report
+    """Return the error of a failed trim, its reason, warnings, options that help, and the report
     of the nearest point.
     """
     error = explained(failure, given.model, given.condition)
-    doubts = [f"check: {doubt}" for doubt in given.model.doubts]
+    warnings = [f"check: {warning}" for warning in given.model.warnings]
     advice = ""
     if error is failure:  # otherwise the aircraft explains it
         with suppress(BadInputError, NoSolutionError, ArithmeticError):  # the reason stands alone
             advice = _advice(given, failure)
-    said = "; ".join(filter(None, (str(error), *doubts, advice)))
+    said = "; ".join(filter(None, (str(error), *warnings, advice)))
     advised = TrimError(said, error.attempt, error.required)
     advised.found = trim_report(error.attempt).with_data(reason=said)
     advised.source = given.source

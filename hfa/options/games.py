@@ -262,7 +262,7 @@ def game_at(
     """Return the game on the linear model of an aircraft at a trim (`weighted_game`)."""
     linear = trimmed(given).linearize()
     named = weighted_game(weights, linear, inputs, deployment)
-    warnings = (*linear.point.warnings, *linear.kinks, *named.warnings)
+    warnings = (*linear.point.warnings, *linear.nonsmooth_points, *named.warnings)
     return replace(named, warnings=warnings, source=given.source)
 
 
@@ -339,7 +339,7 @@ def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> N
         warnings=stored.notes,
         plant_provenance=stored.provenance,
         has_time=stored.has_time,
-        weights_from=weight_sources(weights, (), stored.stated),
+        weights_from=weight_sources(weights, (), stored.declared),
         source={"model": str(plant)},
     ).moved_by(inputs)
 

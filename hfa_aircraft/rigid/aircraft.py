@@ -114,7 +114,7 @@ def inertia_matrix(moments: Sequence[Any], products: Sequence[Any]) -> Any:
     return ca.vertcat(ca.horzcat(xx, -xy, -zx), ca.horzcat(-xy, yy, -yz), ca.horzcat(-zx, -yz, zz))
 
 
-def inertia_doubt(inertia: Any) -> str:
+def inertia_warning(inertia: Any) -> str:
     """Return a sentence if no rigid body has this inertia matrix (3, 3) of numbers, or "".
 
     Principal moments are positive, and the largest is at most the sum of the others.

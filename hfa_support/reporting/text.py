@@ -340,7 +340,7 @@ def are_words(cells: Sequence[Any]) -> bool:
 
 
 def is_warning(line: str) -> bool:
-    """Return whether a first line is a stall or a doubt, which documents show in bold."""
+    """Return whether a first line is a stall or a warning, which documents show in bold."""
     return line.startswith(("STALLED", "Check:"))
 
 

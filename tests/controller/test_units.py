@@ -79,7 +79,7 @@ def test_solutions_scale_with_the_units(kind, seed):
     game = game_of(kind, seed)
     other, (z, u, d, t, cost) = in_other_units(game, seed)
     found, right = hfa.solve(other), hfa.solve(game)
-    of_P, of_u = np.sqrt(np.diag(right.P)), np.sqrt(np.diag(right.excess_weight))
+    of_P, of_u = np.sqrt(np.diag(right.P)), np.sqrt(np.diag(right.suboptimality_weight))
     of_P = np.where(of_P > 1e-6 * of_P.max(), of_P, of_P.max() or 1.0)
     assert agree(found.P * np.outer(z, z) / cost, right.P, np.outer(of_P, of_P))
     large = max(1.0, float(np.abs(right.K * of_u[:, None] / of_P).max()))

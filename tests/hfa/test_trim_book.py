@@ -11,7 +11,7 @@ from project import ROOT
 import hfa
 from trim.reports.book import Condition, matrix_figure
 
-#: A stall, a doubt about the inertias, a condition without a trim, and a trim.
+#: A stall, a warning about the inertias, a condition without a trim, and a trim.
 CONDITIONS = """name,speed,altitude,Ixz,gamma,thrust,free
 stall,18.5,100,,,,
 planted,35,100,1.19,,,
@@ -59,8 +59,8 @@ def test_the_cover_says_what_the_book_is_of(pages):
         "book.csv(SHA-256",
         "mass13.5kgasloadedairplaneclassI(",
         "flightphasecategoryBatmosphereU.S.Standard1976",
-        "stalled1stalldoubted2plantednotrim3tooslowissued2023-11-14",
-        "1of4conditionsaretrimmed,1stalled,1doubted,1withoutatrim",
+        "stalled1stallwithawarning2plantednotrim3tooslowissued2023-11-14",
+        "1of4conditionsaretrimmed,1stalled,1withawarning,1withoutatrim",
         "authorcheckedapproved",
         "signature",
     ):
@@ -69,7 +69,7 @@ def test_the_cover_says_what_the_book_is_of(pages):
 
 def test_the_matrix_has_all_conditions_and_what_is_said_of_them(pages):
     """Rows have the used share of the travel, numbers with the decimals of their column, what some
-    condition sets, and the reason of a stall, doubt or failure.
+    condition sets, and the reason of a stall, warning or failure.
     """
     matrix = pages[1]
     for number, name in enumerate(("stall", "planted", "tooslow", "climb"), start=1):
@@ -89,7 +89,7 @@ def lost(sheet, text):
 def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, folder):
     """Each page has the rows of the sheet of its trim. A page without its mass is seen.
 
-    Only the page of the stall says STALLED, and only that of the planted inertia has a doubt.
+    Only the page of the stall says STALLED, and only that of the planted inertia has a warning.
     """
     assert len(pages) == 2 + len(NAMES)  # cover and matrix
     for number, text in enumerate(pages, start=1):
@@ -106,7 +106,7 @@ def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, folder):
 
 
 def test_a_page_in_html_says_the_same(folder):
-    """The HTML has document, stall, doubt and advice, and its matrix links to each sheet.
+    """The HTML has document, stall, warning and advice, and its matrix links to each sheet.
 
     Each sheet marks what is assumed.
     """

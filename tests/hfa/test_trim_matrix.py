@@ -35,7 +35,12 @@ stall,18.5,,,100,,,,,,,,
 planted,35,,,100,,,,,,1.19,,
 too slow,8,,,100,,,,,,,,
 """
-RESULTS = {"weak": "no trim", "stall": "stalled", "planted": "doubted", "too slow": "no trim"}
+RESULTS = {
+    "weak": "no trim",
+    "stall": "stalled",
+    "planted": "with a warning",
+    "too slow": "no trim",
+}
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +53,7 @@ def book(tmp_path_factory):
     run = command(*words, str(path / "conditions.csv"), "-q", "-o", str(path / "matrix.csv"))
     assert run.code == 1, run.err
     first = run.out.partition("\n")[0]
-    assert first == "11 of 15 conditions are trimmed, 1 stalled, 1 doubted, 2 without a trim"
+    assert first == "11 of 15 conditions are trimmed, 1 stalled, 1 with a warning, 2 without a trim"
     (path / "listed.txt").write_text(run.out, "utf-8")
     return path
 
@@ -61,13 +66,13 @@ def rows_of(path):
 def test_each_row_balances_in_an_independent_simulation(book):
     """Rates of the rigid body are 0 within 1e-5 of 1.5 g, but for the pitch angle of the pull-up.
 
-    The calibrated airspeed is that of the standard atmosphere. Rows without a trim, and the doubted
+    The calibrated airspeed is that of the standard atmosphere. Rows without a trim, and those with a warning
     one, are not simulated.
     """
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
     for name, cells in rows_of(book / "matrix.csv").items():
         assert cells["results"] == RESULTS.get(name, "trimmed")
-        if cells["results"] in ("no trim", "doubted"):
+        if cells["results"] in ("no trim", "with a warning"):
             continue
         is_heavy = name == "heavy"  # 40 lbm
         figures = {
@@ -169,14 +174,14 @@ def test_the_terminal_shows_a_short_sheet(book):
     assert "planted: " in listed
 
 
-def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book):
-    """The sentences are cells of the matrix. Stall and doubt are entries of JSON, the stall in Python.
+def test_a_stall_a_warning_and_a_failure_are_in_every_file(book):
+    """The sentences are cells of the matrix. Stall and warning are entries of JSON, the stall in Python.
 
     The matrix has the limits reached, a level, and the L/D of Python, too.
     """
     cells = rows_of(book / "matrix.csv")
     assert "CL_max" in cells["stall"]["stalled"]
-    assert "principal moment" in cells["planted"]["doubts"]
+    assert "principal moment" in cells["planted"]["warnings"]
     assert "thrust at maximum" in cells["weak"]["failure"]
     assert cells["climb full thrust"]["limits reached"].split(", ")[0] == "thrust"
     assert cells["cruise"]["worst level"] in ("1", "2", "3", "> 3")
@@ -186,7 +191,7 @@ def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book):
     words = ("--aircraft", str(book / "uav.toml"), "--conditions", str(book / "few.csv"))
     run = command("trim", *words, "--json", "-q")
     sheets = {sheet["name"]: sheet for sheet in json.loads(run.out)["sheets"]}
-    for name, entry in (("stall", "stalled"), ("planted", "doubts")):
+    for name, entry in (("stall", "stalled"), ("planted", "warnings")):
         assert sheets[name]["sheet"][entry]["value"] == cells[name][entry]
         assert "results" not in sheets[name]["sheet"]
     model = hfa.load_model(str(book / "uav.toml"))
@@ -238,7 +243,7 @@ def test_a_list_is_printed_alike_with_and_without_a_file(book, tmp_path):
     words = ("trim", "--aircraft", str(book / "uav.toml"), "--conditions")
     run = command(*words, str(tmp_path / "few.csv"), "-q")
     written = command(*words, str(tmp_path / "few.csv"), "-q", "-o", str(tmp_path / "few.json"))
-    assert run.out.startswith("1 of 3 conditions are trimmed, 1 stalled, 1 doubted\n")
+    assert run.out.startswith("1 of 3 conditions are trimmed, 1 stalled, 1 with a warning\n")
     assert run.out == written.out
 
 

@@ -113,8 +113,8 @@ def test_a_descriptor_matrix_is_no_aircraft(folder):
     assert "E of the file is not used" in cli.hfa("linearize", "--aircraft", "game.json").out
 
 
-def test_deviations_of_an_aircraft_are_not_doubted(folder):
-    """A linear model whose speed, a deviation, is 0 is not doubted as an aircraft that stands."""
+def test_deviations_of_an_aircraft_have_no_warning(folder):
+    """A linear model whose speed, a deviation, is 0 is not reported as an aircraft that stands."""
     assert cli.hfa("linearize", "--dihedral", "10", "-o", "linear.json").code == 0
     again = cli.hfa("linearize", "--aircraft", "linear.json")
     assert again.code == 0

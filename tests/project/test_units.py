@@ -227,14 +227,14 @@ def of_network(twin):
     """Return the verdict on two layers of relu: the exact gain, and one half of it on one side."""
     K = hfa.solve(game_of(twin)).K
     answers = {}
-    for name, side in (("smooth", 1.0), ("kink", 0.5)):
+    for name, side in (("smooth", 1.0), ("nonsmooth", 0.5)):
         layers = {
             "0.weight": np.vstack([np.eye(4), -np.eye(4)]),
             "2.weight": np.hstack([-K, side * K]),
         }
         critic = hfa.from_network(game_of(twin), layers, activation="relu")
         answers[f"K, {name}"] = gain_of(twin, critic.K)
-        answers[f"has kink, {name}"] = str(critic.has_kink)
+        answers[f"is nonsmooth, {name}"] = str(critic.is_nonsmooth)
     return answers | {"grade": hfa.verify(game_of(twin), critic).grade}
 
 

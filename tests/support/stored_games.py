@@ -53,7 +53,7 @@ class Stored(NamedTuple):
 
 def units_of_answers(game, P):
     """Return the units (n,) and (m,) in which the diagonal of P and the price of the inputs are 1."""
-    units = (np.sqrt(np.diag(each).clip(0.0)) for each in (P, game.excess_weight(P)))
+    units = (np.sqrt(np.diag(each).clip(0.0)) for each in (P, game.suboptimality_weight(P)))
     of_states, of_inputs = (np.where(unit > 0.0, unit, 1.0) for unit in units)
     return of_states, of_inputs
 

@@ -135,13 +135,13 @@ def test_further_initial_guesses_cross_a_flat_region():
     ],
 )
 def test_a_wrong_nominal_gives_no_false_result(kind, names):
-    """A nominal value that is wrong by a factor of 1,000 changes neither the trim nor the kinks.
+    """A nominal value that is wrong by a factor of 1,000 changes neither the trim nor the nonsmooth points.
 
     A sweep with another one, wrong by 100, converges, and without searches for single trims if it
     is not that of an input.
     """
     reference = trimmed(F16)
-    kinks = linearize(F16, reference).kinks
+    nonsmooth_points = linearize(F16, reference).nonsmooth_points
     signals = getattr(F16, kind)
     for name in names:
         signal = signals[name]
@@ -150,7 +150,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind, names):
         point = trimmed(model)
         np.testing.assert_allclose(point.states, reference.states, atol=1e-8, err_msg=name)
         np.testing.assert_allclose(point.inputs, reference.inputs, atol=1e-8, err_msg=name)
-        assert linearize(model, point).kinks == kinks
+        assert linearize(model, point).nonsmooth_points == nonsmooth_points
     scaled = {**signals, name: signal._replace(nominal=signal.nominal * 100.0)}
     points = trim_points(
         replace(F16, **{kind: scaled}), ("speed",), np.linspace(130.0, 700.0, 8)[:, None]

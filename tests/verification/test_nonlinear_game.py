@@ -73,7 +73,7 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order, basis):
     assert (verdict.ok, verdict.grade) == (is_whole, "exact" if is_whole else "near")
     word = "PASS" if is_whole else "NEAR"
     assert verdict.headline.startswith(f"{word} on the nonlinear game in")
-    assert verdict.nonlinear.flown.excess < 1e-9
+    assert verdict.nonlinear.flown.suboptimality < 1e-9
     assert verdict.nonlinear.radius.degree == order
     for aircraft, is_flown in ((None, False), (linear, True)):
         verdict = hfa.verify(game, critic, flights=QUICK, linear=aircraft, taylor=False)
@@ -111,13 +111,16 @@ def test_a_policy_that_is_right_at_the_trim_only_is_flown():
         flown = verdict.nonlinear.flown
         assert verdict.nonlinear.has_right_terms
         assert not verdict.ok
-        assert (flown.lost > 0) == lost == np.isinf(flown.excess)
+        assert (flown.lost > 0) == lost == np.isinf(flown.suboptimality)
         if not lost:
             costs = [flight_cost(game, each, flown.worst) for each in (policy, exact_policy)]
-            assert flown.excess == pytest.approx(costs[0] / costs[1] - 1.0, rel=1e-2)
-            assert flown.excess > 0.05
+            assert flown.suboptimality == pytest.approx(costs[0] / costs[1] - 1.0, rel=1e-2)
+            assert flown.suboptimality > 0.05
             text = " ".join(str(verdict).split())
-            assert f"8 flights cost at most {percent(100.0 * flown.excess, up=True)} more" in text
+            assert (
+                f"8 flights cost at most {percent(100.0 * flown.suboptimality, up=True)} more"
+                in text
+            )
 
 
 def flight_cost(game, policy, start):

@@ -326,7 +326,7 @@ def test_a_value_read_as_a_policy_is_named():
     """The one output of a network on a plant with one input is read as u, without --network."""
     V = ca.Function("f", [Z], [ca.bilin(ca.DM(value(ONE_INPUT)), Z, Z)])
     critic = from_network(ONE_INPUT, V)
-    assert "kink" not in critic.origin
+    assert "nonsmooth point" not in critic.origin
     assert "if it is V: --network V=NAME" in verify(ONE_INPUT, critic).reason
 
 
@@ -340,12 +340,12 @@ def test_a_value_without_curvature_is_named():
 def test_a_kink_at_the_trim_is_the_first_finding():
     """It is named first, and the loop is not called stabilizing, as K is only the mean slope."""
     exact = ca.DM(gain(ONE_INPUT)) @ Z
-    for above, below, is_kink in ((2.0, 0.5, True), (1.5, 1.5, False)):
+    for above, below, is_nonsmooth in ((2.0, 0.5, True), (1.5, 1.5, False)):
         u = -ca.if_else(exact > 0.0, above * exact, below * exact)
         verdict = verify(ONE_INPUT, from_network(ONE_INPUT, ca.Function("policy", [Z], [u])))
-        assert ("kink" in verdict.reason) == is_kink
-        assert ("kink" in verdict.report().title.partition("\n")[0]) == is_kink
-        assert str(verdict).partition("\n\n")[0].endswith("stabilizing") != is_kink
+        assert ("nonsmooth point" in verdict.reason) == is_nonsmooth
+        assert ("nonsmooth point" in verdict.report().title.partition("\n")[0]) == is_nonsmooth
+        assert str(verdict).partition("\n\n")[0].endswith("stabilizing") != is_nonsmooth
 
 
 def test_a_value_per_second_of_a_step_is_named():

@@ -65,7 +65,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     F: (k, l), ∂y/∂w.
     output_offsets: Y0, (k,).
     disturbances: names of the disturbances w.
-    kinks: notes on entries of A and B at kinks, which are means of both sides, and on rates that
+    nonsmooth_points: notes on entries that are means of both sides, and on rates that
         jump.
     reduction: note on the states that were omitted by choice, or "".
 
@@ -90,7 +90,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     F: Matrix
     output_offsets: Vector
     disturbances: tuple[str, ...]
-    kinks: tuple[str, ...]
+    nonsmooth_points: tuple[str, ...]
     reduction: str = ""
 
     def __post_init__(self) -> None:
@@ -163,7 +163,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
             F=np.zeros((len(rows), 0)),
             output_offsets=np.zeros(len(rows)),
             disturbances=(),
-            kinks=(),
+            nonsmooth_points=(),
         )
 
     @staticmethod
@@ -215,14 +215,14 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Notes on the operating point, omitted input dynamics, entries of A and B at kinks, rates
+        """Notes on the operating point, omitted input dynamics, nonsmooth points, rates
         that jump, and omitted states.
         """
         signals = self.model.inputs
         omitted = filter(None, (signals[name].omitted_dynamics for name in self.inputs))
         reduction = [self.reduction] if self.reduction else []
-        # `kinks` also notes rates that jump, and `reduction` is the note on omitted states.
-        return [*self.point.warnings, *omitted, *self.kinks, *reduction]
+        # `nonsmooth_points` also notes rates that jump; `reduction` is the note on omitted states.
+        return [*self.point.warnings, *omitted, *self.nonsmooth_points, *reduction]
 
     @property
     def modes(self) -> ByName[Mode]:

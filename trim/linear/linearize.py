@@ -30,8 +30,8 @@ def linearize(
 
     A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) and w = 0.
 
-    The derivatives are computed by algorithmic differentiation. At a kink the mean
-    of the slopes on both sides is used (`LinearModel.kinks`).
+    The derivatives are computed by algorithmic differentiation. At a nonsmooth point the mean
+    of the slopes on both sides is used (`LinearModel.nonsmooth_points`).
 
     model: model of the aircraft
     point: operating point of the model
@@ -70,7 +70,7 @@ def linearize(
         disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
     else:
         positions("disturbance", disturbances, tuple(model.disturbances))
-    slopes, kinks = linearization_at(model, point.x, point.u, shown, disturbances)
+    slopes, nonsmooth_points = linearization_at(model, point.x, point.u, shown, disturbances)
     return LinearModel(
         A=slopes.A.take(rows, axis=0).take(rows, axis=1),
         B=slopes.B.take(rows, axis=0),
@@ -84,7 +84,7 @@ def linearize(
         F=slopes.F,
         output_offsets=slopes.y,
         disturbances=tuple(disturbances),
-        kinks=kinks,
+        nonsmooth_points=nonsmooth_points,
     )
 
 

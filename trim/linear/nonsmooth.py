@@ -1,7 +1,7 @@
-"""Kinks of the equations: points at which the slopes on both sides differ.
+"""Nonsmooth points of the equations: points at which the slopes on both sides differ.
 
-A kink is the knot of a table, or the switching point of |x|, min, max, sign, a comparison or a
-rounding. At a kink, an entry of A or B is the mean of the slopes on both sides, as a central
+It is the knot of a table, or the switching point of |x|, min, max, sign, a comparison or a
+rounding. There, an entry of A or B is the mean of the slopes on both sides, as a central
 difference is.
 """
 
@@ -24,7 +24,7 @@ _ROUNDING = {ca.OP_FLOOR, ca.OP_CEIL}
 #: Step for the slopes, as a fraction of the nominal value. The slopes are exact, so the step needs
 #: only to be resolved (ten digits of it are) and small beside the curvature.
 STEP = 1e-6
-#: Distance of the points beside a kink from it, in steps. A switch is at most two steps away.
+#: Distance of the points on both sides, in steps. A switch is at most two steps away.
 _BESIDE = 3.0
 #: Number of points near a switch at which slopes are computed together.
 _AT_ONCE = 10_000
@@ -51,11 +51,11 @@ _NOWHERE = NearSwitches(np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 
 
 class MeanSlopes(NamedTuple):
-    """A and B at N points, with the mean slopes of both sides at kinks.
+    """A and B at N points, with the mean slopes of both sides at nonsmooth points.
 
     A: (N, n, n)
     B: (N, n, m)
-    notes: index of a point -> a sentence for each entry of A or B at a kink or a jump
+    notes: index of a point -> a sentence for each entry of A or B at a nonsmooth point or a jump
     """
 
     A: np.ndarray
@@ -66,7 +66,7 @@ class MeanSlopes(NamedTuple):
 def means_at_nonsmooth_points(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, A: np.ndarray, B: np.ndarray
 ) -> MeanSlopes:
-    """Return A and B at N points, with the mean slope of both sides in each entry at a kink.
+    """Return A and B at N points, with the mean slope of both sides in each nonsmooth entry.
 
     If a rate jumps, the slope does not contain the jump, and a note names it. Points without a trim
     (nan) are skipped.
@@ -102,8 +102,7 @@ def linearization_at(
     outputs: Sequence[str] = (),
     disturbances: Sequence[str] = (),
 ) -> tuple[Linearization, tuple[str, ...]]:
-    """Return the derivatives of a model at a point, with the mean slopes of both sides at kinks,
-    and notes on the kinks.
+    """Return derivatives of a model at a point, mean slopes where not smooth, and notes.
 
     x: (n,), state
     u: (m,), input
@@ -241,7 +240,7 @@ class _MeanAlong(NamedTuple):
     """Slopes of the rates along one state or input at N points.
 
     slopes: (N, n)
-    notes: index of a point -> sentences on its kinks and jumps
+    notes: index of a point -> sentences on its nonsmooth points and jumps
     """
 
     slopes: np.ndarray
@@ -267,14 +266,14 @@ def _mean_along(
     changes = below.changes + above.changes
     allowed = _APART * (rate_scales / signal.nominal + np.abs(slopes)) + changes
     differences = np.maximum(np.abs(below.slopes - slopes), np.abs(above.slopes - slopes))
-    kinks = differences > allowed
+    is_nonsmooth = differences > allowed
     gap = np.abs(above.rates - below.rates - step * (above.slopes + below.slopes))
     by_slopes = step * (np.abs(above.slopes) + np.abs(below.slopes) + changes / _JUMP)
     jumps = gap > _JUMP * by_slopes + _LEAST_JUMP * rate_scales
-    mean = np.where(kinks, (below.slopes + above.slopes) / 2.0, slopes)
+    mean = np.where(is_nonsmooth, (below.slopes + above.slopes) / 2.0, slopes)
     matrix = "A" if column < len(model.states) else "B"
     notes: dict[int, list[str]] = {}
-    for place, row in np.argwhere(kinks | jumps).tolist():
+    for place, row in np.argwhere(is_nonsmooth | jumps).tolist():
         state = model.state_names[row]
         entry = f"{matrix}({state}, {name})"
         if jumps[place, row]:
@@ -286,7 +285,7 @@ def _mean_along(
         else:
             slope_below, slope_above = (side.slopes[place, row] + 0.0 for side in (below, above))
             sentence = (
-                f"kink: {entry} is {slope_below:.5g} below and {slope_above:.5g} above "
+                f"nonsmooth point: {entry} is {slope_below:.5g} below and {slope_above:.5g} above "
                 "the trim; their mean is used"
             )
         notes.setdefault(place, []).append(sentence)

@@ -14,7 +14,7 @@ NAME, FREE, LIMIT = "name", "free", "limit"
 #: First word of the heading of an imposed value, "hold alpha [deg]"; a trim has "alpha [deg]".
 HELD = "hold"
 #: Results of the trims in a table of conditions.
-TRIMMED, STALLED, DOUBTED, UNTRIMMED = "trimmed", "stalled", "doubted", "no trim"
+TRIMMED, STALLED, WARNED, UNTRIMMED = "trimmed", "stalled", "with a warning", "no trim"
 
 
 class Status(StrEnum):

@@ -105,7 +105,7 @@ _KEY_FIGURES = {
     "worst level": "worst level",
 }
 #: Rows of a sheet whose sentences stand below the matrix.
-_SAID = ("failure", "stalled", "doubts", "far out", "not determined")
+_SAID = ("failure", "stalled", "warnings", "far out", "not determined")
 #: Entries of the configuration on the cover -> label.
 _LOADED = {"mass": "mass", "center_of_gravity": "c.g."} | {
     f"center_of_gravity_{axis}": f"c.g. {axis}" for axis in "xyz"
@@ -129,7 +129,7 @@ class Condition(NamedTuple):
 
     @property
     def result(self) -> str:
-        """Result of the trim: "trimmed", "stalled", "doubted" or "no trim"."""
+        """Result of the trim: "trimmed", "stalled", "with a warning" or "no trim"."""
         return result_of(self.report.sheet)
 
 
@@ -420,7 +420,7 @@ def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, An
 def matrix_figure(conditions: Sequence[Condition]) -> Figure:
     """Return a figure of alpha, of the used share of the travel of each control, and of the static
     margin over the conditions. Conditions without a trim are grey, those that are stalled or
-    doubted red.
+    with a warning red.
 
     Raises BadInputError if no condition has one of them.
     """

@@ -26,7 +26,7 @@ from trim.point.margins import Margin
 from trim.point.status import BALANCE
 from trim.reports.figures import stall_lines_at
 from trim.reports.trimmed import Trimmed, named_value_text, value_text
-from trim.reports.warnings import doubts_of
+from trim.reports.warnings import warnings_of
 
 #: Difference of load factors that is said: that of a bank of 8 deg.
 _LOAD = 1e-2
@@ -45,7 +45,7 @@ def without_line_numbers(notes: Iterable[str]) -> list[str]:
 def first_lines(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str:
     """Return what was done, the equations and the condition, and below it the unstable modes: "HFA
     (published) trimmed: level, 68 ft/s, 40,000 ft, dihedral 10 deg", "unstable: none".
-    Then come a stall, what the trim does not determine, and doubts.
+    Then come a stall, what the trim does not determine, and warnings.
 
     done: "trimmed" or "linearized"
     modes: modes of the linear model at the point, or None for a point that is not a trim
@@ -56,7 +56,7 @@ def first_lines(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> st
     if modes is not None:
         lines.append(_unstable([*modes], model.time_unit))
     lines += [*stall_lines_at(trimmed), *uniqueness_lines(trimmed), *changing_lines(trimmed)]
-    lines += [f"Check: {doubt}" for doubt in doubts_of(trimmed)]
+    lines += [f"Check: {warning}" for warning in warnings_of(trimmed)]
     return "\n".join(lines)
 
 

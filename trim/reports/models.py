@@ -149,13 +149,14 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Notes on the trims and linear models, of which a single one is on kinks."""
+        """Notes on the trims and linear models, of which a single one is on nonsmooth points."""
         known = [linear for linear in self.linear if linear is not None]
-        kinks = [linear.kinks for linear in known if linear.kinks]
+        notes_by_model = [linear.nonsmooth_points for linear in known if linear.nonsmooth_points]
         notes = dict.fromkeys(note for linear in known for note in linear.warnings)
-        said = [note for note in notes if not any(note in of_model for of_model in kinks)]
-        if kinks:
-            said.append(f"{kinks[0][0]} ({len(kinks)} of {len(self)} conditions have a kink)")
+        said = [note for note in notes if not any(note in of_model for of_model in notes_by_model)]
+        if notes_by_model:
+            count = f"{len(notes_by_model)} of {len(self)} conditions"
+            said.append(f"{notes_by_model[0][0]} ({count} have a nonsmooth point)")
         return said
 
     def __len__(self) -> int:

@@ -29,7 +29,7 @@ from trim.linear.modes import modes_table
 from trim.point.condition import stated_cells, stated_values
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
-from trim.point.status import BALANCE, DOUBTED, FREE, LIMIT, RESULTS, STALLED, TRIMMED, UNTRIMMED
+from trim.point.status import BALANCE, FREE, LIMIT, RESULTS, STALLED, TRIMMED, UNTRIMMED, WARNED
 from trim.reports.figures import (
     flight_rows,
     lacks_coefficient,
@@ -57,7 +57,7 @@ from trim.reports.levels import (
     mode_rows,
 )
 from trim.reports.trimmed import Trimmed, balance_row, equations_of, equations_table
-from trim.reports.warnings import configuration_lines, configuration_rows, doubts_of
+from trim.reports.warnings import configuration_lines, configuration_rows, warnings_of
 
 #: Number of nearest limits whose margins are named in data, in addition to those that bind.
 _NEAREST = 3
@@ -197,9 +197,9 @@ def named_nearest(limited: Sequence[Margin]) -> list[Margin]:
 
 
 def result_of(sheet: Sheet) -> str:
-    """Return the result of a trim by its sheet: "no trim", "stalled", "doubted" or "trimmed"."""
+    """Return the result of a trim by its sheet: one of the words of `trim.point.status`."""
     names = {row.name for row in sheet}
-    for row, result in (("failure", UNTRIMMED), ("stalled", STALLED), ("doubts", DOUBTED)):
+    for row, result in (("failure", UNTRIMMED), ("stalled", STALLED), ("warnings", WARNED)):
         if row in names:
             return result
     return TRIMMED
@@ -299,14 +299,14 @@ def first_groups(trimmed: Trimmed, airplane: Airplane) -> list[_Titled]:
 
 
 def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool) -> list[Row]:
-    """Return rows with stalls, doubts and the worst level, and for a whole sheet with all that its
-    first lines and sentences say and the limits that are reached.
+    """Return rows with stalls, warnings, the worst level, and for a whole sheet also all
+    that its first lines and sentences say, and the limits that are reached.
 
     sheet: the other groups of the sheet
     """
     said: dict[str, Iterable[str]] = {
         "stalled": stall_lines(sheet),
-        "doubts": doubts_of(trimmed),
+        "warnings": warnings_of(trimmed),
     }
     if whole:
         point = trimmed.point
@@ -415,7 +415,7 @@ def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
     } | without_empty(
         dihedral_deg=point.dihedral_deg,
         scheduled=point.scheduled,
-        doubts=doubts_of(trimmed),
+        warnings=warnings_of(trimmed),
         stalled=stall_lines(sheet),
     )
 
@@ -526,7 +526,7 @@ def read_first(point: OperatingPoint, airplane: Airplane) -> Report:
 
 def brief_list(report: Report) -> Report:
     """Return the report of several trims with their overview, and the first lines of those that
-    have no trim, are stalled, or are doubted. The data and records are those of the report.
+    have no trim, are stalled, or have a warning. The data and records are those of the report.
 
     report: the overview, then a report for each trim
     """

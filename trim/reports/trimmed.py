@@ -326,7 +326,7 @@ class Trimmed:
 
     @cached_property
     def _linearization(self) -> Linearization | str:
-        """The derivatives with mean slopes at kinks, or why they do not exist."""
+        """The derivatives with mean slopes at nonsmooth points, or why they do not exist."""
         names = [name for name in _SLOPED if name in self.model.outputs]
         try:
             slopes, _ = linearization_at(self.model, self.coherent.x, self.coherent.u, names)

@@ -1,4 +1,4 @@
-"""Mass, inertias and sizes of an aircraft, and doubts that they raise about a trim."""
+"""Mass, inertias and sizes of an aircraft, and warnings that they raise about a trim."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from hfa_aircraft.control_systems import LINEAR
 from hfa_aircraft.model import Model, altitudes
 from hfa_aircraft.readers.derivatives.published import unusual
-from hfa_aircraft.rigid.aircraft import inertia_doubt
+from hfa_aircraft.rigid.aircraft import inertia_warning
 from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import ROUNDING
@@ -127,9 +127,9 @@ def _missing_labels(entries: Collection[str]) -> list[str]:
 
 def configuration_lines(trimmed: Trimmed) -> list[str]:
     """Return a sentence on inertias that no rigid body has, unless the first lines contain it."""
-    doubt = inertias_doubt(trimmed)
-    is_in_first_lines = doubt in trimmed.model.doubts or holds_inertias(trimmed)
-    return [doubt] if doubt and not is_in_first_lines else []
+    warning = inertias_warning(trimmed)
+    is_in_first_lines = warning in trimmed.model.warnings or holds_inertias(trimmed)
+    return [warning] if warning and not is_in_first_lines else []
 
 
 def _lever_angle(model: Model, name: str, value: Any) -> str:
@@ -148,14 +148,14 @@ def holds_inertias(trimmed: Trimmed) -> bool:
     return {"Ixx", "Iyy", "Izz"} <= {*trimmed.model.parameters}
 
 
-def inertias_doubt(trimmed: Trimmed) -> str:
+def inertias_warning(trimmed: Trimmed) -> str:
     """Return a sentence if no rigid body has the inertias, or ""."""
     configuration = configuration_of(trimmed)
     if not {"Ixx", "Iyy", "Izz"} <= {*configuration}:
         return ""
     xx, yy, zz = (configuration[name].value for name in ("Ixx", "Iyy", "Izz"))
     xz = configuration["Ixz"].value if "Ixz" in configuration else 0.0
-    return inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
+    return inertia_warning([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
 
 
 #: Lift coefficients at which wings begin to stall are larger.
@@ -184,15 +184,15 @@ class _Identity(NamedTuple):
     says: str
 
 
-def doubts_of(trimmed: Trimmed) -> list[str]:
+def warnings_of(trimmed: Trimmed) -> list[str]:
     """Return sentences on data and on values of the trim that are probably wrong."""
-    doubts = [*trimmed.point.model.doubts, *doubts_at(trimmed)]
-    if holds_inertias(trimmed) and (doubt := inertias_doubt(trimmed)):
-        doubts.append(doubt)
-    return [*dict.fromkeys(doubts)]
+    warnings = [*trimmed.point.model.warnings, *warnings_at(trimmed)]
+    if holds_inertias(trimmed) and (warning := inertias_warning(trimmed)):
+        warnings.append(warning)
+    return [*dict.fromkeys(warnings)]
 
 
-def doubts_at(trimmed: Trimmed) -> Iterator[str]:
+def warnings_at(trimmed: Trimmed) -> Iterator[str]:
     """Yield sentences on values that data in wrong units or with wrong signs cause: alpha, drag,
     directional stability, figures that contradict each other.
     """
@@ -209,14 +209,14 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
         drag, lift = trimmed["drag"], trimmed["lift"]
         if drag < -ROUNDING * abs(lift):  # the drag is a component of the force that has the lift
             yield f"the drag is {value_text(model, 'drag', drag)}, below 0; check signs and units"
-    yield from _doubt_of_speed(trimmed)
+    yield from _warning_of_speed(trimmed)
     for identity in _IDENTITIES if trimmed.point.ok else ():
         number = identity.compared(trimmed)
         if number < identity.least or number > identity.most:
             yield identity.says.format(number)
     is_known = trimmed.point.ok and not trimmed.fault
-    if is_known and (doubt := _unusual_slope(trimmed)):
-        yield doubt
+    if is_known and (warning := _unusual_slope(trimmed)):
+        yield warning
     if is_known and {"beta", "r", "speed"} <= {*roles} and _is_unstable_in_yaw(trimmed):
         yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
 
@@ -233,11 +233,11 @@ def _steep(trimmed: Trimmed) -> str:
     ]
     words = [named_value_text(point, trimmed.roles["alpha"])]
     words += [f"{name} {value_text(model, name, 0.0)}" for name in without_air]
-    doubt = f"{', '.join(words)}: {'no' if without_air else 'hardly a'} flight"
+    warning = f"{', '.join(words)}: {'no' if without_air else 'hardly a'} flight"
     if model.about.equations == "derivatives":
-        return f"{doubt}; the data may have degrees without a unit"
+        return f"{warning}; the data may have degrees without a unit"
     options = _flight_options(trimmed) if point.ok else ""
-    return f"{doubt}; a flight: {options}" if options else doubt
+    return f"{warning}; a flight: {options}" if options else warning
 
 
 def _flight_options(trimmed: Trimmed) -> str:
@@ -279,7 +279,7 @@ def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
     return yawing - rolling < -ROUNDING * (abs(yawing) + abs(rolling))
 
 
-def _doubt_of_speed(trimmed: Trimmed) -> Iterator[str]:
+def _warning_of_speed(trimmed: Trimmed) -> Iterator[str]:
     """Yield a sentence if the speed is far from that of derivatives with respect to the speed."""
     domain, speed = trimmed.point.model.domain, trimmed.roles.get("speed", "")
     if not domain.by_speed or speed not in domain.reference:

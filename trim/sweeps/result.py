@@ -133,7 +133,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     inputs: (N, m), U0.
     A: (N, k, k), for the k linear states of the model.
     B: (N, k, m).
-    kinks: number of a point -> notes on entries of A and B at a kink.
+    nonsmooth_points: number of a point -> notes on entries of A and B at a nonsmooth point.
     one_by_one: number of points that were trimmed one by one.
 
     >>> import hfa
@@ -151,7 +151,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     inputs: Matrix
     A: Stack
     B: Stack
-    kinks: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    nonsmooth_points: dict[int, tuple[str, ...]] = field(default_factory=dict)
     one_by_one: int = 0
 
     @property
@@ -220,14 +220,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Notes on values beyond a range, on kinks, and on points that were trimmed one by one."""
+        """Notes on values beyond a range, on nonsmooth points, and on those trimmed one by one."""
         warnings = [*self.plan.warnings, *slow_note(self.one_by_one, len(self.reasons))]
-        if self.kinks:
-            first, notes = next(iter(self.kinks.items()))
-            warnings.append(
-                f"{notes[0]} ({len(self.kinks)} of {len(self.reasons)} points, the first at "
-                f"{', '.join(self._varied(first))})"
-            )
+        if self.nonsmooth_points:
+            first, notes = next(iter(self.nonsmooth_points.items()))
+            count = f"{len(self.nonsmooth_points)} of {len(self.reasons)} points"
+            warnings.append(f"{notes[0]} ({count}, the first at {', '.join(self._varied(first))})")
         return warnings
 
     def figure(self) -> Figure:

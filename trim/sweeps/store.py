@@ -187,13 +187,15 @@ def _template(plan: SweepPlan) -> Any:
         "flag_values": list(range(len(STATUS))),
         "flag_meanings": " ".join(word.replace(" ", "_") for word in STATUS),
     }
-    kinks = {"long_name": "entries of A and B at a kink"}
+    about = {"long_name": "entries of A and B at a nonsmooth point"}
     slow = {
         "long_name": "1 where the point was trimmed separately, which is a thousand times slower"
     }
     fill_status = np.int8(MISSING)
     arrays["status"] = template_variable((_POINT,), (plan.count,), fill_status, chunk, status)
-    arrays["kinks"] = template_variable((_POINT,), (plan.count,), np.int16(-1), chunk, kinks)
+    arrays["nonsmooth_points"] = template_variable(
+        (_POINT,), (plan.count,), np.int16(-1), chunk, about
+    )
     arrays["one_by_one"] = template_variable((_POINT,), (plan.count,), np.int8(0), chunk, slow)
 
     coordinates: dict[str, Any] = dict(coordinates_of(plan.condition))
@@ -211,20 +213,20 @@ def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
     dataset: the store at `path`, from `stream_sweep`
     """
     totals = np.zeros(len(STATUS) + 1, dtype=int)
-    kinks = 0
+    changed_points = 0
     one_by_one = 0
     stalls = 0
     for start in range(0, plan.count, CHUNK):
         part = dataset.isel({_POINT: slice(start, start + CHUNK)})
         totals += np.bincount(part.status.values - MISSING, minlength=len(totals))
-        kinks += int(np.count_nonzero(part.kinks.values > 0))
+        changed_points += int(np.count_nonzero(part.nonsmooth_points.values > 0))
         one_by_one += int(np.count_nonzero(part.one_by_one.values))
         stalls += int(np.count_nonzero(part.stalled.values))
     notes = [*plan.warnings, *slow_note(one_by_one, plan.count)]
-    if kinks:
+    if changed_points:
         notes.append(
-            f"kinks at {kinks} points: some entries of A and B are means of both sides (the array "
-            "kinks contains their numbers)"
+            f"nonsmooth points at {changed_points} points: entries of A and B are means (array "
+            "nonsmooth_points contains their numbers)"
         )
     counts = dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
     return StoredSweep(plan, str(path), counts, notes, stalls)

@@ -42,9 +42,9 @@ def run_points(
     """Return the results of a sweep for N of its points, name -> array, with A (N, k, k) and B
     (N, k, m) of the k linear states.
 
-    The names are those of `Points`, of the variables, and "values" and "kinks", the number of
-    kinks. Two entries are mappings from the number of a point: `failures` contains the reason for a
-    missing trim, and `kinked` the notes on kinks.
+    The names are those of `Points`, of the variables, and "values" and "nonsmooth_points", their
+    number. Two are mappings from the number of a point: `failures` contains the reason for a
+    missing trim, and `nonsmooth_notes` the notes on nonsmooth points.
 
     variables: names of the columns of values
     values: (N, number of variables)
@@ -69,8 +69,8 @@ def run_points(
         **points._asdict(),
         **dict(zip(variables, values.T, strict=True)),
         "values": values,
-        "kinks": nonsmooth_counts,
-        "kinked": slopes.notes,
+        "nonsmooth_points": nonsmooth_counts,
+        "nonsmooth_notes": slopes.notes,
     }
 
 
@@ -136,7 +136,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
     states, inputs = np.empty((plan.count, n)), np.empty((plan.count, m))
     A, B = np.empty((plan.count, k, k)), np.empty((plan.count, k, m))
     reasons: list[str] = []
-    kinks: dict[int, tuple[str, ...]] = {}
+    nonsmooth_points: dict[int, tuple[str, ...]] = {}
     one_by_one = 0
     for first in range(0, plan.count, CHUNK):
         chunk = slice(first, min(first + CHUNK, plan.count))
@@ -149,7 +149,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
         A[chunk] = rows["A"]
         B[chunk] = rows["B"]
         reasons += _reasons(plan, rows)
-        kinks |= {first + point: notes for point, notes in rows["kinked"].items()}
+        nonsmooth_points |= {first + point: n for point, n in rows["nonsmooth_notes"].items()}
         one_by_one += int(rows["one_by_one"].sum())
     return Sweep(
         plan=plan,
@@ -159,7 +159,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
         inputs=with_names(inputs, (), model.input_names),
         A=A,
         B=B,
-        kinks=kinks,
+        nonsmooth_points=nonsmooth_points,
         one_by_one=one_by_one,
     )
 

@@ -370,7 +370,7 @@ def running_suboptimality(exact: Solution, M: np.ndarray, z: ca.SX, u: ca.SX) ->
     z, u: state and input minus those at the equilibrium
     """
     game = exact.game
-    weight, cross = exact.excess_weight, np.zeros((len(game.R), len(M)))
+    weight, cross = exact.suboptimality_weight, np.zeros((len(game.R), len(M)))
     delta_squared = game.delta**2 if M.any() else 0.0  # δ may be infinite without a disturbance
     of_disturbance = -delta_squared * np.eye(len(M))
     if game.is_discrete:

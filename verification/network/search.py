@@ -265,7 +265,7 @@ def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> Error
     largest exact dV/dz_i or u_i in the box, bounded below (`floored`), those of u by the weights
     of the inputs. The constant of V is subtracted, because no policy depends on it.
     """
-    weights = np.sqrt(np.diag(exact.excess_weight))
+    weights = np.sqrt(np.diag(exact.suboptimality_weight))
     sizes_of = {
         "value": np.atleast_1d(b @ np.abs(exact.P) @ b),
         "gradient": floored(2.0 * np.abs(exact.P) @ b),

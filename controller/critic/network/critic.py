@@ -191,7 +191,7 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
     if declared.observations not in ((), game.names.states):
         notes += (f"observations {', '.join(declared.observations)}, taken as the states",)
     critic = from_functions(game, z, outputs, origin, stored.precision)
-    return replace(critic, stated=declared._replace(notes=notes))
+    return replace(critic, declared=declared._replace(notes=notes))
 
 
 def _outputs_by_kind(
@@ -241,7 +241,7 @@ def _on_basis(
         z = symbols_for([psi], len(scales))
         psi = ca.Function("basis", [z], [psi(ca.DM(scales) * z)])
     critic = from_weights(game, weights, psi, float(layer.bias[0]), stored.precision)
-    return replace(critic, origin=origin, is_layer=True, stated=stored.declared)
+    return replace(critic, origin=origin, is_layer=True, declared=stored.declared)
 
 
 def is_taken_as_policy(name: str, size: int, m: int) -> bool:

@@ -36,8 +36,8 @@ from hfa_aircraft.rigid.aircraft import (
     GRAVITY,
     STATES,
     Motion,
-    inertia_doubt,
     inertia_matrix,
+    inertia_warning,
     rigid_aircraft,
     wind_axes,
 )
@@ -217,7 +217,7 @@ class _Files:
             source=source,
             about=About(
                 notes=("read from DAVE-ML over a flat Earth in standard air",),
-                doubts=self._doubts(nominal_value),
+                warnings=self._warnings(nominal_value),
                 configuration=self._configuration,
             ),
             domain=Domain(self._table_ranges()),
@@ -230,14 +230,14 @@ class _Files:
             if not size > 0.0:
                 raise self._outputs[name].error(f"{name} is {size:g}; give a positive number")
 
-    def _doubts(self, nominal_value: Callable[[str], Any]) -> tuple[str, ...]:
+    def _warnings(self, nominal_value: Callable[[str], Any]) -> tuple[str, ...]:
         """Return a sentence if no rigid body has the inertias of the files."""
         inertia = inertia_matrix(
             [_number(nominal_value(name)) for name in names.INERTIA],
             [_number(self._vector(nominal_value, (name,))) for name in names.PRODUCTS],
         )
-        doubt = inertia_doubt(ca.DM(inertia).full())
-        return (doubt,) if doubt else ()
+        warning = inertia_warning(ca.DM(inertia).full())
+        return (warning,) if warning else ()
 
     def _usual_speed(self, nominal_value: Callable[[str], Any]) -> float:
         """Return the speed, ft/s, of level flight at sea level and alpha = `_ALPHA`."""

@@ -79,9 +79,9 @@ _UNUSED: Mapping[str, tuple[str, ...]] = {
 
 
 def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
-    """Return the linear model at a trim, and issue the notes on kinks as warnings."""
+    """Return the linear model at a trim, and issue the notes on nonsmooth points as warnings."""
     linear = linearize(model, point)
-    for note in linear.kinks:
+    for note in linear.nonsmooth_points:
         warn(note)
     return linear
 

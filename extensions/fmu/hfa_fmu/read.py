@@ -232,13 +232,13 @@ def _about(evaluator: Evaluator, description: Description, start: np.ndarray) ->
     """Return what reports say about an FMU, and let the evaluator use its derivatives if it gives
     them at the start values.
     """
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     why_none = _why_no_derivatives(evaluator, description, start)
     evaluator.gives_slopes = not why_none
     try:
         of_differences = f"about {_error_of_differences(evaluator, start):.1g}"
         if evaluator.gives_slopes:
-            doubts = _doubts(evaluator, start)
+            warnings = _warnings(evaluator, start)
     except FmuError as error:
         of_differences = f"unknown, because {error},"
     note = "A and B: exact, by the FMU"
@@ -251,7 +251,7 @@ def _about(evaluator: Evaluator, description: Description, start: np.ndarray) ->
     written = {plain: names[name] for name, plain in identifiers(names).items()}
     return About(
         notes=(note, *description.offered),
-        doubts=doubts,
+        warnings=warnings,
         aliases={**written, **names},
         equations="FMU",
         fault=lambda: evaluator.fault,
@@ -281,8 +281,8 @@ def _error_of_differences(evaluator: Evaluator, start: np.ndarray) -> float:
     return max(_largest_error(part, slopes, nominals) for part in (smooth, kinked))
 
 
-def _doubts(evaluator: Evaluator, start: np.ndarray) -> tuple[str, ...]:
-    """Return a doubt about derivatives of an FMU that are not those of its rates."""
+def _warnings(evaluator: Evaluator, start: np.ndarray) -> tuple[str, ...]:
+    """Return a warning about derivatives of an FMU that are not those of its rates."""
     below, above = _one_sided(evaluator, start, STEP)
     differences = 0.5 * (below + above)
     given = np.array([evaluator.along(start, unit) for unit in _unit_vectors(evaluator)]).T

@@ -203,7 +203,7 @@ def test_the_part_of_all_states_is_left_out_of_their_names():
     assert list(states) == ["plane_1_body_angle", "plane_1_body_rate"]
 
 
-def test_wrong_derivatives_of_an_fmu_are_doubted():
+def test_wrong_derivatives_of_an_fmu_have_a_warning():
     """The report of a trim says that derivatives of the FMU are 10 % off its rates."""
     point = hfa.trim(hfa.load_model(fmu("scaled", has_derivatives=True)))
     assert "differ from differences of its rates by 0.1" in point.report().text()

@@ -14,7 +14,7 @@ import numpy as np
 from hfa_aircraft.about import About, Domain, Source, Trimming
 from hfa_aircraft.layout import column
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid.aircraft import DEVIATION, GRAVITY, STATES, coordinated, inertia_doubt
+from hfa_aircraft.rigid.aircraft import DEVIATION, GRAVITY, STATES, coordinated, inertia_warning
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
 from hfa_aircraft.signals import ISA, Signal
 from hfa_jsbsim.accounting import explain, notes_on_omitted, of_engine_files
@@ -188,7 +188,7 @@ class _Declaration:
             about=About(
                 notes=(*of_engine_files(self.parts), *grouped(notes)),
                 aliases=_with_short_names(ALIASES | self._own_aliases()),
-                doubts_about=partial(self._doubts, configuration),
+                warnings_about=partial(self._warnings, configuration),
                 equations="JSBSim",
                 atmosphere="U.S. Standard 1976",
                 configuration=configuration,
@@ -207,7 +207,7 @@ class _Declaration:
             ),
         )
 
-    def _doubts(
+    def _warnings(
         self,
         configuration: Callable[..., dict[str, tuple[float, str]]],
         parameters: Mapping[str, float],
@@ -218,9 +218,9 @@ class _Declaration:
         values = configuration(x, [0.0] * len(self.inputs), p)
         xx, yy, zz, xz = (values[name][0] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
         inertia = [[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]]
-        yield from filter(None, (inertia_doubt(inertia), self._doubt_of_throttle(x, p)))
+        yield from filter(None, (inertia_warning(inertia), self._warning_of_throttle(x, p)))
 
-    def _doubt_of_throttle(self, x: list[float], p: list[float]) -> str:
+    def _warning_of_throttle(self, x: list[float], p: list[float]) -> str:
         """Return a sentence if no rate changes with the throttles at the states x and parameters p,
         with the constant of the files, or the parameter of the engine, that stops the engines.
         """

@@ -268,10 +268,10 @@ def test_the_property_that_stops_the_engine_is_named(tmp_path):
     )
     path = written(tmp_path, jet({"channels": f'<channel name="c"> {valve} </channel>'}), "small")
     model = load_model(path)
-    assert model.doubts == ("the throttle moves no thrust: --hold sim/fuel=1",)
-    assert model.with_parameters(fuel=1.0).doubts == ()
+    assert model.warnings == ("the throttle moves no thrust: --hold sim/fuel=1",)
+    assert model.with_parameters(fuel=1.0).warnings == ()
     stopped = model.with_parameters(fuel=1.0, engine0=0.0)
-    assert stopped.doubts == ("the throttle moves no thrust: --hold engine0=1",)
+    assert stopped.warnings == ("the throttle moves no thrust: --hold engine0=1",)
 
 
 def test_a_constant_that_no_control_reads_is_no_input(tmp_path):

@@ -26,7 +26,7 @@ FAULTS = {("Vt", "Phi")}
 def differences(name, kcas):
     """Return the largest relative differences of the model's A and B from JSBSim's linear model.
 
-    The result has the keys "A", "B" and "beta", the column of beta in A, which has kinks at 0.
+    The result has the keys "A", "B" and "beta", the column of beta in A, which has nonsmooth points at 0.
 
     kcas: calibrated airspeed, kt
     """

@@ -93,7 +93,7 @@ def report(request: ReportRequest) -> Outcome:
     """Write an HTML page with the trims, linear models and games of an aircraft.
 
     A slider shows trim and linear model at each value of the scheduling variable. Of another
-    aircraft than the HFA, the page has a book of its trims or of --conditions, doubts about its
+    aircraft than the HFA, the page has a book of its trims or of --conditions, warnings about its
     data, and the games of --Q and --R. Of the HFA, both printed pairs (A, B) are compared with the
     regenerated pairs, and for the angles of --dihedral, the page also shows the printed values, the
     exact game solution and a learned critic. The page contains Plotly (package plotly) and loads

@@ -91,7 +91,7 @@ class Sections(NamedTuple):
     in_air: the flight of the paper's aircraft in turbulence at the first requested angle
     angles: model, game and critic at each requested value
     others: modes; of the paper's aircraft the comparison with the print, the meanings of the checks
-        and the parameters, of another one the book and the doubts
+        and the parameters, of another one the book and the warnings
     """
 
     of_slider: Report
@@ -113,7 +113,7 @@ def sections_of(job: MainJob) -> Sections:
             for position in job.slider.points
             for model in [position.model]
         ]
-        others = (_book(conditions, with_sheets=bool(job.book)), _doubts(conditions), modes)
+        others = (_book(conditions, with_sheets=bool(job.book)), _warnings(conditions), modes)
         return Sections(of_slider, (), angles, others)
     meanings = tomllib.loads(_file("glosses.toml"))
     return Sections(
@@ -143,16 +143,16 @@ def _book(conditions: Sequence[Condition], *, with_sheets: bool) -> Report:
     )
 
 
-def _doubts(conditions: Sequence[Condition]) -> Report:
-    """Return the section with the doubts about trims and data, and the conditions with each."""
+def _warnings(conditions: Sequence[Condition]) -> Report:
+    """Return the section with the warnings about trims and data, and the conditions with each."""
     at: dict[str, list[str]] = {}
     for number, condition in enumerate(conditions, start=1):
         for row in condition.report.sheet:
-            if row.name == "doubts":
+            if row.name == "warnings":
                 at.setdefault(str(row.value), []).append(condition.name or str(number))
-    rows = [(doubt, ", ".join(names)) for doubt, names in at.items()]
-    found = Table(("doubt", "at"), rows) if rows else "No check of the data finds a doubt."
-    return Report("Doubts", (found,), data={"doubts": at})
+    rows = [(warning, ", ".join(names)) for warning, names in at.items()]
+    found = Table(("warning", "at"), rows) if rows else "No check of the data finds a warning."
+    return Report("Warnings", (found,), data={"warnings": at})
 
 
 def main_report(job: MainJob, sections: Sections) -> Report:
@@ -166,8 +166,8 @@ def main_report(job: MainJob, sections: Sections) -> Report:
         "angles": [report.data for report in angles],
     }
     if job.regeneration is None:
-        book, doubts, _ = others
-        return Report("", parts, data=data | {"book": book.data, **doubts.data})
+        book, warnings, _ = others
+        return Report("", parts, data=data | {"book": book.data, **warnings.data})
     critics = [
         {"dihedral_deg": report.data["dihedral_deg"], **report.data["critic"]}
         for report in angles

@@ -150,7 +150,7 @@ def test_pictures_of_the_documents_are_current():
 @pytest.mark.slow
 def test_the_page_of_an_aircraft_is_about_it(folder):
     """The numbers of another aircraft are those of `hfa trim`; its page has its name, trims, modes,
-    book, doubts and the game of its Q and R, and nothing of the paper.
+    book, warnings and the game of its Q and R, and nothing of the paper.
     """
     text = Path(UAV).read_text("utf-8").replace("Izz = 1.759", "Izz = 3.0")
     Path("uav.toml").write_text(text)
@@ -165,10 +165,10 @@ def test_the_page_of_an_aircraft_is_about_it(folder):
     assert angle["trim"]["operating_point"]["states"] == sheet["operating_point"]["states"]
     assert angle["solution"]["K"]
     assert len(data["book"]["sheets"]) == len(data["sweep"]["A"]) == 3
-    (doubt,) = data["doubts"]
-    assert "no rigid body has these inertias" in doubt
+    (warning,) = data["warnings"]
+    assert "no rigid body has these inertias" in warning
     page = page_of(Path("page.html"))
-    sections = ("Speed 35 m/s: model, game", "Book", "Doubts", "Modes over speed")
+    sections = ("Speed 35 m/s: model, game", "Book", "Warnings", "Modes over speed")
     for heading in (
         "<title>Aerosonde (derivatives): trims",
         *(f"<h2>{each}<" for each in sections),

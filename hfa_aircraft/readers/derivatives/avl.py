@@ -142,7 +142,7 @@ class StabilityFile:
                 f" {mach:.3g}"
             )
 
-    def doubts(self) -> Iterator[str]:
+    def warnings(self) -> Iterator[str]:
         """Yield a sentence if the neutral point is not where the derivatives put it.
 
         Xnp = Xref - Cref Cma / CLa.

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from hfa_aircraft.readers.derivatives.names import LARGEST_LIFT
 from hfa_aircraft.readers.derivatives.published import FIGURES, Values, unusual
 from hfa_aircraft.readers.derivatives.table import DerivativeTable
-from hfa_aircraft.rigid.aircraft import inertia_doubt
+from hfa_aircraft.rigid.aircraft import inertia_warning
 from hfa_aircraft.rigid.atmosphere import air_at
 
 #: Entries without which an aircraft moves differently, though it is read.
@@ -21,13 +21,13 @@ _FREE_SIGNS = ("aileron", "rudder")
 _STEEPEST = math.radians(60.0)
 #: Largest usual lift coefficient without flaps, for tables without CL_max.
 _LARGEST_LIFT = 2.0
-#: Ratio of lift and weight beyond which the mass is doubted; pounds as slugs are a factor 32.
+#: Ratio of lift and weight beyond which the mass is reported; pounds as slugs are a factor 32.
 _RATIO = 8.0
 #: Largest usual angle between the stated alpha and that of level flight without controls, rad.
 _OFF_ALPHA = math.radians(2.0)
 
 
-def doubts_about(table: DerivativeTable, parameters: Mapping[str, float]) -> Iterator[str]:
+def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> Iterator[str]:
     """Yield a sentence for each entry that is probably a mistake. None is refused.
 
     parameters: the parameters of the model, which may differ from the table, name -> value
@@ -39,10 +39,10 @@ def doubts_about(table: DerivativeTable, parameters: Mapping[str, float]) -> Ite
         """Return the value of an entry, nan if it is missing."""
         return values.get(name, math.nan)
 
-    yield from table.doubts
+    yield from table.warnings
     yield from _of_angles(table)
-    if doubt := _of_inertias(of):
-        yield doubt
+    if warning := _of_inertias(of):
+        yield warning
     yield from _unusual(table, of)
     needed = (*_NEEDED, *(_NEEDED_OF[name] for name in table.surfaces if name in _NEEDED_OF))
     if missing := [name for name in needed if not values.get(name)]:
@@ -65,10 +65,10 @@ def _unusual(table: DerivativeTable, of: Values) -> Iterator[str]:
         value = number(of)
         if is_free or value == 0.0 or not named.isdisjoint(entries):
             continue
-        if doubt := unusual(figure, value):
+        if warning := unusual(figure, value):
             named |= {*entries}
             given = ", ".join(f"{name} {of(name):.4g}" for name in entries if name != figure)
-            yield f"{doubt} ({given})" if given else doubt
+            yield f"{warning} ({given})" if given else warning
 
 
 def _moves(surface: str, values: Mapping[str, float]) -> bool:
@@ -96,7 +96,7 @@ def _of_inertias(of: Values) -> str:
     """Return a sentence if no rigid body has the inertias, or ""."""
     xx, yy, zz, xz = (of(name) for name in ("Ixx", "Iyy", "Izz", "Ixz"))
     xz = 0.0 if math.isnan(xz) else xz
-    return inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
+    return inertia_warning([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
 
 
 def _of_weight(table: DerivativeTable, of: Values) -> Iterator[str]:
@@ -129,7 +129,7 @@ def _of_weight(table: DerivativeTable, of: Values) -> Iterator[str]:
 def _of_alpha(of: Values, missing: float) -> Iterator[str]:
     """Yield a sentence if level flight needs another alpha than the stated one.
 
-    A table without alpha has no doubt, nor one whose slope of the lift is doubted.
+    A table without alpha has no warning, nor one whose slope of the lift is reported.
 
     missing: lift coefficient that is missing to carry the weight at the stated alpha
     """

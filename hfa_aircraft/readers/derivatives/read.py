@@ -52,7 +52,7 @@ from hfa_aircraft.readers.derivatives.names import (
     THRUST_BY_SPEED,
     THRUST_INPUT,
 )
-from hfa_aircraft.readers.derivatives.plausible import doubts_about
+from hfa_aircraft.readers.derivatives.plausible import warnings_about
 from hfa_aircraft.readers.derivatives.table import DerivativeTable, read_table, table_of
 from hfa_aircraft.rigid.aircraft import (
     FORCE,
@@ -160,7 +160,7 @@ def _model(table: DerivativeTable) -> Model:
         source=table.source,
         about=About(
             notes=table.notes,
-            doubts_about=partial(doubts_about, table),
+            warnings_about=partial(warnings_about, table),
             equations="derivatives" if table.center is None else "AVL",
             configuration=partial(_configuration, table),
         ),

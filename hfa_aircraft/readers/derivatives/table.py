@@ -80,7 +80,7 @@ class DerivativeTable:
     mach: Mach number of a stability file, or None.
     words: flap and gear in the words of the table, name -> text.
     checked: names of entries that are right, though no published aircraft has such values.
-    doubts: sentences on a stability file that contradicts itself.
+    warnings: sentences on a stability file that contradicts itself.
     """
 
     name: str
@@ -97,7 +97,7 @@ class DerivativeTable:
     mach: float | None = None
     words: Mapping[str, str] = field(default_factory=dict)
     checked: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def unit(self, name: str) -> str:
         """Return the unit of an entry that is not a derivative, in the table's system of units."""
@@ -162,8 +162,8 @@ def _completed_table(
             f"{TAIL_ARM} is not required: derivatives of AVL are moved exactly; remove {TAIL_ARM}"
         )
     center = (file.reference_point, length)
-    doubts = tuple(file.doubts())
-    return replace(table, notes=notes, center=center, mach=file.value("Mach"), doubts=doubts)
+    warnings = tuple(file.warnings())
+    return replace(table, notes=notes, center=center, mach=file.value("Mach"), warnings=warnings)
 
 
 def table_of(values: Mapping[str, Any]) -> DerivativeTable:

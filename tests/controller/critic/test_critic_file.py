@@ -390,4 +390,4 @@ def test_each_entry_of_a_file_is_used_compared_or_noted(entries, note):
     np.savez("K.npz", K=np.eye(2), **entries)
     told = hfa.verify(named, hfa.read_critic("K.npz", named)).report()
     assert note in " ".join(told.text().split())
-    assert ("stated" in told.data) == bool(note)
+    assert ("declared" in told.data) == bool(note)

@@ -182,7 +182,7 @@ def without_cost():
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.5, 1.0]], [-1.0, 0.5, 2.0])
 REFUSED = {
     "table": (lambda: scalar_expansion(TABLE), "table"),
-    "kink": (lambda: scalar_expansion(lambda x: ca.fabs(x) * x), "x switches"),
+    "nonsmooth": (lambda: scalar_expansion(lambda x: ca.fabs(x) * x), "x switches"),
     "root": (lambda: scalar_expansion(lambda x: x + x**1.5), "finite"),
     "degree 1": (lambda: scalar_expansion(lambda x: x, degree=1), "2 to 5"),
     "degree 6": (lambda: scalar_expansion(lambda x: x, degree=6), "2 to 5"),

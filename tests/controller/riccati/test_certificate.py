@@ -58,5 +58,5 @@ def test_the_change_of_the_data_is_that_of_changed_last_digits():
         changed = Game(A * (1.0 + EPS * A_signs), B * (1.0 + EPS * B_signs), Q=I2, R=[1.0])
         change = exact_solution(changed)[0] - P
         changes.append(np.abs(change / np.sqrt(np.outer(np.diag(P), np.diag(P)))).max())
-    stated = solve(game).certificate.data_change
-    assert 1.0 <= stated / max(changes) < 10.0
+    declared = solve(game).certificate.data_change
+    assert 1.0 <= declared / max(changes) < 10.0

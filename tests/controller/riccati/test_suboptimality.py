@@ -149,7 +149,7 @@ def test_states_without_cost_are_not_left_out(extra):
     game = Game([[1.0, 0.0], [0.0, -1.0]], [[1.0], [0.0]], Q=np.diag([1.0, 0.0]), R=[[1.0]])
     K = 1.0 + math.sqrt(2.0)
     verdict = verify(game, from_gain(game, [[K, extra]]), box=[1.0, 2.0])
-    found = verdict.excess
+    found = verdict.suboptimality
     counts = extra > 1e-5
     assert (found.is_optimal, math.isinf(verdict.cost_lost)) == (not counts, counts)
     assert verdict.holds(limit_cost=1.0) is not counts

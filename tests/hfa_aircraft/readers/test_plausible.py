@@ -1,4 +1,4 @@
-"""Tables with usual mistakes are doubted under the first line; right aircraft are not."""
+"""Tables with usual mistakes are reported under the first line; right aircraft are not."""
 
 import tomllib
 
@@ -19,7 +19,7 @@ def changed(**values):
 
 
 DEGREE = 3.141592653589793 / 180.0
-#: Mistake -> changed entries, and a word of its doubt.
+#: Mistake -> changed entries, and a word of its warning.
 MISTAKES = {
     "mass in pounds as slugs": ({"mass": 13.5 / 32.174}, "weight"),
     "mass in slugs as kilograms": ({"mass": 13.5 * 14.594}, "weight"),
@@ -78,24 +78,24 @@ HELD = ("Cm_alpha", "Cm_q", "Cl_p", "Cn_r", "CY_beta", "Ixx", "Iyy", "Izz", "Ixz
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_planted_mistake_is_doubted(mistake):
+def test_a_planted_mistake_has_a_warning(mistake):
     """A line names the entry, and the aircraft is still read.
 
     A held value has the same line; the right value, held again, has none.
     """
     values, word = MISTAKES[mistake]
-    doubts = hfa.from_derivatives(changed(**values)).doubts
-    assert any(word in doubt for doubt in doubts)
+    warnings = hfa.from_derivatives(changed(**values)).warnings
+    assert any(word in warning for warning in warnings)
     if {*values} <= {*HELD} and None not in values.values():
         held = hfa.from_derivatives(changed()).with_parameters(**values)
-        assert held.doubts == doubts
-        assert held.with_parameters(**{name: changed()[name] for name in values}).doubts == ()
+        assert held.warnings == warnings
+        assert held.with_parameters(**{name: changed()[name] for name in values}).warnings == ()
 
 
 @pytest.mark.parametrize("name", ["uav.toml", "cessna182.toml", "glider.toml"])
 def test_right_tables_have_no_warning(name):
     """Neither own tables of the examples nor one with a file of AVL have one."""
-    assert hfa.load_model(f"{ROOT}/examples/{name}").doubts == ()
+    assert hfa.load_model(f"{ROOT}/examples/{name}").warnings == ()
 
 
 def test_only_an_entry_is_checked():
@@ -104,7 +104,7 @@ def test_only_an_entry_is_checked():
         hfa.from_derivatives(changed(checked="CL_elevator, Cl_x"))
 
 
-#: Line of glider.st -> its mistake, and a word of the doubt.
+#: Line of glider.st -> its mistake, and a word of the warning.
 MISTAKES_OF_AVL = {
     "Cref = 0.75000       Bref =  12.000": ("Cref = 12.000       Bref =  0.75000", "span"),
     "Xnp =   0.616583": ("Xnp =   0.416583", "Xnp"),
@@ -113,20 +113,20 @@ MISTAKES_OF_AVL = {
 
 
 @pytest.mark.parametrize("line", MISTAKES_OF_AVL)
-def test_a_changed_file_of_avl_is_doubted(line, tmp_path):
-    """Exchanged reference sizes, a contradicting neutral point and a wrong sign are doubted."""
+def test_a_changed_file_of_avl_has_a_warning(line, tmp_path):
+    """Exchanged reference sizes, a contradicting neutral point and a wrong sign are reported."""
     mistake, word = MISTAKES_OF_AVL[line]
     text = (ROOT / "examples/glider.st").read_text("utf-8")
     assert line in text
     (tmp_path / "glider.st").write_text(text.replace(line, mistake), "utf-8")
     table = (ROOT / "examples/glider.toml").read_text("utf-8")
     (tmp_path / "glider.toml").write_text(table, "utf-8")
-    doubts = hfa.load_model(str(tmp_path / "glider.toml")).doubts
-    assert any(word in doubt for doubt in doubts)
+    warnings = hfa.load_model(str(tmp_path / "glider.toml")).warnings
+    assert any(word in warning for warning in warnings)
 
 
 def test_derivatives_by_speed_are_doubted_far_from_their_condition():
-    """CT_u is doubted where the speed is more than about 10 % from that of the table, 220.1 ft/s."""
+    """CT_u is reported where the speed is more than about 10 % from that of the table, 220.1 ft/s."""
     plane = hfa.load_model(f"{ROOT}/examples/cessna182.toml")
     for speed, is_far in ((195.0, True), (200.0, False), (240.0, False), (245.0, True)):
         title = hfa.trim(plane, speed=speed).report().title

@@ -78,7 +78,7 @@ def test_a_long_name_and_long_cells_are_wrapped(tmp_path):
 
 def book(count):
     rows = [(f"condition {i}", Cell("stalled", "bad"), f"{i}.5", WORDS) for i in range(count)]
-    matrix = Table(("condition", "results", "alpha [deg]", "doubts"), rows)
+    matrix = Table(("condition", "results", "alpha [deg]", "warnings"), rows)
     sheets = [sheet(3, f"condition {i}: level") for i in range(min(count, 2))]
     return Report("60 conditions", [(matrix, f"3: {WORDS}"), *sheets], head={"document": "12, B"})
 

@@ -118,7 +118,14 @@ def test_latex_has_first_lines_head_sentences_and_notes():
     """The lines that are not in tables are paragraphs."""
     pytest.importorskip("pandas")
     group = Group("trim", (Row("alpha", 0.1, "rad"),), ("* assumed",))
-    made = Report("first\nCheck: doubt", [group, "a sentence"], ["a note"], head={"data": "file"})
+    made = Report("first\nCheck: warning", [group, "a sentence"], ["a note"], head={"data": "file"})
     text = made.latex()
-    for line in ("first", "Check: doubt", "* assumed", "a sentence", "Note: a note", "data: file"):
+    for line in (
+        "first",
+        "Check: warning",
+        "* assumed",
+        "a sentence",
+        "Note: a note",
+        "data: file",
+    ):
         assert f"\n\\noindent {line}\n" in text

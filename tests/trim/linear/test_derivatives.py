@@ -28,7 +28,7 @@ TROPOPAUSE = 36_152.0  # ft
 def points(count, seed):
     """Return random states, inputs and zero winds, (count, 12 + winds).
 
-    Altitudes near the kink of the density at the tropopause are moved by 1000 ft.
+    Altitudes near the nonsmooth point of the density at the tropopause are moved by 1000 ft.
     """
     states, inputs = random_points(count, seed)
     altitude = np.clip(states[:, 2], 500.0, 64_500.0)

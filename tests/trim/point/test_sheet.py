@@ -480,7 +480,7 @@ def test_levels_of_a_sheet_are_those_of_its_modes():
     assert "level" in landing.data["sheet"]["n/alpha"]  # it has limits in category C only
 
 
-def test_a_sheet_of_degrees_taken_as_radians_is_doubted(folder):
+def test_a_sheet_of_degrees_taken_as_radians_has_a_warning(folder):
     """Limits of 25 rad and inertias that no rigid body has are named."""
     text = (EXAMPLES / "uav.toml").read_text("utf-8")
     text = text.replace('["-25 deg", "25 deg"]', "[-25, 25]").replace("Izz = 1.759", "Izz = 2.9")
@@ -513,7 +513,7 @@ def test_published_and_newton_dynamics_differ_by_mode_in_percent():
         assert pair["percent"] == pytest.approx(percent)
 
 
-# Doubts, advice, several sheets.
+# Warnings, advice, several sheets.
 
 
 @pytest.mark.parametrize("sign", [1.0, 0.0, -1.0])
@@ -561,9 +561,9 @@ OWN = Model(
     words = ("trim", "--aircraft", "own.py:OWN", "--hold", "tilt=2")
     text = " ".join(command(*words, "--full", "-o", "sheet.html").out.split())
     assert "tilt 2 deg as loaded: 28.6479" in text
-    stated = "tilt 2 deg (as loaded: 28.6479 deg)"
-    assert stated in text
-    assert Path("sheet.html").read_text("utf-8").count(stated) == 2
+    declared = "tilt 2 deg (as loaded: 28.6479 deg)"
+    assert declared in text
+    assert Path("sheet.html").read_text("utf-8").count(declared) == 2
 
 
 def test_the_load_factor_is_normal_to_the_path():
@@ -594,10 +594,10 @@ def test_the_anticipation_parameter_is_that_by_hand(name):
 
 
 @pytest.mark.parametrize(
-    ("speed", "output", "doubted"),
+    ("speed", "output", "is_reported"),
     [(0.2, "lift", True), (5.0, "lift", False), (0.2, "extension", False)],
 )
-def test_a_standing_aircraft_is_doubted(speed, output, doubted):
+def test_a_standing_aircraft_has_a_warning(speed, output, is_reported):
     """A trim at less than a hundredth of the nominal speed is no flight, and its first lines say so,
     of a model with the outputs of an aircraft.
     """
@@ -609,7 +609,7 @@ def test_a_standing_aircraft_is_doubted(speed, output, doubted):
         outputs={output: hfa.Signal("N")},
         trim={"speed": speed},
     )
-    assert ("no flight" in hfa.trim(model).report().title) == doubted
+    assert ("no flight" in hfa.trim(model).report().title) == is_reported
 
 
 def test_a_trim_without_air_is_doubted_and_leads_to_a_flight():

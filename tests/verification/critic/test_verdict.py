@@ -124,8 +124,8 @@ def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy():
     root = math.sqrt(0.8)
     loop = root * (game.A - B @ K)
     value = discrete_game_value(loop, root * E, cost_of_gain, game.delta)
-    excess = np.linalg.eigvals(np.linalg.solve(exact.P, value - exact.P)).real
-    assert verdict.cost_lost == pytest.approx(100.0 * excess.max(), rel=1e-8)
+    suboptimality = np.linalg.eigvals(np.linalg.solve(exact.P, value - exact.P)).real
+    assert verdict.cost_lost == pytest.approx(100.0 * suboptimality.max(), rel=1e-8)
     radius = np.abs(np.linalg.eigvals(game.A - B @ K)).max()
     assert checks["control_loop_radius"] == pytest.approx(radius)
     assert checks["discounted_loop_radius"] == pytest.approx(root * radius)

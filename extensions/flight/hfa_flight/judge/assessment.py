@@ -203,7 +203,7 @@ class Assessment(Result, Reported):
             "dt": self.deployed.deployment.dt,
             "delay": self.deployed.deployment.delay,
             "network": self.deployed.deployment.actor.chain,
-            "stated": self.deployed.deployment.actor.stated,
+            "declared": self.deployed.deployment.actor.declared,
             "commanded": self.deployed.commanded,
             "states": self.deployed.model.linear,
             "points": self.points,

@@ -264,7 +264,7 @@ _CONVERGES = (
 def report_parts(deployed: Deployed, points: Sequence[AssessedPoint]) -> list[Any]:
     """Return the parts of the report of an assessment, in reading order."""
     actor = deployed.deployment.actor
-    other_notes = [note for note in actor.stated.notes if note not in actor.notes]  # not findings
+    other_notes = [note for note in actor.declared.notes if note not in actor.notes]  # not findings
     parts: list[Any] = ["; ".join([actor.chain, *other_notes])]
     if any(point.costs is not None for point in points):
         parts += [_weights_text(deployed, points[0]), f"{_CONVERGES} {RULE}"]

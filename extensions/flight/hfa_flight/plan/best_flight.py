@@ -302,7 +302,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             ),
             linear,
         )
-        smoothed = "The optimizer smoothed tables and kinks, the simulation did not."
+        smoothed = "The optimizer smoothed tables and nonsmooth points, the simulation did not."
         return Group("best flight", rows, (none_cheaper, *[smoothed] * is_nonsmooth(self.problem)))
 
     def _costs(self) -> Group:

@@ -147,7 +147,7 @@ class ScaledProblem:
         """Half-widths of the usual box of initial deviations, (k,)."""
         return usual_box(self.problem) / self.problem.sizes.states[: self.sizes[0]]
 
-    def excess_weight(self, P: np.ndarray) -> float:
+    def suboptimality_weight(self, P: np.ndarray) -> float:
         """Return the relative increase of the mean cost z'Pz over the usual box, against the
         linear optimum without holds.
 
@@ -360,7 +360,7 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
         return grid
     for grid in grids:
         fitting = grid.cut(wanted)
-        if scaled.excess_weight(gains_of(fitting.at(0).linear, scaled.P)[1]) <= _GRID_PRICE:
+        if scaled.suboptimality_weight(gains_of(fitting.at(0).linear, scaled.P)[1]) <= _GRID_PRICE:
             break
     return fitting
 
@@ -400,7 +400,7 @@ def _rule_of_samples(scaled: ScaledProblem) -> float:
             _, P = hold_of(*scaled.linear_states, dt).infinite_horizon()
         except NoSolutionError:
             continue
-        if scaled.excess_weight(P) <= _HOLD_PRICE:
+        if scaled.suboptimality_weight(P) <= _HOLD_PRICE:
             return dt
     raise NoSolutionError(
         f"no sample time of at least {_SAMPLE_TIMES[-1]:g} s costs at most "

@@ -36,8 +36,7 @@ DRIFTING_TAIL = 0.005
 _LONGER = 1.6
 _EXTENSIONS = 5
 NONE_WITHIN = (
-    "IPOPT finds no flight within the limits, possibly because of tables or kinks; such a flight "
-    "may exist"
+    "IPOPT finds no flight within the limits, possibly because of tables; such a flight may exist"
 )
 #: Name of a flight that follows a proposal that it does not confirm.
 REFUSED = "flight that follows a refused proposal"

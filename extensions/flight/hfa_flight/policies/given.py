@@ -85,8 +85,8 @@ def policy_of_file(
         _refuse_value(path, critic)
     if not critic.has_linear_policy:
         # notes on a game without a cost say nothing
-        stated = critic.stated if game or kind == NETWORK else NOTHING
-        return function_policy(f"critic of {path}", critic.policy, point, stated)
+        declared = critic.declared if game or kind == NETWORK else NOTHING
+        return function_policy(f"critic of {path}", critic.policy, point, declared)
     kind = "gain" if critic.slope_gain is None else "weights"
     return GainPolicy(f"{kind} of {path}", critic.K)
 
@@ -151,7 +151,7 @@ def _policy_of_object(
     from hfa_flight.schedule.gain_schedule import GainSchedule
 
     if isinstance(given, Critic) and not given.has_linear_policy:
-        return function_policy(given.origin, given.policy, point, given.stated), scenario
+        return function_policy(given.origin, given.policy, point, given.declared), scenario
     if isinstance(given, Tracking):
         policy = GainPolicy("tracking", given.K, given.inputs)
         return policy, scenario.following(given.exact.reference, policy.name)

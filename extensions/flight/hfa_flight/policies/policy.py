@@ -170,13 +170,13 @@ class FunctionPolicy(Policy):
 
     function: π as a CasADi Function, z (k,) -> u (m,)
     lowest, highest: (m,), limits of the inputs as deviations from trim
-    stated: what the file of the policy states
+    declared: what the file of the policy states
     """
 
     function: ca.Function
     lowest: np.ndarray
     highest: np.ndarray
-    stated: Declared = NOTHING
+    declared: Declared = NOTHING
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs π(z), (m,), clipped to the limits."""
@@ -205,12 +205,12 @@ class FunctionPolicy(Policy):
 
     def notes(self) -> tuple[str, ...]:
         """Return what the file of the policy contains and the policy does not use."""
-        return self.stated.notes
+        return self.declared.notes
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: its name, and what its file states."""
-        stated = {} if self.stated is NOTHING else {"stated": storable(self.stated)}
-        return {"name": self.name, **stated}
+        declared = {} if self.declared is NOTHING else {"declared": storable(self.declared)}
+        return {"name": self.name, **declared}
 
     def expression(self, z: ca.SX) -> ca.SX:
         """Return u = sat(π(z), lowest, highest) as an expression of z, (m,)."""
@@ -219,18 +219,18 @@ class FunctionPolicy(Policy):
 
 
 def function_policy(
-    name: str, function: ca.Function, point: OperatingPoint, stated: Declared = NOTHING
+    name: str, function: ca.Function, point: OperatingPoint, declared: Declared = NOTHING
 ) -> FunctionPolicy:
     """Return the policy π(z) about a trim, saturated at the control limits of the model.
 
     function: π, z (k,) -> u (m,)
-    stated: what the file of the policy states
+    declared: what the file of the policy states
     """
     limits = Limits.of(point.model, tuple(point.model.inputs))
     trim = point.u
     identity = {"function": hashlib.sha256(function.serialize().encode()).hexdigest()}
     lowest, highest = limits.lowest - trim, limits.highest - trim
-    return FunctionPolicy(name, function, lowest, highest, stated, identity=identity)
+    return FunctionPolicy(name, function, lowest, highest, declared, identity=identity)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

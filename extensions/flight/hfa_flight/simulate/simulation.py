@@ -32,7 +32,7 @@ _ROUNDING = 1e-12
 #: A step is followed by one of .9 times the length that the error allows, at least a fifth and at
 #: most ten times as long. The error is of order 5.
 _SAFETY, _SHORTER, _LONGER, _ORDER = 0.9, 0.2, 10.0, 5.0
-#: The error of a fifth of a step over a jump is about a fifth, and over a kink a 25th.
+#: The error of a fifth of a step over a jump is about a fifth, and over a nonsmooth point a 25th.
 _AT_A_JUMP = 0.1
 #: Number of steps since the last `RungeKutta.clear` after which `advance` pauses first, then after
 #: twice, four times, ... as many, so that a flight that has left its envelope soon ends.

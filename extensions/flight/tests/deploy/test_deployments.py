@@ -351,7 +351,7 @@ def test_a_deployment_has_the_actions_that_verify_judges(name):
     observed = 2.0 * np.random.default_rng(2).normal(size=(50, 3))
     actions = np.array(Deployed(deployment, model_of(GTM)).act(observed.T)).T
     np.testing.assert_array_equal(actions, hfa.read_critic(file, game).u(observed))
-    assert deployment.actor.stated.notes == hfa.read_critic(file, game).stated.notes
+    assert deployment.actor.declared.notes == hfa.read_critic(file, game).declared.notes
     for policy, box, said in (
         ({}, [-1.0, 1.0], "contains the box"),
         ({"squash": name in ("ppo", "a2c")}, [-1.0, 2.0], "remove policy.squash"),
@@ -417,7 +417,7 @@ def test_a_normalizer_that_saw_more_than_the_training_is_noted(folder):
         rewrite_zip(folder, {"num_timesteps": steps - less, "n_envs": environments})
         critic = hfa.read_critic(folder / "deployment.toml", game, linear=linear)
         noted = f"but the policy was trained with {steps - less}: it was not saved with this policy"
-        assert any(noted in note for note in critic.stated.notes) == is_told
+        assert any(noted in note for note in critic.declared.notes) == is_told
     assert noted in " ".join(hfa.verify(game, critic, flights=0).report().text().split())
 
 

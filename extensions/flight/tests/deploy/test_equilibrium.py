@@ -95,18 +95,18 @@ def test_inputs_that_follow_themselves_have_a_larger_gain():
 
 
 def test_at_a_kink_of_the_aircraft_the_loop_is_that_of_linearize():
-    """With a kink at the trim, alpha = .1, the nominal loop is the linear model in the nominal values
+    """With a nonsmooth point at the trim, alpha = .1, the nominal loop is the linear model in the nominal values
     X and U.
     """
 
-    def kinked(x, u, p, w):
+    def with_nonsmooth_point(x, u, p, w):
         rates, outputs = glide(x, u, p, w)
         return {**rates, "speed": rates["speed"] - 5.0 * ca.fabs(x.alpha - 0.1)}, outputs
 
-    model = replace(GLIDER, equations=kinked)
+    model = replace(GLIDER, equations=with_nonsmooth_point)
     found = equilibrium(lambda o: -ca.DM(K) @ o, model=model)
     linear = hfa.linearize(model, hfa.trim(model))
-    assert linear.kinks
+    assert linear.nonsmooth_points
     np.testing.assert_allclose(found.nominal.A, linear.A * X / X[:, None], rtol=1e-14)
     np.testing.assert_allclose(found.nominal.B, linear.B * U / X[:, None], rtol=1e-14)
 

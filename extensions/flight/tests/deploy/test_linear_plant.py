@@ -119,7 +119,7 @@ def test_a_network_of_the_states_is_assessed_alone(folder):
         for named in ((str(ZIPS / "sac.zip"), *SAMPLED), ("deployment.toml",))
     )
     assert alone["points"] == described["points"]
-    assert alone["stated"]["action"]["squash"] == "tanh"
+    assert alone["declared"]["action"]["squash"] == "tanh"
     refused = hfa("assess", str(ZIPS / "ppo_normalized.zip"), *SAMPLED, *words)
     assert_refused(refused, 2, "trained behind a VecNormalize")
 

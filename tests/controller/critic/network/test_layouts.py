@@ -42,20 +42,20 @@ def test_a_zip_gives_the_actions_of_stable_baselines(name):
     """
     critic = read(ZIPS / f"{name}.zip")
     assert critic.u(OBSERVED) == pytest.approx(np.array(STORED["actions"][name]), abs=1e-6)
-    assert critic.stated.algorithm == name.partition("_")[0].upper()
-    assert critic.stated.action.low == pytest.approx([-1.0, -0.5])
-    assert ("ars" in name) == (critic.stated.notes == ())
+    assert critic.declared.algorithm == name.partition("_")[0].upper()
+    assert critic.declared.action.low == pytest.approx([-1.0, -0.5])
+    assert ("ars" in name) == (critic.declared.notes == ())
 
 
 def test_a_report_says_what_a_zip_states():
     """The text of a report names the unused part; its data have algorithm and box, too."""
     critic = read(ZIPS / "sac.zip")
     told = hfa.verify(GAME, critic, flights=0).report()
-    (note,) = critic.stated.notes
+    (note,) = critic.declared.notes
     assert note in " ".join(told.text().split())
-    stated = told.data["stated"]
-    assert (stated["algorithm"], stated["notes"]) == ("SAC", [note])
-    assert stated["action"]["high"] == pytest.approx([2.0, 0.25])
+    declared = told.data["declared"]
+    assert (declared["algorithm"], declared["notes"]) == ("SAC", [note])
+    assert declared["action"]["high"] == pytest.approx([2.0, 0.25])
 
 
 def test_a_value_beside_a_policy_is_read_with_the_activation_of_the_zip():
@@ -166,7 +166,7 @@ def test_a_checkpoint_of_cleanrl_is_squashed_and_scaled(write):
     critic = read(path, activation="relu")
     expected = np.tanh(output_of(tensors, names, relu)) * [2.0, 0.5] + [1.0, 0.0]
     assert critic.u(OBSERVED) == pytest.approx(expected, rel=1e-9)
-    assert critic.stated.notes == ("not used: 1.fc1, 1.fc2, 1.fc3",)
+    assert critic.declared.notes == ("not used: 1.fc1, 1.fc2, 1.fc3",)
 
 
 def layers(root, *names, **how):
@@ -283,8 +283,8 @@ def test_the_policy_in_a_checkpoint_is_that_of_its_library(library, write):
     path = write(f"a.{'pt' if write is torch_file else 'safetensors'}", tensors)
     critic = read(path, activation="relu")
     assert critic.u(OBSERVED) == pytest.approx(after(output_of(tensors, names, relu)), rel=1e-9)
-    assert critic.stated.algorithm
-    assert "not used" in " ".join(critic.stated.notes) or library.startswith("TD3")
+    assert critic.declared.algorithm
+    assert "not used" in " ".join(critic.declared.notes) or library.startswith("TD3")
 
 
 def test_a_checkpoint_of_a_discrete_policy_is_refused():
@@ -442,4 +442,4 @@ def test_a_layer_on_a_basis_says_what_its_file_contains_besides():
     stored = chain("value", widths=(6, 1)) | chain(*ACTOR)
     critic = read(torch_file("both.pt", stored), network="V=value")
     assert critic.weights is not None
-    assert critic.stated.notes == ("not used: actor",)
+    assert critic.declared.notes == ("not used: actor",)

@@ -219,23 +219,23 @@ def test_the_policy_of_a_value_contains_the_cross_weights():
 
 @pytest.mark.parametrize("sides", [(3.0, 3.0), (3.0, 1.0)])
 def test_the_gain_at_a_kink_is_the_mean_of_both_sides(sides):
-    """u = -a z for z > 0, -b z for z < 0, of a ReLU network: K is the mean, and a kink is named."""
+    """u = -a z for z > 0, -b z for z < 0, of a ReLU network: K is the mean, and a nonsmooth point is named."""
     a, b = sides
     game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[1.0], R=[1.0], delta=np.inf)
     layers = {"0.weight": [[1.0], [-1.0]], "2.weight": [[-a, b]]}
     np.savez("relu.npz", **{name: np.array(layer) for name, layer in layers.items()})
     critic = read_critic("relu.npz", game, activation="relu")
     assert critic.K.item() == pytest.approx((a + b) / 2.0, abs=1e-12)
-    assert ("kink" in critic.origin) == (a != b)
+    assert ("nonsmooth point" in critic.origin) == (a != b)
 
 
 @pytest.mark.parametrize("cost_unit", [1e-12, 1.0, 1e12])
-@pytest.mark.parametrize(("bias", "has_kink"), [(0.0, True), (-1e-7, False), (1e-7, False)])
-def test_a_kink_at_the_trim_does_not_depend_on_the_unit_of_the_cost(cost_unit, bias, has_kink):
-    """u = relu(z + bias) of a plant without a box of states has its kink at z = -bias."""
+@pytest.mark.parametrize(("bias", "is_nonsmooth"), [(0.0, True), (-1e-7, False), (1e-7, False)])
+def test_a_kink_at_the_trim_does_not_depend_on_the_unit_of_the_cost(cost_unit, bias, is_nonsmooth):
+    """u = relu(z + bias) of a plant without a box of states has its nonsmooth point at z = -bias."""
     game = Game([[1.0]], [[1.0]], Q=[cost_unit], R=[cost_unit])
     z = ca.SX.sym("z")
     policy = ca.Function("policy", [z], [ca.fmax(z + bias, 0.0)])
     critic = from_network(game, policy)
-    assert critic.has_kink == has_kink
-    assert critic.K.item() == pytest.approx(-0.5 if has_kink else -float(bias > 0.0))
+    assert critic.is_nonsmooth == is_nonsmooth
+    assert critic.K.item() == pytest.approx(-0.5 if is_nonsmooth else -float(bias > 0.0))

@@ -293,7 +293,7 @@ def test_metadata_of_a_file_are_named_as_not_applied():
     entry.key, entry.value = "action_scale", "0.25"
     onnx.save(model, "scaled.onnx")
     critic = read("scaled.onnx")
-    assert critic.stated.notes == ("not used: metadata action_scale",)
+    assert critic.declared.notes == ("not used: metadata action_scale",)
     assert float(critic.value(np.ones(6))) == 21.0
 
 
@@ -303,7 +303,7 @@ def test_a_normalizer_of_no_data_is_said():
     for mean, told in ((np.zeros(6), 1), (np.ones(6), 0)):
         constants = {"mean": mean, "std": np.ones(6), "W": np.ones((6, 5))}
         critic = read(onnx_file("normal.onnx", nodes, constants, outputs=5), network="policy=")
-        assert len(critic.stated.notes) == told
+        assert len(critic.declared.notes) == told
 
 
 def several_outputs(names):
@@ -329,7 +329,7 @@ def test_outputs_are_told_by_their_names_or_named_in_the_refusal():
     assert critic.u(np.ones(6)).tolist() == [3.0, 3.0]
     assert critic.value is not None
     assert float(critic.value(np.ones(6))) == 3.0
-    assert critic.stated.notes == ("not used: log_prob",)
+    assert critic.declared.notes == ("not used: log_prob",)
     path = several_outputs(("left", "middle", "right"))
     assert 'network="policy=left"' in refusal(path, inputs=2)
     assert read(path, inputs=2, network="policy=left").u(np.ones(6)).tolist() == [3.0, 3.0]

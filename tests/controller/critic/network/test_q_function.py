@@ -96,7 +96,7 @@ def test_the_selected_actor_of_twin_networks_is_read(game):
     for network in ("policy=actor", ""):
         critic = from_network(game, path, network=network, activation="tanh")
         assert pytest.approx(-actor, rel=1e-12) == critic.K
-        assert critic.stated.notes == ("not used: q1, q2",)
+        assert critic.declared.notes == ("not used: q1, q2",)
 
 
 def test_q_functions_with_other_input_numbers_are_refused():

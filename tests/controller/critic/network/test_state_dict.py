@@ -46,5 +46,5 @@ def test_a_tensor_of_unknown_function_is_refused_or_named_as_not_used(more):
     policy = read(path, network="policy=actor", **how)
     x = RANDOM.normal(size=(3, STATES))
     assert policy.u(x) == pytest.approx(output_of(OF_ACTOR, ACTOR, np.tanh, x), rel=1e-9)
-    (note,) = policy.stated.notes
+    (note,) = policy.declared.notes
     assert unknown.removesuffix(".weight") in note

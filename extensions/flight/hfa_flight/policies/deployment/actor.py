@@ -33,7 +33,7 @@ class Actor:
 
     function: normalized observations (k,) -> output of the network (m,)
     chain: description of the layers, and of squash and box in the file
-    stated: what the file states, with the box and the normalizer of the file or the deployment, and
+    declared: what the file states, with box and normalizer of the file or the deployment, and
         with notes on contradictions between the two
     rows: version of `function` for many rows, or None
     of_gain: what the file of a gain K says about it: names and units of states and inputs, and dt
@@ -42,7 +42,7 @@ class Actor:
 
     function: ca.Function
     chain: str
-    stated: Declared = NOTHING
+    declared: Declared = NOTHING
     rows: RowNetwork | None = None
     of_gain: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -83,14 +83,14 @@ def read_actor(wanted: Wanted) -> Actor:
         )
     ((name, function),) = stored.functions.items()
     _refuse_sizes(function, origin, wanted)
-    stated = stored.declared
+    declared = stored.declared
     with prefix_errors(origin):
-        action = _action(stated.action, wanted)
-    normalizer, notes = _normalizer(stated, wanted)
+        action = _action(declared.action, wanted)
+    normalizer, notes = _normalizer(declared, wanted)
     return Actor(
         function,
-        "; ".join(filter(None, [stored.chain, str(stated.action)])),
-        stated._replace(action=action, normalizer=normalizer, notes=(*notes, *stated.notes)),
+        "; ".join(filter(None, [stored.chain, str(declared.action)])),
+        declared._replace(action=action, normalizer=normalizer, notes=(*notes, *declared.notes)),
         stored.rows.get(name),
         of_gain,
         notes,
@@ -146,7 +146,7 @@ def box_of(boxes: Mapping[str, Any]) -> ActionBox:
     return ActionBox("", low, high)
 
 
-def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
+def _action(declared: ActionBox, wanted: Wanted) -> ActionBox:
     """Return squash and box from the network's output to the action.
 
     They are those of the policy's file, or else those that the deployment lists.
@@ -155,16 +155,16 @@ def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
     """
     listed = box_of(wanted.boxes)
     squash = wanted.policy.get("squash")
-    low, high = stated.low, stated.high
-    is_stated = bool(stated.squash) or low is not None
-    if is_stated and squash is not None and squash != bool(stated.squash):
+    low, high = declared.low, declared.high
+    is_declared = bool(declared.squash) or low is not None
+    if is_declared and squash is not None and squash != bool(declared.squash):
         raise BadInputError(
-            f"policy.squash is {shown(squash)}, but the file states {stated}; remove policy.squash"
+            f"policy.squash is {shown(squash)}, but the file has {declared}; remove policy.squash"
         )
     if low is None or high is None:
-        action = listed._replace(squash=stated.squash or ("tanh" if squash else ""))
+        action = listed._replace(squash=declared.squash or ("tanh" if squash else ""))
     else:
-        action = stated
+        action = declared
         for place, (name, box) in enumerate(wanted.boxes.items()):
             stored = [float(low[place]), float(high[place])]
             # Boxes in files are rounded to single precision.
@@ -181,17 +181,17 @@ def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
     return action
 
 
-def _normalizer(stated: Declared, wanted: Wanted) -> tuple[Normalizer | None, tuple[str, ...]]:
+def _normalizer(declared: Declared, wanted: Wanted) -> tuple[Normalizer | None, tuple[str, ...]]:
     """Return the normalizer of the file or the deployment, and notes on contradictions.
 
     Raises BadInputError if both have one, or if its size is not that of the observations.
     """
     entry = wanted.policy.get("normalizer")
-    if stated.normalizer is not None and entry is not None:
+    if declared.normalizer is not None and entry is not None:
         raise BadInputError("the policy's file contains a normalizer; remove policy.normalizer")
     if entry is None:
         missing = "the policy was trained behind a VecNormalize; give its file as policy.normalizer"
-        return stated.normalizer, (missing,) * stated.is_normalized
+        return declared.normalizer, (missing,) * declared.is_normalized
     count = 0  # of the observations from which the normalizer was made, 0 if unknown
     normalizer: Normalizer | None
     if isinstance(entry, Mapping):
@@ -203,7 +203,7 @@ def _normalizer(stated: Declared, wanted: Wanted) -> tuple[Normalizer | None, tu
             f"{normalizer.origin} normalizes {normalizer.mean.size} observations, but the "
             f"deployment file lists {wanted.observations}; give the normalizer of this policy"
         )
-    least, most = stated.seen
+    least, most = declared.seen
     unseen = normalizer and notes_on_statistics(normalizer.mean, normalizer.variance)
     if unseen or count == 0 or least <= count <= most:
         return normalizer, unseen or ()

@@ -70,7 +70,7 @@ def _critic(path: str | Path, deployment: Deployment, game: Game, reading: Readi
         f"with its action boxes, without sample time ({deployment.dt:g} s), delay and input limits"
     )
     critic = from_functions(game, z, {"policy": u}, ", ".join(parts))
-    return replace(critic, stated=actor.stated)
+    return replace(critic, declared=actor.declared)
 
 
 def _refuse_other_inputs(deployed: Deployed, game: Game) -> None:

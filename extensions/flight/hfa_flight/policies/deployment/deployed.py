@@ -286,7 +286,7 @@ class Deployed:
         """
         raw = ca.SX.sym("raw", len(self.commanded))
         return ca.Function(
-            "action", [raw], [ca.densify(self.deployment.actor.stated.action.of(raw))]
+            "action", [raw], [ca.densify(self.deployment.actor.declared.action.of(raw))]
         )
 
     @cached_property

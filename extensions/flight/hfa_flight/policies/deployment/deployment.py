@@ -282,23 +282,23 @@ class Deployment(Reported):
         except BadInputError as error:  # its missing settings are given in this file, not typed
             raise BadInputError(f"{self.origin}: {error}") from error
 
-    def _refuse_other_gain(self, stated: Mapping[str, Any]) -> None:
+    def _refuse_other_gain(self, declared: Mapping[str, Any]) -> None:
         """Raise BadInputError if a gain is of other signals or of another sample time.
 
-        stated: what the file of the gain says about it, empty for other policies
+        declared: what the file of the gain says about it, empty for other policies
         """
         observed = [entry.get("formula", name) for name, entry in self.observation.items()]
         for key, table, listed in (
             ("states", "observation", observed),
             ("inputs", "action", [*self.action]),
         ):
-            of_file = [*stated.get(key, ())]
+            of_file = [*declared.get(key, ())]
             if of_file and of_file != listed:
                 raise BadInputError(
                     f"K is a gain of the {key} {', '.join(of_file)}, but [{table}] lists "
                     f"{', '.join(listed)}; list them as the file does, or remove {key} from it"
                 )
-        dt = stated.get("dt")
+        dt = declared.get("dt")
         if dt not in (None, True) and not math.isclose(float(dt), self.dt, rel_tol=1e-6):
             raise BadInputError(
                 f"K is a gain for dt = {float(dt):g} s, but timing.dt is {self.dt:g} s; give "
@@ -308,13 +308,13 @@ class Deployment(Reported):
     @property
     def normalizer(self) -> Normalizer | None:
         """Normalizer of the observations before the network, or None if the policy has none."""
-        return self.actor.stated.normalizer
+        return self.actor.declared.normalizer
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest action, (m,) each, infinite without a box."""
         boxes = {name: entry.get("box") for name, entry in self.action.items()}
-        action = self.actor.stated.action if "file" in self.policy else box_of(boxes)
+        action = self.actor.declared.action if "file" in self.policy else box_of(boxes)
         assert action.low is not None  # of the policy's file, or else of the deployment
         assert action.high is not None
         return action.low, action.high
@@ -374,7 +374,7 @@ def sampled_policy(path: Path, model: Model, dt: float) -> Deployment:
     )
     if has_network:
         with prefix_errors(path):
-            refuse_normalizer(deployment.actor.stated)
+            refuse_normalizer(deployment.actor.declared)
     return deployment
 
 

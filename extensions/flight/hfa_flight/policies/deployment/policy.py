@@ -134,7 +134,7 @@ class DeployedPolicy(Policy):
 
     def notes(self) -> tuple[str, ...]:
         """Return contradictions between the policy's files, and what it does not use of them."""
-        return self.deployed.deployment.actor.stated.notes
+        return self.deployed.deployment.actor.declared.notes
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the policy's name, deployment file and network, for the JSON output."""
@@ -143,7 +143,7 @@ class DeployedPolicy(Policy):
             "name": self.name,
             "deployment_file": deployment.origin,
             "network": deployment.actor.chain,
-            "stated": storable(deployment.actor.stated),
+            "declared": storable(deployment.actor.declared),
         }
 
 

@@ -220,7 +220,7 @@ class EquilibriumSearch:
         _, raw, action = (np.array(part).ravel() for part in deployed.stages(observation))
         low, high = deployed.deployment.box
         words = []
-        if not deployed.deployment.actor.stated.action.squash:
+        if not deployed.deployment.actor.declared.action.squash:
             at_ends = ((raw <= low) | (raw >= high)).tolist()
             for name, is_at_end in zip(deployed.commanded, at_ends, strict=True):
                 if is_at_end:

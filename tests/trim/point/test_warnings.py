@@ -1,4 +1,4 @@
-"""Outputs of an aircraft that contradict each other are doubted in the first lines of a sheet."""
+"""Outputs of an aircraft that contradict each other are reported in the first lines of a sheet."""
 
 from dataclasses import replace
 
@@ -53,13 +53,13 @@ def test_what_contradicts_others_has_a_warning(name, factor, word):
 
 @pytest.mark.parametrize("units", [lambda model: model, in_si], ids=["declared", "si"])
 def test_outputs_are_compared_in_the_same_units(units):
-    """An aircraft in SI units has the doubt of its lift, and none without a mistake."""
+    """An aircraft in SI units has the warning of its lift, and none without a mistake."""
     assert "load factor" in first_lines(units(altered("lift", 32.174)))
     assert "Check:" not in first_lines(units(UAV))
 
 
-def test_a_weight_that_is_not_that_of_the_mass_is_doubted():
-    """A mass in pounds beside a weight in newtons is doubted, with their ratio."""
+def test_a_weight_that_is_not_that_of_the_mass_has_a_warning():
+    """A mass in pounds beside a weight in newtons is reported, with their ratio."""
     plane = replace(UAV, about=replace(UAV.about, configuration=mass_in_pounds))
     assert "Check: the weight is 0.454 times mass and gravity" in first_lines(plane)
 
@@ -68,7 +68,7 @@ def mass_in_pounds(x, u, p):
     return {"mass": (13.5 / 0.45359237, "kg")}
 
 
-def test_inertias_of_a_held_value_are_doubted():
+def test_inertias_of_a_held_value_have_a_warning():
     """Ixz = 1.3 kg m² is above sqrt(Ixx Izz) = 1.204 kg m²."""
     title = first_lines(UAV.with_parameters(Ixz=1.3))
     assert "a principal moment of inertia is not positive" in title

@@ -1,6 +1,6 @@
-"""A and B at a kink of the equations.
+"""A and B at a nonsmooth point of the equations.
 
-A kink is the knot of a table, |x|, sign, min, max or a comparison.
+A nonsmooth point is the knot of a table, |x|, sign, min, max or a comparison.
 """
 
 from pathlib import Path
@@ -43,15 +43,17 @@ def at(model, x):
 
 @pytest.mark.parametrize("name", FORCES)
 def test_a_kink_has_the_mean_slope_of_both_sides(name):
-    """At a kink, A has the mean slope of both sides, as a central difference, and a note names both."""
+    """At a nonsmooth point, A has the mean slope of both sides, as a central difference, and a note names both."""
     force, below, above = FORCES[name]
     model = at(cart(force), 0.0)
     assert model.A[1, 0] == pytest.approx((below + above) / 2.0, abs=1e-12)
-    (note,) = model.kinks
-    assert note.startswith(f"kink: A(v, x) is {below:.5g} below and {above:.5g} above the trim")
+    (note,) = model.nonsmooth_points
+    assert note.startswith(
+        f"nonsmooth point: A(v, x) is {below:.5g} below and {above:.5g} above the trim"
+    )
     assert note in model.report().notes
     away = at(cart(force), 0.3)
-    assert (away.A[1, 0], away.kinks) == (pytest.approx(above, abs=1e-12), ())
+    assert (away.A[1, 0], away.nonsmooth_points) == (pytest.approx(above, abs=1e-12), ())
 
 
 def test_a_jump_is_named_and_keeps_its_slope():
@@ -61,23 +63,23 @@ def test_a_jump_is_named_and_keeps_its_slope():
     for jump in (1.0, -1.0):
         model = at(cart(lambda x, jump=jump: jump * ca.sign(x) + 2 * x), 0.0)
         assert model.A[1, 0] == 2.0
-        assert model.kinks == (
+        assert model.nonsmooth_points == (
             "jump: the rate of v jumps as x passes its value; A(v, x) is 2, without the jump",
         )
 
 
-KINKS = 9
+NONSMOOTH = 9
 
 
 def swept():
-    return sweep(cart(TABLE), {"x": [-0.5, *[0.0] * KINKS, 0.5]})
+    return sweep(cart(TABLE), {"x": [-0.5, *[0.0] * NONSMOOTH, 0.5]})
 
 
-def test_each_point_of_a_sweep_has_the_slopes_of_its_own_kinks():
-    """A sweep has one slope at each kink, and its note names the first and counts all."""
+def test_each_point_of_a_sweep_has_the_slopes_of_its_own_nonsmooth_points():
+    """A sweep has one slope at each nonsmooth point, and its note names the first and counts all."""
     result = swept()
-    assert result.A[:, 1, 0] == pytest.approx([-1.0, *[1.0] * KINKS, 3.0], abs=1e-8)
-    assert list(result.kinks) == list(range(1, KINKS + 1))
+    assert result.A[:, 1, 0] == pytest.approx([-1.0, *[1.0] * NONSMOOTH, 3.0], abs=1e-8)
+    assert list(result.nonsmooth_points) == list(range(1, NONSMOOTH + 1))
     (note,) = result.report().notes
     assert note.endswith("(9 of 11 points, the first at 0)")
 
@@ -91,7 +93,7 @@ def test_kinks_of_a_sweep_in_chunks_are_those_of_its_points(monkeypatch):
 def test_several_kinks_at_one_point_have_their_own_slopes():
     """Each term of v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u) has its mean slope.
 
-    A note names each kink.
+    A note names each nonsmooth point.
     """
 
     def equations(x, u, p, w):
@@ -108,24 +110,24 @@ def test_several_kinks_at_one_point_have_their_own_slopes():
         pytest.approx([1.0, 3.0], abs=1e-9),  # means of -1 and 3, and of 1 and 5
         pytest.approx([1.5], abs=1e-9),  # of 1 and 2
     ]
-    assert [note.split()[1] for note in point.kinks] == ["A(v,", "A(v,", "B(v,"]
+    assert [note.split()[2] for note in point.nonsmooth_points] == ["A(v,", "A(v,", "B(v,"]
 
 
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft):
-    """A model of the flexible aircraft has a kink at 11 km, where the temperature stops falling.
+    """A model of the flexible aircraft has a nonsmooth point at 11 km, where the temperature stops falling.
 
-    At 40,000 ft the model has no kink.
+    At 40,000 ft the model has no nonsmooth point.
     """
     tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
-    kinks = []
+    nonsmooth_points = []
     for altitude in (tropopause, 40_000.0):
         point = trim(published_aircraft, level_flight(0.1, altitude=altitude))
-        kinks.append(linearize(published_aircraft, point, full=True).kinks)
-    assert "A(speed, altitude)" in " ".join(kinks[0])
-    assert kinks[1] == ()
+        nonsmooth_points.append(linearize(published_aircraft, point, full=True).nonsmooth_points)
+    assert "A(speed, altitude)" in " ".join(nonsmooth_points[0])
+    assert nonsmooth_points[1] == ()
 
 
-KINKED = """
+SOURCE = """
 import casadi as ca
 from hfa import Model, Signal
 
@@ -149,10 +151,12 @@ CART = Model(
     ],
 )
 def test_every_command_names_a_kink(command, tmp_path, monkeypatch):
-    """Every command that uses a linear model, or a gain from one, names the kink of the model once."""
+    """Every command that uses a linear model, or a gain from one, names the nonsmooth point of the model once."""
     monkeypatch.chdir(tmp_path)
-    source = KINKED.replace("FORCE", "(lambda x: ca.pw_lin(x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0]))")
+    source = SOURCE.replace("FORCE", "(lambda x: ca.pw_lin(x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0]))")
     Path("cart.py").write_text(source, "utf-8")
     name, *options = command.split()
     done = hfa(name, "--aircraft", "cart.py:CART", *options)
-    assert (done.out + done.err).count("kink: A(v, x) is -1 below and 3 above the trim") == 1
+    assert (done.out + done.err).count(
+        "nonsmooth point: A(v, x) is -1 below and 3 above the trim"
+    ) == 1
