@@ -164,7 +164,7 @@ class BoxFlights(Result):
     part: the part, a power of two; 0 if the exact policy converges from none
     half_widths: half-widths of the part, (n,)
     flights: number of flights
-    lost: number of flights of the critic that diverge
+    diverged: number of flights of the critic that diverge
     undecided: number of its flights that are not decided at the end of the clock
     clock: largest duration of a flight, s
     suboptimality: largest cost above the exact policy's from the same state, relative to it; inf if
@@ -180,7 +180,7 @@ class BoxFlights(Result):
     clock: float
     worst: Vector
     flights: int = 0
-    lost: int = 0
+    diverged: int = 0
     undecided: int = 0
     suboptimality: float = math.inf
     integration: str = ""
@@ -204,8 +204,8 @@ class BoxFlights(Result):
         """
         if not self.part:
             return "the exact policy converges from no part of the box"
-        if self.lost:
-            return f"{self.lost} of {self.flights} flights diverge"
+        if self.diverged:
+            return f"{self.diverged} of {self.flights} flights diverge"
         if self.undecided:
             clock = f"{self.clock:.3g} s"
             return f"{self.undecided} of {self.flights} flights are not decided within {clock}"
@@ -261,7 +261,7 @@ def box_flights(
         part=part,
         half_widths=part * b,
         flights=count,
-        lost=int(np.isinf(costs.judged).sum()),
+        diverged=int(np.isinf(costs.judged).sum()),
         undecided=int(np.isnan(costs.judged).sum()),
         clock=flown.seconds,
         suboptimality=float(suboptimality[worst]),

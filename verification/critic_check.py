@@ -153,7 +153,9 @@ def verify(
         checks=explained(checks, reason),
         limit=limit,
         reason=reason,
-        cost_lost=100.0 * loop.suboptimality.high if findings is None else findings.cost_lost,
+        cost_above_optimum_percent=100.0 * loop.suboptimality.high
+        if findings is None
+        else findings.cost_above_optimum_percent,
         box=in_box,
         flights=None if findings is None else findings.flown.flights,
         searched=0 if findings is None else findings.states,

@@ -133,8 +133,8 @@ class LinearLoop:
         """Entries of the verdict's file, name -> value; those of another optimum end in _exact."""
         suboptimality, game = self.suboptimality, self.exact.game
         graded: dict[str, Any] = {
-            "cost_lost_worst_percent": 100.0 * suboptimality.high,
-            "cost_lost_mean_percent": 100.0 * suboptimality.mean,
+            "cost_above_optimum_worst_percent": 100.0 * suboptimality.high,
+            "cost_above_optimum_mean_percent": 100.0 * suboptimality.mean,
         }
         margins = {}
         for whose, loop in self.robustness.items():

@@ -197,12 +197,12 @@ def _cost_text(verdict: Verdict) -> str:
     suboptimality = verdict.suboptimality
     if suboptimality is not None:
         return _enclosed_cost(suboptimality)
-    if math.isinf(verdict.cost_lost):
+    if math.isinf(verdict.cost_above_optimum_percent):
         return "cost without bound"
-    if math.isnan(verdict.cost_lost):
+    if math.isnan(verdict.cost_above_optimum_percent):
         return next(check.reason for check in verdict.checks if math.isnan(check.value))
-    text = f"at least {percent(verdict.cost_lost)} above the optimum"
-    if verdict.cost_lost <= OPTIMAL:
+    text = f"at least {percent(verdict.cost_above_optimum_percent)} above the optimum"
+    if verdict.cost_above_optimum_percent <= OPTIMAL:
         text = "optimal cost"
     is_at_trim = all(check.ok for check in verdict.checks if check.kind == "rest")
     return text if is_at_trim else f"{text} about its equilibrium"
@@ -385,7 +385,7 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
     )
     rows = []
     for name, verdict in verdicts.items():
-        lost = 0.0 if verdict.cost_lost <= OPTIMAL else verdict.cost_lost
+        above = verdict.cost_above_optimum_percent
         gain = verdict.value_of("l2_gain")
         rows.append(
             (
@@ -395,7 +395,7 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
                 _number_text(verdict.K_rel_error),
                 _number_text(verdict.largest_error),
                 "yes" if verdict.stabilizing else "no",
-                percent(lost, 3).removesuffix(" %"),
+                percent(above if above > OPTIMAL else 0.0, 3).removesuffix(" %"),
                 "" if math.isnan(gain) else f"{gain:.4g}",
             )
         )
@@ -500,7 +500,7 @@ def verdicts_figure(verdicts: Mapping[str, Verdict]) -> Figure:
         "error of K": np.array([verdict.K_rel_error for verdict in judged]),
         "largest error": np.array([verdict.largest_error for verdict in judged]),
         "cost above the linear optimum": np.array(
-            [verdict.cost_lost / 100.0 for verdict in judged]
+            [verdict.cost_above_optimum_percent / 100.0 for verdict in judged]
         ),
     }
     _draw_errors(axes, positions, curves)

@@ -52,7 +52,7 @@ class Verdict(Checked, Result, Reported):
     checks: the checks, each of kind error, rest, stability, game loop, cost, gain or data.
     limit: limit of the errors.
     reason: the recognized mistake, or "".
-    cost_lost: upper bound of the cost above the optimum, percent.
+    cost_above_optimum_percent: upper bound of the cost above the optimum, percent.
     box: box of states in which the errors are measured.
     flights: number of simulations of the critic, or None for a quadratic critic, whose cost is
         computed without simulations.
@@ -76,7 +76,7 @@ class Verdict(Checked, Result, Reported):
     checks: tuple[Check, ...]
     limit: float
     reason: str
-    cost_lost: float
+    cost_above_optimum_percent: float
     box: Box
     flights: int | None = None
     searched: int = 0
@@ -130,9 +130,10 @@ class Verdict(Checked, Result, Reported):
 
     def linear_holds(self, limit_cost: float | None = None) -> bool:
         """Return whether the critic passes on the game itself."""
+        above = self.cost_above_optimum_percent
         if limit_cost is None:
-            return self.cost_lost <= NEAR and all(check.ok for check in self.checks)
-        return self.cost_lost <= limit_cost and self.rests_within(limit_cost) and self.stabilizing
+            return above <= NEAR and all(check.ok for check in self.checks)
+        return above <= limit_cost and self.rests_within(limit_cost) and self.stabilizing
 
     def nonlinear_holds(self, limit_cost: float | None = None) -> bool:
         """Return whether the critic passes on the nonlinear game, True if it was not judged there.
@@ -169,7 +170,7 @@ class Verdict(Checked, Result, Reported):
         for check in self.checks:
             if not (check.ok or check.kind in ("error", "rest")):
                 return "fail"
-        is_near = self.cost_lost <= NEAR and self.rests_within(NEAR)
+        is_near = self.cost_above_optimum_percent <= NEAR and self.rests_within(NEAR)
         return "near" if is_near else "fail"
 
     def file_entries(self, limit_cost: float | None = None) -> dict[str, Any]:

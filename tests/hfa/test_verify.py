@@ -29,7 +29,7 @@ def test_the_cost_limit_decides_the_exit_code():
     assert answer(*words, "--limit-cost", "1e-9", code=FAILED)["graded"]["ok"] is False
     assert answer(*words, "--limit-error", "0.01")["ok"] is True
     printed = hfa(*words, "--limit-cost", "0.01").out
-    lost = f"{graded['cost_lost_worst_percent']:.2g} % above the optimum"
+    lost = f"{graded['cost_above_optimum_worst_percent']:.2g} % above the optimum"
     assert f"PASS on the linear game, balanced box: {lost}\n" in printed
     assert "\ndecided by the cost limit 0.01 %\n" in printed
 
@@ -41,7 +41,9 @@ def test_an_exact_gain_that_costs_much_does_not_pass():
     file = stored("K.json", K=[[1454584.1056370207, 862669.2367746236]])
     words = ("verify", "--model", plant, "--weights", file)
     verdict = answer(*words, code=FAILED)
-    assert verdict["K_rel_error"] < 1e-6 < 1.0 < verdict["graded"]["cost_lost_worst_percent"]
+    assert (
+        verdict["K_rel_error"] < 1e-6 < 1.0 < verdict["graded"]["cost_above_optimum_worst_percent"]
+    )
     answer(*words, "--limit-cost", "100", code=FAILED)
     assert verdict["grade"] == "fail"
 
@@ -53,7 +55,12 @@ def test_the_cost_and_the_margins_of_a_critic_are_reported(game):
     """
     file = stored("P.json", P=1.004 * solve(game).P)
     graded = answer("verify", *AT_15, "--weights", file, code=FAILED)["graded"]
-    assert 0.0 < graded["cost_lost_mean_percent"] < graded["cost_lost_worst_percent"] < 0.01
+    assert (
+        0.0
+        < graded["cost_above_optimum_mean_percent"]
+        < graded["cost_above_optimum_worst_percent"]
+        < 0.01
+    )
     for name, error in (("l2_gain", 0.01), ("distance_to_instability", 0.02)):
         assert graded[name] == pytest.approx(graded[f"{name}_exact"], rel=error)
 

@@ -105,14 +105,14 @@ def test_a_policy_that_is_right_at_the_trim_only_is_flown():
     assert right.ok
     assert "flights cost at most 0 % more than by the exact policy" in " ".join(str(right).split())
     a, b = flown.half_widths
-    for size, lost in ((-1.0, False), (1.0, True)):
+    for size, diverges in ((-1.0, False), (1.0, True)):
         change = ca.vertcat(size * (z[0] / a) ** 9, size * (z[1] / b) ** 9)
         verdict, policy = judged(expansion, game, linear, change, z)
         flown = verdict.nonlinear.flown
         assert verdict.nonlinear.has_right_terms
         assert not verdict.ok
-        assert (flown.lost > 0) == lost == np.isinf(flown.suboptimality)
-        if not lost:
+        assert (flown.diverged > 0) == diverges == np.isinf(flown.suboptimality)
+        if not diverges:
             costs = [flight_cost(game, each, flown.worst) for each in (policy, exact_policy)]
             assert flown.suboptimality == pytest.approx(costs[0] / costs[1] - 1.0, rel=1e-2)
             assert flown.suboptimality > 0.05

@@ -425,10 +425,10 @@ class FlightResults(NamedTuple):
     loop converges from all smaller tested multiples too.
 
     flights: number of initial conditions, or 0 if nothing was simulated.
-    cost_lost_flown_percent: largest cost above V*, in percent of V*; inf if a simulation diverges,
-        nan if one is not decided at the end of its clock. For a linear policy, it is the largest
-        suboptimality over all initial conditions.
-    cost_lost_flown_mean_percent: mean cost above V*, in percent of V*, or inf or nan.
+    cost_above_optimum_flown_percent: largest cost above V*, in percent of V*; inf if a simulation
+        diverges, nan if one is not decided at the end of its clock. For a linear policy, it is the
+        largest suboptimality over all initial conditions.
+    cost_above_optimum_flown_mean_percent: mean cost above V*, in percent of V*, or inf or nan.
     undecided_at: end of the clock of the simulation that is not decided, s or steps, or None.
     rest_point: (n,), equilibrium of the policy on the linear plant, or None.
     equilibrium_cost: cost of the equilibrium per second, or per discrete step; 0 at the trim.
@@ -440,8 +440,8 @@ class FlightResults(NamedTuple):
     """
 
     flights: int = 0
-    cost_lost_flown_percent: float = math.inf
-    cost_lost_flown_mean_percent: float = math.inf
+    cost_above_optimum_flown_percent: float = math.inf
+    cost_above_optimum_flown_mean_percent: float = math.inf
     undecided_at: float | None = None
     rest_point: np.ndarray | None = None
     equilibrium_cost: float = 0.0
@@ -497,7 +497,7 @@ def fly(
         return FlightResults()
     if critic.is_wide:
         flights = min(flights, _WIDE_FLIGHTS)
-    losses, undecided_at = costs_above_optimum(exact, critic, suboptimality, b, flights)
+    above, undecided_at = costs_above_optimum(exact, critic, suboptimality, b, flights)
     loop = _linear_loop(exact, exact.game.A, critic, b)  # without disturbance and cost
     equilibrium_cost = 0.0
     if loop.equilibrium is not None:
@@ -506,8 +506,8 @@ def fly(
     few = min(FEW, flights)
     results = FlightResults(
         flights=flights,
-        cost_lost_flown_percent=float(losses.max()),
-        cost_lost_flown_mean_percent=float(losses.mean()),
+        cost_above_optimum_flown_percent=float(above.max()),
+        cost_above_optimum_flown_mean_percent=float(above.mean()),
         undecided_at=undecided_at,
         rest_point=loop.equilibrium,
         equilibrium_cost=equilibrium_cost,
@@ -547,8 +547,8 @@ def costs_above_optimum(
     costs, optima = end.costs + after_end, quadratic_forms(starts, exact.P)
     without_optimum = np.where(costs > 0.0, math.inf, 0.0)  # where the optimum is 0
     with np.errstate(divide="ignore", invalid="ignore"):
-        losses = np.maximum(100.0 * costs / optima, 0.0)
-    return np.where(optima > 0.0, losses, without_optimum), None
+        above = np.maximum(100.0 * costs / optima, 0.0)
+    return np.where(optima > 0.0, above, without_optimum), None
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:

@@ -185,9 +185,9 @@ class Findings(NamedTuple):
     states: int
 
     @property
-    def cost_lost(self) -> float:
+    def cost_above_optimum_percent(self) -> float:
         """Largest cost above the optimum, percent."""
-        return self.flown.cost_lost_flown_percent
+        return self.flown.cost_above_optimum_flown_percent
 
 
 def findings_of(
@@ -213,9 +213,9 @@ def findings_of(
     flown = fly(exact, critic, suboptimality, b, flights, plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, exact.P, b, limit))
-        costs = flown.cost_lost_flown_percent
-        lost = _not_converged(flown, is_discrete=exact.game.is_discrete)
-        checks.append(below("cost_lost_flown_percent", costs, math.inf, lost, kind="cost"))
+        costs = flown.cost_above_optimum_flown_percent
+        why = _not_converged(flown, is_discrete=exact.game.is_discrete)
+        checks.append(below("cost_above_optimum_flown_percent", costs, math.inf, why, kind="cost"))
     period = "step" if exact.game.is_discrete else "second"
     section = nonlinear_section(critic, b, searched.largest, flown, period)
     states = starts_of(critic) if critic.network else 0
@@ -425,10 +425,14 @@ def _flight_lines(flown: FlightResults) -> list[str]:
     cost = "not all of them converge"
     if flown.undecided_at is not None:
         cost = "not decided"
-    if math.isfinite(flown.cost_lost_flown_percent):
+    if math.isfinite(flown.cost_above_optimum_flown_percent):
+        largest, mean = (
+            flown.cost_above_optimum_flown_percent,
+            flown.cost_above_optimum_flown_mean_percent,
+        )
         cost = (
-            f"cost at most {percent(flown.cost_lost_flown_percent, 3, up=True)} above the optimum, "
-            f"{percent(flown.cost_lost_flown_mean_percent, 3)} on average"
+            f"cost at most {percent(largest, 3, up=True)} above the optimum, "
+            f"{percent(mean, 3)} on average"
         )
     lines = [
         f"Simulated in the linear game from {flown.flights} initial conditions in the box (not a "

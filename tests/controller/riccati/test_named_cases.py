@@ -53,7 +53,7 @@ def test_poles_and_costs_of_a_gain_that_hides_a_mode():
         (0.9, 0.00914, 1e-5),
     ):
         verdict = verify(game, from_gain(game, factor * solution.K))
-        lost = verdict.to_dict()["graded"]["cost_lost_worst_percent"]
+        lost = verdict.to_dict()["graded"]["cost_above_optimum_worst_percent"]
         assert lost == pytest.approx(100.0 * suboptimality, abs=100.0 * error)
 
 

@@ -91,8 +91,8 @@ def test_the_worst_and_mean_costs_are_eigenvalues_of_the_suboptimality(delta):
     K = solve(game).K * [[1.1, 0.9, 1.2]]
     shares = np.linalg.eigvals(np.linalg.solve(solve(game).P, loss(game, K))).real
     cost = graded(game, K)
-    assert cost["cost_lost_worst_percent"] == pytest.approx(100.0 * shares.max(), rel=1e-6)
-    assert cost["cost_lost_mean_percent"] == pytest.approx(100.0 * shares.mean(), rel=1e-6)
+    assert cost["cost_above_optimum_worst_percent"] == pytest.approx(100.0 * shares.max(), rel=1e-6)
+    assert cost["cost_above_optimum_mean_percent"] == pytest.approx(100.0 * shares.mean(), rel=1e-6)
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])
@@ -151,7 +151,10 @@ def test_states_without_cost_are_not_left_out(extra):
     verdict = verify(game, from_gain(game, [[K, extra]]), box=[1.0, 2.0])
     found = verdict.suboptimality
     counts = extra > 1e-5
-    assert (found.is_optimal, math.isinf(verdict.cost_lost)) == (not counts, counts)
+    assert (found.is_optimal, math.isinf(verdict.cost_above_optimum_percent)) == (
+        not counts,
+        counts,
+    )
     assert verdict.holds(limit_cost=1.0) is not counts
     assert found.from_free == pytest.approx(2.0 * extra**2, rel=1e-9)  # 2² extra² / 2 from 2
     if extra:

@@ -43,7 +43,7 @@ def test_a_loop_that_does_not_stabilize_may_have_a_finite_discounted_cost(factor
     J = solve_discrete_lyapunov(math.sqrt(0.6) * (A - B @ K).T, Q + K.T @ K)
     above = np.linalg.eigvals(np.linalg.solve(exact.P, J - exact.P)).real.max()
     verdict = verify(game, from_gain(game, K))
-    assert verdict.cost_lost == pytest.approx(100.0 * above, rel=1e-6, abs=1e-9)
+    assert verdict.cost_above_optimum_percent == pytest.approx(100.0 * above, rel=1e-6, abs=1e-9)
     assert [verdict.stabilizing, verdict.ok, verdict.holds(limit_cost=10.0)] == 3 * [False]
 
 

@@ -60,7 +60,7 @@ def test_several_critics_pass_together_only():
 
 
 @pytest.mark.parametrize(
-    ("kind", "off", "cost_lost", "grade", "holds"),
+    ("kind", "off", "above", "grade", "holds"),
     [
         ("", 0.0, 0.0, "exact", True),
         ("", 0.0, 0.9, "exact", False),
@@ -76,20 +76,24 @@ def test_several_critics_pass_together_only():
         ("data", 0.5, 0.0, "fail", True),
     ],
 )
-def test_each_kind_of_check_has_its_grade(kind, off, cost_lost, grade, holds):
+def test_each_kind_of_check_has_its_grade(kind, off, above, grade, holds):
     """The grade is "near" if errors alone fail, or an equilibrium (kind "rest") that is not at 0.
 
-    The lost cost, and V* at the equilibrium, are then at most 1 %. A limit of the cost, here 0.5 %,
-    holds if both are within it and the loop is stable.
+    The cost above the optimum, and V* at the equilibrium, are then at most 1 %. A limit of the
+    cost, here 0.5 %, holds if both are within it and the loop is stable.
     """
     kinds = ("error", "rest", "stability", "stability", "game loop", "gain", "cost", "data")
     checks = [Check(f"{each} {i}", 0.0, 0.0, True, "", kind=each) for i, each in enumerate(kinds)]
     if kind:
         checks.insert(2, Check("failed", off, 0.0, False, "it failed", kind=kind))
     game = Game([[-1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=5.0)
-    verdict = replace(verify(game, solve(game)), checks=tuple(checks), cost_lost=cost_lost)
+    verdict = replace(
+        verify(game, solve(game)),
+        checks=tuple(checks),
+        cost_above_optimum_percent=above,
+    )
     assert verdict.grade == grade
-    assert verdict.ok is (not kind and cost_lost <= 1.0)
+    assert verdict.ok is (not kind and above <= 1.0)
     assert verdict.stabilizing is (kind != "stability")
     assert verdict.holds(0.5) is holds
     assert verdict.holds() is verdict.ok
@@ -111,7 +115,7 @@ def discrete_game_value(A, E, Q, delta):
 
 
 def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy():
-    """Radii of the loops and the lost cost are those of NumPy, of a discounted game with N."""
+    """Radii of the loops and the cost above the optimum are those of NumPy, of a discounted game with N."""
     rng = np.random.default_rng(6)
     A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
     N = 0.1 * rng.standard_normal((3, 2))
@@ -125,7 +129,9 @@ def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy():
     loop = root * (game.A - B @ K)
     value = discrete_game_value(loop, root * E, cost_of_gain, game.delta)
     suboptimality = np.linalg.eigvals(np.linalg.solve(exact.P, value - exact.P)).real
-    assert verdict.cost_lost == pytest.approx(100.0 * suboptimality.max(), rel=1e-8)
+    assert verdict.cost_above_optimum_percent == pytest.approx(
+        100.0 * suboptimality.max(), rel=1e-8
+    )
     radius = np.abs(np.linalg.eigvals(game.A - B @ K)).max()
     assert checks["control_loop_radius"] == pytest.approx(radius)
     assert checks["discounted_loop_radius"] == pytest.approx(root * radius)

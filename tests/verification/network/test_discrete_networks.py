@@ -64,7 +64,7 @@ def test_a_policy_exact_in_the_box_that_loses_flights_fails():
     )
     u = ca.if_else(ca.norm_inf(Z) < 1.05, exact_policy(slow), 0.0)
     verdict = verify(slow, critic_of(slow, policy=u), box=[1.0, 1.0], flights=20)
-    assert failed_names(verdict.checks) == {"cost_lost_flown_percent"}
+    assert failed_names(verdict.checks) == {"cost_above_optimum_flown_percent"}
     assert not verdict.ok
     assert "not all flights from the box converge" in verdict.headline
 
@@ -108,7 +108,9 @@ def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(is_discrete,
     game = problem if is_discrete else replace(problem, dt=None, discount=1.0)
     K = factor * solve(game).K
     network = verify(game, critic_of(game, policy=-ca.DM(K) @ Z), box=BOX, flights=20)
-    assert network.cost_lost == pytest.approx(verify(game, from_gain(game, K)).cost_lost, rel=1e-6)
-    assert network.to_dict()["network"]["cost_lost_flown_percent"] == pytest.approx(
-        network.cost_lost, rel=1e-6
+    assert network.cost_above_optimum_percent == pytest.approx(
+        verify(game, from_gain(game, K)).cost_above_optimum_percent, rel=1e-6
+    )
+    assert network.to_dict()["network"]["cost_above_optimum_flown_percent"] == pytest.approx(
+        network.cost_above_optimum_percent, rel=1e-6
     )

@@ -51,7 +51,7 @@ def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(game, cos
     K = exact.K.item()
     verdict = judged(game, -limit * ca.tanh(K * Z / limit))
     above = 100.0 * (cost(limit, K) / exact.P.item() - 1.0)
-    assert verdict.cost_lost == pytest.approx(above, rel=1e-3)
+    assert verdict.cost_above_optimum_percent == pytest.approx(above, rel=1e-3)
     shown = f"{above:.0f}" if limit == 1.05 else f"{above:.2g}"
     assert f": at least {shown} % above the optimum" in verdict.headline
     reached = limit * math.tanh(K / limit)  # at the edge of the box, z = 1
@@ -62,7 +62,7 @@ def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(game, cos
 def test_a_limit_below_what_the_box_needs_has_no_bounded_cost(game):
     K = solve(game).K.item()
     verdict = judged(game, -0.9 * ca.tanh(K * Z / 0.9))
-    assert verdict.cost_lost == math.inf
+    assert verdict.cost_above_optimum_percent == math.inf
     assert "cost without bound" in verdict.headline
 
 
@@ -73,7 +73,7 @@ def test_a_flight_that_neither_converges_nor_diverges_is_not_decided(game, unit)
     far = 1.0 / (1.0 + ca.exp(-200.0 * (Z - 0.5)))
     u = -K * Z * (1.0 - far) + far * (-0.8 - 2.0 * (Z - 0.8))
     verdict = judged(game, u)
-    assert math.isnan(verdict.cost_lost)
+    assert math.isnan(verdict.cost_above_optimum_percent)
     assert (verdict.grade, verdict.holds(1e9)) == ("fail", False)
     (reason,) = (check.reason for check in verdict.checks if check.kind == "cost" and not check.ok)
     assert "is not decided within " in reason

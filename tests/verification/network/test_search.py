@@ -67,7 +67,7 @@ def test_a_biased_exact_gain_is_stable_about_another_equilibrium(game):
     data = verdict.to_dict()["network"]
     equilibrium = np.linalg.solve(game.B @ gain(game) - game.A, game.B @ offset)
     assert data["rest_point"] == pytest.approx(equilibrium, rel=1e-9)
-    assert data["cost_lost_flown_percent"] == pytest.approx(0.0, abs=1e-9)
+    assert data["cost_above_optimum_flown_percent"] == pytest.approx(0.0, abs=1e-9)
     assert data["reach"] == 16.0  # largest tested multiple of the box
     assert verdict.grade == "fail"
     first = str(verdict).partition("\n\n")[0]
@@ -128,7 +128,7 @@ def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
     mean = np.mean(np.einsum("ki,ij,kj->k", corners, P, corners))
     percent = 100.0 * z @ P @ z / mean
     assert verdict.value_of("rest_point") == pytest.approx(percent, rel=1e-6)
-    least = max(percent, verdict.cost_lost)
+    least = max(percent, verdict.cost_above_optimum_percent)
     assert (verdict.holds(0.99 * least), verdict.holds(1.01 * least)) == (False, True)
 
 
