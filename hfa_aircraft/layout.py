@@ -42,11 +42,6 @@ class SignalNames(NamedTuple):
     disturbances: tuple[str, ...]
     outputs: tuple[str, ...]
 
-    def of(self, vector: str) -> tuple[str, ...]:
-        """Return the names of the components of a vector, "x", "u", "p" or "w"."""
-        names: tuple[str, ...] = getattr(self, VECTORS[vector])
-        return names
-
 
 class Layout(NamedTuple):
     """Equations and signal names of a model, without the values of its parameters.
@@ -84,10 +79,6 @@ class Layout(NamedTuple):
         ]
         return any(math.isnan(constant) for constant in constants)
 
-    def refuse_broken(self) -> None:
-        """Raise BadInputError if the equations fail or do not return exactly the declared names."""
-        _symbolic(self, undisturbed=True)
-
     def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
         """Raise BadInputError if a variable affects the equations only in steps.
 
@@ -112,14 +103,14 @@ class Layout(NamedTuple):
         vector: "x", "u", "p" or "w"
         values: values of the components, in order
         """
-        return record(self.names.of(vector))(*values)
+        return record(getattr(self.names, VECTORS[vector]))(*values)
 
     def symbols(self, *vectors: str) -> list[ca.SX]:
         """Return new CasADi symbols, one column for each of the given vectors.
 
         vectors: "x", "u", "p" or "w"
         """
-        return [ca.SX.sym(vector, len(self.names.of(vector))) for vector in vectors]
+        return [ca.SX.sym(v, len(getattr(self.names, VECTORS[v]))) for v in vectors]
 
     def expressions(
         self, vectors: Sequence[Any], outputs: Sequence[str], w: Any = None
@@ -132,7 +123,7 @@ class Layout(NamedTuple):
 
         Raises BadInputError if the equations are faulty.
         """
-        symbols, f, output_expressions = _symbolic(self, undisturbed=w is None)
+        symbols, f, output_expressions = symbolic(self, undisturbed=w is None)
         x, *_ = symbols
         known = {**output_expressions, **dict(zip(self.names.states, components(x), strict=True))}
         y = ca.densify(column(known[name] for name in outputs))
@@ -265,13 +256,15 @@ class _Symbolic(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def _symbolic(layout: Layout, *, undisturbed: bool) -> _Symbolic:
+def symbolic(layout: Layout, *, undisturbed: bool) -> _Symbolic:
     """Return the rates and outputs of a model as expressions.
 
     undisturbed: whether the disturbances are 0, and have no symbols
+
+    Raises BadInputError if the equations fail or do not return exactly the declared names.
     """
     if undisturbed and not layout.names.disturbances:
-        with_empty_w = _symbolic(layout, undisturbed=False)
+        with_empty_w = symbolic(layout, undisturbed=False)
         return with_empty_w._replace(symbols=with_empty_w.symbols[:3])
     names = list(VECTORS)
     symbols = layout.symbols(*(names[:3] if undisturbed else names))
@@ -284,19 +277,14 @@ def _symbolic(layout: Layout, *, undisturbed: bool) -> _Symbolic:
     outputs = {
         name: _scalar(layout, "output", name, returned[name]) for name in layout.names.outputs
     }
-    _refuse_other_symbols(layout, ca.vertcat(*f, *outputs.values()), ca.vertcat(*symbols))
-    return _Symbolic(symbols, ca.densify(ca.SX(ca.vertcat(*f))), outputs)
-
-
-def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> None:
-    """Raise BadInputError if an expression contains a symbol that the equations did not receive."""
-    own = {symbol.element_hash() for symbol in ca.symvar(ca.SX(symbols))}
-    for symbol in ca.symvar(ca.SX(expressions)):
-        if symbol.element_hash() not in own:
+    known = {symbol.element_hash() for symbol in ca.symvar(ca.vertcat(*symbols))}
+    for symbol in ca.symvar(ca.SX(ca.vertcat(*f, *outputs.values()))):
+        if symbol.element_hash() not in known:
             raise BadInputError(
                 f"{layout.name}: the equations use the symbol {shown(symbol.name())}, which has no "
                 "value; write a number, or a name of x, u, p or w"
             )
+    return _Symbolic(symbols, ca.densify(ca.SX(ca.vertcat(*f))), outputs)
 
 
 def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:

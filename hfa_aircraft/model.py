@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import keyword
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -21,14 +20,15 @@ from hfa_aircraft.layout import (
     components,
     linearized,
     linearized_rows,
+    symbolic,
 )
-from hfa_aircraft.signals import AIRSPEEDS, ISA, VECTORS, Signal, remember_record
+from hfa_aircraft.recognition import altitudes, meant_by, recognized, usual_modes
+from hfa_aircraft.signals import AIRSPEEDS, ISA, VECTORS, Signal, declared_signals
 from hfa_support.errors import (
     BadInputError,
     NotFiniteError,
     is_finite,
     numbers_in,
-    pair_of,
     refuse_unknown,
     shortened,
     shown,
@@ -39,94 +39,6 @@ from hfa_support.units import conversion_factor, split_unit, units_like
 
 if TYPE_CHECKING:
     from hfa_support.reporting.report import Report
-
-_ANGLE = ("rad", "deg")
-_RATE = ("rad/s", "deg/s")
-_LENGTH = ("ft", "m", "km")
-#: Names of the altitude.
-_ALTITUDES = ("altitude", "alt", "h", "height")
-_SPEED = ("ft/s", "m/s", "kt", "kts", "knot", "km/h")
-#: State -> names, in lower case, and units by which it is recognized.
-_RECOGNIZED = {
-    "alpha": (("alpha", "aoa", "angle_of_attack"), _ANGLE),
-    "q": (("q", "pitch_rate"), _RATE),
-    "speed": (("v", "vt", "u", "va", "tas", "speed", "airspeed", "velocity"), _SPEED),
-    "theta": (("theta", "pitch", "pitch_angle"), _ANGLE),
-    "beta": (("beta", "sideslip"), _ANGLE),
-    "p": (("p", "roll_rate"), _RATE),
-    "r": (("r", "yaw_rate"), _RATE),
-    "phi": (("phi", "roll", "bank", "roll_angle", "bank_angle"), _ANGLE),
-}
-#: Usual word or symbol -> name of another variable in the models of this project.
-_WORDS = {
-    **dict.fromkeys(("n", "nz", "g", "g_load"), "load_factor"),
-    **dict.fromkeys(("m", "mach_number", "ma"), "mach"),
-    **dict.fromkeys(("fpa", "flight_path", "flight_path_angle", "climb"), "gamma"),
-    **dict.fromkeys(("psi", "heading"), "yaw"),
-    "psi_dot": "turn_rate",
-    "omega": "turn_rate",
-    **dict.fromkeys(("cas", "ias", "kias"), "kcas"),
-    "eas": "keas",
-}
-#: Mode -> states that dominate it, and another mode whose states must exist.
-_MODES = {
-    "short period": (("alpha", "q"), "short period"),
-    "phugoid": (("speed", "theta"), "short period"),
-    "dutch roll": (("beta", "r"), "dutch roll"),
-    "roll": (("p",), "dutch roll"),
-    "spiral": (("phi",), "dutch roll"),
-}
-
-
-def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
-    """Return role -> name of each state recognized by name and unit.
-
-    The roles are alpha, q, speed, theta, beta, p, r and phi. A state of a part, such as the
-    body_speed of an FMU, has the role if no state has the name itself and no other part has one.
-    """
-    found: dict[str, str] = {}
-    for role, (names, units) in _RECOGNIZED.items():
-        named = _named(states, names, units)
-        if named:
-            found[role] = named[0]
-    return found
-
-
-def _named(states: Mapping[str, Signal], names: Sequence[str], units: Sequence[str]) -> list[str]:
-    """Return the states with one of the names and units, or else the only one of a part.
-
-    The state of a part has the name of the part before one of the names: body_speed.
-    """
-    with_unit = [name for name, signal in states.items() if signal.unit in units]
-    named = [name for name in with_unit if name.lower() in names]
-    ends = tuple(f"_{name}" for name in names if len(name) > 1)
-    of_parts = [name for name in with_unit if name.lower().endswith(ends)]
-    return named or (of_parts if len(of_parts) == 1 else [])
-
-
-def altitudes(model: Model) -> list[str]:
-    """Return the names of the states that are recognized as altitudes of an aircraft."""
-    if not {"speed", "alpha"} <= {*recognized(model.states)}:
-        return []
-    return _named(model.states, _ALTITUDES, _LENGTH)
-
-
-def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
-    """Return the default modes of an aircraft, name of the mode -> states that dominate it.
-
-    The modes are short period (alpha, q), phugoid (speed, theta), Dutch roll (beta, r), roll (p)
-    and spiral (phi). A mode is omitted if one of its states is not recognized by name and unit.
-
-    The phugoid also requires the states of the short period. A model that is not an aircraft may
-    also have a speed and an angle. Roll and spiral also require the states of the Dutch roll.
-    """
-    found = recognized(states)
-    modes: dict[str, tuple[str, ...]] = {}
-    for mode, (roles, other_mode) in _MODES.items():
-        other_roles, _ = _MODES[other_mode]
-        if all(role in found for role in (*roles, *other_roles)):
-            modes[mode] = tuple(found[role] for role in roles)
-    return modes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -187,54 +99,37 @@ class Model(Reported):
 
         Raises BadInputError, as described for the class.
         """
-        self._check_signals()
+        groups = {kind: getattr(self, kind) for kind in (*VECTORS.values(), "outputs")}
+        vars(self).update(declared_signals(self.name, groups))
         if not self.states:
             raise BadInputError(f"{self.name} declares no states; declare at least one")
         for kind in ("steady", "linear"):
             names = _names(f"{self.name}: {kind}", getattr(self, kind))
             vars(self)[kind] = names or tuple(self.states)
-        self._check_names()
         if not self.modes:
             vars(self)["modes"] = usual_modes(self.states)
+        vars(self)["trim"] = dict(self.trim)
+        self._refuse_undeclared()
         for name, value in self.trim.items():
-            refuse_unknown(f"{self.name}: trim imposes the unknown variable", name, self.holdable)
             if not is_finite(value):
                 raise BadInputError(
                     f"{self.name}: trim imposes {name} = {value}; give a finite number"
                 )
-        vars(self)["trim"] = dict(self.trim)
         if self.source.reload is None:
-            self.layout.refuse_broken()
+            symbolic(self.layout, undisturbed=True)
 
-    def _check_signals(self) -> None:
-        """Replace each group of signals by a dictionary, name -> `Signal`, after checks."""
-        seen: set[str] = set()
-        for kind in (*VECTORS.values(), "outputs"):
-            signals: Any = getattr(self, kind)
-            if hasattr(signals, "_asdict"):
-                remember_record(type(signals))
-                signals = signals._asdict()
-            if not isinstance(signals, Mapping):
-                raise BadInputError(
-                    f"{self.name}: {kind} is {shown(signals)}; give {{name: Signal(unit)}}"
-                )
-            vars(self)[kind] = dict(signals)
-            for name, signal in signals.items():
-                if not _is_identifier(name):
-                    raise BadInputError(
-                        f"{self.name}: {shown(name)} in {kind} is not an identifier; rename it"
-                    )
-                if name in seen:
-                    raise BadInputError(f"{self.name}: {name} is declared twice; rename one signal")
-                seen.add(name)
-                _check_signal(f"{self.name}: {name}", signal)
-
-    def _check_names(self) -> None:
+    def _refuse_undeclared(self) -> None:
         """Raise BadInputError if a field of names contains an undeclared name."""
+        in_modes, in_parts = (
+            [
+                name
+                for group, members in groups.items()
+                for name in _names(f"{self.name}: {kind} {shown(group)}", members)
+            ]
+            for kind, groups in (("modes", self.modes), ("parts", self.parts))
+        )
         schedule = [self.schedule] if self.schedule else []
         schedulable = [*self.states, *self.inputs, *self.parameters]
-        in_modes = self._names_of_groups("modes", self.modes)
-        in_parts = self._names_of_groups("parts", self.parts)
         for meaning, names, declared in (
             ("steady names the unknown state", self.steady, self.states),
             ("linear names the unknown state", self.linear, self.states),
@@ -243,16 +138,10 @@ class Model(Reported):
             ("schedule is the unknown variable", schedule, schedulable),
             ("modes names the unknown state", in_modes, self.states),
             ("parts names the unknown linear state", in_parts, self.linear),
+            ("trim imposes the unknown variable", self.trim, self.holdable),
         ):
             for name in names:
                 refuse_unknown(f"{self.name}: {meaning}", name, declared)
-
-    def _names_of_groups(self, kind: str, groups: Mapping[str, tuple[str, ...]]) -> list[str]:
-        """Return the names of signals in all groups of `modes` or `parts`."""
-        names: list[str] = []
-        for group, members in groups.items():
-            names += _names(f"{self.name}: {kind} {shown(group)}", members)
-        return names
 
     def __repr__(self) -> str:
         counts = (
@@ -314,9 +203,7 @@ class Model(Reported):
     @property
     def schedule_key(self) -> str:
         """Key of the scheduling variable in files and data, such as "dihedral_deg" or "speed"."""
-        if self.schedule_unit == "deg":
-            return f"{self.schedule}_deg"
-        return self.schedule
+        return f"{self.schedule}_deg" if self.schedule_unit == "deg" else self.schedule
 
     @cached_property
     def signals(self) -> dict[str, Signal]:
@@ -437,7 +324,7 @@ class Model(Reported):
         if name in self.holdable:
             return
         known = dict.fromkeys((*self.holdable, *also, *self.parameters))
-        meant = self._meant(name)
+        meant = meant_by(name, self)
         if meant == recognized(self.states).get("phi") and "turn_rate" in known:
             raise BadInputError(
                 f"{meaning} {name!r}; give a level turn by --hold {meant}=ANGLE --free turn_rate"
@@ -445,16 +332,6 @@ class Model(Reported):
         if meant in known:
             raise BadInputError(f"{meaning} {name!r}; did you mean {meant}?")
         refuse_unknown(meaning, name, known)
-
-    def _meant(self, word: str) -> str:
-        """Return the variable that a usual word or symbol names: roll of "phi", or ""."""
-        plain = word.lower()
-        for role, state in recognized(self.states).items():
-            if plain in _RECOGNIZED[role][0]:
-                return state
-        if plain in _ALTITUDES:
-            return next(iter(altitudes(self)), "")
-        return _WORDS.get(plain, "")
 
     @cached_property
     def limits(self) -> dict[str, tuple[float, float]]:
@@ -474,9 +351,7 @@ class Model(Reported):
         return self.rates[name]
 
     def unit(self, name: str) -> str:
-        """Return the unit of a signal, an airspeed or a rate. Raises BadInputError for an unknown
-        name.
-        """
+        """Return the unit of a signal, airspeed or rate, or raise BadInputError."""
         return self.signal(name).unit
 
     def units(self, names: Sequence[str]) -> tuple[str, ...]:
@@ -528,9 +403,7 @@ class Model(Reported):
 
     @cached_property
     def _rates_by_nominal_changes(self) -> dict[str, float]:
-        """State -> largest change of its rate due to a nominal change of one state or input, at the
-        start values; empty if the equations have no derivatives there.
-        """
+        """State -> largest change of its rate by a nominal change of a signal, at the start values."""
         start = {name: signal.start for name, signal in self.signals.items()} | {**self.trim}
         x, u = ([start[name] for name in names] for names in (self.states, self.inputs))
         try:
@@ -552,10 +425,10 @@ class Model(Reported):
         Raises BadInputError, whose message completes a sentence that begins with the name, if the
         unit is another quantity's.
         """
-        full_angle, angle = self.signal(name).full, conversion_factor(unit, "deg")
-        if full_angle and angle is not None:
-            return angle / full_angle
-        declared = self.unit(name)
+        signal, angle = self.signal(name), conversion_factor(unit, "deg")
+        if signal.full and angle is not None:
+            return angle / signal.full
+        declared = signal.unit
         if unit == "%" and declared in ("1", "chord"):
             return 0.01
         if name in self.airspeeds and unit.lower() == name:
@@ -565,18 +438,17 @@ class Model(Reported):
             factor = conversion_factor(spelling, declared)
             if factor is not None:
                 return factor
-        raise BadInputError(f"is {shortened(text)!r}; {self._advice_on_unit(name)}")
-
-    def _advice_on_unit(self, name: str) -> str:
-        """Return which numbers and units a signal, an airspeed or a rate takes."""
-        declared = self.unit(name)
         if declared == "1":
-            low, high = self.signal(name).min, self.signal(name).max
-            ends = f" from {low:g} to {high:g}" if math.isfinite(high - low) else ""
-            return f"give a number without a unit{ends}"
-        words = declared.replace("rad", "deg")
-        others = ", ".join(unit for unit in units_like(declared) if unit != words)
-        return f"give a finite number, in {words}" + f", or with a unit: {others}" * bool(others)
+            is_limited = math.isfinite(signal.max - signal.min)
+            ends = f" from {signal.min:g} to {signal.max:g}" if is_limited else ""
+            advice = f"give a number without a unit{ends}"
+        else:
+            words = declared.replace("rad", "deg")
+            others = ", ".join(unit for unit in units_like(declared) if unit != words)
+            advice = f"give a finite number, in {words}" + f", or with a unit: {others}" * bool(
+                others
+            )
+        raise BadInputError(f"is {shortened(text)!r}; {advice}")
 
     def number(self, name: str, value: Any) -> Any:
         """Return a value of a signal, an airspeed or a rate in the unit of the model.
@@ -616,9 +488,7 @@ class Model(Reported):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on data of the model, with its parameters as they are, that are probably
-        wrong.
-        """
+        """Sentences on data that are probably wrong, with the parameters as they are."""
         native = self.native
         about = native.about
         if about.warnings_about is None:
@@ -676,7 +546,12 @@ class Model(Reported):
             if not is_finite(value):
                 raise BadInputError(f"{name} is {shown(value)}; give a finite number")
             if not signal.min <= value <= signal.max:
-                raise BadInputError(self._message_beyond_limits(name, value))
+                which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
+                angle = f", or an angle: {name}={signal.full:g}deg" if signal.full else ""
+                raise BadInputError(
+                    f"{name} is {self.describe(name, value)}; give at {which} "
+                    f"{self.describe(name, limit)}{angle}"
+                )
             changed[name] = signal._replace(start=float(value))
             if native is not None:
                 native_values[name] = float(value) / self.native_factor(name)
@@ -685,15 +560,6 @@ class Model(Reported):
         declared = {name: self.parameters[name].start for name in values} | {**self.source.declared}
         source = replace(self.source, native=native, declared=declared)
         return replace(self, parameters=changed, source=source)
-
-    def _message_beyond_limits(self, name: str, value: float) -> str:
-        """Return the message that a value of a parameter is beyond its limits."""
-        signal = self.parameters[name]
-        which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
-        advice = f"give at {which} {self.describe(name, limit)}"
-        if signal.full:
-            advice += f", or an angle: {name}={signal.full:g}deg"
-        return f"{name} is {self.describe(name, value)}; {advice}"
 
     @cached_property
     def p(self) -> np.ndarray:
@@ -778,20 +644,17 @@ class Model(Reported):
         u: input, (m,)
         names: names of outputs, by default all
         """
-        self._refuse_vectors(x, u)
         for name in names or ():
             refuse_unknown("unknown output", name, self.outputs)
         _, outputs = self._numbers_at(x, u)
         return {name: float(outputs[name]) for name in (self.outputs if names is None else names)}
 
     def rates_at(self, x: Sequence[float], u: Sequence[float]) -> dict[str, float]:
-        """Return the rates of the states at a state and an input, without disturbance, name ->
-        rate.
+        """Return the rates at a state and an input, without disturbance, state -> rate.
 
         x: state, (n,)
         u: input, (m,)
         """
-        self._refuse_vectors(x, u)
         rates, _ = self._numbers_at(x, u)
         return {name: float(rates[name]) for name in self.states}
 
@@ -806,6 +669,7 @@ class Model(Reported):
         self, x: Sequence[float], u: Sequence[float]
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         """Return rates and outputs by name at x (n,) and u (m,), without disturbance."""
+        self._refuse_vectors(x, u)
         numbers = [[float(value) for value in vector] for vector in (x, u, self.p)]
         still_air = [0.0 for _ in self.disturbances]
         records = map(self.layout.record, VECTORS, (*numbers, still_air))
@@ -827,39 +691,8 @@ def _places(kind: str, names: Iterable[str], chosen: Iterable[str]) -> list[int]
     return [place[name] for name in chosen]
 
 
-def _is_identifier(name: Any) -> bool:
-    """Return whether a name is an ASCII identifier without leading _ and not a keyword."""
-    if not isinstance(name, str) or keyword.iskeyword(name):
-        return False
-    return name.isidentifier() and name.isascii() and name[0] != "_"
-
-
 def _names(what: str, names: Any) -> tuple[str, ...]:
     """Return a sequence of names as a tuple."""
     if isinstance(names, str) or not isinstance(names, Sequence):
         raise BadInputError(f"{what} is {shown(names)}; give a tuple of names")
     return tuple(names)
-
-
-def _check_signal(where: str, signal: Signal) -> None:
-    """Raise BadInputError for a signal with an invalid type, unit or number."""
-    if not isinstance(signal, Signal):
-        raise BadInputError(f"{where} is {shown(signal)}; give a Signal")
-    if not isinstance(signal.unit, str):
-        raise BadInputError(f"{where}: the unit is {shown(signal.unit)}; give the unit as text")
-    if re.search(r"\blbs?\b", signal.unit):
-        raise BadInputError(
-            f"{where}: the unit is {signal.unit}; write lbf (a force), or slug (a mass)"
-        )
-    rate = signal.nominal if signal.rate is None else signal.rate
-    numbers = (signal.nominal, rate, signal.start)
-    if not all(map(is_finite, numbers)) or min(signal.nominal, rate) <= 0.0:
-        raise BadInputError(
-            f"{where}: nominal, rate, start are {shown(numbers)}; give finite numbers, nominal and "
-            "rate positive"
-        )
-    lowest, highest = pair_of(f"{where}: min, max", (signal.min, signal.max))
-    if not lowest <= highest:
-        raise BadInputError(
-            f"{where}: min {lowest:g} is above max {highest:g}; exchange the two limits"
-        )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import keyword
 import math
 import re
 from collections import Counter, namedtuple
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, numbered, shown_unit, shown_value
 
@@ -100,6 +101,56 @@ def remember_record(kind: Any) -> None:
 def _unpickled(names: tuple[str, ...], values: tuple[Any, ...]) -> Any:
     """Return the named tuple that pickle restores."""
     return record(names)(*values)
+
+
+def declared_signals(model: str, groups: Mapping[str, Any]) -> dict[str, dict[str, Signal]]:
+    """Return the signals of each kind as a dictionary. Raises BadInputError for an invalid one.
+
+    model: name of the model, for messages
+    groups: kind, such as "states" -> signals by name, or a named tuple of signals
+    """
+    declared: dict[str, dict[str, Signal]] = {}
+    for kind, signals in groups.items():
+        if hasattr(signals, "_asdict"):
+            remember_record(type(signals))
+            signals = signals._asdict()
+        if not isinstance(signals, Mapping):
+            raise BadInputError(f"{model}: {kind} is {shown(signals)}; give {{name: Signal(unit)}}")
+        for name, signal in signals.items():
+            is_word = isinstance(name, str) and name.isidentifier() and name.isascii()
+            if not is_word or name[0] == "_" or keyword.iskeyword(name):
+                raise BadInputError(
+                    f"{model}: {shown(name)} in {kind} is not an identifier; rename it"
+                )
+            if any(name in others for others in declared.values()):
+                raise BadInputError(f"{model}: {name} is declared twice; rename one signal")
+            _check_signal(f"{model}: {name}", signal)
+        declared[kind] = dict(signals)
+    return declared
+
+
+def _check_signal(where: str, signal: Any) -> None:
+    """Raise BadInputError for a signal with an invalid type, unit or number."""
+    if not isinstance(signal, Signal):
+        raise BadInputError(f"{where} is {shown(signal)}; give a Signal")
+    if not isinstance(signal.unit, str):
+        raise BadInputError(f"{where}: the unit is {shown(signal.unit)}; give the unit as text")
+    if re.search(r"\blbs?\b", signal.unit):
+        raise BadInputError(
+            f"{where}: the unit is {signal.unit}; write lbf (a force), or slug (a mass)"
+        )
+    rate = signal.nominal if signal.rate is None else signal.rate
+    numbers = (signal.nominal, rate, signal.start)
+    if not all(map(is_finite, numbers)) or min(signal.nominal, rate) <= 0.0:
+        raise BadInputError(
+            f"{where}: nominal, rate, start are {shown(numbers)}; give finite numbers, nominal and "
+            "rate positive"
+        )
+    lowest, highest = pair_of(f"{where}: min, max", (signal.min, signal.max))
+    if not lowest <= highest:
+        raise BadInputError(
+            f"{where}: min {lowest:g} is above max {highest:g}; exchange the two limits"
+        )
 
 
 class StatesAndInputs:

@@ -16,7 +16,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.model import Model, altitudes, recognized
+from hfa_aircraft.model import Model
+from hfa_aircraft.recognition import altitudes, recognized
 from hfa_aircraft.signals import AIRSPEEDS, ISA
 from hfa_support.errors import BadInputError
 from hfa_support.units import (

@@ -12,7 +12,8 @@ import numpy as np
 
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import NEAR
-from hfa_aircraft.model import Model, recognized
+from hfa_aircraft.model import Model
+from hfa_aircraft.recognition import recognized
 from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.results import Result
 from trim.point.condition import TrimCondition

@@ -7,7 +7,8 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from hfa_aircraft.model import Model, altitudes
+from hfa_aircraft.model import Model
+from hfa_aircraft.recognition import altitudes
 from hfa_aircraft.signals import ISA, Signal
 from hfa_support.errors import printable
 from hfa_support.reporting.rows import Row

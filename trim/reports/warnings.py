@@ -7,8 +7,9 @@ from collections.abc import Callable, Collection, Iterator
 from typing import Any, NamedTuple
 
 from hfa_aircraft.control_systems import LINEAR
-from hfa_aircraft.model import Model, altitudes
+from hfa_aircraft.model import Model
 from hfa_aircraft.readers.derivatives.published import unusual
+from hfa_aircraft.recognition import altitudes
 from hfa_aircraft.rigid.aircraft import inertia_warning
 from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at
 from hfa_support.errors import BadInputError, NoSolutionError

@@ -8,7 +8,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.model import Model, altitudes, recognized
+from hfa_aircraft.model import Model
+from hfa_aircraft.recognition import altitudes, recognized
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.units import conversion_factor, si_factor
 from trim.point.operating_point import OperatingPoint
