@@ -403,7 +403,7 @@ class Model(Reported):
 
     @cached_property
     def _rates_by_nominal_changes(self) -> dict[str, float]:
-        """State -> largest change of its rate by a nominal change of a signal, at the start values."""
+        """State -> largest change of its rate by a nominal change of one signal at the start."""
         start = {name: signal.start for name, signal in self.signals.items()} | {**self.trim}
         x, u = ([start[name] for name in names] for names in (self.states, self.inputs))
         try:
