@@ -94,7 +94,11 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     200.0
     """
     values = default_parameters().values if parameters is None else parameters
-    _refuse_impossible(values)
+    for name, value in values._asdict().items():
+        if not is_finite(value):
+            raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")
+        if name in _SIZES and value < 0.0:
+            raise BadInputError(f"parameter {name} is {value:g}; give a number of at least 0")
     if not isinstance(dynamics, str):
         return rigid_panels(dynamics, values, panel_groups)
     if dynamics == "unsteady":
@@ -102,12 +106,3 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
 
         return unsteady_aircraft(values)
     return rigid_panels(variant_named(dynamics), values, panel_groups)
-
-
-def _refuse_impossible(parameters: Parameters) -> None:
-    """Raise BadInputError for a parameter that is not finite, and for a negative size."""
-    for name, value in parameters._asdict().items():
-        if not is_finite(value):
-            raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")
-        if name in _SIZES and value < 0.0:
-            raise BadInputError(f"parameter {name} is {value:g}; give a number of at least 0")

@@ -13,9 +13,10 @@ import numpy as np
 from hfa_aircraft.about import About, Domain, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_model.atmosphere import refuse_beyond_the_atmosphere
+from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
+from hfa_model.dynamics import aircraft_loads, rates_from_loads
 from hfa_model.kinematics import DISTURBANCES, winds_of
-from hfa_model.outputs import OUTPUTS, instant_of, outputs_of
+from hfa_model.outputs import OUTPUTS, Instant, outputs_of
 from hfa_model.parameters import (
     FIELDS,
     INPUT_SIGNALS,
@@ -51,8 +52,9 @@ class Equations:
         w: disturbances, in the order of `DISTURBANCES`
         """
         winds = winds_of(w)
-        instant = instant_of(x, u, p, self.variant, winds)
-        return instant.rates._asdict(), outputs_of(instant)
+        loads = aircraft_loads(x, u, density(x.altitude), p, self.variant, winds)
+        rates = rates_from_loads(x, loads, p, self.variant)
+        return rates._asdict(), outputs_of(Instant(x, u, p, winds, loads, rates))
 
 
 def check_in_range(x: State) -> None:

@@ -218,6 +218,8 @@ def rates_from_loads(
     """
     gamma = x.pitch - x.alpha
     total_mass = 3 * p.panel_mass
+    sin_eta = ca.sin(x.dihedral)
+    cos_eta = ca.cos(x.dihedral)
     sin_alpha = ca.sin(x.alpha)
     cos_alpha = ca.cos(x.alpha)
     speed_rate = (loads.thrust * cos_alpha - loads.drag) / total_mass - p.gravity * ca.sin(gamma)
@@ -226,25 +228,22 @@ def rates_from_loads(
         + x.pitch_rate
         + p.gravity * ca.cos(gamma) / x.speed
     )
+    gyroscopic = 2 * _bending_inertia(p) * sin_eta * cos_eta * x.dihedral_rate * x.pitch_rate
+    descent_rate = speed_rate * sin_alpha + x.speed * cos_alpha * alpha_rate
+    inertial = p.panel_mass * p.panel_span / 2 * cos_eta * descent_rate
+    spread = p.inertia_pitch - p.inertia_yaw - p.panel_mass * p.panel_span**2 / 12
+    d2 = spread * sin_eta * cos_eta * x.pitch_rate**2
+    elastic = -p.hinge_damping * x.dihedral_rate - p.hinge_stiffness * x.dihedral
+    about_hinge = loads.hinge_moment + elastic + inertial + variant.hinge_coupling(x, p) - d2
     return State(
         speed=speed_rate,
         alpha=alpha_rate,
         altitude=x.speed * ca.sin(gamma),
         pitch=x.pitch_rate,
-        pitch_rate=_pitch_acceleration(x, loads, p),
+        pitch_rate=(loads.pitching_moment - gyroscopic) / pitch_inertia(x.dihedral, p),
         dihedral=x.dihedral_rate,
-        dihedral_rate=_dihedral_acceleration(x, speed_rate, alpha_rate, loads, p, variant),
+        dihedral_rate=about_hinge / variant.hinge_inertia(x.dihedral, p),
     )
-
-
-def _pitch_acceleration(
-    x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity]
-) -> Quantity:
-    """Return the pitch acceleration q', rad/s^2."""
-    sin_eta = ca.sin(x.dihedral)
-    cos_eta = ca.cos(x.dihedral)
-    gyroscopic = 2 * _bending_inertia(p) * sin_eta * cos_eta * x.dihedral_rate * x.pitch_rate
-    return (loads.pitching_moment - gyroscopic) / pitch_inertia(x.dihedral, p)
 
 
 def pitch_inertia(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
@@ -260,23 +259,3 @@ def pitch_inertia(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
 def _bending_inertia(p: Parameters[Quantity]) -> Quantity:
     """Return c2, by which the pitch inertia grows from a dihedral of 0 to 90 deg, slug ft^2."""
     return 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
-
-
-def _dihedral_acceleration(
-    x: State[Quantity],
-    speed_rate: Quantity,
-    alpha_rate: Quantity,
-    loads: Loads[Quantity],
-    p: Parameters[Quantity],
-    variant: Variant,
-) -> Quantity:
-    """Return the dihedral acceleration η'', rad/s^2."""
-    sin_eta = ca.sin(x.dihedral)
-    cos_eta = ca.cos(x.dihedral)
-    descent_rate = speed_rate * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * alpha_rate
-    inertial = p.panel_mass * p.panel_span / 2 * cos_eta * descent_rate
-    spread = p.inertia_pitch - p.inertia_yaw - p.panel_mass * p.panel_span**2 / 12
-    d2 = spread * sin_eta * cos_eta * x.pitch_rate**2
-    elastic = -p.hinge_damping * x.dihedral_rate - p.hinge_stiffness * x.dihedral
-    moment = loads.hinge_moment + elastic + inertial + variant.hinge_coupling(x, p) - d2
-    return moment / variant.hinge_inertia(x.dihedral, p)

@@ -146,7 +146,10 @@ def angle_of_attack(x: State[Quantity], wind: Wind) -> Quantity:
     """
     if _is_still(wind):
         return x.alpha
-    return ca.atan2(_downward(x, wind), _forward(x, wind))
+    downward = (
+        x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
+    )
+    return ca.atan2(downward, _forward(x, wind))
 
 
 def center_velocity(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Velocity:
@@ -211,14 +214,6 @@ def _forward(x: State[Quantity], wind: Wind) -> Quantity:
     # The component is V cos α - w sin θ + h cos θ in body axes, with the speed V over ground.
     return (
         x.speed * ca.cos(x.alpha) - wind.updraft * ca.sin(x.pitch) + wind.headwind * ca.cos(x.pitch)
-    )
-
-
-def _downward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return the downward component of the velocity relative to the air, ft/s."""
-    # The component is V sin α + w cos θ + h sin θ in body axes, with the speed V over ground.
-    return (
-        x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
     )
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from hfa_model.atmosphere import density, speed_of_sound
-from hfa_model.dynamics import Loads, aircraft_loads, rates_from_loads
+from hfa_model.dynamics import Loads
 from hfa_model.kinematics import (
     Winds,
     angle_of_attack,
@@ -25,7 +25,6 @@ from hfa_model.kinematics import (
     outer_velocity,
 )
 from hfa_model.parameters import Input, Parameters, Quantity, State
-from hfa_model.variants import Variant
 
 
 class Instant(NamedTuple):
@@ -49,37 +48,9 @@ class Instant(NamedTuple):
     rates: State[Quantity]
 
 
-def instant_of(
-    x: State[Quantity],
-    u: Input[Quantity],
-    p: Parameters[Quantity],
-    variant: Variant,
-    winds: Winds,
-) -> Instant:
-    """Return a state x and input u with the loads and rates by the equations of a variant.
-
-    The arguments are those of `Instant`.
-    """
-    loads = aircraft_loads(x, u, density(x.altitude), p, variant, winds)
-    return Instant(x, u, p, winds, loads, rates_from_loads(x, loads, p, variant))
-
-
 def outputs_of(at: Instant) -> dict[str, Quantity]:
     """Return the outputs of the aircraft at one instant, name -> value, for all of `OUTPUTS`."""
     return {name: output(at) for name, (_, output) in OUTPUTS.items()}
-
-
-def _vertical_acceleration(at: Instant) -> Quantity:
-    """Return V (α' - q), ft/s^2, normal to the path, positive downward."""
-    return at.x.speed * (at.rates.alpha - at.x.pitch_rate)
-
-
-def _load_factor(at: Instant) -> Quantity:
-    """Return n = (L + T sin α) / (m_tot g), the force normal to the path divided by the weight."""
-    # L is the lift, T the thrust, and m_tot the mass of the aircraft.
-    return (at.loads.lift + at.loads.thrust * ca.sin(at.x.alpha)) / (
-        3 * at.p.panel_mass * at.p.gravity
-    )
 
 
 def _center_load_factor(at: Instant) -> Quantity:
@@ -127,21 +98,22 @@ def _body_descent(at: Instant, height: Quantity, factor: float) -> Quantity:
     )
 
 
-def _elastic_moment(at: Instant) -> Quantity:
-    """Return H - k_c η' - k_k η, ft lbf, the moment on an outer panel about its hinge."""
-    # Unlike the hinge moment H of the loads, the result includes the damper k_c and the spring k_k.
-    return (
-        at.loads.hinge_moment
-        - at.p.hinge_damping * at.x.dihedral_rate
-        - at.p.hinge_stiffness * at.x.dihedral
-    )
-
-
 #: Name of an output -> its unit, and its function of an `Instant`. States are also outputs, under
 #: their names.
 OUTPUTS: dict[str, tuple[str, Callable[[Instant], Quantity]]] = {
-    "vertical_acceleration": ("ft/s^2", _vertical_acceleration),
-    "load_factor": ("1", _load_factor),
+    # V (α' - q), normal to the path, positive downward.
+    "vertical_acceleration": (
+        "ft/s^2",
+        lambda at: at.x.speed * (at.rates.alpha - at.x.pitch_rate),
+    ),
+    # (L + T sin α) / (m_tot g), with the lift L, the thrust T and the mass m_tot of the aircraft.
+    "load_factor": (
+        "1",
+        lambda at: (
+            (at.loads.lift + at.loads.thrust * ca.sin(at.x.alpha))
+            / (3 * at.p.panel_mass * at.p.gravity)
+        ),
+    ),
     "load_factor_center": ("1", _center_load_factor),
     "load_factor_outer": ("1", _outer_load_factor),
     # Angle of attack of the center of mass in the air of the center panel, and of each panel in the
@@ -157,9 +129,17 @@ OUTPUTS: dict[str, tuple[str, Callable[[Instant], Quantity]]] = {
     ),
     "gamma": ("rad", lambda at: at.x.pitch - at.x.alpha),  # relative to the ground
     "climb_rate": ("ft/s", lambda at: at.rates.altitude),
-    # Hinge moment of loads and weight, without and with spring and damper.
+    # Moment on an outer panel about its hinge: H of loads and weight, and H - k_c η' - k_k η with
+    # the damper k_c and the spring k_k.
     "hinge_moment": ("ft lbf", lambda at: at.loads.hinge_moment),
-    "hinge_moment_total": ("ft lbf", _elastic_moment),
+    "hinge_moment_total": (
+        "ft lbf",
+        lambda at: (
+            at.loads.hinge_moment
+            - at.p.hinge_damping * at.x.dihedral_rate
+            - at.p.hinge_stiffness * at.x.dihedral
+        ),
+    ),
     # Lift of wing and tail of one panel.
     "lift_center": ("lbf", lambda at: at.loads.center.lift),
     "lift_outer": ("lbf", lambda at: at.loads.outer.lift),
