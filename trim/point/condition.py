@@ -151,13 +151,11 @@ class TrimCondition:
             scheduled = self.imposed.get(by, self.begin.get(by, 0.0))
         elif by in self.imposed:
             held = {by: scheduled, **held}
-        values, rates = _values_and_rates(self.model, held)
-        imposed = {name: float(self.values_at(name, scheduled)) for name in self.imposed}
-        imposed = self.model.without_alternatives(imposed, values) | values
+        numbers = {name: float(self.values_at(name, scheduled)) for name in self.imposed}
         begin = self.begin
-        if by in self.model.variables and by not in imposed:
+        if by in self.model.variables and by not in {**numbers, **held}:
             begin = {**begin, by: scheduled}
-        return replace(self, imposed=imposed, rates={**self.rates, **rates}, begin=begin)
+        return release(replace(self, imposed=numbers, begin=begin), hold=held)
 
     def freed_for(self, names: Iterable[str]) -> TrimCondition:
         """Return the condition without the values that must not be imposed together with some
@@ -329,9 +327,10 @@ def release(
                 f"{name} is both free and held; free or hold the variable, not both"
             )
     unknowns = (*model.variables, *model.parameters)
-    values, held_rates = _values_and_rates(condition.model, hold)
+    values = {name: value for name, value in hold.items() if name not in model.rates}
     rates = {name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free}
-    imposed = condition.model.without_alternatives(condition.imposed, values) | values
+    held_rates = {name.removesuffix("_dot"): hold[name] for name in hold if name in model.rates}
+    imposed = model.without_alternatives(condition.imposed, values) | values
     begin = dict(condition.begin)
     for name in free:
         if name in imposed:
@@ -414,20 +413,6 @@ def exact_cell(value: float, unit: str) -> float | str:
     beside = (math.nextafter(shown, end) for end in (math.inf, -math.inf))
     same = [near for near in (shown, *beside) if math.radians(near) == value]
     return min(same, key=lambda near: len(repr(near)), default=f"{value!r} {unit}")
-
-
-def _values_and_rates(
-    model: Model, held: Mapping[str, Any]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return two mappings from held values: variable or output -> value, and state -> rate."""
-    values: dict[str, Any] = {}
-    rates: dict[str, Any] = {}
-    for name, value in held.items():
-        if name in model.rates:
-            rates[name.removesuffix("_dot")] = value
-        else:
-            values[name] = value
-    return values, rates
 
 
 #: Entries of a condition file, with their types.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trim.point.system import NEARLY, NewtonEnds, TrimSystem
+from trim.point.system import NEARLY, NewtonEnds, TrimSystem, step_rows
 
 #: Largest number of evaluations of a point.
 MOST_TRIALS = 100
@@ -45,11 +45,13 @@ def newton(
     if moving is not None or bounded:
         return _halved_steps(system, z, c, moving, bounded)
     if system.is_quick:
-        ends = system.quick_steps(z, c)
-        rest = ~ends.converged
-        if rest.any():
-            ends.z[rest], ends.converged[rest] = _halved_steps(system, z[rest], c[rest])
-        return ends
+        end, flags = step_rows(system.equations, system.steps)(z, c)
+        converged = flags[:, 0] == 1.0
+        if not converged.all():
+            end[~converged], converged[~converged] = _halved_steps(
+                system, z[~converged], c[~converged]
+            )
+        return NewtonEnds(end, converged)
     if system.equations.square and len(z) == 1:
         end = _full_steps(system, z, c)
         if end is not None:
@@ -58,20 +60,17 @@ def newton(
 
 
 def _full_steps(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> np.ndarray | None:
-    """Return the unknowns (1, k) of one point after Newton's method, whose equations are square, or
-    None if a step must be halved or is not unique.
-    """
+    """Return the unknowns (1, k) of one point, or None if a step must be halved or is singular."""
     size_before = math.inf
     for _ in range(MOST_TRIALS):
-        residual, jacobian = _affected_equations(system, z, c)
+        residual, jacobian = system.residuals(z, c)
         size = math.sqrt(residual[0] @ residual[0])
         try:
             step = np.linalg.solve(jacobian, -residual[:, :, None])[:, :, 0]
         except np.linalg.LinAlgError:
             return None
         is_near = size <= NEARLY
-        decreases = size < size_before
-        if not (is_near or decreases) or not step[0] @ step[0] < LONGEST**2:
+        if not (is_near or size < size_before) or not step[0] @ step[0] < LONGEST**2:
             return None
         z = z + step
         if is_near:
@@ -90,7 +89,7 @@ def _halved_steps(
     """Return the ends of Newton's method with halved steps; the arguments are those of `newton`."""
     best = z.copy()
     converged = np.zeros(len(z), dtype=bool)
-    residual, jacobian = _affected_equations(system, z, c)
+    residual, jacobian = system.residuals(z, c)
     search = _Search(
         points=np.arange(len(z)),
         size=_norm(residual),
@@ -112,7 +111,7 @@ def _halved_steps(
         if bounded:
             lowest = np.maximum(system.lowest, -system.quarter_turn)
             trial = np.clip(trial, lowest, np.minimum(system.highest, system.quarter_turn))
-        residual, jacobian = _affected_equations(system, trial, c[search.points])
+        residual, jacobian = system.residuals(trial, c[search.points])
         is_better = search.improved_by(residual, jacobian, moving)
         best[search.points[is_better]] = trial[is_better]
         step = search.step.copy()
@@ -190,14 +189,6 @@ def newton_step(
     inverse = np.linalg.pinv(jacobian[doubtful], rcond=_SINGULAR)
     step[doubtful] = -(inverse @ residual[doubtful][:, :, None])[:, :, 0]
     return step
-
-
-def _affected_equations(
-    system: TrimSystem, z: np.ndarray, c: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return r (N, m) and J (N, m, k) of the equations that the unknowns affect."""
-    residual, jacobian = system.residuals(z, c)
-    return residual[:, : system.affected_count], jacobian
 
 
 def _norm(rows: np.ndarray) -> np.ndarray:

@@ -89,11 +89,11 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         status: status of the result
         initial_point: number of the initial point of the search, 0 for the default one
         """
-        evaluation = problem.at(z)
-        residuals = problem.residuals(z)
-        return cls(
-            evaluation.x, evaluation.u, residuals, status, problem.model, initial_point, problem
-        )
+        at = problem.at(z)
+        scaled = zip(problem.system.equations.rows, at.residual.tolist(), strict=True)
+        by_name = {row.name: residual * row.scale for row, residual in scaled}
+        residuals = {row.name: by_name[row.name] for row in problem.system.structure.rows}
+        return cls(at.x, at.u, residuals, status, problem.model, initial_point, problem)
 
     @cached_property
     def trim_problem(self) -> TrimProblem:
@@ -240,12 +240,17 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
         if self.found_by is None or not self.ok:
             return Undetermined([], 0)
-        return undetermined(self.found_by, self.found_by.unknowns(self.values))
+        return undetermined(self.found_by, self.found_by.system.scaled(self.values))
 
     @property
     def _large_angles(self) -> list[str]:
         """Texts on free angles without limits that exceed 90 deg, such as "bank 154 deg"."""
-        return [] if self.found_by is None else self.found_by.large_angles(self.values)
+        if self.found_by is None:
+            return []
+        system = self.found_by.system
+        far = system.beyond_quarter_turn(system.scaled(self.values))
+        names = [self.found_by.free[i] for i in np.flatnonzero(far)]
+        return [f"{name} {self.model.describe(name, self.values[name])}" for name in names]
 
     @property
     def _unmoved(self) -> list[str]:

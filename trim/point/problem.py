@@ -52,10 +52,6 @@ class BalancedEffects(NamedTuple):
         sizes = np.linalg.svd(self.matrix, compute_uv=False)
         return int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
 
-    def directions(self) -> np.ndarray:
-        """Return directions along which the scaled unknowns change no equation, (d, k)."""
-        return np.linalg.svd(self.matrix)[2][self.rank :] / self.lengths
-
 
 class SearchEnd(NamedTuple):
     """End of one search for a trim.
@@ -85,7 +81,6 @@ class TrimProblem:
     free: names of the k unknowns
     idle: names of free variables that are in no equation
     kept: states that the equations do not determine, imposed at their start values
-    names: names of the equations: states for their rates, then outputs
     count: number of equations that the unknowns affect, and number of unknowns
 
     Raises BadInputError if nothing is free and the point is not an equilibrium, if no free variable
@@ -122,7 +117,6 @@ class TrimProblem:
         self.system = TrimSystem(model, condition, begin=start)
         self.free = self.system.equations.unknowns
         self.idle = self.system.equations.idle
-        self.names = tuple(row.name for row in self.system.equations.rows)
         self.count = Count(self.system.affected_count, len(self.free))
         self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
@@ -236,17 +230,11 @@ class TrimProblem:
 
         z: solution in scaled unknowns, (k,)
         """
-        wrapped = self.system.wrapped(z)
-        return wrapped if self.solved(wrapped) else z
-
-    def large_angles(self, values: Mapping[str, float]) -> list[str]:
-        """Return texts on free angles without limits that exceed 90 deg, such as "bank 154 deg".
-
-        values: variable -> value
-        """
-        far = self.system.beyond_quarter_turn(self.unknowns(values))
-        names = [self.free[i] for i in np.flatnonzero(far)]
-        return [f"{name} {self.model.describe(name, values[name])}" for name in names]
+        quarter_turn = self.system.quarter_turn
+        revolution = np.where(np.isfinite(quarter_turn), 4.0 * quarter_turn, 1.0)
+        reduced = z - revolution * np.round(z / revolution)
+        reduced = np.where(self.system.beyond_quarter_turn(z), reduced, z)
+        return reduced if self.solved(reduced) else z
 
     def balanced(self, z: np.ndarray) -> bool:
         """Return whether every scaled residual is within `BALANCE`, regardless of the limits.
@@ -260,13 +248,6 @@ class TrimProblem:
         except (BadInputError, FloatingPointError):
             return False
 
-    def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the scaled unknowns z (k,) that belong to values of the variables.
-
-        values: variable -> value, at least for all unknowns
-        """
-        return self.system.unknowns(values)
-
     def starts(self, guess: np.ndarray) -> Iterator[np.ndarray]:
         """Yield initial points for further searches, evenly spread within the limits, (k,) each.
 
@@ -279,9 +260,11 @@ class TrimProblem:
         guess: initial point of the first search, (k,)
         """
         equations, unknowns = self.count
-        if not unknowns or equations > unknowns or self.system.equations.is_affine:
-            return
         system = self.system
+        if not unknowns or equations > unknowns:
+            return
+        if not ca.depends_on(system.equations.jacobian, system.equations.z):
+            return  # the equations are affine
         far = np.minimum(_FAR, system.quarter_turn)
         lowest = np.where(np.isfinite(system.lowest), system.lowest, guess - far)
         highest = np.where(np.isfinite(system.highest), system.highest, guess + far)
@@ -319,15 +302,6 @@ class TrimProblem:
         lengths = np.where(lengths > 0.0, lengths, 1.0)
         return BalancedEffects(rows / lengths, lengths)
 
-    def residuals(self, z: np.ndarray) -> dict[str, float]:
-        """Return the residual of each equation in its unit, state or output -> number.
-
-        z: scaled unknowns, (k,)
-        """
-        amounts = (self.at(z).residual * self.system.row_scales).tolist()
-        residuals = dict(zip(self.names, amounts, strict=True))
-        return {row.name: residuals[row.name] for row in self.system.structure.rows}
-
 
 def keepable(system: TrimSystem, set_free: Sequence[str] = ()) -> list[str]:
     """Return the unknowns that a trim may keep at their start values, if the equations do not
@@ -337,11 +311,6 @@ def keepable(system: TrimSystem, set_free: Sequence[str] = ()) -> list[str]:
     """
     others = {*system.model.inputs, *system.condition.set_free, *set_free}
     return [name for name in system.equations.unknowns if name not in others]
-
-
-def is_determined(problem: TrimProblem, z: np.ndarray) -> bool:
-    """Return whether the equations determine all unknowns near z, (k,)."""
-    return problem.balanced_effects(z).rank == len(z)
 
 
 class Undetermined(NamedTuple):
@@ -360,7 +329,9 @@ def undetermined(problem: TrimProblem, z: np.ndarray) -> Undetermined:
 
     z: trim, (k,)
     """
-    directions = problem.balanced_effects(z).directions()
+    effects = problem.balanced_effects(z)
+    # Directions along which the scaled unknowns change no equation, (d, k).
+    directions = np.linalg.svd(effects.matrix)[2][effects.rank :] / effects.lengths
     if not len(directions):
         return Undetermined([], 0)
     relative_to_sizes = directions * problem.system.scales / _sizes(problem)

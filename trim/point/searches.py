@@ -202,7 +202,7 @@ class _PartOfUnknowns(NamedTuple):
         try:
             return self.problem.at(self.all_unknowns(values)).residual
         except (BadInputError, FloatingPointError):
-            return np.full(len(self.problem.names), np.inf)
+            return np.full(len(self.problem.system.equations.rows), np.inf)
 
     def jacobian(self, values: np.ndarray) -> np.ndarray:
         """Return the derivatives of the residuals by the unknowns that move."""

@@ -22,7 +22,6 @@ from trim.point.problem import (
     DEPENDENT,
     SearchEnd,
     TrimProblem,
-    is_determined,
     keepable,
     kept_states,
 )
@@ -85,7 +84,7 @@ def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str
     balancing: free variable -> value for which the equations balance
     """
     problem = TrimProblem(model, condition)
-    return failure(problem, problem.unknowns(balancing))
+    return failure(problem, problem.system.scaled(balancing))
 
 
 def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
@@ -352,7 +351,7 @@ def _unique_trim(problem: TrimProblem) -> OperatingPoint:
     if keepable(problem.system, problem.asked.set_free):
         equations, unknowns = problem.count
         found = solution(problem) if unknowns <= equations else None
-        if found is None or not is_determined(problem, found.z):
+        if found is None or problem.balanced_effects(found.z).rank < unknowns:
             problem = problem.keeping(kept_states(problem, _unknowns_of))
             found = solution(problem)
     else:

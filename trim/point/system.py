@@ -18,7 +18,6 @@ import numpy as np
 from hfa_aircraft.layout import Layout, column, components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_support.matrices import LinearTable
 from hfa_support.native.bound import RowFunction
 from trim.point.condition import TrimCondition
 
@@ -80,7 +79,8 @@ class TrimEquations:
     rows.
 
     layout: equations and names of the model
-    scaled_unknowns: the k unknowns that affect an equation, with their scales, in the order of z
+    unknowns: names of the k unknowns that affect an equation, in the order of z
+    scales: (k,), scale of each unknown
     idle: names of the free variables that are in no equation; their values are in c
     rows: the e equations; those that the unknowns affect come first
     affected_count: m, number of equations that the unknowns affect
@@ -95,7 +95,8 @@ class TrimEquations:
     """
 
     layout: Layout
-    scaled_unknowns: tuple[Scaled, ...]
+    unknowns: tuple[str, ...]
+    scales: np.ndarray
     idle: tuple[str, ...]
     rows: tuple[TrimEquation, ...]
     affected_count: int
@@ -110,29 +111,9 @@ class TrimEquations:
     square: bool
 
     @cached_property
-    def unknowns(self) -> tuple[str, ...]:
-        """Names of the unknowns, in the order of z."""
-        return tuple(unknown.name for unknown in self.scaled_unknowns)
-
-    @cached_property
-    def scales(self) -> np.ndarray:
-        """Scale of each unknown, (k,)."""
-        return np.array([unknown.scale for unknown in self.scaled_unknowns])
-
-    @cached_property
-    def row_scales(self) -> np.ndarray:
-        """Scale of each equation, (e,)."""
-        return np.array([row.scale for row in self.rows])
-
-    @cached_property
-    def is_affine(self) -> bool:
-        """Whether J is the same for all z, so that no other initial point has another solution."""
-        return not (self.scaled_unknowns and ca.depends_on(self.jacobian, self.z))
-
-    @cached_property
     def residual_rows(self) -> RowFunction:
-        """Function of rows (z, c) that returns the residuals r (e,) and their Jacobian J (m, k)."""
-        parts = [self.residual, ca.vec(self.jacobian.T)]
+        """Function of rows (z, c) that returns r (m,) of the affected equations, and J (m, k)."""
+        parts = [self.residual[: self.affected_count], ca.vec(self.jacobian.T)]
         return RowFunction(ca.Function("residual", [self.z, self.c], parts))
 
     @cached_property
@@ -141,7 +122,7 @@ class TrimEquations:
 
         y are the watched states and outputs.
         """
-        unaffected = ca.SX(len(self.rows) - self.affected_count, len(self.scaled_unknowns))
+        unaffected = ca.SX(len(self.rows) - self.affected_count, len(self.unknowns))
         derivatives = ca.vertcat(self.jacobian, unaffected)
         flat = ca.vertcat(self.x, self.u, self.y, self.residual, ca.vec(derivatives.T))
         return RowFunction(ca.Function("point", [self.z, self.c], [ca.densify(flat)]))
@@ -189,35 +170,20 @@ def step_rows(equations: TrimEquations, steps: int) -> RowFunction:
     return RowFunction(ca.Function("steps", arguments, ends, {"cse": True}))
 
 
-def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str]) -> Structure:
-    """Return the unknowns and equations of a trim, without the numbers that differ between points.
-
-    model: model of the aircraft
-    condition: condition of the trim
-    varied: variables, outputs, rates or parameters whose values differ between the points
-    """
-    return _structure(
-        model,
-        tuple([(name, value != 0.0) for name, value in condition.imposed.items()]),
-        tuple([(name, rate != 0.0) for name, rate in condition.rates.items()]),
-        tuple([(name, *ends) for name, ends in condition.limits.items()]),
-        tuple(varied),
-    )
-
-
 @lru_cache(maxsize=32)
-def _structure(
+def structure_of(
     model: Model,
     imposed: tuple[tuple[str, bool], ...],
     rates: tuple[tuple[str, bool], ...],
     limits: tuple[tuple[str, float, float], ...],
     varied: tuple[str, ...],
 ) -> Structure:
-    """Return the structure of the conditions that impose these names.
+    """Return the unknowns and equations of a trim, without the numbers that differ between points.
 
     imposed: (variable or output, whether its value is not 0)
     rates: (state, whether its rate is not 0)
     limits: (name, lowest, highest), instead of the model's limits
+    varied: variables, outputs, rates or parameters whose values differ between the points
     """
     held = {*dict(imposed), *varied}
     is_nonzero_rate = dict(rates)
@@ -290,26 +256,6 @@ def _expressions(structure: Structure) -> _Expressions:
     return _Expressions(given, free, p, x, u, y, column(residuals))
 
 
-class _Dependence(NamedTuple):
-    """Rows (equations) and columns (unknowns) of a Jacobian by its pattern of zeros.
-
-    affected: equations that depend on an unknown
-    unaffected: the other equations
-    active: unknowns that are in an equation
-    """
-
-    affected: list[int]
-    unaffected: list[int]
-    active: list[int]
-
-
-def _dependence(jacobian: ca.SX) -> _Dependence:
-    """Return which equations depend on an unknown, and which unknowns are in an equation."""
-    has_entry = ca.DM(ca.sparsify(jacobian).sparsity(), 1).full() != 0.0
-    depends, acts = has_entry.any(axis=1), has_entry.any(axis=0)
-    return _Dependence(*(np.flatnonzero(mask).tolist() for mask in (depends, ~depends, acts)))
-
-
 @lru_cache(maxsize=16)
 def equations(structure: Structure) -> TrimEquations:
     """Return the equations of a trim as CasADi expressions.
@@ -323,22 +269,29 @@ def equations(structure: Structure) -> TrimEquations:
     e = _expressions(structure)
     by_all = ca.jacobian(e.residual, column(e.free.values()))  # by all free variables
     structure.layout.refuse_steps(by_all, list(e.free))
-    affected, unaffected, active = _dependence(by_all)
-    jacobian = ca.sparsify(by_all)[affected, active]
-    scaled_unknowns = tuple(structure.unknowns[column] for column in active)
-    names = {unknown.name for unknown in scaled_unknowns}
-    idle = tuple(name for name in e.free if name not in names)
+    by_all = ca.sparsify(by_all)
+    has_entry = ca.DM(by_all.sparsity(), 1).full() != 0.0
+    is_affected = has_entry.any(axis=1)
+    affected, unaffected = (
+        np.flatnonzero(is_affected).tolist(),
+        np.flatnonzero(~is_affected).tolist(),
+    )
+    active = np.flatnonzero(has_entry.any(axis=0)).tolist()
+    jacobian = by_all[affected, active]
+    unknowns = tuple(structure.unknowns[column].name for column in active)
+    scales = np.array([structure.unknowns[column].scale for column in active])
+    idle = tuple(name for name in e.free if name not in unknowns)
 
-    z = ca.SX.sym("z", len(scaled_unknowns))
-    scales = ca.DM([unknown.scale for unknown in scaled_unknowns])
-    sought = column(e.free[unknown.name] for unknown in scaled_unknowns)
+    z = ca.SX.sym("z", len(unknowns))
+    sought = column(e.free[name] for name in unknowns)
     in_order = e.residual[[*affected, *unaffected]]
-    parts = [e.x, e.u, e.y, in_order, ca.densify(jacobian) @ ca.diag(scales)]
-    x, u, y, residual, jacobian_of_z = ca.substitute(parts, [sought], [z * scales])
+    parts = [e.x, e.u, e.y, in_order, ca.densify(jacobian) @ ca.diag(ca.DM(scales))]
+    x, u, y, residual, jacobian_of_z = ca.substitute(parts, [sought], [z * ca.DM(scales)])
     is_square = bool(active) and len(affected) == len(active)
     return TrimEquations(
         layout=structure.layout,
-        scaled_unknowns=scaled_unknowns,
+        unknowns=unknowns,
+        scales=scales,
         idle=idle,
         rows=tuple(structure.rows[row] for row in (*affected, *unaffected)),
         affected_count=len(affected),
@@ -412,10 +365,9 @@ class TrimSystem:
     quarter_turn: (k,), 90 deg in scaled units for angles without limits or with assumed ones, and
         inf for other unknowns
     watched: limits of the watched states and outputs
-    row_scales: (e,), scale of each equation
     affected_count: number m of equations that the unknowns affect, which are the first m equations
     is_quick: True if the equations are square and have at most `_FEW` unknowns
-    steps: number of Newton steps in `quick_steps`
+    steps: number of Newton steps in `step_rows`
     """
 
     def __init__(
@@ -435,14 +387,19 @@ class TrimSystem:
         self.condition = condition
         self.declared = {**declared_start(model, condition.imposed), **condition.begin}
         self.begin = {**self.declared, **(begin or {})}
-        self.structure = structure_of(model, condition, varied)
+        self.structure = structure_of(
+            model,
+            tuple([(name, value != 0.0) for name, value in condition.imposed.items()]),
+            tuple([(name, rate != 0.0) for name, rate in condition.rates.items()]),
+            tuple([(name, *ends) for name, ends in condition.limits.items()]),
+            tuple(varied),
+        )
         self.equations = equations(self.structure)
         self.scales = self.equations.scales
-        self.start = self.unknowns(self.begin)
+        self.start = self.scaled(self.begin)
         self.limits = condition.limits_on(self.equations.unknowns)
         self.lowest, self.highest, self.quarter_turn = _scaled_limits(self.limits, self.equations)
         self.watched = condition.limits_on([signal.name for signal in self.structure.watched])
-        self.row_scales = self.equations.row_scales
         self.affected_count = self.equations.affected_count
         self.is_quick = self.equations.square and len(self.scales) <= _FEW
         self.steps = _STEPS_OF_MANY if varied and not self.only_inputs else _STEPS
@@ -459,19 +416,8 @@ class TrimSystem:
         """
         return np.abs(z) > self.quarter_turn
 
-    def wrapped(self, z: np.ndarray) -> np.ndarray:
-        """Return the scaled unknowns (..., k), with large angles reduced by full revolutions.
-
-        Only angles beyond 90 deg that have no limits are changed.
-
-        z: scaled unknowns, (..., k)
-        """
-        revolution = np.where(np.isfinite(self.quarter_turn), 4.0 * self.quarter_turn, 1.0)
-        reduced = z - revolution * np.round(z / revolution)
-        return np.where(self.beyond_quarter_turn(z), reduced, z)
-
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residuals r (N, e) and their Jacobian J (N, m, k).
+        """Return r (N, m) and J (N, m, k) of the equations that the unknowns affect.
 
         z: (N, k), scaled unknowns
         c: (N, ..), constants that differ between the points
@@ -492,15 +438,6 @@ class TrimSystem:
         signals, A, B, residual = np.split(flat, ends, axis=1)
         return LinearizedPoints(signals, A.reshape(len(z), n, n), B.reshape(len(z), n, m), residual)
 
-    def quick_steps(self, z: np.ndarray, c: np.ndarray) -> NewtonEnds:
-        """Return the unknowns after a few full Newton steps at N points, and which converged.
-
-        z: (N, k), initial scaled unknowns
-        c: (N, ..), constants that differ between the points
-        """
-        after, flags = step_rows(self.equations, self.steps)(z, c)
-        return NewtonEnds(after, flags[:, 0] == 1.0)
-
     def at(self, z: np.ndarray, c: np.ndarray) -> Evaluation:
         """Return the state, input, residuals and Jacobian of the equations at one point.
 
@@ -509,18 +446,17 @@ class TrimSystem:
         """
         model = self.model
         (rows,) = self.equations.point_rows(z[None], c)
-        equations = len(self.row_scales)
         row = rows[0]
         n = len(model.states)
         after_u = n + len(model.inputs)
         after_y = after_u + len(self.structure.watched)
-        after_residual = after_y + equations
+        after_residual = after_y + len(self.equations.rows)
         return Evaluation(
             model.layout.record("x", row[:n].tolist()),
             model.layout.record("u", row[n:after_u].tolist()),
             row[after_u:after_y],
             row[after_y:after_residual],
-            row[after_residual:].reshape(equations, len(z)),
+            row[after_residual:].reshape(len(self.equations.rows), len(z)),
             bool(np.isfinite(row).all()),
         )
 
@@ -535,32 +471,27 @@ class TrimSystem:
         """
         columns = columns or {}
         names = self.equations.constants
+        imposed = self.condition.imposed
+        by = self.model.schedule  # which may itself have a column
         table = np.empty((count, len(names) + len(self.model.p)))
         for index, name in enumerate(names):
-            table[:, index] = columns[name] if name in columns else self._constant(name, columns)
+            if name in columns:
+                table[:, index] = columns[name]
+            elif name in self.equations.idle:
+                table[:, index] = self.declared[name]
+            elif name in self.model.rates:
+                table[:, index] = self.condition.rates.get(name.removesuffix("_dot"), 0.0)
+            elif name in imposed:
+                scheduled = columns.get(by, imposed.get(by, 0.0))
+                table[:, index] = self.condition.values_at(name, scheduled)
+            else:
+                table[:, index] = 0.0
         table[:, len(names) :] = self.model.p
         for name in self.model.parameters.keys() & columns:
             table[:, len(names) + list(self.model.parameters).index(name)] = columns[name]
         return table
 
-    def _constant(self, name: str, columns: Mapping[str, np.ndarray]) -> float | np.ndarray:
-        """Return the value of a constant that has no column: a number, or an array (N,) if the
-        condition has a table of it over the scheduling variable.
-
-        columns: as for `constants`
-        """
-        if name in self.equations.idle:
-            return self.declared[name]
-        if name in self.model.rates:
-            return self.condition.rates.get(name.removesuffix("_dot"), 0.0)
-        imposed = self.condition.imposed
-        value = imposed.get(name, 0.0)
-        if not isinstance(value, LinearTable):
-            return value
-        by = self.model.schedule  # which may itself have a column
-        return self.condition.values_at(name, columns.get(by, imposed.get(by, 0.0)))
-
-    def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
+    def scaled(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the scaled unknowns (k,) that belong to values of the variables.
 
         values: variable -> value, at least for all unknowns
@@ -578,17 +509,13 @@ class _ScaledLimits(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _scaled_limits(limits: Limits, equations: TrimEquations) -> _ScaledLimits:
-    """Return the limits of the unknowns in scaled units, and 90 deg for angles without limits or
-    with assumed ones, inf for other unknowns.
-    """
+    """Return the limits of the unknowns in scaled units."""
     is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
     is_assumed = limits.assumed.astype(bool)
     quarter_turns = [_QUARTER_TURN.get(limits.model.unit(name), math.inf) for name in limits.names]
     quarter_turn = np.where(is_unlimited | is_assumed, quarter_turns, math.inf)
     return _ScaledLimits(
-        limits.lowest / equations.scales,
-        limits.highest / equations.scales,
-        quarter_turn / equations.scales,
+        *(limit / equations.scales for limit in (limits.lowest, limits.highest, quarter_turn))
     )
 
 

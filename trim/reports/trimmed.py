@@ -108,12 +108,12 @@ def other_trims(problem: TrimProblem, point: OperatingPoint) -> list[OperatingPo
     problem: the solved problem
     point: the trim
     """
-    trim = problem.unknowns(point.values)
+    trim = problem.system.scaled(point.values)
     equations, unknowns = problem.count
     starts = [*problem.starts(trim)]
     if not starts or equations != unknowns:
         return []
-    starts.append(problem.unknowns(declared_start(problem.model, problem.asked.imposed)))
+    starts.append(problem.system.scaled(declared_start(problem.model, problem.asked.imposed)))
     trims = [trim]
     for z in problem.ends_within(starts):
         if problem.solved(z) and not any(_are_one_trim(problem, z, known) for known in trims):
@@ -188,7 +188,7 @@ def _unlimited(problem: TrimProblem) -> list[str]:
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
     """Return a sentence on another trim, with an initial point that leads to it."""
     model = problem.model
-    differences = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values))
+    differences = np.abs(problem.system.scaled(other.values) - problem.system.scaled(point.values))
     different = np.flatnonzero(differences > MINOR * differences.max())
     names = [problem.free[i] for i in different]
     values = ", ".join(f"{name} {model.describe(name, other.values[name])}" for name in names)

@@ -382,7 +382,7 @@ def _after_newton_step(
 ) -> np.ndarray:
     """Return the scaled unknowns (N, k) after one Newton step from z at N points."""
     residual, jacobian = system.residuals(z, _constants(system, variables, values))
-    return z + newton_step(jacobian, residual[:, : system.affected_count])
+    return z + newton_step(jacobian, residual)
 
 
 def _cells_of(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

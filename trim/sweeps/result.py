@@ -673,7 +673,7 @@ def _linear_model_at(swept: Sweep, index: int) -> LinearModel:
     inputs = record(tuple(model.inputs))(*swept.inputs[index].tolist())
     values_at = OperatingPoint(states, inputs, {}, Status.TRIMMED, model).values
     problem = TrimProblem(model, condition, values_at)
-    point = OperatingPoint._of(problem, problem.unknowns(values_at), Status.TRIMMED)
+    point = OperatingPoint._of(problem, problem.system.scaled(values_at), Status.TRIMMED)
     return point.linearize()
 
 
