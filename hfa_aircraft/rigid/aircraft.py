@@ -100,7 +100,10 @@ def angular_acceleration(rates: Any, moment: Any, inertia: Any) -> Any:
     inertia: symmetric inertia matrix I, (3, 3)
     """
     spin = ca.cross(rates, ca.mtimes(inertia, rates))
-    return ca.mtimes(_inverse(inertia), moment - spin)
+    rows = ca.horzsplit(inertia)
+    cofactors = [ca.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
+    inverse = ca.horzcat(*cofactors).T / ca.dot(rows[0], cofactors[0])
+    return ca.mtimes(inverse, moment - spin)
 
 
 def inertia_matrix(moments: Sequence[Any], products: Sequence[Any]) -> Any:
@@ -188,13 +191,6 @@ def state_rates(
         "yaw": turning,
         "altitude": climb,
     }
-
-
-def _inverse(matrix: Any) -> Any:
-    """Return the inverse of a symmetric (3, 3) matrix."""
-    rows = ca.horzsplit(matrix)
-    cofactors = [ca.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
-    return ca.horzcat(*cofactors).T / ca.dot(rows[0], cofactors[0])
 
 
 #: Standard gravity, and units of length and force, by system of units.
@@ -300,13 +296,14 @@ class Motion:
         turning = angular_acceleration(self.rates, moment, inertia)
         climb = -ca.dot(self._down, self.velocity)
         velocity_rate = self.acceleration(specific_force)
+        rates = state_rates(self._x, self.velocity, velocity_rate, turning, climb)
         outputs = {
             "gamma": ca.asin(climb / self._x.speed),
-            "turn_rate": turn_rate(self._x),
+            "turn_rate": rates["yaw"],
             "load_factor": load_factor(self._x.alpha, specific_force, self._gravity),
             "mach": self.mach,
         }
-        return state_rates(self._x, self.velocity, velocity_rate, turning, climb), outputs
+        return rates, outputs
 
 
 def rigid_aircraft(

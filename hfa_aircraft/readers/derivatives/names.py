@@ -41,32 +41,22 @@ def number(name: str, entry: Entry, unit: str, factor_without_unit: float = 1.0)
     stated = ""
     if isinstance(value, str):
         text, stated = split_unit(value)
-        value = _float(text)
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise entry.error(
             f"{name} is {shown(entry.value)}; give a finite number, optionally with a unit"
         )
-    return float(value) * (_factor(name, entry, stated, unit) if stated else factor_without_unit)
-
-
-def _float(text: str) -> float:
-    """Return the number that a text represents, or NaN if it represents none."""
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
-def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
-    """Return the factor from the stated unit to `unit`."""
-    factor = conversion_factor(stated, unit)
+    factor = conversion_factor(stated, unit) if stated else factor_without_unit
     if factor is None:
         if stated == "lb":
             raise entry.error(f"{name} is in lb; write lbf (a weight or force) or lbm (a mass)")
         other = unit.replace("rad", "deg") if "rad" in unit else si_unit(unit)
         known = " or ".join(dict.fromkeys((unit, other)))
         raise entry.error(f"{name} is in {shortened(stated)}; give {name} in {known}")
-    return factor
+    return float(value) * factor
 
 
 #: Name -> unit in the two systems of `units`. Numbers without a unit are "1", angles "rad".

@@ -41,13 +41,16 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
 
     yield from table.warnings
     yield from _of_angles(table)
-    if warning := _of_inertias(of):
+    xx, yy, zz = (of(name) for name in ("Ixx", "Iyy", "Izz"))
+    xz = values.get("Ixz", 0.0)
+    if warning := inertia_warning([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]]):
         yield warning
     yield from _unusual(table, of)
     needed = (*_NEEDED, *(_NEEDED_OF[name] for name in table.surfaces if name in _NEEDED_OF))
     if missing := [name for name in needed if not values.get(name)]:
         yield f"{', '.join(missing)} missing or 0; no published aircraft has 0"
-    idle = [name for name in table.surfaces if not _moves(name, values)]
+    effects = tuple(name for name, value in values.items() if value)
+    idle = [name for name in table.surfaces if not any(e.endswith(f"_{name}") for e in effects)]
     if idle:
         yield f"no derivative of {', '.join(idle)} is given: no effect on the aircraft"
     yield from _of_weight(table, of)
@@ -71,11 +74,6 @@ def _unusual(table: DerivativeTable, of: Values) -> Iterator[str]:
             yield f"{warning} ({given})" if given else warning
 
 
-def _moves(surface: str, values: Mapping[str, float]) -> bool:
-    """Return whether a derivative with respect to a control surface is not 0."""
-    return any(name.endswith(f"_{surface}") and value for name, value in values.items())
-
-
 def _of_angles(table: DerivativeTable) -> Iterator[str]:
     """Yield a sentence for each angle that was probably typed in degrees, without a unit."""
     angles = {"alpha": (abs(table.values.get("alpha", 0.0)), _STEEPEST)}
@@ -90,13 +88,6 @@ def _of_angles(table: DerivativeTable) -> Iterator[str]:
                 f"{name} is {size:.4g} rad = {math.degrees(size):.4g} deg; angles without a unit "
                 f'are in rad: "{size:.4g} deg"'
             )
-
-
-def _of_inertias(of: Values) -> str:
-    """Return a sentence if no rigid body has the inertias, or ""."""
-    xx, yy, zz, xz = (of(name) for name in ("Ixx", "Iyy", "Izz", "Ixz"))
-    xz = 0.0 if math.isnan(xz) else xz
-    return inertia_warning([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
 
 
 def _of_weight(table: DerivativeTable, of: Values) -> Iterator[str]:

@@ -164,25 +164,26 @@ def _model(table: DerivativeTable) -> Model:
             equations="derivatives" if table.center is None else "AVL",
             configuration=partial(_configuration, table),
         ),
-        domain=Domain(reference=_reference(table), by_speed=_by_speed(table)),
+        domain=_domain(table),
     )
 
 
-def _reference(table: DerivativeTable) -> dict[str, float]:
-    """Return the condition of the derivatives, state or output -> value."""
+def _domain(table: DerivativeTable) -> Domain:
+    """Return the condition of the derivatives, and the entries by which the speed matters."""
     altitude = table.values.get("altitude", 0.0)
     speed = table.values["speed"]
     sound = float(air_at(altitude, table.system).sound)
     mach = speed / sound if table.mach is None else table.mach
     alpha = table.values.get("alpha", 0.0)
-    return {"alpha": alpha, "speed": speed, "altitude": altitude, "mach": mach}
-
-
-def _by_speed(table: DerivativeTable) -> tuple[str, ...]:
-    """Return the entries that state an effect of the speed."""
-    slopes = [name for name, meaning in table.meanings.items() if meaning.argument == "u"]
-    slopes = [name for name in slopes if table.derivatives[name]]
-    return (*slopes, *(["thrust_slope"] if table.values.get("thrust_slope") else []))
+    slopes = [
+        name
+        for name, meaning in table.meanings.items()
+        if meaning.argument == "u" and table.derivatives[name]
+    ]
+    if table.values.get("thrust_slope"):
+        slopes.append("thrust_slope")
+    reference = {"alpha": alpha, "speed": speed, "altitude": altitude, "mach": mach}
+    return Domain(reference=reference, by_speed=tuple(slopes))
 
 
 def _configuration(
@@ -243,11 +244,6 @@ class _ForceCoefficients(NamedTuple):
     drag: Any
     side: Any
 
-    @property
-    def along_axes(self) -> Any:
-        """The coefficients along the stability axes, (3,)."""
-        return ca.vertcat(-self.drag, self.side, -self.lift)
-
 
 class _Equations:
     """Equations of the aircraft of a table, (x, u, p, w) -> (rates, outputs) by name."""
@@ -270,8 +266,7 @@ class _Equations:
         """Return the rates of the states and the outputs, each as name -> value."""
         values = self._table.values
         motion = Motion(x, p.gravity, self._table.system, p.isa)
-        shift = self._center_shift(p)
-        tail = self._tail_factor(shift)
+        shift, tail = self._center_shift(p)
         variables = self._variables(x, u, motion, shift)
         of_forces = variables | {"q": tail * variables["q"]}
         of_moments = variables | {"q": tail**2 * variables["q"]}
@@ -323,7 +318,8 @@ class _Equations:
 
     def _in_body_axes(self, x: Any, motion: Motion, coefficients: _ForceCoefficients) -> Any:
         """Return the force q̄ S (C_L, C_D, C_Y) in body axes, (3,)."""
-        along_body_axes = ca.mtimes(wind_axes(x.alpha, 0.0), coefficients.along_axes)
+        along_axes = ca.vertcat(-coefficients.drag, coefficients.side, -coefficients.lift)
+        along_body_axes = ca.mtimes(wind_axes(x.alpha, 0.0), along_axes)
         return motion.pressure * self._table.values["wing_area"] * along_body_axes
 
     def _moment_at_point(self, p: Any, motion: Motion, variables: Mapping[str, Any]) -> Any:
@@ -334,15 +330,11 @@ class _Equations:
         pressure_area = motion.pressure * values["wing_area"]
         return ca.mtimes(self._moments_to_body, pressure_area * lengths * ca.vertcat(*coefficients))
 
-    def _center_shift(self, p: Any) -> Any:
-        """Return Δ, the distance of the center of gravity behind the point of the derivatives."""
+    def _center_shift(self, p: Any) -> tuple[Any, Any]:
+        """Return Δ, and the arm of the tail relative to that of the file, 1 - Δ/l."""
         values = self._table.values
-        return (p.cg - values[CENTER]) * values["chord"] if CENTER in values else 0.0
-
-    def _tail_factor(self, shift: Any) -> Any:
-        """Return 1 - Δ/l, the arm of the tail relative to that of the file."""
-        values = self._table.values
-        return 1.0 - shift / values[TAIL_ARM] if TAIL_ARM in values else 1.0
+        shift = (p.cg - values[CENTER]) * values["chord"] if CENTER in values else 0.0
+        return shift, 1.0 - shift / values[TAIL_ARM] if TAIL_ARM in values else 1.0
 
     def _force_coefficients(self, p: Any, variables: Mapping[str, Any]) -> _ForceCoefficients:
         """Return the coefficients of the forces, with induced drag."""

@@ -25,7 +25,9 @@ from hfa_aircraft.readers.derivatives.names import (
     CENTERS,
     COEFFICIENTS,
     DIVIDED,
+    GEOMETRY,
     INDUCED,
+    LARGEST_LIFT,
     REQUIRED,
     TAIL_ARM,
     THRUST_BY_SPEED,
@@ -236,8 +238,7 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Deri
         derivative.coefficient.name: derivative.name for derivative in by_kind.dimensional
     }
     _refuse_missing(values, {*derivatives, *determined}, source.text or _DICTIONARY)
-    _refuse_sizes(values, entries)
-    _refuse_altitude(values.get("altitude", 0.0), entries, system)
+    _refuse_sizes(values, entries, system)
     if "mass" not in values:
         values["mass"] = values["weight"] / GRAVITY[system]
     _refuse_two_forms(entries, determined)
@@ -471,22 +472,10 @@ def _refuse_missing(values: Mapping[str, float], derivatives: Collection[str], w
         raise BadInputError(f"{where}: missing entries: {', '.join(missing)}; add these entries")
 
 
-def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
+def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry], system: str) -> None:
     """Raise BadInputError for impossible or conflicting data of an aircraft."""
-    positive = (
-        "wing_area",
-        "span",
-        "chord",
-        "mass",
-        "weight",
-        "Ixx",
-        "Iyy",
-        "Izz",
-        "speed",
-        "CL_max",
-        TAIL_ARM,
-    )
-    for name in positive:
+    positive = ("mass", "weight", "Ixx", "Iyy", "Izz", "speed", LARGEST_LIFT, TAIL_ARM)
+    for name in (*GEOMETRY, *positive):
         if name in values and values[name] <= 0.0:
             raise entries[name].error(f"{name} is {values[name]:g}; give a positive number")
     foremost, rearmost = CENTERS
@@ -505,14 +494,10 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
         raise entries["Ixz"].error(
             "Ixx Izz must exceed Ixz^2 for a rigid body; correct Ixx, Izz or Ixz"
         )
-
-
-def _refuse_altitude(altitude: float, entries: Mapping[str, Entry], system: str) -> None:
-    """Raise BadInputError if aircraft cannot have the reference altitude."""
     foot = 1.0 if system == "english" else FOOT
     low, high = (foot * end for end in ALTITUDES)
-    if not low <= altitude <= high:
+    if not low <= values.get("altitude", 0.0) <= high:
         unit = _unit("altitude", system)
         raise entries["altitude"].error(
-            f"altitude is {altitude:g} {unit}; give {low:g} to {high:g} {unit}"
+            f"altitude is {values['altitude']:g} {unit}; give {low:g} to {high:g} {unit}"
         )
