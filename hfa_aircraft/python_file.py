@@ -10,7 +10,6 @@ import types
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 
@@ -147,7 +146,9 @@ def model_of_python(text: str) -> tuple[Model, str]:
     try:
         module = _executed(where) if where.endswith(".py") else _imported(where)
         sources = hash_of_sources(Path(str(module.__file__)), module.__package__ or "")
-        model = getattr(module, name, None) if name else _only_model(module)
+        models = {key: held for key, held in vars(module).items() if isinstance(held, Model)}
+        only_model = next(iter(models.values())) if len(models) == 1 else None
+        model = getattr(module, name, None) if name else only_model
         if isinstance(model, Model):
             sources = fingerprint(model, sources)
     except BadInputError as error:
@@ -169,7 +170,14 @@ def model_of_python(text: str) -> tuple[Model, str]:
             f"{where}: {type(error).__name__}: {error}; correct the file"
         ) from error
     if not isinstance(model, Model):
-        raise BadInputError(f"{where}: {_no_model_message(module, name, model)}")
+        if not name:
+            names = " or :".join(models) or "NAME"
+            raise BadInputError(
+                f"{where}: no name of a model is given; give {module.__file__}:{names}"
+            )
+        what = "does not exist" if model is None else f"is {shown(model)}, not a Model"
+        advice = f"use {', '.join(models)}" if models else "define a Model"
+        raise BadInputError(f"{where}: {name} {what}; {advice}")
     return model, sources
 
 
@@ -218,26 +226,3 @@ def _imported(name: str) -> types.ModuleType:
     if "" not in sys.path:
         sys.path.insert(0, "")
     return importlib.import_module(name)
-
-
-def _models_of(module: types.ModuleType) -> dict[str, Model]:
-    """Return the models of a module, by name."""
-    return {name: held for name, held in vars(module).items() if isinstance(held, Model)}
-
-
-def _only_model(module: types.ModuleType) -> Model | None:
-    """Return the model of a module with a single one, or None."""
-    models = list(_models_of(module).values())
-    return models[0] if len(models) == 1 else None
-
-
-def _no_model_message(module: types.ModuleType, name: str, value: Any) -> str:
-    """Return the message that a name of a module is no model, with the models of the module."""
-    models = list(_models_of(module))
-    if not name:
-        return (
-            f"no name of a model is given; give {module.__file__}:{' or :'.join(models) or 'NAME'}"
-        )
-    what = "does not exist" if value is None else f"is {shown(value)}, not a Model"
-    advice = f"use {', '.join(models)}" if models else "define a Model"
-    return f"{name} {what}; {advice}"

@@ -324,7 +324,8 @@ def with_stability_file(
         "alpha": _stated(file, "Alpha", "deg"),
     }
     _refuse_missing_drag(own, file, where)
-    has_drag = _has_drag_derivatives(own, file)
+    # Single derivatives of the table replace those of the file.
+    has_drag = INDUCED not in own and "CDa" in file.values
     for coefficient in COEFFICIENTS:
         if coefficient == "CD" and not has_drag:
             induced = number(INDUCED, own[INDUCED], "1") if INDUCED in own else 0.0
@@ -427,15 +428,6 @@ def _fixed_deflections(
         if not isinstance(own[control].value, list | tuple):
             fixed[control] = math.degrees(number(control, own[control], "rad"))
     return fixed
-
-
-def _has_drag_derivatives(own: Mapping[str, Entry], file: StabilityFile) -> bool:
-    """Return whether the derivatives of CD are those of the stability file.
-
-    They are not if the table gives the factor of the induced drag, or if the file has none. Single
-    ones of the table replace those of the file.
-    """
-    return INDUCED not in own and "CDa" in file.values
 
 
 def _refuse_missing_drag(own: Mapping[str, Entry], file: StabilityFile, where: str) -> None:

@@ -339,19 +339,18 @@ class _Equations:
     def _force_coefficients(self, p: Any, variables: Mapping[str, Any]) -> _ForceCoefficients:
         """Return the coefficients of the forces, with induced drag."""
         lift, drag, side = (self._coefficient(name, p, variables) for name in _FORCES)
-        return _ForceCoefficients(lift, drag + self._value(p, INDUCED) * lift**2, side)
+        return _ForceCoefficients(lift, drag + getattr(p, INDUCED, 0.0) * lift**2, side)
 
     def _thrust(self, x: Any, u: Any, p: Any, motion: Motion) -> Any:
         """Return the thrust; the input is the thrust at the reference condition."""
         values = self._table.values
-        lift, drag = self._value(p, "CL_0"), self._value(p, "CD_0")
-        level = drag + self._value(p, INDUCED) * lift**2  # C_T,0
+        level = p.CD_0 + getattr(p, INDUCED, 0.0) * p.CL_0**2  # C_T,0
         ratio = x.speed / values["speed"]
         if "thrust_slope" in values:
             force = self._reference_pressure * values["wing_area"] * level
             return u.thrust * ratio ** (values["speed"] * values["thrust_slope"] / force)
         if THRUST_BY_SPEED in self._table.derivatives:
-            change = self._value(p, THRUST_BY_SPEED) / level
+            change = getattr(p, THRUST_BY_SPEED) / level
             return u.thrust * motion.pressure / self._reference_pressure * ratio**change
         return u.thrust
 
@@ -387,10 +386,6 @@ class _Equations:
                 total = total + getattr(p, derivative) * variables[meaning.argument]
         return total
 
-    def _value(self, p: Any, name: str) -> Any:
-        """Return the derivative with the given name, or 0 if the table does not contain it."""
-        return getattr(p, name) if name in self._table.derivatives else 0.0
-
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific_force: Any) -> Any:
         """Return the rate of alpha, rad/s, of which the lift C_L,alphadot is a part.
 
@@ -399,5 +394,5 @@ class _Equations:
         values = self._table.values
         _, rate, _ = flow_rates(motion.velocity, motion.acceleration(specific_force))
         lag = motion.pressure * values["wing_area"] * values["chord"] / (2.0 * x.speed * p.mass)
-        slope = self._value(p, "CL_alphadot") * lag / (x.speed * ca.cos(x.beta))
+        slope = getattr(p, "CL_alphadot", 0.0) * lag / (x.speed * ca.cos(x.beta))
         return rate / (1.0 + slope)
