@@ -12,7 +12,6 @@ import numpy as np
 from controller.expansion.expansion import Expansion, rates_about_trim
 from controller.expansion.radius import TESTED, flown_until_decayed, scales_of_time
 from controller.game.zero_sum import Game
-from controller.hfa_game import ordinary_deviations
 from controller.riccati.balls import ROUNDOFF
 from hfa_aircraft.batch_simulation import (
     FAR_OF_EXPANSION,
@@ -23,14 +22,18 @@ from hfa_aircraft.batch_simulation import (
     saturated,
 )
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.signals import PlantNames
 from hfa_model.parameters import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.row_code import row_code
 from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import percent
+from hfa_support.units import si_factor, si_unit
 from trim.linear.frequency_response import units_of
 from trim.linear.linear_model import LinearModel
+
+#: Half-widths of the box of typical deviations of the aircraft: ft/s, rad and rad/s, in the order
+#: of `LINEAR_STATES`. They have the size of the commands in Section 5.1, and less for the dihedral.
+ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 
 
 class Box(NamedTuple):
@@ -47,20 +50,24 @@ class Box(NamedTuple):
 
 
 def ordinary_box(
-    states: tuple[str, ...] = LINEAR_STATES,
-    inputs: tuple[str, ...] = INPUTS,
-    state_units: tuple[str, ...] = (),
+    states: tuple[str, ...], inputs: tuple[str, ...], state_units: tuple[str, ...]
 ) -> Box | None:
     """Return the box of typical deviations of the paper's aircraft, or None for another plant.
 
-    states, inputs: names, which must be those of the aircraft
-    state_units: units of the states, English or SI, or () if unknown
+    None also for units that are neither English nor SI. Units that are not given are English.
+
+    states, inputs: names, which must be those of the aircraft, of some or all of its inputs
+    state_units: units of the states
     """
-    widths = ordinary_deviations(PlantNames(states, inputs, state_units))
-    if widths is None:
+    if states != LINEAR_STATES or not set(inputs) <= set(INPUTS):
         return None
-    is_si = state_units and state_units != LINEAR_UNITS
-    speed = f"{widths[0]:.4g} m/s" if is_si else f"{widths[0]:g} ft/s"
+    widths = np.array(ORDINARY_DEVIATIONS)
+    speed = f"{widths[0]:g} ft/s"
+    if state_units == tuple(si_unit(unit) for unit in LINEAR_UNITS):
+        widths = widths * [si_factor(unit) for unit in LINEAR_UNITS]
+        speed = f"{widths[0]:.4g} m/s"
+    elif any(state_units) and state_units != LINEAR_UNITS:
+        return None
     about = f"typical deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s"
     return Box(widths, about, "typical box")
 

@@ -64,21 +64,7 @@ class LinearLoop:
             else math.inf
         )
 
-    @cached_property
-    def farthest_pole(self) -> float:
-        """Abscissa of A - B K, 1/s, or its spectral radius, in doubles unless they contradict the
-        proof that it is stable.
-        """
-        closed_loops, K = self.exact.closed_loops, self.critic.K
-        is_discrete = self.exact.game.is_discrete
-        closed, limit = closed_loops.with_gain(ball_matrix(K)), float(is_discrete)
-        value = spectral_radius(closed) if is_discrete else spectral_abscissa(closed)
-        if (value < limit) == self.suboptimality.is_stable:
-            return value
-        poles = closed_loops.poles(K)
-        return poles.spectral_radius if is_discrete else poles.abscissa
-
-    @cached_property
+    @property
     def checks(self) -> list[Check]:
         """Checks that A - B K is stable and its L2 gain below delta, unless delta is inf or K is
         not finite; in discrete time, √α (A - B K) must be stable too, or the cost is infinite.
@@ -104,31 +90,41 @@ class LinearLoop:
         best = _Robustness(exact.l2_gain, closed_loops.distance(exact.K), exact.disk_margin)
         return {"learned": found, "exact": best}
 
-    @cached_property
+    @property
     def part(self) -> Part:
         """Table and lines of the report."""
-        suboptimality, shown = self.suboptimality, self.robustness.values()
-        zeros = ["0"] * (len(shown) - 1)
-        rows = [
-            (
-                "% above the optimum, worst case",
-                _percent(suboptimality, suboptimality.high),
-                *zeros,
-            ),
-            (
-                "% above the optimum, mean over cases",
-                _percent(suboptimality, suboptimality.mean),
-                *zeros,
-            ),
-            ("L2 gain", *(f"{loop.gain:.4g}" for loop in shown)),
-            ("distance to instability", *(f"{loop.distance:.3g}" for loop in shown)),
-        ]
-        for name in ("disk", "gain", "phase, deg"):
-            rows.append((f"margin of all inputs, {name}", *(_margin(loop, name) for loop in shown)))
+        suboptimality, loops = self.suboptimality, self.robustness.values()
+        zeros = ["0"] * (len(loops) - 1)
+        rows: list[tuple[str, ...]] = []
+        for which, ratio in (
+            ("worst case", suboptimality.high),
+            ("mean over cases", suboptimality.mean),
+        ):
+            above = percent(100.0 * ratio, 3).removesuffix(" %")
+            above = "0" if suboptimality.is_optimal else above  # as a double
+            rows.append((f"% above the optimum, {which}", above, *zeros))
+        rows.append(("L2 gain", *(f"{loop.gain:.4g}" for loop in loops)))
+        rows.append(("distance to instability", *(f"{loop.distance:.3g}" for loop in loops)))
+        for name, unit in (("disk", ""), ("gain", ""), ("phase", ", deg")):
+            margins = (
+                f"{getattr(loop.margin, name):.4g}" if loop.margin else "-" for loop in loops
+            )
+            rows.append((f"margin of all inputs, {name}{unit}", *margins))
         table = Table(("linear loop with the worst disturbance", *self.robustness), rows)
-        return (table, *_state_lines(self.exact, suboptimality))
+        lines = []
+        if _has_worst(suboptimality):
+            worst = state_text(self.exact, suboptimality.worst)
+            lines.append(f"Worst initial state, in the box: {worst}")
+        if not suboptimality.is_relative:
+            lines.append("Weights indefinite: % of the largest optimal cost of the box")
+        if suboptimality.free_state is not None:
+            lines.append(
+                f"From {state_text(self.exact, suboptimality.free_state)}, the policy costs "
+                f"{suboptimality.from_free:.3g}, and the optimum 0"
+            )
+        return (table, *lines)
 
-    @cached_property
+    @property
     def data(self) -> dict[str, Any]:
         """Entries of the verdict's file, name -> value; those of another optimum end in _exact."""
         suboptimality, game = self.suboptimality, self.exact.game
@@ -157,39 +153,28 @@ def _proved_check(name: str, value: float, limit: float, ok: bool, reason: str, 
 
 def _stability_checks(loop: LinearLoop) -> list[Check]:
     """Return the checks that A - B K is stable, and in discrete time of a finite cost."""
-    game, suboptimality, value = loop.exact.game, loop.suboptimality, loop.farthest_pole
+    game, K, is_stable = loop.exact.game, loop.critic.K, loop.suboptimality.is_stable
+    closed_loops = loop.exact.closed_loops
+    closed = closed_loops.with_gain(ball_matrix(K))
+    pole = spectral_radius(closed) if game.is_discrete else spectral_abscissa(closed)
+    if (pole < float(game.is_discrete)) != is_stable:  # doubles contradict the proof
+        poles = closed_loops.poles(K)
+        pole = poles.spectral_radius if game.is_discrete else poles.abscissa
     if not game.is_discrete:
-        unstable = f"A - B K is not Hurwitz (abscissa {value:+.3g} 1/s)"
+        unstable = f"A - B K is not Hurwitz (abscissa {pole:+.3g} 1/s)"
         name = "control_loop_abscissa"
-        return [_proved_check(name, value, 0.0, suboptimality.is_stable, unstable, "stability")]
-    unstable = f"A - B K has the spectral radius {value:.7g}"
+        return [_proved_check(name, pole, 0.0, is_stable, unstable, "stability")]
+    unstable = f"A - B K has the spectral radius {pole:.7g}"
     if loop.is_exact:
         why = "the exact solution of this discounted problem does not stabilize either"
         unstable = f"{unstable}: {why}"
-    discounted = math.sqrt(game.discount) * value
+    discounted = math.sqrt(game.discount) * pole
     infinite = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
-    name = "discounted_loop_radius"
+    is_summable = loop.suboptimality.is_summable
     return [
-        _proved_check(
-            "control_loop_radius", value, 1.0, suboptimality.is_stable, unstable, "stability"
-        ),
-        _proved_check(name, discounted, 1.0, suboptimality.is_summable, infinite, "cost"),
+        _proved_check("control_loop_radius", pole, 1.0, is_stable, unstable, "stability"),
+        _proved_check("discounted_loop_radius", discounted, 1.0, is_summable, infinite, "cost"),
     ]
-
-
-def _state_lines(exact: Solution, suboptimality: Suboptimality) -> list[str]:
-    """Return lines on the initial states that cost most, relative to the optimum."""
-    lines = []
-    if _has_worst(suboptimality):
-        lines.append(f"Worst initial state, in the box: {state_text(exact, suboptimality.worst)}")
-    if not suboptimality.is_relative:
-        lines.append("Weights indefinite: % of the largest optimal cost of the box")
-    if suboptimality.free_state is not None:
-        lines.append(
-            f"From {state_text(exact, suboptimality.free_state)}, the policy costs "
-            f"{suboptimality.from_free:.3g}, and the optimum 0"
-        )
-    return lines
 
 
 def _has_worst(suboptimality: Suboptimality) -> bool:
@@ -225,16 +210,3 @@ def value_check(exact: Solution, P: np.ndarray, box: np.ndarray, limit: float) -
     indefinite = f"P is indefinite (smallest eigenvalue {smallest / unit:.3g} of the exact P)"
     least = min(0.0, float(of_exact[0])) / unit - limit
     return at_least("P_smallest_eigenvalue", smallest / unit, least, indefinite, kind="cost")
-
-
-def _percent(suboptimality: Suboptimality, ratio: float) -> str:
-    """Return a ratio in percent as text, 0 if no cost differs from the optimum as a double."""
-    return "0" if suboptimality.is_optimal else percent(100.0 * ratio, 3).removesuffix(" %")
-
-
-def _margin(loop: _Robustness, name: str) -> str:
-    """Return a number of a disk margin as text, "-" without one.
-
-    name: name of the number, which its unit may follow: "phase, deg"
-    """
-    return f"{getattr(loop.margin, name.partition(',')[0]):.4g}" if loop.margin else "-"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +12,10 @@ import numpy as np
 
 from controller.game.linear_game import weights_line
 from controller.game.zero_sum import Game
-from controller.riccati.suboptimality import Suboptimality
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Check, Report, verdict_text
+from hfa_support.reporting.results import Entries
 from hfa_support.reporting.text import Cell, Table, entry_rows, percent
 from verification.box import SHARE
 from verification.nonlinear_game import GRADES, NonlinearComparison
@@ -83,11 +84,10 @@ def verdict_report(
             *(section.part for section in verdict.sections),
             _farthest_entries(verdict, entries, names.states),
         ],
-        data={
-            "state_units": list(names.state_units),
-            "input_units": list(names.input_units),
-            **verdict.file_entries(limit_cost),
-        },
+        data=Entries(
+            {"state_units": names.state_units, "input_units": names.input_units},
+            partial(verdict.file_entries, limit_cost),
+        ),
         records=records,
     )
 
@@ -118,8 +118,15 @@ def _first_lines(verdict: Verdict, limit_cost: float | None) -> list[str]:
     - a limit of the cost, if one decides
     - a line for each further finding
     """
+    game = game_words(verdict.exact.game)
+    scope = f"on the {game}, {verdict.box.name}"
+    if verdict.nonlinear is not None:
+        scope = f"of the linear part on the {game}"
+    if verdict.flights is not None:
+        scope += f", {verdict.flights or 'no'} flight{'' if verdict.flights == 1 else 's'}"
     first, second, *further = _facts(verdict)
-    headline = f"{_grade_text(verdict, limit_cost)} {_scope(verdict)}: {first}"
+    grade = grade_text(verdict, limit_cost, of_linear_part=True)
+    headline = f"{grade} {scope}: {first}"
     if len(headline) + len(second) + 2 <= _FIRST_LINE:
         headline += f", {second}"
     else:
@@ -128,19 +135,8 @@ def _first_lines(verdict: Verdict, limit_cost: float | None) -> list[str]:
     if limit_cost is not None:
         lines.insert(1, f"decided by the cost limit {limit_cost:g} %")
     if verdict.nonlinear is not None:
-        lines = [*_nonlinear_lines(verdict, verdict.nonlinear, limit_cost), *lines]
+        lines = [*_nonlinear_lines(verdict.nonlinear, grade, limit_cost), *lines]
     return lines
-
-
-def _scope(verdict: Verdict) -> str:
-    """Return on which game and in which box, and with how many simulations."""
-    game = game_words(verdict.exact.game)
-    scope = f"on the {game}, {verdict.box.name}"
-    if verdict.nonlinear is not None:
-        scope = f"of the linear part on the {game}"
-    if verdict.flights is not None:
-        scope += f", {verdict.flights or 'no'} flight{'' if verdict.flights == 1 else 's'}"
-    return scope
 
 
 def _facts(verdict: Verdict) -> list[str]:
@@ -174,14 +170,14 @@ def _facts(verdict: Verdict) -> list[str]:
 
 
 def _nonlinear_lines(
-    verdict: Verdict, nonlinear: NonlinearComparison, limit_cost: float | None
+    nonlinear: NonlinearComparison, grade_of_linear_part: str, limit_cost: float | None
 ) -> list[str]:
     """Return the headline of both games, and a line for each finding on the nonlinear game."""
     flown = nonlinear.flown
     about = "near the trim" if flown is None else f"in {flown.where}"
     headline = (
         f"{_grade_word(nonlinear.grade(limit_cost))} on the nonlinear game {about}, "
-        f"linear part {_grade_text(verdict, limit_cost)}"
+        f"linear part {grade_of_linear_part}"
     )
     findings = [nonlinear.sentence]
     if flown is not None:
@@ -193,35 +189,30 @@ def _nonlinear_lines(
 
 
 def _cost_text(verdict: Verdict) -> str:
-    """Return the cost of the critic relative to the optimum, as text."""
-    suboptimality = verdict.suboptimality
-    if suboptimality is not None:
-        return _enclosed_cost(suboptimality)
-    if math.isinf(verdict.cost_above_optimum_percent):
-        return "cost without bound"
-    if math.isnan(verdict.cost_above_optimum_percent):
-        return next(check.reason for check in verdict.checks if math.isnan(check.value))
-    text = f"at least {percent(verdict.cost_above_optimum_percent)} above the optimum"
-    if verdict.cost_above_optimum_percent <= OPTIMAL:
-        text = "optimal cost"
-    is_at_trim = all(check.ok for check in verdict.checks if check.kind == "rest")
-    return text if is_at_trim else f"{text} about its equilibrium"
-
-
-def _enclosed_cost(suboptimality: Suboptimality) -> str:
-    """Return the cost of a linear policy, as far as its bounds are known."""
-    if suboptimality.is_optimal:
+    """Return the cost of the critic relative to the optimum, as far as it is known, as text."""
+    enclosed, simulated = verdict.suboptimality, verdict.cost_above_optimum_percent
+    if enclosed is None:
+        if math.isinf(simulated):
+            return "cost without bound"
+        if math.isnan(simulated):
+            return next(check.reason for check in verdict.checks if math.isnan(check.value))
+        text = f"at least {percent(simulated)} above the optimum"
+        if simulated <= OPTIMAL:
+            text = "optimal cost"
+        is_at_trim = all(check.ok for check in verdict.checks if check.kind == "rest")
+        return text if is_at_trim else f"{text} about its equilibrium"
+    if enclosed.is_optimal:
         return "optimal cost"
-    if suboptimality.is_known and not math.isinf(suboptimality.low):
-        return f"{percent(100.0 * suboptimality.low)} above the optimum"
-    if suboptimality.matrix is None:
+    least = percent(100.0 * enclosed.low)
+    if enclosed.is_known and not math.isinf(enclosed.low):
+        return f"{least} above the optimum"
+    if enclosed.matrix is None:
         return "cost without bound"
-    if math.isinf(suboptimality.low):
-        return f"costs {suboptimality.from_free:.3g} where the optimum is 0"
-    if math.isinf(suboptimality.high):
-        return f"cost not decided, at least {percent(100.0 * suboptimality.low)} above the optimum"
-    bounds = percent(100.0 * suboptimality.low), percent(100.0 * suboptimality.high, up=True)
-    return f"{bounds[0]} to {bounds[1]} above the optimum"
+    if math.isinf(enclosed.low):
+        return f"costs {enclosed.from_free:.3g} where the optimum is 0"
+    if math.isinf(enclosed.high):
+        return f"cost not decided, at least {least} above the optimum"
+    return f"{least} to {percent(100.0 * enclosed.high, up=True)} above the optimum"
 
 
 def _network_facts(verdict: Verdict) -> list[str]:
@@ -242,27 +233,20 @@ def _network_facts(verdict: Verdict) -> list[str]:
     return [*facts, f"K exact within {verdict.limit:g}"]
 
 
-def grade_text(verdict: Verdict, limit_cost: float | None = None) -> str:
+def grade_text(
+    verdict: Verdict, limit_cost: float | None = None, *, of_linear_part: bool = False
+) -> str:
     """Return the grade as text: PASS, NEAR or FAIL.
 
-    limit_cost: limit of the cost above the optimum, percent, or None
+    limit_cost: limit of the cost above the optimum, percent, which decides; or None
+    of_linear_part: whether the nonlinear game is left out
     """
-    linear = _linear_grade(verdict, limit_cost)
-    if verdict.nonlinear is None:
-        return _grade_word(linear)
-    return _grade_word(max(linear, verdict.nonlinear.grade(limit_cost), key=GRADES.index))
-
-
-def _grade_text(verdict: Verdict, limit_cost: float | None) -> str:
-    """Return the grade on the game of the first line as text."""
-    return _grade_word(_linear_grade(verdict, limit_cost))
-
-
-def _linear_grade(verdict: Verdict, limit_cost: float | None) -> str:
-    """Return the grade on the game itself, for which a limit of the cost decides."""
-    if limit_cost is None:
-        return verdict.linear_grade
-    return "exact" if verdict.linear_holds(limit_cost) else "fail"
+    grade = verdict.linear_grade
+    if limit_cost is not None:
+        grade = "exact" if verdict.linear_holds(limit_cost) else "fail"
+    if verdict.nonlinear is not None and not of_linear_part:
+        grade = max(grade, verdict.nonlinear.grade(limit_cost), key=GRADES.index)
+    return _grade_word(grade)
 
 
 def _grade_word(grade: str) -> str:

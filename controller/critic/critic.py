@@ -212,9 +212,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     >>> hfa.verify(game, hfa.from_gain(game, [[0.5]])).ok
     False
     """
-    n, m = game.B.shape
-    names = game.names.completed(n, m)
-    gain = in_order("K", K, names.inputs, names.states)
+    gain = in_order("K", K, game.names.inputs, game.names.states)
     return Critic(game.checked_gain(gain), is_discrete=game.is_discrete)
 
 
@@ -233,7 +231,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     >>> hfa.from_value(game, [[3.0]]).K.tolist()
     [[3.0]]
     """
-    names = game.names.completed(*game.B.shape).states
+    names = game.names.states
     P = numbers_in("P", in_order("P", P, names, names))
     if P.shape != game.A.shape:
         n = len(game.A)
@@ -274,22 +272,21 @@ def from_parts(
         outputs = {"policy": policy(z)}
         if critic.value is not None:
             outputs["V"] = critic.value(z)
-        functions = from_functions(game, z, outputs, f"{critic.origin} and policy_weights")
-        return replace(functions, weights=critic.weights, basis=critic.basis, has_weights=True)
+        of_outputs = from_functions(game, z, outputs, f"{critic.origin} and policy_weights")
+        return replace(of_outputs, weights=critic.weights, basis=critic.basis, has_weights=True)
     if by_gain is None or critic is by_gain:
         return critic
-    return _with_policy(critic, by_gain.K)
-
-
-def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
-    """Return a copy of the critic with the policy u = -K z and an unchanged value."""
-    network = dict(critic.network)
-    if network:
-        z = ca.SX.sym("z", K.shape[1])
-        network["policy"] = ca.Function("policy", [z], [ca.densify(-ca.DM(K) @ z)])
-    origin = f"{critic.origin} and K"
+    K, functions = by_gain.K, dict(critic.network)  # the value is unchanged
+    if functions:
+        z = ca.SX.sym("z", len(game.A))
+        functions["policy"] = ca.Function("policy", [z], [ca.densify(-ca.DM(K) @ z)])
     return replace(
-        critic, K=K, origin=origin, slope_gain=None, network=network, implies_policy=False
+        critic,
+        K=K,
+        origin=f"{critic.origin} and K",
+        slope_gain=None,
+        network=functions,
+        implies_policy=False,
     )
 
 

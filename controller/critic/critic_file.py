@@ -115,16 +115,16 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
     """Return the critic in the entries of a file of arrays."""
     refuse_other_step(entries, game.dt)
     scales = file_scales(entries, game.names)
-    notes = (*_other_names(entries, game.names), *_other_game(entries, game, scales))
+    notes = [*_other_game(entries, game, scales)]
     of_critic, reader = ["W", "P", "K", "policy_weights"], _critic_of_parts
     of_critic += [name for name, beside in (("basis", "W"), ("S", "K")) if beside in entries]
     if game.is_discrete:
         of_critic += ["L"]
         if "H" in entries:
             of_critic, reader = ["H", "H_signals", "P", "K", "L"], _critic_of_q_function
-    notes += (*unused(entries, (*_USED, *of_critic), f"read: {', '.join(of_critic)}"),)
+    notes += unused(entries, (*_USED, *of_critic), f"read: {', '.join(of_critic)}")
     critic = reader(entries, game, reading, scales)
-    return replace(critic, declared=NOTHING._replace(notes=notes)) if notes else critic
+    return replace(critic, declared=NOTHING._replace(notes=tuple(notes))) if notes else critic
 
 
 def _critic_of_parts(
@@ -145,13 +145,20 @@ def _critic_of_parts(
     if isinstance(psi, ca.Function):  # functions of the states in the file's units
         z = ca.SX.sym("z", len(game.A))
         psi = ca.Function("basis", [z], [psi(ca.DM(scales.states) * z)])
-    parts = single_parts(entries, game.names, psi)
+    parts = single_parts(entries, scales, psi)
     if is_list(reading.basis or "") and "W" not in parts:
         raise BadInputError(
             "--basis lists functions, but the file contains no W; add W, or give --basis a name"
         )
-    critic = from_parts(game, parts, psi, policy_in(entries, game.names))
-    return replace(critic, L=L)
+    policy = None
+    if "policy_weights" in entries:
+        weights = checked_matrix("policy_weights", entries["policy_weights"], LARGEST_CRITIC_ENTRY)
+        if len(weights) != (m := len(scales.inputs)):
+            raise BadInputError(
+                f"policy_weights has {len(weights)} rows; give one for each of the {m} inputs"
+            )
+        policy = polynomial_policy(weights / scales.inputs[:, None], scales.states)
+    return replace(from_parts(game, parts, psi, policy), L=L)
 
 
 def _critic_of_q_function(
@@ -182,21 +189,13 @@ def _in_order_of(game: Game, H: np.ndarray, signals: tuple[str, ...]) -> np.ndar
     return H[np.ix_(places, places)]
 
 
-def _other_names(entries: Mapping[str, Any], plant: PlantNames) -> tuple[str, ...]:
-    """Return notes on states and inputs that have other names in a file than in the plant."""
-    notes = []
-    for key, of_plant in (("states", plant.states), ("inputs", plant.inputs)):
-        of_file = words(entries, key)
-        if of_file and of_plant and ", ".join(of_file).lower() != ", ".join(of_plant).lower():
-            file_text, plant_text = (
-                shortened(", ".join(names), 200) for names in (of_file, of_plant)
-            )
-            notes.append(f"{key} {file_text} of the file, taken as {plant_text}")
-    return tuple(notes)
-
-
 def _other_game(entries: Mapping[str, Any], game: Game, scales: FileScales) -> Iterator[str]:
-    """Yield notes on what a file says of its game, where it differs from the game."""
+    """Yield notes on what a file says of its signals and its game, where it differs."""
+    for key in ("states", "inputs"):
+        of_file, of_plant = words(entries, key), getattr(game.names, key)
+        if of_file and ", ".join(of_file).lower() != ", ".join(of_plant).lower():
+            texts = [shortened(", ".join(names), 200) for names in (of_file, of_plant)]
+            yield f"{key} {texts[0]} of the file, taken as {texts[1]}"
     plant = ", ".join(words(entries, "plant"))
     if plant not in ("", game.names.origin):
         yield f"of {plant}; the game is of {game.names.origin}"
@@ -242,7 +241,7 @@ def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     Raises BadInputError as `single_parts` does.
     """
     of_gain = {name: entry for name, entry in entries.items() if name not in ("W", "P")}
-    return single_parts(of_gain, plant, None)["K"]
+    return single_parts(of_gain, file_scales(entries, plant), None)["K"]
 
 
 def matrix_of_gain(K: Any, inputs: int | None = None) -> np.ndarray:
@@ -326,7 +325,7 @@ def read_critic(
                 f"{path} cannot be read without a game; give the game as the second argument"
             )
         with prefix_errors(path):
-            return Critic(single_parts(entries, PlantNames(), None)["K"])
+            return Critic(gain_in(entries, PlantNames()))
     if isinstance(basis, list):
         basis = ", ".join(basis)
     return critic_in(path, game, Reading(basis, network, activation, scale, linear))
@@ -403,41 +402,20 @@ def part_by_shape(
     return fitting[0]
 
 
-def policy_in(entries: Mapping[str, Any], plant: PlantNames) -> ca.Function | None:
-    """Return the policy of `policy_weights` in a critic file, or None without this entry.
-
-    plant: names and units of the plant
-
-    Raises BadInputError if the number of inputs or monomials is wrong.
-    """
-    if "policy_weights" not in entries:
-        return None
-    weights = checked_matrix("policy_weights", entries["policy_weights"], LARGEST_CRITIC_ENTRY)
-    if len(weights) != len(plant.inputs):
-        raise BadInputError(
-            f"policy_weights has {len(weights)} rows; give one for each of the "
-            f"{len(plant.inputs)} inputs"
-        )
-    scales = file_scales(entries, plant)
-    return polynomial_policy(weights / scales.inputs[:, None], scales.states)
-
-
 def single_parts(
-    entries: Mapping[str, Any], plant: PlantNames, basis: Basis | ca.Function | None
+    entries: Mapping[str, Any], scales: FileScales, basis: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
     """Return the arrays W (M,), P (n, n) and K (m, n) of a critic file, in the units of the plant.
 
     Arrays that the file does not contain are omitted.
 
     entries: entries of the file
-    plant: names and units of the plant
+    scales: factors from the plant's units to the file's units
     basis: ψ of W; None for a file without W
 
     Raises BadInputError
     - if the file has none of these entries,
-    - if an array has a wrong shape or a number out of range,
-    - if the units in the file do not fit the plant,
-    - if the states or inputs in the file are in another order.
+    - if an array has a wrong shape or a number out of range.
     """
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts:
@@ -462,6 +440,6 @@ def single_parts(
             )
         flat = values.reshape(-1) if name == "W" else values
         if name == "K":
-            flat = matrix_of_gain(values, len(plant.inputs) or None)
+            flat = matrix_of_gain(values, len(scales.inputs) or None)
         parts[name] = checked_matrix(name, flat, LARGEST_CRITIC_ENTRY, DIMENSIONS[name])
-    return in_plant_units(parts, file_scales(entries, plant), basis)
+    return in_plant_units(parts, scales, basis)
