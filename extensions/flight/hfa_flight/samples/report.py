@@ -47,8 +47,8 @@ def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flow
     """
     outcomes = _outcomes(plan, flown)
     planned = (
-        f"Monte Carlo, {plan.point.model.title}, law {plan.policy.name}: {plan.members} flights of "
-        f"{plan.scenario.duration:g} s, seed {plan.seed}, {where}"
+        f"Monte Carlo, {plan.point.model.title}, policy {plan.policy.name}: {plan.members} flights "
+        f"of {plan.scenario.duration:g} s, seed {plan.seed}, {where}"
     )
     advice = [] if is_limited(plan.envelope) else [GIVE_LIMIT]
     if uncontrolled is not None and isinstance(plan.policy, FilteredPolicy):

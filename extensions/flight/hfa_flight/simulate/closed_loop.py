@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -130,9 +131,7 @@ class NonlinearPlant(Plant):
         The arguments are those of `Plant.rate`.
         """
         p = components(parameters) if self.uncertain else self.model.p.tolist()
-        vectors = self._absolute(x), components(ca.DM(self.point.u) + u), p
-        model = self._model_with(winds)
-        rates, _ = model.layout.expressions(vectors, outputs=(), w=_disturbances(winds, model))
+        rates, _ = self._expressions((x, ca.DM(self.point.u) + u, p), winds)
         return rates
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
@@ -142,14 +141,11 @@ class NonlinearPlant(Plant):
         state alpha. Raises BadInputError if the output depends on an input, because it is then not
         a flow angle.
         """
-        model = self._model_with(winds)
+        model = self.model
         if not winds or not has_angle_of_attack(model):
             return ca.SX(0, 1)
         u = ca.SX.sym("u", len(model.inputs))
-        vectors = self._absolute(x), components(u), model.p.tolist()
-        _, angle = model.layout.expressions(
-            vectors, (ANGLE_OF_ATTACK,), _disturbances(winds, model)
-        )
+        _, angle = self._expressions((x, u, model.p.tolist()), winds, (ANGLE_OF_ATTACK,))
         if ca.depends_on(angle, u):
             raise BadInputError(
                 f"{model.name}: output {ANGLE_OF_ATTACK} depends on an input and is therefore "
@@ -157,18 +153,15 @@ class NonlinearPlant(Plant):
             )
         return angle - getattr(self.point.states, ALPHA)
 
-    def _absolute(self, x: ca.SX) -> list[ca.SX]:
-        """Return the absolute states X0 + x, one expression each."""
-        return components(ca.DM(self.point.x) + x)
-
-    def _model_with(self, winds: Winds) -> Model:
-        """Return the model with all disturbances named in `winds`."""
-        return self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
-
-
-def _disturbances(winds: Winds, model: Model) -> list[Any]:
-    """Return the values of all disturbances of a model, 0 for those not in `winds`."""
-    return [winds.get(name, 0.0) for name in model.disturbances]
+    def _expressions(
+        self, vectors: tuple[ca.SX, ca.SX, list[Any]], winds: Winds, outputs: Sequence[str] = ()
+    ) -> tuple[ca.SX, ca.SX]:
+        """Return rates and outputs at (x, U, p); disturbances that are not in `winds` are 0."""
+        x, U, p = vectors
+        X = components(ca.DM(self.point.x) + x)
+        model = self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
+        w = [winds.get(name, 0.0) for name in model.disturbances]
+        return model.layout.expressions((X, components(U), p), outputs, w)
 
 
 class LoopSignals(NamedTuple):
@@ -299,27 +292,30 @@ class ClosedLoop:
 
     def at(self, t: ca.SX, y: ca.SX, held: ca.SX) -> LoopSignals:
         """Return the expressions of the loop at t, y and the held inputs."""
-        scenario = self.scenario
-        plant = self.plant
-        state = StateParts(*ca.vertsplit(y, _offsets(self.state_sizes)))
-        inputs = HeldParts(*ca.vertsplit(held, _offsets(self.held_sizes)))
-        winds = self._winds(t, inputs)
+        scenario, plant = self.scenario, self.plant
+        state = StateParts(*(y[part] for part in self.state_slices))
+        inputs = HeldParts(*(held[part] for part in self.held_slices))
+        winds = {} if scenario.gust is None else scenario.gust.winds(t, inputs.gust)
+        for name, waveform in scenario.air.items():
+            winds[name] = winds.get(name, 0.0) + waveform.at(t)
         reference = self._reference(t, inputs)
-        measurements = self._measurements(state, inputs, reference)
+        states = state.plant[plant.linear_places]
+        sensed = states + inputs.noise if inputs.noise.numel() else states
         measured = ca.SX(state.plant)
-        measured[plant.linear_places] = measurements.states
+        measured[plant.linear_places] = sensed
+        measurements = Measurements(sensed - reference, sensed)
         command = self.policy.control(t, measurements, inputs.policy)
-        arriving = self._arriving(t, command, inputs)
+        u = self._arriving(t, command, inputs)
         no_states = ca.SX(0, 1)
-        u, actuators_rate = arriving, no_states
+        actuators_rate = no_states
         if scenario.actuators is not None:
-            reachable = scenario.actuators.reachable(arriving, plant.point.u)
+            reachable = scenario.actuators.reachable(u, plant.point.u)
             u = state.actuators
             actuators_rate = scenario.actuators.rates(state.actuators, reachable)
         plant_rate = plant.rate(state.plant, u, winds, inputs.parameters)
         if scenario.disturbance is not None:
             plant_rate[plant.linear_places] += scenario.disturbance.at(t)
-        error = state.plant[plant.linear_places] - reference
+        error = states - reference
         cost_rate = no_states if self.cost is None else self.cost.rate(error, u)
         rates = StateParts(plant_rate, actuators_rate, cost_rate)
         return LoopSignals(
@@ -395,22 +391,6 @@ class ClosedLoop:
         is_held = getattr(reference, "is_stepping", False) and inputs.begin.numel()
         return reference.at(inputs.begin if is_held else t)
 
-    def _winds(self, t: ca.SX, inputs: HeldParts) -> dict[str, Any]:
-        """Return the disturbances of the model that the scenario sets, as name -> value at t."""
-        winds: dict[str, Any] = {}
-        if self.scenario.gust is not None:
-            winds = self.scenario.gust.winds(t, inputs.gust)
-        for name, waveform in self.scenario.air.items():
-            winds[name] = winds.get(name, 0.0) + waveform.at(t)
-        return winds
-
-    def _measurements(self, state: StateParts, inputs: HeldParts, reference: Any) -> Measurements:
-        """Return the measurements that the policy receives, with sensor noise."""
-        states = state.plant[self.plant.linear_places]
-        if inputs.noise.numel():
-            states = states + inputs.noise
-        return Measurements(states - reference, states)
-
     @property
     def wind_names(self) -> tuple[str, ...]:
         """Names of the disturbances that the scenario sets. Disturbances of the gust come first."""
@@ -439,8 +419,7 @@ class ClosedLoop:
     @cached_property
     def held_slices(self) -> HeldParts:
         """Slices of the vector `held` for the plant and the other parts."""
-        offsets = _offsets(self.held_sizes)
-        return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
+        return HeldParts(*slices_of(self.held_sizes))
 
     def hold(self, tick: int, held: np.ndarray, time: float | None = None) -> None:
         """Write the held inputs of a tick into a vector.
@@ -464,20 +443,13 @@ class ClosedLoop:
         if sizes.gust and scenario.gust is not None:
             held[parts.gust] = scenario.gust.held_inputs(sample)
 
-    def parts(self, y: np.ndarray) -> StateParts:
-        """Return the columns of y for the plant, the actuators and the cost.
-
-        y: values of y at one or several times, (..., size)
-        """
-        return StateParts(*(y[..., place] for place in self._state_slices))
-
     @cached_property
-    def _state_slices(self) -> StateParts:
+    def state_slices(self) -> StateParts:
         """Slices of the parts of y."""
-        offsets = _offsets(self.state_sizes)
-        return StateParts(*map(slice, offsets[:-1], offsets[1:]))
+        return StateParts(*slices_of(self.state_sizes))
 
 
-def _offsets(sizes: Sequence[int]) -> list[int]:
-    """Return the index at which each part of a vector begins, and the length of the vector."""
-    return [0, *np.cumsum(sizes).tolist()]
+def slices_of(sizes: Sequence[int]) -> list[slice]:
+    """Return the slices of successive parts of a vector."""
+    ends = np.cumsum([0, *sizes]).tolist()
+    return [slice(*pair) for pair in pairwise(ends)]

@@ -494,7 +494,7 @@ class Flight(StatesAndInputs, Result, Reported):
         scheduled = self.point.at_scheduled.removeprefix("at ")
         if scheduled:
             flight += f", {scheduled}"
-        flight += f", law {self.loop.policy.name}"
+        flight += f", policy {self.loop.policy.name}"
         if isinstance(self.loop.policy, GainPolicy):
             flight += ", frozen"
         duration = f"{self.flown:g} s"

@@ -16,7 +16,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -26,6 +25,7 @@ from controller.critic.network.layers import RowNetwork
 from hfa_aircraft.batch_simulation import History, Over, Stepper, is_within, simulate_batch
 from hfa_flight.air.held_step import Delay, held_step, in_samples, step_count
 from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.simulate.closed_loop import slices_of
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.row_code import row_code
 
@@ -117,7 +117,7 @@ class SampledFlight:
     @cached_property
     def slices(self) -> SampledState:
         """Slices of the parts of the state."""
-        return SampledState(*_slices(self.sizes))
+        return SampledState(*slices_of(self.sizes))
 
     @cached_property
     def held_sizes(self) -> HeldInSample:
@@ -130,7 +130,7 @@ class SampledFlight:
     @cached_property
     def held_slices(self) -> HeldInSample:
         """Slices of the parts of what is held."""
-        return HeldInSample(*_slices(self.held_sizes))
+        return HeldInSample(*slices_of(self.held_sizes))
 
     @cached_property
     def samples_in_window(self) -> int:
@@ -149,8 +149,8 @@ class SampledFlight:
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         state, held = ca.MX.sym("state", sum(self.sizes)), ca.MX.sym("held", sum(self.held_sizes))
-        X, memory, _ = _parts(state, self.sizes)
-        raw, trim, push = _parts(held, self.held_sizes)
+        X, memory, _ = (state[part] for part in self.slices)
+        raw, trim, push = (held[part] for part in self.held_slices)
         before = memory[-m:]
         commands_of = commands(self.deployed) if self.commands_of is None else self.commands_of
         U = commands_of(raw, X, before, trim)
@@ -177,7 +177,7 @@ class SampledFlight:
         """Return the function (state, trim) -> inputs of the policy's network."""
         state = ca.MX.sym("state", sum(self.sizes))
         trim = ca.MX.sym("trim", self.held_sizes.trim)
-        X, memory, _ = _parts(state, self.sizes)
+        X, memory, _ = (state[part] for part in self.slices)
         acting = memory[-len(self.deployed.model.inputs) :]  # the oldest command acts now
         _, network_inputs = self.deployed.normalized(self.deployed.observe(X, acting, trim))
         return ca.Function("entering", [state, trim], [ca.densify(network_inputs)])
@@ -335,18 +335,6 @@ class SampledRows:
         (entering,) = self._samples.entering(state, self._trims_flying)
         self._held[:, raw] = self._samples.network(entering)
         return self._held
-
-
-def _slices(sizes: tuple[int, ...]) -> tuple[slice, ...]:
-    """Return the slices of successive parts of a vector."""
-    ends = np.cumsum([0, *sizes]).tolist()
-    return tuple(slice(begin, end) for begin, end in pairwise(ends))
-
-
-def _parts(vector: ca.MX, sizes: tuple[int, ...]) -> list[ca.MX]:
-    """Return the successive parts of a vector."""
-    parts: list[ca.MX] = ca.vertsplit(vector, np.cumsum([0, *sizes]).tolist())
-    return parts
 
 
 def _extremes_of_both(early: ca.MX, late: ca.MX) -> ca.MX:

@@ -66,7 +66,10 @@ _POLYNOMIAL = (
 )
 
 
-def step_function(rate: ca.Function, nominal: np.ndarray) -> ca.Function:
+@lru_cache(maxsize=32)
+def step_function(
+    rate: ca.Function, nominal: tuple[float, ...], is_long: bool = False
+) -> ca.Function:
     """Return the function of one step of the integration of y' = rate(t, y, held).
 
       (t, y, held, h, largest before) -> (y at t + h, largest, error / allowed, error, slopes)
@@ -75,6 +78,7 @@ def step_function(rate: ca.Function, nominal: np.ndarray) -> ca.Function:
     state is `TOLERANCE` of its size. y + h slopes [θ θ² θ³ θ⁴]' is the state at t + θ h.
 
     nominal: nominal value of each entry of y, or 0 for one whose error is relative to itself
+    is_long: whether machine code saves time
     """
     t, h, before = (ca.SX.sym(name) for name in ("t", "h", "before"))
     y, held = ca.SX.sym("y", rate.numel_in(1)), ca.SX.sym("held", rate.numel_in(2))
@@ -93,7 +97,9 @@ def step_function(rate: ca.Function, nominal: np.ndarray) -> ca.Function:
     ratio = ca.norm_2(error / (allowed + sys.float_info.min)) / math.sqrt(y.numel())
     in_units = ca.norm_2(error[deviating] / units[deviating])
     results = (after, largest, ratio, in_units, ca.mtimes(k, ca.DM(_POLYNOMIAL)))
-    return ca.Function("step", [t, y, held, h, before], [ca.densify(result) for result in results])
+    dense = [ca.densify(result) for result in results]
+    step = ca.Function("step", [t, y, held, h, before], dense)
+    return machine_code(step) if is_long else step
 
 
 def _step_factor(ratio: float) -> float:
@@ -256,8 +262,15 @@ class CompiledLoop:
         self._now = now = loop.at(t, y, held)
         observed = (now.error, now.inputs, now.winds, now.angle)
         is_long = flights * loop.scenario.ticks >= COMPILE_FROM_TICKS
+        model, sizes = loop.plant.point.model, loop.state_sizes
+        nominal = StateParts(
+            plant=model.nominal(model.states),
+            actuators=model.nominal(model.inputs)[: sizes.actuators],
+            cost=np.zeros(sizes.cost),
+        )
         rate = self._function("loop_rate", now.rate)
-        self.step = BoundFunction(_step(rate, tuple(self._nominal.tolist()), is_long))
+        step = step_function(rate, tuple(np.concatenate(nominal).tolist()), is_long)
+        self.step = BoundFunction(step)
         self.observed = _row_function(self._function("loop_observed", ca.vertcat(*observed)))
         ends = np.cumsum([0, *(column.numel() for column in observed)]).tolist()
         self._places = tuple(map(slice, ends[:-1], ends[1:]))
@@ -265,20 +278,12 @@ class CompiledLoop:
         self.is_driven = ca.depends_on(now.rate, t)
 
     def _function(self, name: str, expression: ca.SX) -> ca.Function:
-        """Return the function (t, y, held) -> expression."""
-        return _shared(ca.Function(name, [*self._arguments], [ca.densify(expression)]))
-
-    @property
-    def _nominal(self) -> np.ndarray:
-        """Nominal value of each entry of y, 0 for the cost."""
-        model = self.loop.plant.point.model
-        sizes = self.loop.state_sizes
-        parts = StateParts(
-            plant=model.nominal(model.states),
-            actuators=model.nominal(model.inputs)[: sizes.actuators],
-            cost=np.zeros(sizes.cost),
-        )
-        return np.concatenate(parts)
+        """Return the function (t, y, held) -> expression, the same object for equal functions."""
+        dense = [ca.densify(expression)]
+        function = ca.Function(name, [*self._arguments], dense, {"cse": True})
+        called = (call.class_name() for call in function.find_functions())
+        # A function that calls Python, as that of an FMU does, has no text.
+        return function if "CallbackInternal" in called else _of_text(function.serialize())
 
     @cached_property
     def command(self) -> BoundFunction:
@@ -324,7 +329,7 @@ class CompiledLoop:
         def over_at(rows: _Rows) -> np.ndarray:
             """Return a mask of the rows but the last, True where the flight is over."""
             flown = self._flight(*(part[:-1] for part in rows))
-            return _has_diverged(flown) if stop is None else stop(flown)
+            return ~np.isfinite(flown.states).all(axis=1) if stop is None else stop(flown)
 
         ticks = loop.scenario.ticks if ticks is None else ticks
         per_tick = loop.scenario.steps_per_tick
@@ -346,7 +351,7 @@ class CompiledLoop:
             if ends:
                 break
         flight = self._flight(*map(np.concatenate, zip(*parts, strict=True)))
-        diverged = _has_diverged(flight)
+        diverged = ~np.isfinite(flight.states).all(axis=1)
         if stop is None and diverged.any():
             raise NoSolutionError(
                 f"the simulation diverges at t = {flight.times[diverged.argmax()]:.6g} s; check "
@@ -359,7 +364,7 @@ class CompiledLoop:
 
         rows, columns: states y and observed values at these times
         """
-        parts = self.loop.parts(rows)
+        parts = StateParts(*(rows[:, place] for place in self.loop.state_slices))
         errors, inputs, winds, angle = (columns[:, place] for place in self._places)
         limited = parts.plant
         if angle.size:  # the envelope limits it in place of alpha
@@ -370,40 +375,14 @@ class CompiledLoop:
         return Deviations(times, parts.plant, errors, inputs, limited, air, cost)
 
 
-@lru_cache(maxsize=32)
-def _step(rate: ca.Function, nominal: tuple[float, ...], is_long: bool) -> ca.Function:
-    """Return `step_function` of a rate, as machine code for long flights."""
-    step = step_function(rate, np.array(nominal))
-    return machine_code(step) if is_long else step
-
-
-@lru_cache(maxsize=32)
-def _row_function(observed: ca.Function) -> RowFunction:
-    """Return a function as a function of rows."""
-    return RowFunction(observed)
-
-
-def _shared(function: ca.Function) -> ca.Function:
-    """Return a function in which nothing is computed twice, the same object for equal functions.
-
-    A function that calls Python, as that of an FMU does, has no text by which it could be equal.
-    """
-    called = (call.class_name() for call in function.find_functions())
-    if "CallbackInternal" in called:
-        return _without_repetitions(function)
-    return _of_text(function.serialize())
+#: Functions of rows; equal functions are the same object (`_of_text`).
+_row_function = lru_cache(maxsize=32)(RowFunction)
 
 
 @lru_cache(maxsize=64)
 def _of_text(text: str) -> ca.Function:
-    """Return the function that is serialized in a text, without repetitions."""
-    return _without_repetitions(ca.Function.deserialize(text))
-
-
-def _without_repetitions(function: ca.Function) -> ca.Function:
-    """Return a function with the same results in which no subexpression is computed twice."""
-    arguments = function.sx_in()
-    return ca.Function(function.name(), arguments, function.call(arguments), {"cse": True})
+    """Return the function that is serialized in a text, the same object for equal texts."""
+    return ca.Function.deserialize(text)
 
 
 class _Rows(NamedTuple):
@@ -452,8 +431,7 @@ class _Flying:
         self._sampled = np.zeros(0)
         self._delay = scenario.delayed_ticks * scenario.tick
         self._commands: list[_Commands] = []
-        self._held_from = 0.0
-        self._first_command = np.zeros(0)  # of the policy at this time
+        self._first_command = np.zeros(0)  # of the policy, since the held inputs changed last
         self._held = np.zeros(sum(loop.held_sizes))
         if parameters is not None:
             self._held[loop.held_slices.parameters] = parameters
@@ -498,7 +476,9 @@ class _Flying:
                     rows = self._rows(times[: last_of_tick + 1], changes, held)
                     if over_at(rows).any():
                         return rows
-            self._finish(later)
+            if self._delay:
+                (last_command,) = self._compiled.command.at(later, self._y, self._held)
+                self._commands.append(_Commands(change, later, self._first_command, last_command))
         rows = self._rows(times, changes, held)
         self.integration.clear()
         return rows
@@ -522,15 +502,8 @@ class _Flying:
                 self._sampled = self._sampler(tick, measured)
             held[loop.held_slices.policy] = self._sampled
         if self._delay:
-            self._held_from = time
             (self._first_command,) = self._compiled.command.at(time, self._y, held)
             held[loop.held_slices.delay] = self._delayed(time)
-
-    def _finish(self, time: float) -> None:
-        """Store the commands of the policy since `_hold`, if they act later."""
-        if self._delay:
-            (last,) = self._compiled.command.at(time, self._y, self._held)
-            self._commands.append(_Commands(self._held_from, time, self._first_command, last))
 
     def _delayed(self, time: float) -> np.ndarray:
         """Return the part `delay` of the held inputs (`HeldParts`) from a time on.
@@ -544,8 +517,3 @@ class _Flying:
             return np.concatenate([[0.0, 1.0], np.zeros(2 * self._first_command.size)])
         begin, end, first, last = self._commands[0]
         return np.concatenate([[begin + self._delay, end + self._delay], first, last])
-
-
-def _has_diverged(flight: Deviations) -> np.ndarray:
-    """Return a mask (N,) of the rows at which a state of the plant is not finite."""
-    return np.asarray(~np.isfinite(flight.states).all(axis=1))

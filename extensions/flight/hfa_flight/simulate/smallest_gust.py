@@ -132,7 +132,7 @@ class SmallestGusts(Result, Reported):
         header = (f"length [{length}]", f"updraft [{speed}]", "by", f"downdraft [{speed}]", "by")
         flown = (
             f"{self.point.model.title} {self.point.at_scheduled}".strip()
-            + f", law {self.policy}, from the trim, without noise"
+            + f", policy {self.policy}, from the trim, without noise"
         )
         accuracy, fine, coarse = (
             f"{100.0 * (ratio - 1.0):.2g} %" for ratio in (ACCURACY, _RATIO, _COARSE)
