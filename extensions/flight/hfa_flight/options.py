@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from hfa_flight.policies.policy import GainPolicy, Policy
     from trim.point.condition import TrimCondition
 
-#: Name of the law without a policy, with which commands are steps of inputs; name of the game's
+#: Word of --policy without a policy, with which commands are steps of inputs; word of the game's
 #: exact policy.
 NONE = "none"
 EXACT = "exact"
@@ -213,14 +213,14 @@ def check_policy(request: PolicyOptions, weights: Sequence[str] = ()) -> None:
         refuse(request, _OF_PLANS, f"applies only to --policy {PREDICTIVE}; remove this option")
 
 
-def policy_of_law(
-    law: str,
+def policy_of_word(
+    word: str,
     game: Game,
     point: OperatingPoint,
     limits: Mapping[str, Any],
     **settings: float | None,
 ) -> Policy:
-    """Return the policy of a law of a game, without a budget of time for a sample.
+    """Return the policy that a word of --policy names, without a budget of time for a sample.
 
     game: game on the linear model at the trim `point`
     limits: state -> (lowest, highest), replacing the limits of the flight envelope
@@ -229,11 +229,11 @@ def policy_of_law(
     from hfa_flight.plan.predictive import predictive
     from hfa_flight.plan.state_dependent import state_dependent
 
-    if law == EXACT:
+    if word == EXACT:
         return exact_policy(game)
-    game.refuse_cross_weights(f"--policy {law}")
+    game.refuse_cross_weights(f"--policy {word}")
     of_game = (point.model, point, game.Q, game.R)
-    if law != PREDICTIVE:
+    if word != PREDICTIVE:
         return state_dependent(*of_game, delta=game.delta, E=game.E, limits=limits)
     given: dict[str, Any] = {name: value for name, value in settings.items() if value is not None}
     return predictive(*of_game, delta=game.delta, budget=math.inf, limits=limits, **given)

@@ -669,7 +669,7 @@ def test_the_band_of_lost_flights_is_that_of_the_binomial(lost):
     flown = hfa.fly(model, hfa.trim(model), scenario=noisy, samples=5)
     left = np.where(np.arange(5) < lost, 0, -1)
     told = replace(flown, flown={**flown.flown, "left": left}).report()
-    low, high = told.data["lost_95"]
+    low, high = told.data["left_95"]
     tail = 0.025 if 0 < lost < 5 else 0.05
     if lost:
         assert binom.sf(lost - 1, 5, low) == pytest.approx(tail)
@@ -688,8 +688,8 @@ def test_the_command_reports_flights_in_air():
     flown = run(*words, "--filter", "--samples", "2", "--duration", "0.2", "--json")
     assert flown.code == 0
     data = json.loads(flown.out)
-    assert (data["within_limits"], data["uncontrolled_lost"]) == (2, 0)
-    assert data["lost_95"] == [0.0, pytest.approx(1.0 - 0.05**0.5)]
+    assert (data["within_limits"], data["uncontrolled_left"]) == (2, 0)
+    assert data["left_95"] == [0.0, pytest.approx(1.0 - 0.05**0.5)]
     assert data["linear_rms"].keys() == data["rms"].keys() == data["uncontrolled_rms"].keys()
     assert data["filter"]["spectral_radius"] < 1.0
     assert set(data["at_limit"].values()) == {0.0}

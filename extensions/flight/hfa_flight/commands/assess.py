@@ -174,7 +174,7 @@ def _assumed_trim(request: AssessRequest, point: OperatingPoint) -> str:
 
 @command(AssessRequest, _given)
 def assess(request: AssessRequest, given: _Given) -> Outcome:
-    """Assess a policy as deployed: sampled and held, with normalizer and delay.
+    """Assess a policy as deployed: with a zero-order hold, normalizer and delay.
 
     For each trim, the report contains the equilibrium, the spectral radius of the sampled loop with
     0, 1, 2 ... samples of delay, margins at the plant's input, and the linear cost compared with

@@ -49,7 +49,7 @@ from hfa_flight.options import (
     noted_game,
     noted_linear_model,
     policy_about,
-    policy_of_law,
+    policy_of_word,
     require_policy,
     scenario_of,
 )
@@ -80,7 +80,7 @@ def tracking_of(
     if not isinstance(policy, GainPolicy) or policy.gain is None:
         raise BadInputError(
             f"--reference requires a policy u = -K z, not the {policy.name}; give a file with a "
-            "gain K, as `hfa solve -o FILE` writes without --order, or a law"
+            "gain K, as `hfa solve -o FILE` writes without --order, or --policy exact"
         )
     from controller.tracking import tracked
 
@@ -389,7 +389,7 @@ def _steering(
     if request.kind in (DEPLOYMENT, TABLE):
         return _Steering(policy_about(request, linear, given.common.at, steps))
     if request.kind in LAWS:
-        planned = policy_of_law(
+        planned = policy_of_word(
             request.kind,
             noted_game(given_weights(request, model), linear),
             point,
@@ -412,9 +412,7 @@ def _steering(
 
 
 def _end_of(result: Flight) -> str:
-    """Return the end of the first line on the flight of a law that plans: whether it has returned,
-    and its cost, relative to that of the law's first plan if it has one.
-    """
+    """Return the end of the first line of a policy that plans: return, cost, ratio to the plan's."""
     ended = "returned" if result.returned else "not returned"
     first = result.loop.policy.data(result.model).get("samples", {}).get("first_plan")
     ratio = f", {result.cost / first:.4g} times its first plan" if first else ""
@@ -473,7 +471,7 @@ def _refuse_of_members(request: FlyRequest) -> None:
         refuse(
             request,
             ("workers",),
-            "cannot be combined with a law that plans or with --keep-inside; remove --workers",
+            "cannot be combined with a policy that plans or with --keep-inside; remove --workers",
         )
     if request.draws is not None:
         refuse(

@@ -28,7 +28,7 @@ from hfa_flight.options import (
     NONE,
     exact_policy,
     kind_of,
-    policy_of_law,
+    policy_of_word,
     policy_option,
 )
 from hfa_flight.policies.laws import DEPLOYMENT, LAWS, TABLE
@@ -133,7 +133,7 @@ def _policy(
     if not isinstance(given, Path):
         if kind == EXACT:
             return _EXACT, exact_policy(game)
-        return kind, None if kind == NONE else policy_of_law(kind, game, point, limits)
+        return kind, None if kind == NONE else policy_of_word(kind, game, point, limits)
     policy = policy_of_file(given, point, game)
     named = {DEPLOYMENT: "policy", TABLE: "gains"}.get(kind, "critic")
     return f"{named} of {given}", policy
@@ -160,7 +160,7 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     """Search for the best flight of the nonlinear aircraft to its trim, and compare policies.
 
     The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Collocation proposes
-    flights within the limits. A simulation of each proposal yields the reported cost. A cheaper
+    flights within the limits. A simulation of each candidate yields the reported cost. A cheaper
     flight may exist. The policies are the linear optimum and the exact game policy, both saturated
     at the limits of the inputs, and those of --policy. --starts N prints a table for many initial
     conditions. --to NAME=VALUE searches for flights from one trim to another. Exit code 1 if no

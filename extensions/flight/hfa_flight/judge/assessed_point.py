@@ -214,10 +214,10 @@ class AssessedPoint(Result):
         return all(enough) and not self.costs_refute(share)
 
     def costs_refute(self, share: float) -> bool:
-        """Return whether more of the flights with a cost are lost than a share permits."""
+        """Return whether more of the flights with a cost do not converge than a share permits."""
         if self.costs is None:
             return False
-        return is_refuted(self.costs.lost, self.costs.starts, share)
+        return is_refuted(self.costs.not_converged, self.costs.starts, share)
 
     @property
     def beyond(self) -> list[str]:
@@ -250,7 +250,7 @@ class AssessedPoint(Result):
                 "delay_limit": None if delays is None else delays.limit,
                 "delay_searched": None if delays is None else delays.searched,
                 "disk_margin": None if margins is None else margins.disk.disk,
-                "cost_lost": self.cost,
+                "cost_above_optimum": self.cost,
                 "flights": self.flights,
                 "disturbed": self.disturbed,
                 "actions": self.actions,

@@ -173,15 +173,15 @@ def _convergence(point: AssessedPoint) -> _AtTrim | None:
 def _not_returned(point: AssessedPoint) -> _AtTrim | None:
     """Return the finding on the flights with a cost that leave or do not return to the trim."""
     costs = point.costs
-    if costs is None or not costs.lost:
+    if costs is None or not costs.not_converged:
         return None
-    lost_fraction = costs.lost / costs.starts
+    fraction = costs.not_converged / costs.starts
     text = (
-        f"{costs.lost} of {costs.starts} other flights leave or have not returned to the trim "
-        f"after {costs.seconds:.3g} s"
+        f"{costs.not_converged} of {costs.starts} other flights leave or have not returned to the "
+        f"trim after {costs.seconds:.3g} s"
     )
     severity = Severity.FAILURE if point.costs_refute(point.share) else Severity.WARNING
-    return _AtTrim(severity, text, lost_fraction)
+    return _AtTrim(severity, text, fraction)
 
 
 def _delay(point: AssessedPoint) -> _AtTrim | None:

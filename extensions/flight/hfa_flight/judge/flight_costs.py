@@ -187,10 +187,10 @@ class FlightCosts(Result):
     limits of the inputs. It begins at the same initial conditions as the policy.
 
     starts: number of initial conditions.
-    lost: number of the policy's flights that leave the envelope or have not returned to the trim.
-        The others converge.
+    not_converged: number of the policy's flights that leave the envelope or have not returned to
+        the trim. The others converge.
     seconds: duration of the longest of the policy's flights, s.
-    lqr_lost: number of the LQR's flights that leave or have not returned.
+    lqr_not_converged: number of the LQR's flights that leave or have not returned.
     both: number of initial conditions from which the flights of both converge.
     unresolved: number of converging flights whose cost changes with half the integration step.
     ratios: costs of the policy's flights relative to the LQR's, where both converge, or None.
@@ -200,9 +200,9 @@ class FlightCosts(Result):
     """
 
     starts: int
-    lost: int
+    not_converged: int
     seconds: float
-    lqr_lost: int
+    lqr_not_converged: int
     both: int
     unresolved: int
     ratios: Ratios | None
@@ -218,11 +218,11 @@ class FlightCosts(Result):
     def ratio_text(self) -> str:
         """Return the median of `ratios` as a phrase that names the comparison.
 
-        If most flights of the policy, or all of the LQR, are lost, the phrase says this instead.
+        If most flights of the policy, or all of the LQR, do not converge, the phrase says this.
         """
-        if 2 * self.lost > self.starts:
-            lost = f"{self.lost} of {self.starts} flights"
-            return f"{lost} leave or have not returned after {self.seconds:.3g} s"
+        if 2 * self.not_converged > self.starts:
+            those = f"{self.not_converged} of {self.starts} flights"
+            return f"{those} leave or have not returned after {self.seconds:.3g} s"
         if self.ratios is None:
             return "no flight of the exact gain returns"
         return f"median cost {_number(self.median)}x the exact gain's"
@@ -239,9 +239,10 @@ class FlightCosts(Result):
             least, _, worst = self.ratios
             between = f"{_number(least)} to {_number(worst)}"
             sentences.append(f"flights cost {between} x the exact gain's")
-        if self.lqr_lost:
+        if self.lqr_not_converged:
             sentences.append(
-                f"of the LQR, {self.lqr_lost} of {self.starts} flights leave or have not returned"
+                f"of the LQR, {self.lqr_not_converged} of {self.starts} flights leave or have not "
+                "returned"
             )
         if self.unresolved:
             sentences.append(f"{self.unresolved} flights are not resolved by the integration step")
@@ -305,9 +306,9 @@ def flight_costs(
         rate = offset_rate(deployed, point, case.equilibrium)
     return FlightCosts(
         starts=count,
-        lost=count - len(converged),
+        not_converged=count - len(converged),
         seconds=max(flight.seconds for flight in policy_flights),
-        lqr_lost=count - len(lqr_converged),
+        lqr_not_converged=count - len(lqr_converged),
         both=len(both_converged),
         unresolved=sum(not flight.resolved for flight in (*converged, *lqr_converged)),
         ratios=Ratios.of([flight.cost / lqr_flight.cost for flight, lqr_flight in both_converged]),

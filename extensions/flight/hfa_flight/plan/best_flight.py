@@ -10,7 +10,7 @@ import numpy as np
 
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.signals import series
-from hfa_flight.plan.collocation import Proposal
+from hfa_flight.plan.collocation import Candidate
 from hfa_flight.plan.flights import SimulatedFlight
 from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.search import Found
@@ -32,7 +32,7 @@ def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str
     """Return a first line with the cost ratios of policies, the last one first.
 
     begin: begin of the line
-    outcomes: (name of the policy, ratio or None, how it is lost or "")
+    outcomes: (name of the policy, ratio or None, how it does not converge, or "")
 
     >>> line_with_ratios("Best flight", [("gain of K.csv", 1.2, "leaves"), ("exact", 1.03, "")])
     'Best flight; exact 1.03x, gain 1.2x (leaves)'
@@ -47,7 +47,7 @@ def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str
 
 
 def _ratio_text(ratio: float | None, loss: str) -> str:
-    """Return a ratio and how flights are lost as text, such as "1.2x (leaves)"."""
+    """Return a ratio and how flights do not converge as text, such as "1.2x (leaves)"."""
     if ratio is None:
         return loss
     return f"{ratio:.4g}x ({loss})" if loss else f"{ratio:.4g}x"
@@ -81,7 +81,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     exist.
 
     problem: aircraft, trim, weights and limits.
-    found: the flight, and the optimizer's proposal that the flight follows, if it was confirmed.
+    found: the flight, and the optimizer's candidate that the flight follows, if it was confirmed.
     others: flights of policies from the same initial condition.
 
     >>> import hfa
@@ -114,13 +114,13 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return self.found.flown
 
     @property
-    def proposal(self) -> Proposal | None:
-        """Proposal of the optimizer that the flight confirms, or None."""
-        return self.found.proposal
+    def candidate(self) -> Candidate | None:
+        """Candidate of the optimizer that the flight confirms, or None."""
+        return self.found.candidate
 
     @property
     def reason(self) -> str | None:
-        """Reason why the simulation confirms no proposal of the optimizer, or None if it does.
+        """Reason why the simulation confirms no candidate of the optimizer, or None if it does.
 
         With a reason, the flight is only the cheapest of the simulated flights: an upper bound.
         """
@@ -134,8 +134,8 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     @property
     def initial_deviations(self) -> np.ndarray:
         """Initial deviations of the linear states from the trim, (k,)."""
-        if self.proposal is not None:
-            return self.proposal.start
+        if self.candidate is not None:
+            return self.candidate.start
         return (self.flown.states[0] - self.point.x)[self.problem.places]
 
     @property
@@ -177,15 +177,15 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def proposed_cost(self) -> float | None:
-        """Cost reported by the optimizer for its proposal, or None if no proposal was confirmed."""
-        return None if self.found.proposal is None else self.found.proposal.cost
+        """Cost of the confirmed candidate by the optimizer, or None if none was confirmed."""
+        return None if self.found.candidate is None else self.found.candidate.cost
 
     @property
     def spread(self) -> float | None:
-        """Relative difference of the proposed costs on the two meshes, or None if no proposal was
+        """Relative difference of the proposed costs on the two meshes, or None if no candidate was
         confirmed.
         """
-        return None if self.found.proposal is None else self.found.spread
+        return None if self.found.candidate is None else self.found.spread
 
     @property
     def linear_cost(self) -> float:
@@ -261,7 +261,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             f"to {whose}, from {self._start_text()}",
         ]
         if self.reason is not None:
-            source = f"source: {self.source}, simulated; no proposal is confirmed:"
+            source = f"source: {self.source}, simulated; no candidate is confirmed:"
             lines += [source, self.reason]
         return "\n".join(lines)
 
@@ -287,7 +287,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         )
         none_cheaper = "No cheaper flight was found, which does not prove that none exists."
         if self.reason is not None:
-            simulated = Row("simulated cost", self.cost, note="no proposal confirmed", digits=6)
+            simulated = Row("simulated cost", self.cost, note="no candidate confirmed", digits=6)
             return Group("best flight", (simulated, linear), (none_cheaper,))
         meshes = " and ".join(map(str, [*found.meshes][-2:]))
         rows = (

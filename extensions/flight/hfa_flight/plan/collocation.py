@@ -1,6 +1,6 @@
-"""Proposals of flights: Radau collocation, solved with IPOPT.
+"""Candidates of flights: Radau collocation, solved with IPOPT.
 
-A proposal proves nothing until it is simulated.
+A candidate proves nothing until it is simulated.
 
 Source: Betts, Practical Methods for Optimal Control, Chapter 4.
 """
@@ -46,11 +46,11 @@ _EVEN = 1e-3
 #: for the HFA.
 _OF_JUMPS = 3.0
 _POWER = 0.5
-#: Largest violation of the collocation equations of a feasible proposal, in nominal values.
+#: Largest violation of the collocation equations of a feasible candidate, in nominal values.
 FEASIBLE = 1e-6
 
 
-class Proposal(NamedTuple):
+class Candidate(NamedTuple):
     """Flight proposed by collocation, to be confirmed by simulation.
 
     lengths: lengths of the intervals, s, (N,)
@@ -89,7 +89,7 @@ class Proposal(NamedTuple):
         """Return deviations of the followed states, (T, followed), and of the inputs, (T, m), at
         given times.
 
-        All deviations are 0 after the end of the proposal.
+        All deviations are 0 after the end of the candidate.
 
         times: s, (T,)
         """
@@ -151,13 +151,13 @@ def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
 
 
 def adapted_mesh(
-    proposal: Proposal, intervals: int, step: float, weights: tuple[np.ndarray, np.ndarray]
+    candidate: Candidate, intervals: int, step: float, weights: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
-    """Return the lengths of intervals on which a proposal is about equally smooth, s, (N,).
+    """Return the lengths of intervals on which a candidate is about equally smooth, s, (N,).
 
     The roughness of an interval is measured by the leading coefficients of the polynomials for the
     states and by jumps of the inputs' slopes at its ends; it is the largest of the interval and its
-    neighbours. Each interval of the proposal gets a share of the new ones, a power of its
+    neighbours. Each interval of the candidate gets a share of the new ones, a power of its
     roughness.
 
     intervals: number N of new intervals
@@ -165,18 +165,18 @@ def adapted_mesh(
     weights: weights of the states in this measure, (k,), and of the inputs, (m,)
     """
     of_states, of_inputs = weights
-    leading = np.einsum("j,ijk->ik", _leading(collocation_points()), proposal.nodes)
+    leading = np.einsum("j,ijk->ik", _leading(collocation_points()), candidate.nodes)
     curvature = np.abs(leading[:, : len(of_states)] * of_states).sum(axis=1)
-    slopes = np.diff(proposal.v, axis=0) / proposal.lengths[:, None]
+    slopes = np.diff(candidate.v, axis=0) / candidate.lengths[:, None]
     jumps = _OF_JUMPS * np.abs(np.diff(slopes, axis=0) * of_inputs).sum(axis=1)
     jumps_at_ends = np.maximum(np.append(jumps, 0.0), np.append(0.0, jumps))
-    roughness = curvature + jumps_at_ends * proposal.lengths
+    roughness = curvature + jumps_at_ends * candidate.lengths
     before, after = np.append(0.0, roughness[:-1]), np.append(roughness[1:], 0.0)
     largest = np.maximum.reduce([roughness, after, before])
     shares = (largest + _EVEN * largest.max()) ** _POWER
     shares_until = np.append(0.0, np.cumsum(shares))
     wanted = np.linspace(0.0, shares_until[-1], intervals + 1)
-    return _on_steps(np.interp(wanted, shares_until, proposal.ends), step)
+    return _on_steps(np.interp(wanted, shares_until, candidate.ends), step)
 
 
 def _leading(points: np.ndarray) -> np.ndarray:
@@ -262,8 +262,8 @@ class Transcription:
         z: np.ndarray,
         v: np.ndarray,
         margin: float = MARGIN,
-    ) -> Proposal:
-        """Return the proposal that IPOPT finds from a guess. The proposal may be infeasible.
+    ) -> Candidate:
+        """Return the candidate that IPOPT finds from a guess. The candidate may be infeasible.
 
         start: initial deviations z, (k,)
         lengths: lengths of the intervals of the guess, s, (N,)
@@ -293,7 +293,7 @@ class Transcription:
         z = inner[:, :-m].reshape(self.intervals, DEGREE, -1) * of_states
         violation = np.abs(np.array(solved["g"])).max()
         end = z[-1, -1, : len(start)]
-        return Proposal(
+        return Candidate(
             lengths=lengths,
             start=start,
             z=z,

@@ -16,7 +16,7 @@ from hfa_aircraft.batch_simulation import FAR, Cost, saturated
 from hfa_flight.air.held_step import step_count
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import Deviations
-from hfa_flight.plan.collocation import Proposal
+from hfa_flight.plan.collocation import Candidate
 from hfa_flight.plan.problem import FlightProblem
 from hfa_flight.plan.smooth import smooth_slopes
 from hfa_flight.policies.filtered_policy import command_of
@@ -45,7 +45,7 @@ STEPS = 8
 class TrackingPolicy(Policy):
     """Policy v = v*(t) - K(t) (z - z*(t)), saturated at the input limits.
 
-    z* and v* are the proposal, interpolated linearly in each integration step.
+    z* and v* are the candidate, interpolated linearly in each integration step.
 
     held: one row per tick, as `tracking_rows` returns them: begin of the tick, s, then (z*, v*) at
         the ends of its integration steps, then the columns of K
@@ -77,21 +77,21 @@ class TrackingPolicy(Policy):
         return u
 
 
-def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np.ndarray:
-    """Return the array `held` of the `TrackingPolicy` for a proposal, one row per tick.
+def tracking_rows(problem: FlightProblem, candidate: Candidate, tick: float) -> np.ndarray:
+    """Return the array `held` of the `TrackingPolicy` for a candidate, one row per tick.
 
-    A last row contains the gain of the linear policy, which follows the proposal.
+    A last row contains the gain of the linear policy, which follows the candidate.
 
     tick: duration of a tick, s
     """
-    seconds = float(proposal.lengths.sum())
+    seconds = float(candidate.lengths.sum())
     ticks = step_count(seconds, tick)
-    z, v = proposal.at(tick / STEPS * np.arange(ticks * STEPS + 1))
+    z, v = candidate.at(tick / STEPS * np.arange(ticks * STEPS + 1))
     both = np.hstack([z[:, : len(problem.states)], v])
     knots = STEPS * np.arange(ticks)[:, None] + np.arange(STEPS + 1)
     begins = tick * np.arange(ticks)
-    gains = tracking_gains(problem, proposal)
-    interval = np.searchsorted(proposal.ends[1:], begins, side="right")
+    gains = tracking_gains(problem, candidate)
+    interval = np.searchsorted(candidate.ends[1:], begins, side="right")
     K = gains[np.minimum(interval, len(gains) - 1)].transpose(0, 2, 1).reshape(ticks, -1)
     rows = np.hstack([begins[:, None], both[knots].reshape(ticks, -1), K])
     last = np.zeros(rows.shape[1])
@@ -105,15 +105,15 @@ def held_size(problem: FlightProblem) -> int:
     return 1 + (STEPS + 1) * (k + m) + m * k
 
 
-def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
-    """Return the gains of the time-varying LQR along a proposal, (N, m, k).
+def tracking_gains(problem: FlightProblem, candidate: Candidate) -> np.ndarray:
+    """Return the gains of the time-varying LQR along a candidate, (N, m, k).
 
     The final cost is z'Pz. In each interval, the equations are linearized at the middle of the
     interval.
     """
     from scipy.linalg import expm
 
-    A, B = _slopes(problem, proposal)
+    A, B = _slopes(problem, candidate)
     S = B @ np.linalg.solve(problem.R, B.transpose(0, 2, 1))
     k = A.shape[1]
     costate = np.zeros((len(A), 2 * k, 2 * k))
@@ -122,8 +122,8 @@ def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
     costate[:, k:, :k] = -problem.Q
     costate[:, k:, k:] = -A.transpose(0, 2, 1)
     fastest = np.abs(np.linalg.eigvals(costate)).max(axis=1)
-    steps = np.maximum(1, np.ceil(proposal.lengths * fastest / _STEP)).astype(int)
-    back = expm(-costate * (proposal.lengths / steps)[:, None, None])
+    steps = np.maximum(1, np.ceil(candidate.lengths * fastest / _STEP)).astype(int)
+    back = expm(-costate * (candidate.lengths / steps)[:, None, None])
     P = problem.P
     gains = np.empty((len(A), B.shape[2], k))
     for index in range(len(A) - 1, -1, -1):
@@ -136,14 +136,14 @@ def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
     return gains
 
 
-def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
+def _slopes(problem: FlightProblem, candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
     """Return A, (N, k, k), and B, (N, k, m), at the middle of each interval.
 
     They relate deviations of the k linear states and the inputs. The followed states after the
     linear ones are left out.
     """
     nominal_states, nominal_inputs = problem.sizes
-    z, v = proposal.at(proposal.ends[:-1] + 0.5 * proposal.lengths)
+    z, v = candidate.at(candidate.ends[:-1] + 0.5 * candidate.lengths)
     middles = np.hstack([z / nominal_states, v / nominal_inputs])
     side_by_side = np.array(smooth_slopes(problem).map(len(middles))(middles.T))
     k, followed = len(problem.states), len(nominal_states)
@@ -155,7 +155,7 @@ def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.
 #: Largest integration step, s.
 _LONGEST_STEP = 0.005
 #: Typical number of ticks that are simulated for an initial condition and a policy, for the
-#: decision on machine code: the search simulates proposals.
+#: decision on machine code: the search simulates candidates.
 _TICKS = 5000
 #: Largest product of the integration step and the fastest mode of the linear loop.
 _FASTEST = 0.1
@@ -249,7 +249,7 @@ class Flights:
 
     @cached_property
     def _tracking(self) -> CompiledLoop:
-        """Compiled loop of the policy that follows a proposal; `follow` gives it the proposal."""
+        """Compiled loop of the policy that follows a candidate; `follow` gives it the candidate."""
         lowest, highest = self.problem.input_limits
         policy = TrackingPolicy(
             "best flight found",
@@ -320,15 +320,15 @@ class Flights:
         start = np.zeros(len(self.problem.model.states))
         return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
 
-    def follow(self, proposal: Proposal, seconds: float) -> SimulatedFlight:
-        """Return the simulated flight that follows a proposal, and then the linear policy.
+    def follow(self, candidate: Candidate, seconds: float) -> SimulatedFlight:
+        """Return the simulated flight that follows a candidate, and then the linear policy.
 
-        proposal: the proposed flight
+        candidate: the proposed flight
         seconds: duration of the simulated flight, s
         """
         loop = self._tracking
-        policy = replace(loop.loop.policy, held=tracking_rows(self.problem, proposal, self.tick))
-        return self.fly(loop, proposal.start, seconds, policy)
+        policy = replace(loop.loop.policy, held=tracking_rows(self.problem, candidate, self.tick))
+        return self.fly(loop, candidate.start, seconds, policy)
 
     def linear(self, start: np.ndarray, seconds: float) -> SimulatedFlight:
         """Return the flight of the linear optimum, saturated at the limits of the inputs.

@@ -17,7 +17,7 @@ from hfa_flight.plan.held_model import wrong_samples_note
 from hfa_flight.plan.planner import Planner
 from hfa_flight.plan.problem import FlightProblem, flight_problem
 from hfa_flight.plan.receding import RecedingHorizon, Samples
-from hfa_flight.plan.scaled import HOLDS, EndLaw, ScaledProblem, grid_of, hold_of
+from hfa_flight.plan.scaled import HOLDS, EndPolicy, ScaledProblem, grid_of, hold_of
 from hfa_flight.policies.policy import NextSample, SampledPolicy
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import (
@@ -140,8 +140,8 @@ class Predictive(SampledPolicy):
             f"{self.dt:g} s; not proved to converge or to stay inside.",
             f"Limits of states narrowed by {100 * self.controller.planner.margin:.3g} % of their "
             "distance from the trim (margin).",
-            f"{done.planned} samples with a plan, {done.linear} with the exact held gain; "
-            f"{done.refused} steps of the quadratic program refused.",
+            f"{done.planned} samples with a plan, {done.linear} with the exact gain for a zero-order "
+            f"hold; {done.refused} steps of the quadratic program refused.",
         ]
         asked = self.controller.planner.grid.asked
         if asked is not None:
@@ -251,10 +251,10 @@ def predictive(
     grid = grid_of(scaled, dt, horizon)
     P, K = _end_of(scaled, grid.dt, end_game)
     planner = Planner(scaled, grid, P, margin)
-    end_law = EndLaw(scaled, hold_of(*scaled.linear_states, grid.dt), K)
+    end = EndPolicy(scaled, hold_of(*scaled.linear_states, grid.dt), K)
     if budget is None:
         budget = 0.5 * grid.dt
-    controller = RecedingHorizon(planner, end_law, budget)
+    controller = RecedingHorizon(planner, end, budget)
     controller.rehearse()
     identity = {
         "predictive": [problem.Q.tolist(), problem.R.tolist(), end_game.delta, margin],

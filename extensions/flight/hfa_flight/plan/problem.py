@@ -24,8 +24,8 @@ from trim.linear.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 from verification.box import ordinary_box
 
-#: Fraction by which the state limits of a proposal are narrowed, so that the flight that follows it
-#: stays in the envelope.
+#: Fraction by which the state limits of a candidate are narrowed, so that the flight that follows
+#: it stays in the envelope.
 MARGIN = 4e-3
 #: Two trims have the same value of a state if they differ by less than this fraction of its nominal
 #: value.

@@ -13,7 +13,7 @@ import numpy as np
 from hfa_flight.plan.held_model import Measured
 from hfa_flight.plan.plan_program import Range
 from hfa_flight.plan.planner import Improved, Plan, Planner
-from hfa_flight.plan.scaled import EndLaw
+from hfa_flight.plan.scaled import EndPolicy
 from hfa_flight.policies.policy import NextSample
 
 #: Largest number of steps of the quadratic program for the first plan. Each later one has a single
@@ -24,7 +24,7 @@ _FIRST = 30
 _FURTHER = 9
 _EXCEEDS = 0.05
 #: Factor by which a plan may cost more than the plan one sample earlier, with the cost so far.
-#: Beyond it, new first plans are tried: an open-loop flight of an unstable aircraft may get lost.
+#: Beyond it, new first plans are tried: an open-loop flight of an unstable aircraft may diverge.
 _DEARER = 1.05
 #: The linear policy takes over where the costs of the plan and of its own flight are within this
 #: fraction of z'Pz.
@@ -84,7 +84,7 @@ class RecedingHorizon:
     budget: processor time of a sample after which no further program begins, s
     """
 
-    def __init__(self, planner: Planner, end: EndLaw, budget: float) -> None:
+    def __init__(self, planner: Planner, end: EndPolicy, budget: float) -> None:
         k, n, _ = planner.scaled.sizes  # k states of the linear model among n followed ones
         self.planner = planner
         self.end = end
@@ -150,7 +150,7 @@ class RecedingHorizon:
         planned, first = memory.samples.planned, memory.samples.first
         v = np.zeros(self.planner.scaled.sizes[2])  # while nothing is known about the states
         if used is not None:
-            with np.errstate(over="ignore", invalid="ignore"):  # the flight may be lost
+            with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
                 acted = self._measured.when_acting(used)
                 v = self._input(acted, began + self.budget)
         self._measured.command(v)

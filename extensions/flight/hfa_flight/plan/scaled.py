@@ -57,7 +57,9 @@ class Hold(NamedTuple):
         try:
             P = solve_discrete_are(self.A, self.B, Q, R, s=N)
         except (LinAlgError, ValueError) as error:
-            raise NoSolutionError(f"no linear optimum with held inputs: {error}") from error
+            raise NoSolutionError(
+                f"no linear optimum with a zero-order hold of the inputs: {error}"
+            ) from error
         return self.back(P)
 
 
@@ -417,7 +419,7 @@ _STEPS = 100
 _END_HOLD = 10
 
 
-class EndLaw:
+class EndPolicy:
     """Exact held gain v = -K z, where the linear loop keeps all limits.
 
     The set of these states is the maximal output admissible set of the linear loop.

@@ -1,4 +1,4 @@
-"""Search for the best flight: a proposal on two meshes, with four margins, and its simulation."""
+"""Search for the best flight: a candidate on two meshes, with four margins, and its simulation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_flight.plan.collocation import DEGREE, Proposal, Transcription, adapted_mesh, mesh
+from hfa_flight.plan.collocation import DEGREE, Candidate, Transcription, adapted_mesh, mesh
 from hfa_flight.plan.flights import AFTER, Flights, SimulatedFlight
 from hfa_flight.plan.problem import MARGIN, FlightProblem
 from hfa_flight.plan.smooth import smooth_rates
@@ -24,7 +24,7 @@ _FINER = (100, 200)
 #: Factors on the margin to the state limits. The next is used if the flight left a limit.
 _MARGINS = (1.0, 3.0, 9.0, 27.0)
 #: Largest relative difference of the costs on two meshes, and largest relative excess of the cost
-#: of a flight over that of its proposal.
+#: of a flight over that of its candidate.
 MESHES_AGREE = 0.005
 FLIGHT_AGREES = 0.01
 #: Largest linear cost after the horizon, relative to the cost.
@@ -38,8 +38,8 @@ _EXTENSIONS = 5
 NONE_WITHIN = (
     "IPOPT finds no flight within the limits, possibly because of tables; such a flight may exist"
 )
-#: Name of a flight that follows a proposal that it does not confirm.
-REFUSED = "flight that follows a refused proposal"
+#: Name of a flight that follows a candidate that it does not confirm.
+REFUSED = "flight that follows a refused candidate"
 #: Times (N,) -> z (N, k) and v (N, m) at these times.
 Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -47,16 +47,16 @@ Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 class Found(NamedTuple):
     """Best flight that was found and simulated.
 
-    flown: simulated flight, which follows the proposal or the cheaper linear optimum
-    proposal: proposal that a flight confirms, or None for an upper bound of the least cost alone
-    seconds: horizon of the proposal, s
-    meshes: number of intervals -> proposed cost, empty without a proposal
+    flown: simulated flight, which follows the candidate or the cheaper linear optimum
+    candidate: candidate that a flight confirms, or None for an upper bound of the least cost alone
+    seconds: horizon of the candidate, s
+    meshes: number of intervals -> proposed cost, empty without a candidate
     linear: flight of the linear optimum from the same initial condition
-    reason: reason why no proposal was confirmed, or "" with a proposal
+    reason: reason why no candidate was confirmed, or "" with a candidate
     """
 
     flown: SimulatedFlight
-    proposal: Proposal | None
+    candidate: Candidate | None
     seconds: float
     meshes: dict[int, float]
     linear: SimulatedFlight
@@ -69,7 +69,7 @@ class Found(NamedTuple):
 
 
 class _Unconfirmed(Exception):
-    """Reason why no proposal is confirmed, and the flights that follow those that were refused."""
+    """Reason why no candidate is confirmed, and the flights that follow those that were refused."""
 
     def __init__(self, reason: str, flights: Sequence[SimulatedFlight] = ()) -> None:
         super().__init__(reason)
@@ -97,7 +97,7 @@ class BestFlights:
     def found(self, start: np.ndarray) -> Found:
         """Return the best flight found from an initial condition.
 
-        If the simulation confirms no proposal, the result is the cheapest simulated flight within
+        If the simulation confirms no candidate, the result is the cheapest simulated flight within
         the limits: an upper bound of the least cost.
 
         start: initial deviations z, (k,)
@@ -131,7 +131,7 @@ class BestFlights:
         return linear
 
     def _confirmed_best(self, start: np.ndarray) -> Found:
-        """Return the best flight whose proposal the simulation confirms."""
+        """Return the best flight whose candidate the simulation confirms."""
         horizon = self.flights.horizon(start)
         for _ in range(_EXTENSIONS):
             horizon = self.flights.tick * math.ceil(horizon / self.flights.tick)
@@ -143,19 +143,19 @@ class BestFlights:
             horizon *= _LONGER
         raise _Unconfirmed(f"with a horizon of {horizon / _LONGER:.3g} s, {unfinished}")
 
-    def _unfinished(self, proposal: Proposal) -> str:
-        """Return why the horizon of a proposal is too short, or ""."""
-        cost_fraction = proposal.tail / proposal.cost
+    def _unfinished(self, candidate: Candidate) -> str:
+        """Return why the horizon of a candidate is too short, or ""."""
+        cost_fraction = candidate.tail / candidate.cost
         if cost_fraction > (DRIFTING_TAIL if self.problem.carried else TAIL):
             return f"{100 * cost_fraction:.2g} % of the cost remains at the end"
-        end = proposal.z[-1, -1, : len(proposal.start)]
-        after = self.flights.linear(end, AFTER * float(proposal.lengths.sum()))
+        end = candidate.z[-1, -1, : len(candidate.start)]
+        after = self.flights.linear(end, AFTER * float(candidate.lengths.sum()))
         if after.departure is not None:
             return "the linear policy leaves the limits after the horizon"
         return ""
 
-    def _coarse(self, start: np.ndarray, seconds: float, linear: SimulatedFlight) -> Proposal:
-        """Return the proposal on the coarse mesh, from the flight of the linear optimum.
+    def _coarse(self, start: np.ndarray, seconds: float, linear: SimulatedFlight) -> Candidate:
+        """Return the candidate on the coarse mesh, from the flight of the linear optimum.
 
         If this flight does not converge, the guess is the linear loop without limits.
         """
@@ -163,59 +163,59 @@ class BestFlights:
         lengths = self._mesh(seconds, _COARSE)
         program = self._transcription(_COARSE)
         rough = program.solve(start, lengths, *sampled(guess, lengths))
-        proposal = self._finer(_COARSE, rough, MARGIN) if rough.feasible else rough
-        if not proposal.feasible:
+        candidate = self._finer(_COARSE, rough, MARGIN) if rough.feasible else rough
+        if not candidate.feasible:
             raise _Unconfirmed(NONE_WITHIN)
-        return proposal
+        return candidate
 
-    def _confirmed(self, seconds: float, linear: SimulatedFlight, coarse: Proposal) -> Found:
-        """Return the flight that confirms a proposal on whose cost two meshes agree.
+    def _confirmed(self, seconds: float, linear: SimulatedFlight, coarse: Candidate) -> Found:
+        """Return the flight that confirms a candidate on whose cost two meshes agree.
 
         The margin is the least with which the flight stays within the limits. Near the trim, the
         linear policy may be cheaper by the errors of the meshes.
         """
-        proposal, meshes = self._agreed(coarse)
+        candidate, meshes = self._agreed(coarse)
         simulated: list[SimulatedFlight] = []
         for factor in _MARGINS:
             if factor > 1.0:
-                proposal = self._finer(len(proposal.lengths), proposal, factor * MARGIN)
-                if not proposal.feasible:
+                candidate = self._finer(len(candidate.lengths), candidate, factor * MARGIN)
+                if not candidate.feasible:
                     break
-            flown = self.flights.follow(proposal, (1.0 + AFTER) * seconds)
-            reason = refutation(flown, proposal)
+            flown = self.flights.follow(candidate, (1.0 + AFTER) * seconds)
+            reason = refutation(flown, candidate)
             if not reason:
                 flown = _cheapest_inside([flown, linear]) or flown
-                return Found(flown, proposal, seconds, meshes, linear)
+                return Found(flown, candidate, seconds, meshes, linear)
             simulated.append(replace(flown, policy=REFUSED))
             if flown.departure is None:
                 break
         raise _Unconfirmed(reason, simulated)
 
-    def _agreed(self, coarse: Proposal) -> tuple[Proposal, dict[int, float]]:
-        """Return the proposal on the second of two meshes that agree, and the costs on all."""
-        proposal, meshes = coarse, {_COARSE: coarse.cost}
+    def _agreed(self, coarse: Candidate) -> tuple[Candidate, dict[int, float]]:
+        """Return the candidate on the second of two meshes that agree, and the costs on all."""
+        candidate, meshes = coarse, {_COARSE: coarse.cost}
         for intervals in _FINER:
-            proposal = self._finer(intervals, proposal, MARGIN)
-            if not proposal.feasible:
+            candidate = self._finer(intervals, candidate, MARGIN)
+            if not candidate.feasible:
                 raise _Unconfirmed(NONE_WITHIN)
-            meshes[intervals] = proposal.cost
+            meshes[intervals] = candidate.cost
             if difference_of_meshes(meshes) <= MESHES_AGREE:
-                return proposal, meshes
+                return candidate, meshes
         change = percent(100.0 * difference_of_meshes(meshes))
         raise _Unconfirmed(f"two meshes differ by {change}")
 
-    def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
-        """Return a proposal solved again on a mesh of `intervals` intervals, adapted to it.
+    def _finer(self, intervals: int, guess: Candidate, margin: float) -> Candidate:
+        """Return a candidate solved again on a mesh of `intervals` intervals, adapted to it.
 
         If the result is infeasible, it is solved on a geometric mesh, and may be infeasible too.
         """
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
             z, v = sampled(guess.at, lengths)
-            proposal = self._transcription(intervals).solve(guess.start, lengths, z, v, margin)
-            if proposal.feasible:
+            candidate = self._transcription(intervals).solve(guess.start, lengths, z, v, margin)
+            if candidate.feasible:
                 break
-        return proposal
+        return candidate
 
     @cached_property
     def _weights(self) -> tuple[np.ndarray, np.ndarray]:
@@ -287,20 +287,20 @@ def sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return guess(inside)[0], guess(ends)[1]
 
 
-def refutation(flown: SimulatedFlight, proposal: Proposal) -> str:
-    """Return the reason why a simulated flight refutes a proposal, or "" if the flight confirms it.
+def refutation(flown: SimulatedFlight, candidate: Candidate) -> str:
+    """Return the reason why a simulated flight refutes a candidate, or "" if the flight confirms it.
 
     A confirming flight stays in the envelope and converges to the trim. Its cost exceeds the
     proposed cost by at most `FLIGHT_AGREES`. It may be cheaper, because its cost is what counts.
     """
     if flown.departure is not None:
-        return f"the flight that follows the proposal {flown.departure.text()}"
+        return f"the flight that follows the candidate {flown.departure.text()}"
     if not flown.converges:
-        return "the flight that follows the proposal does not end at the trim"
-    off = flown.cost / proposal.cost - 1.0
+        return "the flight that follows the candidate does not end at the trim"
+    off = flown.cost / candidate.cost - 1.0
     if off > FLIGHT_AGREES:
         return (
-            f"the flight that follows the proposal costs {flown.cost:.6g}, {100 * off:+.2g} % off "
-            f"the proposed {proposal.cost:.6g}"
+            f"the flight that follows the candidate costs {flown.cost:.6g}, {100 * off:+.2g} % off "
+            f"the proposed {candidate.cost:.6g}"
         )
     return ""

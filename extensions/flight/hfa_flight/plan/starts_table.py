@@ -32,7 +32,7 @@ class StartFlights(Result):
 
     start: state -> initial deviation from the trim.
     cost: cost of the best flight, or None if no flight was found.
-    reason: reason why no proposal of the optimizer was confirmed, or None if one was. A cost with a
+    reason: reason why no candidate of the optimizer was confirmed, or None if one was. A cost with a
         reason is that of the cheapest simulated flight.
     spread: relative difference of the costs on the two meshes, or None with a reason.
     linear_cost: cost z'Pz of the linear model without limits.
@@ -52,7 +52,7 @@ class PolicySummary(Result):
     """Summary of a policy's flights from all initial conditions from which a best flight was found.
 
     policy: name of the policy.
-    lost: number of flights that do not converge: that left the envelope or are not at the trim.
+    not_converged: number of flights that do not converge: that left the envelope or are not at the trim.
     left: number of flights that left the envelope.
     median: median of the cost relative to the best flights found, over the flights that converge,
         or None if none converges.
@@ -61,7 +61,7 @@ class PolicySummary(Result):
     """
 
     policy: str
-    lost: int
+    not_converged: int
     left: int
     median: float | None
     high: float | None
@@ -69,7 +69,7 @@ class PolicySummary(Result):
 
     def row(self) -> Row:
         """Return the row of a report: the median, with the other figures in its note."""
-        counts = f"{self.lost} do not converge"
+        counts = f"{self.not_converged} do not converge"
         if self.left:
             counts += f" ({self.left} leave the envelope)"
         if self.median is None:
@@ -162,7 +162,7 @@ class StartsTable(OfProblem, Result, Reported):
         """Return the report: flights found, cost ratios of policies, refused flights, limits."""
         reasons = [best.reason for best in self.flights if best.reason is not None]
         refused = (
-            f"no proposal confirmed from {reasons.count(reason)} initial conditions: {reason}"
+            f"no candidate confirmed from {reasons.count(reason)} initial conditions: {reason}"
             for reason in dict.fromkeys(reasons)
         )
         parts = (
@@ -177,14 +177,15 @@ class StartsTable(OfProblem, Result, Reported):
 
     def _title_lines(self) -> list[str]:
         """Return the first lines: flights found, median cost ratios, and what limits the result."""
-        count = f"{self.found} of {self.starts} found"
+        begin = f"Best flights: {self.found} of {self.starts} found"
         if self.starts < self.asked:
-            count += f" (interrupted; {self.asked} requested)"
-        outcomes = [
-            (summary.policy, summary.median, f"{summary.lost} lost" if summary.lost else "")
-            for summary in self.policies
-        ]
-        begin = f"Best flights: {count}"
+            begin += f" (interrupted; {self.asked} requested)"
+        outcomes = []
+        for summary in self.policies:
+            count = summary.not_converged
+            outcomes.append(
+                (summary.policy, summary.median, f"{count} not converged" * (count > 0))
+            )
         if not self.found:
             begin += "; no cost ratio without a flight"
         lines = [f"FAIL: {text}" for text in self.failures()]
@@ -210,9 +211,9 @@ class StartsTable(OfProblem, Result, Reported):
 def _summary(flights: Sequence[FlightRow]) -> PolicySummary:
     """Return the summary of the flights of one policy."""
     ratios = [flight.over_best for flight in flights if flight.over_best is not None]
-    lost = sum(not flight.converges for flight in flights)
+    not_converged = sum(not flight.converges for flight in flights)
     left = sum(flight.departure is not None for flight in flights)
-    counts = (flights[0].policy, lost, left)
+    counts = (flights[0].policy, not_converged, left)
     if not ratios:
         return PolicySummary(*counts, None, None, None)
     median, high = np.quantile(ratios, [0.5, 0.9]).tolist()
@@ -261,7 +262,7 @@ def flights_from(
         found = search.found(start)
         cost = found.flown.cost
         reason = found.reason or None
-        spread = None if found.proposal is None else found.spread
+        spread = None if found.candidate is None else found.spread
         seconds, linear = (1.0 + AFTER) * found.seconds, found.linear
     except NoSolutionError as error:
         reason = str(error).removeprefix("no flight found: ")
@@ -286,7 +287,7 @@ def optimize(
     """Return the cheapest flight found from an initial condition to a trim.
 
     The cost is ∫ z'Qz + v'Rv dt, where z and v are the deviations from the trim. Collocation
-    proposes the flight. The proposal is accepted if a simulation confirms it. Otherwise the result
+    proposes the flight. The candidate is accepted if a simulation confirms it. Otherwise the result
     is the cheapest simulated flight, with the reason in `BestFlight.reason`.
 
     model: the aircraft

@@ -52,17 +52,17 @@ class StateDependent(SampledPolicy):
     distance from trim over that of its limit. At samples without a solution, P is that of the trim.
 
     problem: aircraft, trim, weights and limits
-    law: the policy in nominal units
+    scaled: the policy in nominal units
     """
 
     plans = True
 
     problem: FlightProblem
-    law: RiccatiLaw
+    scaled: RiccatiPolicy
 
     def reset(self) -> None:
         """Forget the commands and counts of an earlier flight."""
-        self.law.reset(self.delay)
+        self.scaled.reset(self.delay)
 
     def __call__(self, t: float, X: Any) -> np.ndarray:
         """Return the inputs U of the sample at t, absolute, (m,).
@@ -70,28 +70,28 @@ class StateDependent(SampledPolicy):
         t: s
         X: all states, absolute, (n,) or by name in their order
         """
-        return self.problem.inputs_of(self.law(self.problem.followed_of(X)))
+        return self.problem.inputs_of(self.scaled(self.problem.followed_of(X)))
 
     @property
     def unsolved(self) -> int:
         """Number of samples since the last reset at which the Riccati equation had no solution."""
-        return self.law.unsolved
+        return self.scaled.unsolved
 
     @property
     def K(self) -> np.ndarray:
         """Gain of v = -K z at the trim, (m, k)."""
         of_states, of_inputs = self.problem.sizes
-        K = self.law.gain_at(np.zeros(len(of_states)))
+        K = self.scaled.gain_at(np.zeros(len(of_states)))
         return K * of_inputs[:, None] / of_states[: K.shape[1]]
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy, with the number of samples without a solution."""
-        counts = {"unsolved": self.unsolved, "wrong_samples": self.law.wrong}
+        counts = {"unsolved": self.unsolved, "wrong_samples": self.scaled.wrong}
         return {**super().data(model), "dt": self.dt, **counts}
 
     def notes(self) -> tuple[str, ...]:
         """Return what the samples of the last flight needed."""
-        kept = ", ".join(self.law.nearest.states) or "no state"
+        kept = ", ".join(self.scaled.nearest.states) or "no state"
         lines = [
             f"The game has the {self.problem.weights_text()}.",
             f"One Riccati equation every {self.dt:g} s; kept inside: {kept}.",
@@ -100,10 +100,10 @@ class StateDependent(SampledPolicy):
             lines.append(
                 f"At {self.unsolved} samples the game has no solution; P of the trim was used."
             )
-        return (*lines, *wrong_samples_note(self.law.wrong))
+        return (*lines, *wrong_samples_note(self.scaled.wrong))
 
 
-class RiccatiLaw:
+class RiccatiPolicy:
     """The policy of the state-dependent game in nominal units.
 
     scaled: the problem in nominal units
@@ -259,10 +259,12 @@ def state_dependent(
     P = np.array(solve(at_trim).P) * np.outer(of_states, of_states)
     step = sample_time_of_plans(scaled, dt)
     disturbing = np.array(at_trim.E) / of_states[:, None]
-    law = RiccatiLaw(scaled, step, disturbing, at_trim.delta, P, limit_weight)
+    policy = RiccatiPolicy(scaled, step, disturbing, at_trim.delta, P, limit_weight)
     weights = [matrix.tolist() for matrix in (at_trim.Q, at_trim.R, at_trim.E)]
     identity = {"state-dependent": [weights, at_trim.delta, limit_weight]}
-    return StateDependent("state-dependent", problem.point, step, problem, law, identity=identity)
+    return StateDependent(
+        "state-dependent", problem.point, step, problem, policy, identity=identity
+    )
 
 
 #: Largest difference of a command and its nearest one that is rounding, in nominal values.
@@ -417,10 +419,10 @@ def keep_inside(
     >>> import hfa
     >>> model = hfa.aircraft()
     >>> point = hfa.trim(model, dihedral=0.2)
-    >>> law = hfa.state_dependent(model, point)
-    >>> kept = hfa.keep_inside(law, model, point, limits={"pitch_rate": (-0.05, 0.05)})
+    >>> planned = hfa.state_dependent(model, point)
+    >>> kept = hfa.keep_inside(planned, model, point, limits={"pitch_rate": (-0.05, 0.05)})
     >>> start = {"alpha": 0.05}
-    >>> flights = [hfa.fly(model, point, policy, 0.2, initial=start) for policy in (law, kept)]
+    >>> flights = [hfa.fly(model, point, policy, 0.2, initial=start) for policy in (planned, kept)]
     >>> [bool(abs(flight.states[:, 4]).max() <= 0.05) for flight in flights]
     [False, True]
     """

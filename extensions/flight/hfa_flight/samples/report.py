@@ -127,7 +127,7 @@ def _far_above(plan: MonteCarlo, figures: Mapping[str, Any]) -> dict[str, dict[s
     figures: as returned by `_rms_figures`
     """
     references = {"linear": figures.get("linear_rms", {})}
-    if plan.scenario.moving_air and not figures["uncontrolled_lost"]:
+    if plan.scenario.moving_air and not figures["uncontrolled_left"]:
         references["no_control"] = figures["uncontrolled_rms"]
     far: dict[str, dict[str, float]] = {}
     for state in plan.model.linear:
@@ -163,7 +163,7 @@ def _rms_figures(
     figures: dict[str, Any] = {
         "rms": dict(zip(names, _rms_of_all(flown), strict=True)),
         "uncontrolled_rms": dict(zip(names, _rms_of_all(uncontrolled), strict=True)),
-        "uncontrolled_lost": int((uncontrolled["left"] >= 0).sum()),
+        "uncontrolled_left": int((uncontrolled["left"] >= 0).sum()),
         "at_limit": dict(
             zip(plan.model.inputs, flown["at_limit"].mean(axis=0).tolist(), strict=True)
         ),
@@ -223,7 +223,7 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
         "first_left": None if inside.all() else float(flown["flown"][~inside].min()),
         "left_an_hour": 3600.0 * int((~inside).sum()) / max(float(flown["flown"].sum()), 1e-9),
         "left": {name: int((left == index).sum()) for index, name in enumerate(limited)},
-        "lost_95": outside_band(int((~inside).sum()), plan.members),
+        "left_95": outside_band(int((~inside).sum()), plan.members),
         "exceeded": dict(zip(model.inputs, (~obeyed).sum(axis=0).tolist(), strict=True)),
         "limit_cycle": {name: int((cycle == at).sum()) for at, name in enumerate(oscillating)},
         "quantiles": np.array(_QUANTILES),
@@ -244,9 +244,9 @@ def _rows(outcomes: Mapping[str, Any]) -> tuple[Row, ...]:
     for name, entry in (("beyond limits of", "exceeded"), ("limit cycle of", "limit_cycle")):
         counts = outcomes[entry].items()
         rows += [Row(f"{name} {signal}", count) for signal, count in counts if count]
-    if "uncontrolled_lost" in outcomes:
+    if "uncontrolled_left" in outcomes:
         rows.append(
-            Row("leave without control", outcomes["uncontrolled_lost"], note="of the same flights")
+            Row("leave without control", outcomes["uncontrolled_left"], note="of the same flights")
         )
     return tuple(rows)
 

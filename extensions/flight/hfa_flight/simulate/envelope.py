@@ -346,7 +346,7 @@ class FlightRow(Result):
 
     @property
     def loss(self) -> str:
-        """How the flight is lost, or "" if it converges."""
+        """How the flight ends, or "" if it converges."""
         if self.departure is not None:
             return "leaves the envelope"
         return "" if self.converges else f"not at the trim after {self.seconds:.3g} s"

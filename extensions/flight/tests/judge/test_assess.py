@@ -46,7 +46,7 @@ def test_the_cost_ratio_is_that_of_the_closed_form():
     costs = told.points[0].costs
     assert told.ok
     assert costs.starts == costs.both == 5
-    assert costs.lost == costs.lqr_lost == 0
+    assert costs.not_converged == costs.lqr_not_converged == 0
     assert costs.ratios.median == pytest.approx(ratio, rel=1e-6)
     assert f"{ratio:.3g}x the exact gain" in told.first_line
 
@@ -112,7 +112,7 @@ def test_the_cost_above_the_optimum_is_that_of_summed_samples():
     ("strong", "slope", "lost", "both"), [(True, 6.0, 0, 2), (False, 2.0, 2, 1)]
 )
 def test_costs_are_compared_only_where_both_flights_converge(strong, slope, lost, both):
-    """Flights of the policy and of the exact gain that do not converge are counted as lost; costs
+    """Flights of the policy and of the exact gain that do not converge are counted; costs
     are compared where both converge.
 
     v' = v + 4 v^3 + f from .25, .79 and .55: the exact gain 1 + sqrt 2 converges from v < .595.
@@ -122,7 +122,12 @@ def test_costs_are_compared_only_where_both_flights_converge(strong, slope, lost
     deployment = deployed(lambda v: -slope * v + (not strong) * 4.0 * v**3, 0.02, [-10.0, 10.0])
     found = assess(model, deployment, samples=3, seed=7, box={"v": 1.0})
     costs = found.points[0].costs
-    assert (costs.starts, costs.lost, costs.lqr_lost, costs.both) == (3, lost, 1, both)
+    assert (costs.starts, costs.not_converged, costs.lqr_not_converged, costs.both) == (
+        3,
+        lost,
+        1,
+        both,
+    )
     assert found.ok is strong
 
 

@@ -168,7 +168,7 @@ def test_unusable_arguments_are_refused(start, more, says):
     assert "\n" not in str(caught.value)
 
 
-def test_a_proposal_through_a_kink_is_confirmed():
+def test_a_candidate_through_a_kink_is_confirmed():
     """v' = u - .3 |v|: the flight of the exact equations costs what the smooth copy promised, and at
     most as much as the linear optimum.
     """

@@ -481,7 +481,7 @@ def test_laws_fly_and_are_compared_on_the_command_line(law, capsys):
         ("--policy predictive --command angle=1:2", "--command cannot be combined with --policy"),
         ("--policy state-dependent --horizon 1", "--horizon applies only to"),
         ("--policy exact --margin 0.1", "--margin applies only to"),
-        ("--policy predictive --samples 2 --workers 2", "a law that plans"),
+        ("--policy predictive --samples 2 --workers 2", "a policy that plans"),
         ("--keep-inside", "move no limited state"),
     ],
 )

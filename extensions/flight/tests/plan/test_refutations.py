@@ -1,4 +1,4 @@
-"""What refutes a proposed flight, attacked by planted errors in the proposal and in the search, and
+"""What refutes a proposed flight, attacked by planted errors in the candidate and in the search, and
 in the steps of a predictive policy.
 """
 
@@ -27,26 +27,26 @@ def best():
     return best_of_cart({"position": 5.0})
 
 
-def test_the_simulation_confirms_or_refutes_a_proposal(best):
-    """The simulation confirms a proposal, also one that promises 5 % more cost. It refutes one that
+def test_the_simulation_confirms_or_refutes_a_candidate(best):
+    """The simulation confirms a candidate, also one that promises 5 % more cost. It refutes one that
     promises 5 % less, and one with wrong inputs.
 
-    A proposal is unfinished if the linear policy leaves the limits after its end.
+    A candidate is unfinished if the linear policy leaves the limits after its end.
     """
-    proposal = best.found.proposal
+    candidate = best.found.candidate
     search = BestFlights(best.problem)
     flights = search.flights
-    flown = flights.follow(proposal, 1.25 * best.seconds)
-    assert refutation(flown, proposal) == ""
-    assert "off the proposed" in refutation(flown, proposal._replace(cost=0.95 * proposal.cost))
-    assert refutation(flown, proposal._replace(cost=1.05 * proposal.cost)) == ""
-    wrong = proposal._replace(v=proposal.v + 0.2)
+    flown = flights.follow(candidate, 1.25 * best.seconds)
+    assert refutation(flown, candidate) == ""
+    assert "off the proposed" in refutation(flown, candidate._replace(cost=0.95 * candidate.cost))
+    assert refutation(flown, candidate._replace(cost=1.05 * candidate.cost)) == ""
+    wrong = candidate._replace(v=candidate.v + 0.2)
     assert refutation(flights.follow(wrong, 1.25 * best.seconds), wrong)
-    assert search._unfinished(proposal) == ""
+    assert search._unfinished(candidate) == ""
     # The plan ends 0.2 m before the limit of the position, at 6 m/s; 1e9 makes its cost no reason.
-    z = proposal.z.copy()
+    z = candidate.z.copy()
     z[-1, -1] = [19.8, 6.0]
-    assert "leaves the limits" in search._unfinished(proposal._replace(z=z, cost=1e9))
+    assert "leaves the limits" in search._unfinished(candidate._replace(z=z, cost=1e9))
 
 
 class Failing:
@@ -99,8 +99,8 @@ def test_without_a_flight_of_either_the_start_is_refused(monkeypatch):
         best_of_cart({"position": 15.0, "velocity": 6.0})
 
 
-def test_a_proposal_on_a_flight_that_leaves_is_solved_with_a_wider_margin(monkeypatch):
-    """If the flight of the first proposal leaves (planted), the next proposal keeps 3 margins, and
+def test_a_candidate_on_a_flight_that_leaves_is_solved_with_a_wider_margin(monkeypatch):
+    """If the flight of the first candidate leaves (planted), the next candidate keeps 3 margins, and
     its flight is the best one.
     """
     asked = []
@@ -112,9 +112,9 @@ def test_a_proposal_on_a_flight_that_leaves_is_solved_with_a_wider_margin(monkey
 
     follow = Flights.follow
 
-    def beyond(self, proposal, seconds):
-        flown = follow(self, proposal, seconds)
-        return flown if asked[-1] > 1.0 else self.fly(self._tracking, 99.0 * proposal.start, 1.0)
+    def beyond(self, candidate, seconds):
+        flown = follow(self, candidate, seconds)
+        return flown if asked[-1] > 1.0 else self.fly(self._tracking, 99.0 * candidate.start, 1.0)
 
     monkeypatch.setattr(Transcription, "solve", noted)
     monkeypatch.setattr(Flights, "follow", beyond)
