@@ -412,7 +412,7 @@ def _steering(
 
 
 def _end_of(result: Flight) -> str:
-    """Return the end of the first line of a policy that plans: return, cost, ratio to the plan's."""
+    """Return the end of the first line of a policy that plans: return, cost, ratio."""
     ended = "returned" if result.returned else "not returned"
     first = result.loop.policy.data(result.model).get("samples", {}).get("first_plan")
     ratio = f", {result.cost / first:.4g} times its first plan" if first else ""

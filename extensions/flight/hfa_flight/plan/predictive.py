@@ -140,8 +140,8 @@ class Predictive(SampledPolicy):
             f"{self.dt:g} s; not proved to converge or to stay inside.",
             f"Limits of states narrowed by {100 * self.controller.planner.margin:.3g} % of their "
             "distance from the trim (margin).",
-            f"{done.planned} samples with a plan, {done.linear} with the exact gain for a zero-order "
-            f"hold; {done.refused} steps of the quadratic program refused.",
+            f"{done.planned} samples with a plan, {done.linear} with the exact gain for a "
+            f"zero-order hold; {done.refused} steps of the quadratic program refused.",
         ]
         asked = self.controller.planner.grid.asked
         if asked is not None:

@@ -57,9 +57,7 @@ class Hold(NamedTuple):
         try:
             P = solve_discrete_are(self.A, self.B, Q, R, s=N)
         except (LinAlgError, ValueError) as error:
-            raise NoSolutionError(
-                f"no linear optimum with a zero-order hold of the inputs: {error}"
-            ) from error
+            raise NoSolutionError(f"no linear optimum with a zero-order hold: {error}") from error
         return self.back(P)
 
 

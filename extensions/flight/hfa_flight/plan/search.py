@@ -288,7 +288,7 @@ def sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def refutation(flown: SimulatedFlight, candidate: Candidate) -> str:
-    """Return the reason why a simulated flight refutes a candidate, or "" if the flight confirms it.
+    """Return the reason why a simulated flight refutes a candidate, or "" if it confirms it.
 
     A confirming flight stays in the envelope and converges to the trim. Its cost exceeds the
     proposed cost by at most `FLIGHT_AGREES`. It may be cheaper, because its cost is what counts.

@@ -32,8 +32,8 @@ class StartFlights(Result):
 
     start: state -> initial deviation from the trim.
     cost: cost of the best flight, or None if no flight was found.
-    reason: reason why no candidate of the optimizer was confirmed, or None if one was. A cost with a
-        reason is that of the cheapest simulated flight.
+    reason: reason why no candidate of the optimizer was confirmed, or None if one was. A cost with
+        a reason is that of the cheapest simulated flight.
     spread: relative difference of the costs on the two meshes, or None with a reason.
     linear_cost: cost z'Pz of the linear model without limits.
     policies: flights of the policies, the saturated linear optimum first.
@@ -52,7 +52,7 @@ class PolicySummary(Result):
     """Summary of a policy's flights from all initial conditions from which a best flight was found.
 
     policy: name of the policy.
-    not_converged: number of flights that do not converge: that left the envelope or are not at the trim.
+    not_converged: number of flights that left the envelope or are not at the trim.
     left: number of flights that left the envelope.
     median: median of the cost relative to the best flights found, over the flights that converge,
         or None if none converges.
