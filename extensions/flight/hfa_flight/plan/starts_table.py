@@ -183,9 +183,8 @@ class StartsTable(OfProblem, Result, Reported):
         outcomes = []
         for summary in self.policies:
             count = summary.not_converged
-            outcomes.append(
-                (summary.policy, summary.median, f"{count} not converged" * (count > 0))
-            )
+            end = f"{count} not converged" if count else ""
+            outcomes.append((summary.policy, summary.median, end))
         if not self.found:
             begin += "; no cost ratio without a flight"
         lines = [f"FAIL: {text}" for text in self.failures()]
