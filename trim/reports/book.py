@@ -30,8 +30,8 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.status import RESULTS, TRIMMED
 from trim.reports.first_lines import subject, title_of
 from trim.reports.sheet import result_of
-from trim.reports.trimmed import Trimmed
-from trim.reports.warnings import PARAMETER_OF_ENTRY, Quantity, configuration_of
+from trim.reports.trimmed import Quantity, Trimmed
+from trim.reports.warnings import PARAMETER_OF_ENTRY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -150,7 +150,7 @@ def book_of(
     sheets = [condition.report for condition in conditions if condition.point is not None]
     name = subject(model)
     loaded = [
-        {} if condition.point is None else configuration_of(Trimmed(condition.point))
+        {} if condition.point is None else Trimmed(condition.point).configuration
         for condition in conditions
     ]
     drawn = partial(matrix_figure, conditions)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from itertools import chain
 
 from hfa_aircraft.limits import NEAR
 from hfa_aircraft.rigid.atmosphere import (
@@ -12,7 +13,7 @@ from hfa_aircraft.rigid.atmosphere import (
     calibrated_airspeed,
     equivalent_airspeed,
 )
-from hfa_support.reporting.rows import Lacking, Row, Sheet
+from hfa_support.reporting.rows import Lacking, Row
 from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_value, without_rounding
 from hfa_support.units import conversion_factor
 from trim.point.operating_point import is_in_range
@@ -26,22 +27,22 @@ _OF_AIR = ("mach", "dynamic_pressure", "load_factor")
 OUTPUTS = (*_OVER_GROUND, *_OF_AIR)
 
 
-def flight_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
-    """Yield the rows of the flight: airspeeds, air, load factor, unbalanced rates, distances from
-    the condition of the derivatives, and ranges in which the model is valid.
+def flight_rows(trimmed: Trimmed, brief: bool = False) -> Iterator[Row | Lacking]:
+    """Return the rows of the flight that no variable has: airspeeds, air, load factor, unbalanced
+    rates, distances from the condition of the derivatives, and ranges in which the model is valid.
+
+    brief: whether rows on the air are left out
     """
+    rows: list[Iterator[Row | Lacking]] = []
     if "speed" in trimmed.roles:
-        yield from airspeed_rows(trimmed)
         parameters = trimmed.model.parameters.items()
         in_wind = any(name.startswith("wind_") and signal.start for name, signal in parameters)
-        yield from output_rows(trimmed, _OVER_GROUND, rare=not in_wind)
-        yield from output_rows(trimmed, _OF_AIR)
-        yield from air_rows(trimmed)
+        rows += [airspeed_rows(trimmed), output_rows(trimmed, _OVER_GROUND, rare=not in_wind)]
+        rows += [output_rows(trimmed, _OF_AIR), *([] if brief else [air_rows(trimmed)])]
     elif trimmed.model.about.atmosphere:
-        yield Row("atmosphere", trimmed.model.about.atmosphere)
-    yield from unbalanced_rates(trimmed)
-    yield from distances_from_the_table(trimmed)
-    yield from validity_rows(trimmed)
+        rows.append(iter([Row("atmosphere", trimmed.model.about.atmosphere)]))
+    rows += [unbalanced_rates(trimmed), distances_from_the_table(trimmed), validity_rows(trimmed)]
+    return (row for row in chain(*rows) if row.name not in trimmed.point.margins)
 
 
 def output_rows(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) -> Iterator[Row]:
@@ -165,8 +166,8 @@ _CLIMBS = {"ft/s": ("ft/min", 60.0), "m/s": ("m/s", 1.0)}
 #: Outputs that the loads begin with, and those that other rows have.
 _LOADS = ("weight", "lift", "drag", "thrust", "thrust_force")
 _KNOWN = (*OUTPUTS, *_LOADS, "largest_lift_coefficient")
-#: Rows from which a stall is seen, and why the last one is missing then.
-_LIFT, _LARGEST, _RATIO = "lift coefficient", "largest lift coefficient", "speed / stall speed"
+#: Row that a stalled trim does not have, and why.
+_RATIO = "speed / stall speed"
 _PASSED = "beyond the largest lift"
 #: Difference of the load factor from 1 that four printed digits show.
 _LOAD = 1e-3
@@ -201,17 +202,11 @@ def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         unit = f"{trimmed.unit('drag')} {trimmed.unit(speed)}"
         shown, factor = _POWERS.get(unit, (unit, 1.0))
         yield Row("power required", trimmed["drag"] * trimmed[speed] * factor, shown)
-    if not lacks_coefficient(trimmed):
+    if not trimmed.lacks_coefficient:
         force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
-        yield Row(_LIFT, trimmed["lift"] / force)
+        yield Row("lift coefficient", trimmed["lift"] / force)
         if "drag" in trimmed.model.outputs:
             yield Row("drag coefficient", trimmed["drag"] / force)
-
-
-def lacks_coefficient(trimmed: Trimmed) -> str:
-    """Return why the lift has no coefficient, or ""."""
-    names = ("lift", "dynamic_pressure", "reference_area")
-    return trimmed.lacks(*names) or trimmed.zero(*names[1:])
 
 
 def thrust(trimmed: Trimmed) -> Iterator[Row | Lacking]:
@@ -242,81 +237,53 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     load factor of the trim if it is another one, and the stall speed at 1 g, V sqrt(W / largest
     lift). Without a weight, the load factor is that of the lift.
     """
-    reason = lacks_coefficient(trimmed) or trimmed.zero("lift")
-    largest = None if reason else trimmed.largest_lift
-    if largest is None:
-        yield Lacking(_RATIO, reason or "no CL_max, and lift without a maximum")
+    largest = trimmed.largest_lift
+    if isinstance(largest, str):
+        yield Lacking(_RATIO, largest)
         return
     force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
-    where = ""
-    if math.isfinite(largest.alpha):
-        where = f"at alpha {math.degrees(largest.alpha):.4g} deg"
-    yield Row(_LARGEST, largest.lift / force, note=where)
+    yield Row("largest lift coefficient", largest.lift / force, note=largest.where)
     if largest.lift <= 0.0:
         return
+    outputs = trimmed.model.outputs
+    weight = trimmed["weight"] if "weight" in outputs else math.nan
     if largest.passed:
         yield Lacking(_RATIO, _PASSED)
-    else:
-        yield from _speed_ratios(trimmed, largest.lift)
-    if _has_weight(trimmed):
-        yield from stall_speed(trimmed, math.sqrt(trimmed["weight"] / largest.lift))
-
-
-def _speed_ratios(trimmed: Trimmed, largest_lift: float) -> Iterator[Row]:
-    """Yield the speed over the stall speed at 1 g, and at the load factor of the trim if it is
-    another one; without a weight, over the stall speed at the lift of the trim.
-    """
-    if _has_weight(trimmed):
-        ratio = math.sqrt(largest_lift / trimmed["weight"])
+    elif weight > 0.0:
+        ratio = math.sqrt(largest.lift / weight)
         yield Row(_RATIO, ratio, note="V/Vs, stall at 1 g")
-        load = trimmed["load_factor"] if "load_factor" in trimmed.model.outputs else 1.0
+        load = trimmed["load_factor"] if "load_factor" in outputs else 1.0
         if load > 0.0 and abs(load - 1.0) > _LOAD:
             at_load = "V/Vs, stall at this load factor"
             yield Row(f"{_RATIO} at n", ratio / math.sqrt(load), note=at_load)
     elif trimmed["lift"] > 0.0:
-        ratio = math.sqrt(largest_lift / trimmed["lift"])
+        ratio = math.sqrt(largest.lift / trimmed["lift"])
         yield Row(_RATIO, ratio, note="V/Vs, stall at this lift")
-
-
-def _has_weight(trimmed: Trimmed) -> bool:
-    """Return whether the model has the output weight, and it is positive."""
-    return "weight" in trimmed.model.outputs and trimmed["weight"] > 0.0
-
-
-def stall_speed(trimmed: Trimmed, share: float) -> Iterator[Row]:
-    """Yield the stall speed at 1 g, kt: a share of the speed."""
     speed = trimmed.roles["speed"]
     knots = conversion_factor(trimmed.unit(speed), "kt")
-    if knots is None:
-        return
-    true = trimmed[speed] * knots * share
-    pressure = dynamic_pressure(trimmed)
-    if isinstance(pressure, str):
-        yield Row("stall speed at 1 g", true, "kt", "Vs, KTAS")
-    else:
-        from hfa_aircraft.rigid.atmosphere import equivalent_airspeed
-
-        equivalent = equivalent_airspeed(pressure) * share
-        yield Row("stall speed at 1 g", equivalent, "kt", f"Vs, KEAS; {true:.4g} KTAS")
+    if weight > 0.0 and knots is not None:
+        share = math.sqrt(weight / largest.lift)
+        true = trimmed[speed] * knots * share
+        pressure = dynamic_pressure(trimmed)
+        shown, note = true, "Vs, KTAS"
+        if not isinstance(pressure, str):
+            shown, note = equivalent_airspeed(pressure) * share, f"Vs, KEAS; {true:.4g} KTAS"
+        yield Row("stall speed at 1 g", shown, "kt", note)
 
 
-def stall_lines_at(trimmed: Trimmed) -> list[str]:
-    """Return sentences on a trim beyond the largest lift."""
+def stall_lines(trimmed: Trimmed) -> list[str]:
+    """Return a sentence on a trim beyond the largest lift, or none."""
     if not trimmed.point.ok or not {"speed", "alpha"} <= {*trimmed.roles}:
         return []
-    return stall_lines(Sheet.of([("", [*lift_and_drag(trimmed), *stall(trimmed)], ())]))
-
-
-def stall_lines(sheet: Sheet) -> list[str]:
-    """Return sentences on a trim beyond the largest lift, by the rows of its sheet."""
-    rows = {row.name: row for row in sheet}
-    if _LARGEST not in rows:
+    largest = trimmed.largest_lift
+    if isinstance(largest, str):
         return []
-    largest, lift = float(rows[_LARGEST]), float(rows[_LIFT])
-    if sheet.lacking.get(_RATIO) == _PASSED:
-        return [f"STALLED: {_PASSED}, CL {largest:.4g} {rows[_LARGEST].note}"]
-    if lift > largest:
-        return [f"STALLED: CL {lift:.4g} is above CL_max {largest:.4g} of the table"]
+    force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
+    lift, most = trimmed["lift"] / force, largest.lift / force
+    if largest.passed and largest.lift > 0.0:
+        return [f"STALLED: {_PASSED}, CL {most:.4g} {largest.where}"]
+    if lift > most:
+        return [f"STALLED: CL {lift:.4g} is above CL_max {most:.4g} of the table"]
     return []
 
 
@@ -352,7 +319,7 @@ def static_margin(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     chord = trimmed["reference_chord"]
     steady = trimmed.quasi_steady
     place = steady.states.index(trimmed.roles["alpha"])
-    lift, moment = (float(steady.outputs[name].by_states[place]) for name in names[:2])
+    lift, moment = (float(steady.outputs[name][0][place]) for name in names[:2])
     force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
     yield Row("CL_alpha", lift / force, "1/rad")
     yield Row("Cm_alpha", moment / (force * chord), "1/rad")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.recognition import altitudes
-from hfa_aircraft.signals import ISA, Signal
+from hfa_aircraft.signals import ISA
 from hfa_support.errors import printable
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import (
@@ -25,7 +25,7 @@ from trim.linear.modes import Mode
 from trim.point.freed import freed_parameters
 from trim.point.margins import Margin
 from trim.point.status import BALANCE
-from trim.reports.figures import stall_lines_at
+from trim.reports.figures import stall_lines
 from trim.reports.trimmed import Trimmed, named_value_text, value_text
 from trim.reports.warnings import warnings_of
 
@@ -54,9 +54,14 @@ def first_lines(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> st
     model = trimmed.point.model
     condition = ", ".join(condition_words(trimmed))
     lines = [f"{subject(model)} {done}: {condition}" if condition else f"{subject(model)} {done}"]
-    if modes is not None:
-        lines.append(_unstable([*modes], model.time_unit))
-    lines += [*stall_lines_at(trimmed), *uniqueness_lines(trimmed), *changing_lines(trimmed)]
+    if modes is not None:  # a growth within the rounding of A is 0 (`trim.linear.modes.spectrum`)
+        unstable = [
+            f"{mode.name} (2x in {mode.time_to_double:.3g} {model.time_unit})"
+            for mode in modes
+            if mode.eigenvalue.real > 0.0
+        ]
+        lines.append(f"unstable: {', '.join(unstable) or 'none'}")
+    lines += [*stall_lines(trimmed), *uniqueness_lines(trimmed), *changing_lines(trimmed)]
     lines += [f"Check: {warning}" for warning in warnings_of(trimmed)]
     return "\n".join(lines)
 
@@ -119,17 +124,6 @@ def subject(model: Model) -> str:
     return f"{name} ({equations})" if equations and equations not in name else name
 
 
-def _unstable(modes: Sequence[Mode], time: str) -> str:
-    """Return a line with the unstable modes and their times to double."""
-    # A growth within the rounding of A is 0 (`trim.linear.modes.spectrum`).
-    timed = [
-        f"{mode.name} (2x in {mode.time_to_double:.3g} {time})"
-        for mode in modes
-        if mode.eigenvalue.real > 0.0
-    ]
-    return f"unstable: {', '.join(timed) or 'none'}"
-
-
 def condition_words(trimmed: Trimmed) -> Iterator[str]:
     """Yield the condition of an operating point as texts: "level", "68 ft/s", "40,000 ft".
 
@@ -181,8 +175,10 @@ def _flight_words(
     if ISA in model.parameters and model.parameters[ISA].start:
         yield f"ISA {model.parameters[ISA].start:+g} K"
     names = [*changed]
-    if _has_unusual_load_factor(trimmed):
-        names.insert(0, "load_factor")
+    if "load_factor" in trimmed.model.outputs:  # of steady flight along a straight path: cos γ
+        path = 0.0 if math.isnan(trimmed.flight_path) else trimmed.flight_path
+        if abs(trimmed["load_factor"] - math.cos(path)) > _LOAD:
+            names.insert(0, "load_factor")
     if model.schedule in (*model.states, *model.inputs):
         names.insert(0, model.schedule)
     engines_out = engines_without_power(trimmed)
@@ -193,14 +189,6 @@ def _flight_words(
     yield from engines_out.values()
 
 
-def _has_unusual_load_factor(trimmed: Trimmed) -> bool:
-    """Return whether the load factor is not that of steady flight along a straight path, cos γ."""
-    if "load_factor" not in trimmed.model.outputs:
-        return False
-    path = 0.0 if math.isnan(trimmed.flight_path) else trimmed.flight_path
-    return abs(trimmed["load_factor"] - math.cos(path)) > _LOAD
-
-
 def _path_words(trimmed: Trimmed) -> Iterator[str]:
     """Yield texts on the flight path and the turn: "climb 2 deg", "turn 3 deg/s", "accelerated"."""
     model = trimmed.model
@@ -208,38 +196,24 @@ def _path_words(trimmed: Trimmed) -> Iterator[str]:
     if math.isfinite(gamma):
         climb = f"{'climb' if gamma > 0 else 'descent'} {digits(math.degrees(abs(gamma)))} deg"
         yield "level" if _is_level(trimmed) else climb
-    if not _is_straight(trimmed):
-        yield f"turn {value_text(model, 'turn_rate', trimmed['turn_rate'])}"
+    if "turn_rate" in model.outputs:
+        imposed, nominal = trimmed.imposed, model.outputs["turn_rate"].nominal
+        tolerance = 0.0 if "turn_rate" in imposed else BALANCE * nominal
+        if abs(imposed.get("turn_rate", trimmed["turn_rate"])) > tolerance:
+            yield f"turn {value_text(model, 'turn_rate', trimmed['turn_rate'])}"
     if not all(_is_steady(trimmed, name) for name in trimmed.roles.values()):
         yield "accelerated"
 
 
 def _is_level(trimmed: Trimmed) -> bool:
     """Return whether the known flight path is level, as accurately as equations balance."""
-    imposed = _imposed(trimmed)
-    if "gamma" in imposed:
-        return bool(imposed["gamma"] == 0.0)
+    if "gamma" in trimmed.imposed:
+        return trimmed.imposed["gamma"] == 0.0
     if "altitude" in trimmed.rates:
         return _is_steady(trimmed, "altitude")
     signals = trimmed.model.signals
     nominal = signals["gamma" if "gamma" in signals else trimmed.roles.get("theta", "")].nominal
     return abs(trimmed.flight_path) <= BALANCE * nominal
-
-
-def _is_straight(trimmed: Trimmed) -> bool:
-    """Return whether the turn rate is 0 or unknown."""
-    if "turn_rate" not in trimmed.model.outputs:
-        return True
-    imposed = _imposed(trimmed)
-    if "turn_rate" in imposed:
-        return bool(imposed["turn_rate"] == 0.0)
-    return abs(trimmed["turn_rate"]) <= BALANCE * trimmed.model.outputs["turn_rate"].nominal
-
-
-def _imposed(trimmed: Trimmed) -> Mapping[str, float]:
-    """Return the values that the condition of the point imposes, name -> value."""
-    found = trimmed.point.found_by
-    return {} if found is None else found.condition.imposed
 
 
 def _is_steady(trimmed: Trimmed, state: str) -> bool:
@@ -249,39 +223,29 @@ def _is_steady(trimmed: Trimmed, state: str) -> bool:
 
 def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
     """Return input or switch -> "engine 1 out (throttle1)" for each engine whose input is held at
-    its lowest value, or whose switch engine1 is held at 0, while that of another one is not.
+    its lowest value, at least 0, or whose switch engine1 is held at 0, while that of another one is
+    not. The first engine is engine 1, whatever the number in its name (throttle0).
     """
     model = trimmed.point.model
     inputs = {name: trimmed.point[name] for name in model.inputs}
     switches = dict(zip(model.parameters, model.p.tolist(), strict=True))
-    return {
-        **_engines_out(model.inputs, inputs, held=_imposed(trimmed)),
-        **_engines_out(model.parameters, switches, held=switches),
-    }
-
-
-def _engines_out(
-    signals: Mapping[str, Signal], values: Mapping[str, float], held: Collection[str]
-) -> dict[str, str]:
-    """Return name -> "engine 1 out (throttle1)" for those of several engines whose lever or switch
-    is held at its lowest value, at least 0; none if all are.
-
-    The first engine is engine 1, whatever the number in its name (throttle0).
-
-    signals: inputs or parameters, of which those with a name of `_ENGINE` belong to engines
-    values: name -> value
-    held: names of the signals that are held
-    """
-    engines = {name: match for name in signals if (match := _ENGINE.fullmatch(name))}
-    in_order = sorted(engines, key=lambda name: (len(name), name))
-    out = {}
-    for name, match in engines.items():
-        lowest = max(signals[name].min, 0.0)
-        if name in held and is_zero(max(values[name] - lowest, 0.0), signals[name].nominal):
-            side = match["number"]  # a number or a side
-            engine = in_order.index(name) + 1 if side.isdigit() else side
-            out[name] = f"engine {engine} out ({name})"
-    return out if len(out) < len(engines) else {}
+    engines_out: dict[str, str] = {}
+    for signals, values, held in (
+        (model.inputs, inputs, trimmed.imposed),
+        (model.parameters, switches, switches),
+    ):
+        engines = {name: match for name in signals if (match := _ENGINE.fullmatch(name))}
+        in_order = sorted(engines, key=lambda name: (len(name), name))
+        out = {}
+        for name, match in engines.items():
+            above = values[name] - max(signals[name].min, 0.0)
+            if name in held and is_zero(max(above, 0.0), signals[name].nominal):
+                side = match["number"]  # a number or a side
+                engine = in_order.index(name) + 1 if side.isdigit() else side
+                out[name] = f"engine {engine} out ({name})"
+        if len(out) < len(engines):
+            engines_out |= out
+    return engines_out
 
 
 def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:

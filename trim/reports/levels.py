@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from hfa_support.reporting.rows import Row
 from hfa_support.units import STANDARD_GRAVITY, conversion_factor
 from trim.linear.modes import Mode
-from trim.reports.trimmed import Trimmed
-from trim.reports.warnings import Quantity, configuration_of
+from trim.reports.trimmed import Quantity, Trimmed
 
 #: Classes: I small and light; II medium, at a carrier or on land; III large; IV maneuverable.
 CLASSES = ("I", "II-C", "II-L", "III", "IV")
@@ -36,17 +35,12 @@ _MANEUVERABLE = 6.0
 class Airplane(NamedTuple):
     """What decides the limits: class of the airplane and category of the flight phase.
 
-    The class "" is chosen by weight and load factor where these are known (`usual_class`), a
+    The class "" is chosen by weight and load factor where these are known (`chosen_airplane`), a
     convention of this tool: the standard describes the classes in words. It is class I elsewhere.
     """
 
     class_: str = ""
     category: str = "B"
-
-    @property
-    def is_agile(self) -> bool:
-        """Whether the limits of the classes I, II-C and IV apply, not those of II-L and III."""
-        return self.class_ in _AGILE
 
 
 #: Class by weight, category B.
@@ -61,7 +55,7 @@ class Span(NamedTuple):
 
 
 #: Values of the levels 1, 2 and 3.
-Limits = Sequence[Span]
+Limits: TypeAlias = Sequence[Span]
 
 
 class Chosen(NamedTuple):
@@ -74,23 +68,8 @@ class Chosen(NamedTuple):
     why: str
 
 
-class UsualClass(NamedTuple):
-    """Class of an airplane, and the reason for it."""
-
-    class_: str
-    why: str
-
-
 def chosen_airplane(trimmed: Trimmed, airplane: Airplane) -> Chosen:
-    """Return class and category as the user states them, with the usual class if he does not."""
-    if airplane.class_:
-        return Chosen(airplane, "")
-    usual = usual_class(trimmed)
-    return Chosen(airplane._replace(class_=usual.class_), usual.why)
-
-
-def usual_class(trimmed: Trimmed) -> UsualClass:
-    """Return the class of an airplane by its declared load factor and its weight, and the reason.
+    """Return class and category as the user states them, with the usual class if he does not.
 
     - IV: the model declares a largest load factor of at least 6
     - I, II-L, III: weight up to 12,500 lbf, up to 60,000 lbf, above
@@ -99,37 +78,35 @@ def usual_class(trimmed: Trimmed) -> UsualClass:
     These numbers are a convention of this tool. MIL-F-8785C, 1.3, describes the classes in words:
     I small and light, II of medium weight, III large and heavy, IV of high maneuverability.
     """
+    if airplane.class_:
+        return Chosen(airplane, "")
     outputs = trimmed.model.outputs
     largest_load = outputs["load_factor"].max if "load_factor" in outputs else math.inf
     if _MANEUVERABLE <= largest_load < math.inf:
-        return UsualClass("IV", f"load factor up to {largest_load:.3g}")
+        return Chosen(airplane._replace(class_="IV"), f"load factor up to {largest_load:.3g}")
     weight = _weight(trimmed)
     unit_per_lbf = None if weight is None else conversion_factor("lbf", weight.unit)
     if weight is None or unit_per_lbf is None:
-        return UsualClass("I", "weight unknown")
-    for class_, most_weight in (("I", _LIGHT), ("II-L", _MEDIUM)):
-        most_in_unit = most_weight * unit_per_lbf
-        if weight.value <= most_in_unit:
-            return UsualClass(class_, f"weight up to {most_in_unit:,.0f} {weight.unit}")
-    return UsualClass("III", f"weight above {_MEDIUM * unit_per_lbf:,.0f} {weight.unit}")
+        return Chosen(airplane._replace(class_="I"), "weight unknown")
+    class_, side, limit = "III", "above", _MEDIUM
+    if weight.value <= _MEDIUM * unit_per_lbf:
+        is_light = weight.value <= _LIGHT * unit_per_lbf
+        class_, side, limit = ("I", "up to", _LIGHT) if is_light else ("II-L", "up to", _MEDIUM)
+    why = f"weight {side} {limit * unit_per_lbf:,.0f} {weight.unit}"
+    return Chosen(airplane._replace(class_=class_), why)
 
 
 def _weight(trimmed: Trimmed) -> Quantity | None:
-    """Return the weight, or None if it is unknown.
-
-    Without an output weight, it is the mass times standard gravity: in N for a mass in kg, g or t,
-    else in lbf.
-    """
+    """Return the weight, else mass times standard gravity, N for a metric mass, or None."""
     if "weight" in trimmed.model.outputs:
         return Quantity(trimmed["weight"], trimmed.unit("weight"))
-    mass = configuration_of(trimmed).get("mass")
+    mass = trimmed.configuration.get("mass")
     per_kg = None if mass is None else conversion_factor(mass.unit, "kg")
     if mass is None or per_kg is None:
         return None
+    unit = "N" if mass.unit in ("kg", "g", "t") else "lbf"
     newtons = mass.value * per_kg * STANDARD_GRAVITY
-    if mass.unit in ("kg", "g", "t"):
-        return Quantity(newtons, "N")
-    return Quantity(newtons * (conversion_factor("N", "lbf") or math.nan), "lbf")
+    return Quantity(newtons * (conversion_factor("N", unit) or math.nan), unit)
 
 
 def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
@@ -138,22 +115,23 @@ def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
     rows: handling qualities
     airplane: class and category
     """
-    qualities = {row.name: float(row) for row in rows}
-    rules = {rule.quality: rule for mode in _MODES for rule in _rules(mode, qualities, airplane)}
-    return [_with_level(row, rules) for row in rows]
-
-
-def _with_level(row: Row, rules: Mapping[str, _Rule]) -> Row:
-    """Return a row with its level if there is a rule for it. A stable spiral never doubles."""
-    if row.name == "spiral time to half" and "spiral time to double" in rules:
-        paragraph = rules["spiral time to double"].paragraph
-        return replace(row, level=1, note=f"level 1: stable ({paragraph})", tone=TONES[1])
-    if row.name not in rules:
-        return row
-    rule = rules[row.name]
-    level = level_of(float(row), rule.limits)
-    note = _note(level, rule, float(row) < 0.0)
-    return replace(row, level=level, note=note, tone=TONES[level])
+    rules = _rules(airplane, {row.name: float(row) for row in rows})
+    graded_rows = []
+    for row in rows:
+        if row.name == "spiral time to half":  # a stable spiral never doubles
+            level, note = 1, f"level 1: stable ({rules['spiral time to double'].paragraph})"
+        elif row.name in rules:
+            paragraph, limits = rules[row.name]
+            level = level_of(float(row), limits)
+            words = f"level {level}"
+            if level == NO_LEVEL:
+                words = "no level, unstable" if float(row) < 0.0 else "below level 3"
+            note = f"{words}: {_limits_text(limits)} ({paragraph})"
+        else:
+            graded_rows.append(row)
+            continue
+        graded_rows.append(replace(row, level=level, note=note, tone=TONES[level]))
+    return graded_rows
 
 
 def level_of(value: float, limits: Limits) -> int:
@@ -169,11 +147,46 @@ def level_of(value: float, limits: Limits) -> int:
 
 
 class _Rule(NamedTuple):
-    """Rule for a quality: its name, the paragraph of the standard, and the limits."""
+    """Paragraph of the standard on a quality, and its limits."""
 
-    quality: str
     paragraph: str
     limits: Limits
+
+
+def _rules(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, _Rule]:
+    """Return quality -> its rule for a class and a category; the qualities decide some limits.
+
+    Level 3 of the phugoid is a time to double of 55 s. Category A excludes a coupled roll.
+    """
+    class_, category = airplane
+    is_b, is_agile = category == "B", class_ in _AGILE
+    is_fast = class_ in {"A": ("I", "IV"), "B": (), "C": _AGILE}[category]
+    cap_1, cap_2 = {"A": (0.28, 0.16), "B": (0.085, 0.038), "C": (0.16, 0.096)}[category]
+    damping = [Span(0.3, 2.0) if is_b else Span(0.35, 1.3), Span(0.2 if is_b else 0.25, 2.0)]
+    phugoid = -math.log(2.0) / (55.0 * qualities.get("phugoid frequency", math.inf))
+    coupled = _Rule("3.3.1.4", _least(*[math.inf] * 3 if category == "A" else (0.5, 0.3, 0.15)))
+    rules = {
+        "short period damping": _Rule("3.2.2.1.2", [*damping, Span(0.15)]),
+        "CAP": _Rule("3.2.2.1.1", [Span(cap_1, 3.6), Span(cap_2, 10.0), Span(cap_2)]),
+        "phugoid damping": _Rule("3.2.1.2", _least(0.04, 0.0, phugoid)),
+        "dutch roll damping": _Rule("3.3.1.1", _least(0.19 if category == "A" else 0.08, 0.02, 0)),
+        "dutch roll damping times frequency": _Rule("3.3.1.1", _products(airplane, qualities)),
+        "dutch roll frequency": _Rule("3.3.1.1", _least(1.0 if is_fast else 0.4, 0.4, 0.4)),
+        "roll time constant": _Rule(
+            "3.3.1.2",
+            [Span(most=tau) for tau in ((1.0, 1.4, 10.0) if is_fast else (1.4, 3.0, 10.0))],
+        ),
+        "spiral time to double": _Rule("3.3.1.3", _least(20.0 if is_b else 12.0, 8.0, 4.0)),
+        f"roll {_COUPLED}": coupled,
+        f"spiral {_COUPLED}": coupled,
+    }
+    frequencies = {"A": (1.0, 0.6, 0.0), "C": (0.87, 0.6, 0.0) if is_agile else (0.7, 0.4, 0.0)}
+    if category in frequencies:
+        rules["short period frequency"] = _Rule("3.2.2.1.1", _least(*frequencies[category]))
+    if category == "C":
+        loads = (2.7, 1.8) if is_agile else (2.0, 1.0)
+        rules["n/alpha"] = _Rule("3.2.2.1.1", _least(*loads, -math.inf))
+    return rules
 
 
 def _least(*values: float) -> Limits:
@@ -181,112 +194,20 @@ def _least(*values: float) -> Limits:
     return [Span(least=value) for value in values]
 
 
-def _most(*values: float) -> Limits:
-    """Return the limits of the levels 1, 2 and 3 with these largest values."""
-    return [Span(most=value) for value in values]
+def _products(airplane: Airplane, qualities: Mapping[str, float]) -> Limits:
+    """Return the limits of ζω of the Dutch roll, which increase with ω² |φ/β| above 20 (rad/s)².
 
-
-def _rules(mode: str, qualities: Mapping[str, float], airplane: Airplane) -> Iterator[_Rule]:
-    """Yield the rules for a mode."""
-    match mode:
-        case "short period":
-            yield from _of_short_period(airplane)
-        case "phugoid":
-            yield from _of_phugoid(qualities)
-        case "dutch roll":
-            yield from _of_dutch_roll(qualities, airplane)
-        case "roll":
-            faster_classes = {"A": ("I", "IV"), "B": (), "C": _AGILE}[airplane.category]
-            is_faster = airplane.class_ in faster_classes
-            limits = _most(1.0, 1.4, 10.0) if is_faster else _most(1.4, 3.0, 10.0)
-            yield _Rule("roll time constant", "3.3.1.2", limits)
-            yield _of_roll_spiral(mode, airplane)
-        case "spiral":
-            first = 20.0 if airplane.category == "B" else 12.0
-            yield _Rule("spiral time to double", "3.3.1.3", _least(first, 8.0, 4.0))
-            yield _of_roll_spiral(mode, airplane)
-
-
-def _of_short_period(airplane: Airplane) -> Iterator[_Rule]:
-    """Yield the rules for damping, CAP = ω²/(n/α), frequency and n/α of the short period."""
-    damping = [Span(0.35, 1.3), Span(0.25, 2.0), Span(0.15)]
-    if airplane.category == "B":
-        damping = [Span(0.30, 2.0), Span(0.20, 2.0), Span(0.15)]
-    yield _Rule("short period damping", "3.2.2.1.2", damping)
-    paragraph = "3.2.2.1.1"
-    least_1 = {"A": 0.28, "B": 0.085, "C": 0.16}[airplane.category]
-    least_2 = {"A": 0.16, "B": 0.038, "C": 0.096}[airplane.category]
-    cap = [Span(least_1, 3.6), Span(least_2, 10.0), Span(least_2)]
-    yield _Rule("CAP", paragraph, cap)
-    if airplane.category == "A":
-        yield _Rule("short period frequency", paragraph, _least(1.0, 0.6, 0.0))
-    if airplane.category == "C":
-        frequency = _least(0.87, 0.6, 0.0) if airplane.is_agile else _least(0.7, 0.4, 0.0)
-        yield _Rule("short period frequency", paragraph, frequency)
-        load = _least(2.7, 1.8, -math.inf) if airplane.is_agile else _least(2.0, 1.0, -math.inf)
-        yield _Rule("n/alpha", paragraph, load)
-
-
-def _of_phugoid(qualities: Mapping[str, float]) -> Iterator[_Rule]:
-    """Yield the rule for the damping of the phugoid; level 3 is a time to double of 55 s."""
-    frequency = qualities.get("phugoid frequency", math.inf)
-    limits = _least(0.04, 0.0, -math.log(2.0) / (55.0 * frequency))
-    yield _Rule("phugoid damping", "3.2.1.2", limits)
-
-
-def _of_roll_spiral(mode: str, airplane: Airplane) -> _Rule:
-    """Return the rule for roll and spiral coupled in an oscillation, which category A excludes."""
-    limits = _least(0.5, 0.3, 0.15)
-    if airplane.category == "A":
-        limits = _least(math.inf, math.inf, math.inf)
-    return _Rule(f"{mode} {_COUPLED}", "3.3.1.4", limits)
-
-
-def _of_dutch_roll(qualities: Mapping[str, float], airplane: Airplane) -> Iterator[_Rule]:
-    """Yield the rules for damping, damping times frequency, and frequency of the Dutch roll.
-
-    The limits of ζω increase with ω² |φ/β| above 20 (rad/s)². For class III, a damping of 0.7
-    satisfies each of them.
+    For class III, a damping of 0.7 satisfies each of them.
     """
-    level_1 = _level_1_of_dutch_roll(airplane)
+    class_, category = airplane
+    least_1 = {"A": 0.35, "B": 0.15, "C": 0.15 if class_ in _AGILE else 0.1}[category]
     omega = qualities.get("dutch roll frequency", 0.0)
     excess = max(0.0, omega**2 * qualities.get("dutch roll phi/beta", 0.0) - 20.0)
-    products = [
-        level_1.product + 0.014 * excess,
-        0.05 + 0.009 * excess,
-        0.005 * excess if excess else -math.inf,
-    ]
-    if airplane.class_ == "III":
-        products = [min(product, 0.7 * omega) for product in products]
-    paragraph = "3.3.1.1"
-    yield _Rule("dutch roll damping", paragraph, _least(level_1.damping, 0.02, 0.0))
-    yield _Rule("dutch roll damping times frequency", paragraph, _least(*products))
-    yield _Rule("dutch roll frequency", paragraph, _least(level_1.frequency, 0.4, 0.4))
-
-
-class _DutchRoll(NamedTuple):
-    """Least damping ζ, product ζω, rad/s, and frequency ω, rad/s, of the Dutch roll."""
-
-    damping: float
-    product: float
-    frequency: float
-
-
-def _level_1_of_dutch_roll(airplane: Airplane) -> _DutchRoll:
-    """Return the limits of level 1 before ω² |φ/β| is considered."""
-    if airplane.category == "A":
-        return _DutchRoll(0.19, 0.35, 1.0 if airplane.class_ in ("I", "IV") else 0.4)
-    if airplane.category == "C":
-        return _DutchRoll(0.08, 0.15, 1.0) if airplane.is_agile else _DutchRoll(0.08, 0.10, 0.4)
-    return _DutchRoll(0.08, 0.15, 0.4)
-
-
-def _note(level: int, rule: _Rule, is_negative: bool) -> str:
-    """Return the note of a graded figure: "level 2: at least 0.04, 0, -0.0166 (3.2.1.2)"."""
-    words = f"level {level}"
-    if level == NO_LEVEL:
-        words = "no level, unstable" if is_negative else "below level 3"
-    return f"{words}: {_limits_text(rule.limits)} ({rule.paragraph})"
+    least_3 = 0.005 * excess if excess else -math.inf
+    products = (least_1 + 0.014 * excess, 0.05 + 0.009 * excess, least_3)
+    return _least(
+        *(min(product, 0.7 * omega) if class_ == "III" else product for product in products)
+    )
 
 
 def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> list[str]:
@@ -322,73 +243,59 @@ def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> li
 
 
 def _limits_text(limits: Limits) -> str:
-    """Return limits as text: "at least 0.08, 0.02, 0", "at most 1.4, 3, 10" or "0.3-2, 0.15-"."""
+    """Return limits as text: "at least 0.08, 0.02, 0", "at most 1.4, 3, 10" or "0.3-2, 0.15-".
+
+    No limit is "any", and a level that does not exist "none".
+    """
+    words = {-math.inf: "any", math.inf: "none"}
     if all(math.isinf(span.most) for span in limits):
-        return "at least " + ", ".join(_number_text(span.least) for span in limits)
+        ends = [span.least for span in limits]
+        return "at least " + ", ".join(words.get(end, f"{end:.3g}") for end in ends)
     if all(math.isinf(span.least) for span in limits):
-        return "at most " + ", ".join(_number_text(span.most) for span in limits)
-    ranges = []
-    for span in limits:
-        most = "" if math.isinf(span.most) else f"{span.most:.3g}"
-        ranges.append(f"{span.least:.3g}-{most}")
+        ends = [span.most for span in limits]
+        return "at most " + ", ".join(words.get(end, f"{end:.3g}") for end in ends)
+    ranges = (f"{least:.3g}-{most:.3g}".removesuffix("inf") for least, most in limits)
     return ", ".join(ranges)
-
-
-def _number_text(limit: float) -> str:
-    """Return a limit as text; no limit is "any", and a level that does not exist "none"."""
-    if math.isinf(limit):
-        return "any" if limit < 0.0 else "none"
-    return f"{limit:.3g}"
 
 
 #: Names that models give to oscillating modes.
 _OSCILLATING = ("short period", "phugoid", "dutch roll")
 
 
-def mode_rows(trimmed: Trimmed, airplane: Airplane) -> list[Row]:
-    """Return the eigenvalues of the modes, each with its handling qualities and their levels."""
-    if trimmed.fault:
-        return []
-    qualities = [*handling_qualities(trimmed)]
+def graded_modes(trimmed: Trimmed, airplane: Airplane) -> Iterator[tuple[Mode, list[Row]]]:
+    """Yield each mode, with the handling qualities of its family and their levels at the first."""
+    qualities = [] if trimmed.fault else [*handling_qualities(trimmed)]
     if "speed" in trimmed.roles:
         qualities = graded(qualities, chosen_airplane(trimmed, airplane).airplane)
+    for mode in trimmed.modes:
+        family = mode.name.partition(" (")[0]
+        others = ("CAP", "n/alpha") if family == "short period" else ()
+        of_mode = [
+            row for row in qualities if row.name in others or row.name.startswith(f"{family} ")
+        ]
+        qualities = [row for row in qualities if row not in of_mode]
+        yield mode, of_mode
+
+
+def mode_rows(trimmed: Trimmed, airplane: Airplane) -> list[Row]:
+    """Return the eigenvalues of the modes with their period and time to half or double, each with
+    its handling qualities and their levels.
+    """
     rows: list[Row] = []
     time = trimmed.model.time_unit
-    for mode in trimmed.modes:
-        times = _times_text(mode, time)
-        rows.append(Row(f"{mode.name} eigenvalue", mode.eigenvalue, f"1/{time}", times))
-        family = mode.name.partition(" (")[0]
-        of_mode = [row for row in qualities if _belongs(row.name, family)]
-        qualities = [row for row in qualities if row not in of_mode]
-        if mode.eigenvalue.imag and not of_mode:
-            of_mode = [
-                Row(f"{mode.name} frequency", mode.frequency, f"rad/{time}", in_degrees=False),
-                Row(f"{mode.name} damping", mode.damping),
-            ]
-        rows += of_mode
-    return [*rows, *qualities]
-
-
-def _belongs(quality: str, family: str) -> bool:
-    """Return whether a handling quality belongs to the modes of a family, such as "phugoid"."""
-    if family == "short period" and quality in ("CAP", "n/alpha"):
-        return True
-    return quality.startswith(f"{family} ")
-
-
-def _times_text(mode: Mode, unit: str) -> str:
-    """Return period and time to half or double of a mode as text.
-
-    unit: unit of time
-    """
-    words = []
-    if mode.eigenvalue.imag:
-        words.append(f"period {mode.period:.4g} {unit}")
-    if mode.stable:
-        words.append(f"time to half {mode.time_to_half:.4g} {unit}")
-    elif mode.eigenvalue.real:
-        words.append(f"time to double {mode.time_to_double:.4g} {unit}")
-    return ", ".join(words)
+    for mode, qualities in graded_modes(trimmed, airplane):
+        times = [f"period {mode.period:.4g} {time}"] if mode.eigenvalue.imag else []
+        if mode.stable:
+            times.append(f"time to half {mode.time_to_half:.4g} {time}")
+        elif mode.eigenvalue.real:
+            times.append(f"time to double {mode.time_to_double:.4g} {time}")
+        rows.append(Row(f"{mode.name} eigenvalue", mode.eigenvalue, f"1/{time}", ", ".join(times)))
+        rows += qualities
+        if mode.eigenvalue.imag and not qualities:
+            unit = f"rad/{time}"
+            rows.append(Row(f"{mode.name} frequency", mode.frequency, unit, in_degrees=False))
+            rows.append(Row(f"{mode.name} damping", mode.damping))
+    return rows
 
 
 def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
@@ -412,25 +319,29 @@ def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
         oscillation = _oscillation(trimmed, name)
         if oscillation is None:
             continue
-        yield Row(f"{name} frequency", oscillation.frequency, "rad/s", in_degrees=False)
-        yield Row(f"{name} damping", oscillation.damping)
+        frequency, damping = oscillation
+        yield Row(f"{name} frequency", frequency, "rad/s", in_degrees=False)
+        yield Row(f"{name} damping", damping)
         if name == "dutch roll":
-            product = oscillation.damping * oscillation.frequency
-            yield Row("dutch roll damping times frequency", product, "rad/s", in_degrees=False)
+            yield Row(f"{name} {_COUPLED}", damping * frequency, "rad/s", in_degrees=False)
             yield from _bank_per_sideslip(trimmed)
         if name == "short period":
-            yield from _anticipation(trimmed, oscillation.frequency)
-    roll = _real_eigenvalue(trimmed, "roll")
-    if roll:
-        yield Row("roll time constant", -1 / roll, "s")
-    spiral = _real_eigenvalue(trimmed, "spiral")
-    if spiral:
+            yield from _anticipation(trimmed, frequency)
+    values = {name: _eigenvalues(trimmed, name) for name in ("roll", "spiral")}
+    real = {
+        name: found[0].real
+        for name, found in values.items()
+        if len(found) == 1 and not found[0].imag
+    }
+    if real.get("roll"):
+        yield Row("roll time constant", -1 / real["roll"], "s")
+    if spiral := real.get("spiral"):
         change = "double" if spiral > 0 else "half"
         yield Row(f"spiral time to {change}", math.log(2) / abs(spiral), "s")
-    for name in ("roll", "spiral"):
-        for value in _eigenvalues(trimmed, name):
+    for name, found in values.items():
+        for value in found:
             if value.imag:
-                yield Row(f"{name} damping times frequency", -value.real, "rad/s", in_degrees=False)
+                yield Row(f"{name} {_COUPLED}", -value.real, "rad/s", in_degrees=False)
 
 
 def _eigenvalues(trimmed: Trimmed, family: str) -> list[complex]:
@@ -441,22 +352,9 @@ def _eigenvalues(trimmed: Trimmed, family: str) -> list[complex]:
     return [mode.eigenvalue * trimmed.per_second for mode in modes]
 
 
-def _real_eigenvalue(trimmed: Trimmed, family: str) -> float | None:
-    """Return the eigenvalue, 1/s, of the only mode with a declared name if it is real, or None."""
-    values = _eigenvalues(trimmed, family)
-    return values[0].real if len(values) == 1 and not values[0].imag else None
-
-
-class _Oscillation(NamedTuple):
-    """Natural frequency, rad/s, and damping ratio of a mode."""
-
-    frequency: float
-    damping: float
-
-
-def _oscillation(trimmed: Trimmed, family: str) -> _Oscillation | None:
-    """Return the natural frequency and damping ratio of the mode with a declared name, or None
-    unless it consists of one conjugate pair or of two real eigenvalues of the same sign.
+def _oscillation(trimmed: Trimmed, family: str) -> tuple[float, float] | None:
+    """Return natural frequency, rad/s, and damping ratio of a conjugate pair, or of two real
+    eigenvalues of the same sign, with a declared name; else None.
     """
     values = _eigenvalues(trimmed, family)
     if len(values) == 1 and values[0].imag:
@@ -468,7 +366,7 @@ def _oscillation(trimmed: Trimmed, family: str) -> _Oscillation | None:
     if product <= 0 or total.imag:
         return None
     frequency = math.sqrt(product)
-    return _Oscillation(frequency, -total.real / (2 * frequency))
+    return frequency, -total.real / (2 * frequency)
 
 
 def _bank_per_sideslip(trimmed: Trimmed) -> Iterator[Row]:

@@ -29,7 +29,7 @@ from trim.point.condition import StatedValues, stated_cells
 from trim.point.margins import stalled
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
-from trim.reports.levels import DEFAULT_AIRPLANE, mode_rows
+from trim.reports.levels import DEFAULT_AIRPLANE, graded_modes
 from trim.reports.trimmed import Trimmed
 from trim.tables import dataset, eigenvalue_headings, entry_headings
 
@@ -401,15 +401,10 @@ def _stacked(
 
 def _levels(point: OperatingPoint) -> dict[str, int | None]:
     """Return mode -> the worst level of its qualities, or None if the standard has no limit."""
-    worst: dict[str, int | None] = {}
-    mode = ""
-    for row in mode_rows(Trimmed(point), DEFAULT_AIRPLANE):
-        if isinstance(row.value, complex):  # the eigenvalue, before the qualities of its mode
-            mode = row.name.removesuffix(" eigenvalue")
-            worst[mode] = None
-        elif row.level is not None and mode:
-            worst[mode] = max(worst[mode] or 0, row.level)
-    return worst
+    return {
+        mode.name: max((row.level for row in qualities if row.level is not None), default=None)
+        for mode, qualities in graded_modes(Trimmed(point), DEFAULT_AIRPLANE)
+    }
 
 
 def linear_models(

@@ -32,12 +32,14 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE, FREE, LIMIT, RESULTS, STALLED, TRIMMED, UNTRIMMED, WARNED
 from trim.reports.figures import (
     flight_rows,
-    lacks_coefficient,
+    lift_and_drag,
     other_outputs,
+    output_rows,
     performance_rows,
     same_as_the_table,
     stability_rows,
     stall_lines,
+    static_margin,
 )
 from trim.reports.first_lines import (
     condition_words,
@@ -53,6 +55,7 @@ from trim.reports.levels import (
     DEFAULT_AIRPLANE,
     Airplane,
     chosen_airplane,
+    graded_modes,
     level_lines,
     mode_rows,
 )
@@ -121,10 +124,10 @@ def nearest_first(trimmed: Trimmed) -> list[Margin]:
 
 def _limit_of_the_largest_lift(trimmed: Trimmed, alpha: Margin) -> Margin | None:
     """Return the margin of alpha with its value at the largest lift as highest, if it is nearer."""
-    if "speed" not in trimmed.roles or not trimmed.point.ok or lacks_coefficient(trimmed):
+    if "speed" not in trimmed.roles or not trimmed.point.ok:
         return None
     largest = trimmed.largest_lift
-    if largest is None or largest.passed or not math.isfinite(largest.alpha):
+    if isinstance(largest, str) or largest.passed or not math.isfinite(largest.alpha):
         return None
     highest = largest.alpha * (conversion_factor("rad", alpha.unit) or 1.0)
     if highest > alpha.highest:
@@ -159,14 +162,21 @@ def limit_rows(limited: Sequence[Margin]) -> list[Row]:
             nearest = of_kind[0]
             note = _verdict(nearest) or _distance_text(nearest)
             rows.append(Row(f"nearest {kind} limit", _limit_text(nearest), note=note))
-    for margin in limited:
-        verdict = _verdict(margin)
-        tone = "far" if verdict == _BINDS else ""
-        assumed = "assumed" if margin.assumed else ""
-        note = ", ".join(filter(None, (verdict, _limit_text(margin), assumed)))
-        name = f"{margin.name} margin"
-        rows.append(Row(name, margin.distance, margin.unit, note, tone=tone, rare=not verdict))
-    return rows
+    return [*rows, *map(_margin_row, limited)]
+
+
+def _margin_row(margin: Margin) -> Row:
+    """Return the row of the margin of a variable to its nearer limit."""
+    verdict = _verdict(margin)
+    note = [verdict, _limit_text(margin), "assumed" if margin.assumed else ""]
+    return Row(
+        f"{margin.name} margin",
+        margin.distance,
+        margin.unit,
+        ", ".join(filter(None, note)),
+        tone="far" if verdict == _BINDS else "",
+        rare=not verdict,
+    )
 
 
 def _verdict(margin: Margin) -> str:
@@ -260,42 +270,29 @@ def sheet_of(point: OperatingPoint) -> Sheet:
 def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
     point = trimmed.point
-    condition, variables, *others = first_groups(trimmed, airplane)
-    condition_rows = [*condition[1], balance_row(point)]
     has_assumed = any(margin.nearer and margin.assumed for margin in point.margins.values())
     groups: list[_Titled] = [
-        ("condition", condition_rows, same_as_the_table(trimmed)),
+        ("condition", [*flight_rows(trimmed), balance_row(point)], same_as_the_table(trimmed)),
         ("configuration", configuration_rows(trimmed), configuration_lines(trimmed)),
-        (*variables[:2], [ASSUMED] if has_assumed else []),
+        (VARIABLES, variable_rows(trimmed), [ASSUMED] if has_assumed else []),
         ("limits", limit_rows(nearest_first(trimmed)), ()),
     ]
-    if others:
+    if point.ok:
         describe = point.model.trimming.describe
         of_model = [] if describe is None else describe(point)
         repeated = {row.name for _, rows, _ in of_model for row in rows}
-        (title, rows, _), stability, (modes, of_modes, _) = others
-        rows = [*rows, *other_outputs(trimmed, rows)]
-        loads = [row for row in rows if row.name not in repeated]
-        groups += [(title, loads, ()), *of_model, stability]
-        groups.append((modes, of_modes, level_lines(trimmed, airplane, of_modes)))
+        loads = performance_rows(trimmed)
+        loads += other_outputs(trimmed, loads)
+        modes = mode_rows(trimmed, airplane)
+        groups += [
+            ("performance", [row for row in loads if row.name not in repeated], ()),
+            *of_model,
+            ("stability", [*stability_rows(trimmed)], ()),
+            ("modes and levels", modes, level_lines(trimmed, airplane, modes)),
+        ]
     sheet = Sheet.of(groups, first=VARIABLES)
     found = findings(trimmed, sheet, airplane, whole=True)
     return Sheet.of([*groups, ("findings", found, ())], VARIABLES)
-
-
-def first_groups(trimmed: Trimmed, airplane: Airplane) -> list[_Titled]:
-    """Return the groups of a sheet with the figures that are read first, without sentences:
-    condition, variables, and of a trim performance, stability and modes.
-    """
-    variables = variable_rows(trimmed)
-    variable_names = {row.name for row in variables}
-    flight = [row for row in flight_rows(trimmed) if row.name not in variable_names]
-    groups: list[_Titled] = [("condition", flight, ()), (VARIABLES, variables, ())]
-    if trimmed.point.ok:
-        groups.append(("performance", performance_rows(trimmed), ()))
-        groups.append(("stability", [*stability_rows(trimmed)], ()))
-        groups.append(("modes and levels", mode_rows(trimmed, airplane), ()))
-    return groups
 
 
 def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool) -> list[Row]:
@@ -305,7 +302,7 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool)
     sheet: the other groups of the sheet
     """
     said: dict[str, Iterable[str]] = {
-        "stalled": stall_lines(sheet),
+        "stalled": stall_lines(trimmed),
         "warnings": warnings_of(trimmed),
     }
     if whole:
@@ -416,7 +413,7 @@ def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
         dihedral_deg=point.dihedral_deg,
         scheduled=point.scheduled,
         warnings=warnings_of(trimmed),
-        stalled=stall_lines(sheet),
+        stalled=stall_lines(trimmed),
     )
 
 
@@ -490,9 +487,19 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
     airplane: class and flight phase category for the levels
     """
     trimmed = Trimmed(point)
-    condition, variables, *others = first_groups(trimmed, airplane)
-    reached = [margin for margin in nearest_first(trimmed) if margin.at_limit]
-    groups = [condition, variables, ("limits", limit_rows(reached), ()), *others]
+    binding = [margin for margin in nearest_first(trimmed) if _verdict(margin) == _BINDS]
+    groups: list[_Titled] = [
+        ("condition", [*flight_rows(trimmed, brief=True)], ()),
+        (VARIABLES, variable_rows(trimmed), ()),
+        ("limits", [*map(_margin_row, binding)], ()),
+    ]
+    if point.ok:
+        qualities = [row for _, rows in graded_modes(trimmed, airplane) for row in rows]
+        groups += [
+            ("performance", performance_rows(trimmed), ()),
+            ("stability", [*stability_rows(trimmed)], ()),
+            ("modes and levels", [row for row in qualities if (row.level or 1) > 1], ()),
+        ]
     sheet = Sheet.of(groups, first=VARIABLES)
     shown = [group for group in map(_shortened, sheet.groups) if group.rows]
     modes = f"no modes: {trimmed.fault}"
@@ -517,9 +524,19 @@ def read_first(point: OperatingPoint, airplane: Airplane) -> Report:
     of trims; the arguments are those of `brief`.
     """
     trimmed = Trimmed(point)
-    groups = first_groups(trimmed, airplane)
-    sheet = Sheet.of(groups, first=VARIABLES)
-    found = findings(trimmed, sheet, airplane, whole=False)
+    alpha = point.margins.get("alpha")
+    groups: list[_Titled] = []
+    if alpha is not None:
+        groups.append((VARIABLES, [Row("alpha", alpha.value, alpha.unit, digits=6)], ()))
+    if "speed" in trimmed.roles:
+        groups.append(("condition", [*output_rows(trimmed, ("load_factor",))], ()))
+    if point.ok and {"speed", "alpha"} <= {*trimmed.roles}:
+        figures = [*lift_and_drag(trimmed), *([] if trimmed.fault else static_margin(trimmed))]
+        groups.append(("performance", figures, ()))
+    if point.ok:
+        qualities = [row for _, rows in graded_modes(trimmed, airplane) for row in rows]
+        groups.append(("modes and levels", qualities, ()))
+    found = findings(trimmed, Sheet.of(groups), airplane, whole=False)
     sheet = Sheet.of([*groups, ("findings", found, ())], first=VARIABLES)
     return Report(title_with_controls(trimmed, sheet), sheet=sheet)
 
@@ -541,22 +558,12 @@ def brief_list(report: Report) -> Report:
 
 def _shortened(group: Group) -> Group:
     """Return a group with the rows that are read first, and the meaning of the stars in them."""
-    rows = tuple(row for row in group.rows if _is_read_first(group.title, row))
+    rows = []
+    for row in group.rows:
+        value = row.cells()[1]
+        is_named = row.name in _ROWS.get(group.title, ()) or row.name.endswith(_ALSO)
+        is_read_first = is_named or row.tone or (row.name == "load factor" and value != "1")
+        if not row.rare and (value != "0" if group.title == VARIABLES else is_read_first):
+            rows.append(row)
     has_star = any("*" in row.note for row in rows)
-    return group._replace(rows=rows, lines=(ASSUMED,) if has_star else ())
-
-
-def _is_read_first(title: str, row: Row) -> bool:
-    """Return whether a short sheet prints a row of a group."""
-    if row.rare or title == "configuration":  # the last line says what was changed
-        return False
-    match title:
-        case "trim":
-            return row.cells()[1] != "0"
-        case "limits":
-            return row.tone != ""
-        case "modes and levels":
-            return row.level is not None and row.level > 1
-    is_named = row.name in _ROWS.get(title, ()) or row.name.endswith(_ALSO)
-    is_load = row.name == "load factor" and row.cells()[1] != "1"
-    return is_named or is_load or row.tone != ""
+    return group._replace(rows=tuple(rows), lines=(ASSUMED,) if has_star else ())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -11,14 +11,13 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import Linearization
 from hfa_aircraft.model import Model
 from hfa_aircraft.recognition import recognized
 from hfa_support.errors import BadInputError, NoSolutionError, NotFiniteError
 from hfa_support.matrices import ROUNDING, balanced, spectral_abscissa
 from hfa_support.reporting.rows import ByName, Row
 from hfa_support.reporting.text import Cell, Table, digits_with_unit, shown_value
-from hfa_support.units import conversion_factor
+from hfa_support.units import conversion_factor, si_factor, si_unit
 from trim.linear.modes import Mode, modes_of
 from trim.linear.nonsmooth import linearization_at
 from trim.point.operating_point import OperatingPoint
@@ -139,52 +138,6 @@ class Search(NamedTuple):
     unlimited: list[str]
 
 
-def search_of(point: OperatingPoint) -> Search:
-    """Return data on the search for a trim, and sentences on unusual features of the search."""
-    problem = point.trim_problem
-    equations, unknowns = problem.count
-    sentences = []
-    others: list[OperatingPoint] = []
-    if point.status == Status.TRIMMED:
-        others = other_trims(problem, point)
-        if unknowns > equations:
-            sentences.append(
-                f"Least effort: {unknowns} unknowns for {equations} equations, so this is the trim "
-                "with the least Σ (input / scale)² near the initial point"
-            )
-    if point.initial_point:
-        usual = failure(problem, problem.newton(problem.clip(problem.system.start)))
-        sentences.append(f"From the default initial point: {usual}")
-        sentences.append(
-            f"Found from initial point {point.initial_point} of {STARTS} between the limits"
-        )
-    if problem.idle:
-        idle = ", ".join(problem.idle)
-        sentences.append(f"Neither held nor determined, kept at the start value: {idle}")
-    sentences += [_other_trim(problem, point, other) for other in others]
-    data = {
-        "equations": equations,
-        "unknowns": unknowns,
-        "least_effort": unknowns > equations,
-        "start": point.initial_point,
-        "idle": list(problem.idle),
-        "kept": list(problem.kept),
-        "undetermined": point._undetermined.names,
-        "other_trims": [{name: other.values[name] for name in problem.free} for other in others],
-    }
-    return Search(data, sentences, _unlimited(problem))
-
-
-def _unlimited(problem: TrimProblem) -> list[str]:
-    """Return a list with a sentence on the free variables without limits, if there are any."""
-    limits = problem.system.limits
-    is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
-    names = ", ".join(problem.free[i] for i in np.flatnonzero(is_unlimited))
-    if not names:
-        return []
-    return [f"No limits are declared for {names}; check that the values are reachable"]
-
-
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
     """Return a sentence on another trim, with an initial point that leads to it."""
     model = problem.model
@@ -206,6 +159,7 @@ _SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust", "
 _THRUST = ("thrust_force", "thrust")
 #: Number of angles of attack at which the largest lift is searched, and its accuracy, rad.
 _ANGLES = 200
+_NO_MAXIMUM = "no CL_max, and lift without a maximum"
 _ACCURACY = 1e-7
 #: Change of the speed between a trim and its neighbors, kt.
 _KNOTS = 0.5
@@ -221,25 +175,48 @@ def named_value_text(point: OperatingPoint, name: str) -> str:
     return f"{name} {value_text(point.model, name, point[name])}"
 
 
+#: Name of an entry -> name on the sheet. Models name signals or `About.configuration` so.
+ENTRIES = {
+    "mass": "mass",
+    "center_of_gravity": "c.g.",
+    "center_of_gravity_x": "c.g. x",
+    "center_of_gravity_y": "c.g. y",
+    "center_of_gravity_z": "c.g. z",
+    "Ixx": "Ixx",
+    "Iyy": "Iyy",
+    "Izz": "Izz",
+    "Ixz": "Ixz",
+    "reference_area": "S",
+    "reference_span": "b",
+    "reference_chord": "c",
+    "flap": "flap",
+    "gear": "gear",
+}
+
+
+class Quantity(NamedTuple):
+    """Number with its unit, or a word, such as that on a gear, with the unit "".
+
+    value: a number, or a word
+    unit: unit of the number
+    """
+
+    value: Any
+    unit: str
+
+
 class Slopes(NamedTuple):
     """Derivatives at a trim, by states (n,) and inputs (m,) named in order.
 
     states: names of the states
     A, B: derivatives of their rates, (n, n) and (n, m)
-    outputs: name -> derivatives by the states and by the inputs
+    outputs: name -> derivatives by the states, (n,), and by the inputs, (m,)
     """
 
     states: tuple[str, ...]
     A: np.ndarray
     B: np.ndarray
-    outputs: dict[str, OutputSlopes]
-
-
-class OutputSlopes(NamedTuple):
-    """Derivatives of an output by the states, (n,), and by the inputs, (m,)."""
-
-    by_states: np.ndarray
-    by_inputs: np.ndarray
+    outputs: dict[str, tuple[np.ndarray, np.ndarray]]
 
 
 class PullUp(NamedTuple):
@@ -267,6 +244,11 @@ class LargestLift(NamedTuple):
     alpha: float = math.nan
     passed: bool = False
 
+    @property
+    def where(self) -> str:
+        """The angle of attack as text, or ""."""
+        return f"at alpha {math.degrees(self.alpha):.4g} deg" if math.isfinite(self.alpha) else ""
+
 
 class Trimmed:
     """An operating point with the results that several figures need, each computed once.
@@ -276,14 +258,24 @@ class Trimmed:
     point: the point in the units of its condition
     coherent: the point in coherent units
     model: model in coherent units
+    unit: function name of a state, input or output -> its unit
     roles: role in the motion of a rigid body -> state ("speed", "alpha", "theta", ...)
+    per_second: factor from the model's unit of time to seconds, of eigenvalues
+    imposed: variable -> value that the condition of the point imposes
+    warnings: what `warnings_of` found, or None before its first call
     """
+
+    warnings: list[str] | None = None
 
     def __init__(self, point: OperatingPoint) -> None:
         self.point = point
         self.coherent = point.in_coherent_units
         self.model: Model = self.coherent.model
+        self.unit = self.model.unit
         self.roles = recognized(self.model.states)
+        found = point.found_by
+        self.imposed: Mapping[str, float] = {} if found is None else found.condition.imposed
+        self.per_second = conversion_factor(f"1/{self.model.time_unit}", "1/s") or 1.0
 
     @cached_property
     def values(self) -> dict[str, float]:
@@ -298,10 +290,6 @@ class Trimmed:
     def __getitem__(self, name: str) -> float:
         return self.values[name]
 
-    def unit(self, name: str) -> str:
-        """Return the unit of a state, input or output."""
-        return self.model.unit(name)
-
     def lacks(self, *names: str) -> str:
         """Return which of some outputs are not in the model, as a reason, or ""."""
         missing = [name for name in names if name not in self.model.outputs]
@@ -313,6 +301,43 @@ class Trimmed:
             if not self[name] or not math.isfinite(self[name]):
                 return f"the {name.replace('_', ' ')} is {self[name]:g}"
         return ""
+
+    @cached_property
+    def configuration(self) -> dict[str, Quantity]:
+        """Mass, center of gravity, inertias and sizes as far as known, by name, in the units of the
+        condition.
+
+        The values are those of `About.configuration`, or of parameters, outputs and inputs. Without
+        a mass, it is the weight divided by the gravity.
+        """
+        point = self.point
+        model = point.model
+        native = model.native
+        configuration: dict[str, Quantity] = {}
+        in_si = native is not model
+        if native.about.configuration is not None:
+            vectors = (
+                (model.states, point.x),
+                (model.inputs, point.u),
+                (model.parameters, model.p),
+            )
+            native_vectors = [
+                model.native_values(tuple(names), vector) for names, vector in vectors
+            ]
+            for name, (value, unit) in native.about.configuration(*native_vectors).items():
+                factor = si_factor(unit) if in_si else 1.0
+                number = value if isinstance(value, str) else float(value) * factor
+                configuration[name] = Quantity(number, si_unit(unit) if in_si else unit)
+        parameters = dict(zip(model.parameters, model.p.tolist(), strict=True))
+        for name in ENTRIES:
+            if name not in configuration and name in (*parameters, *model.outputs, *model.inputs):
+                value = parameters[name] if name in parameters else point[name]
+                configuration[name] = Quantity(value, model.unit(name))
+        if "mass" not in configuration and "weight" in model.outputs and parameters.get("gravity"):
+            unit = {"lbf": "slug", "N": "kg"}.get(model.unit("weight"), "")
+            if unit:
+                configuration["mass"] = Quantity(point["weight"] / parameters["gravity"], unit)
+        return configuration
 
     @property
     def flight_path(self) -> float:
@@ -326,31 +351,24 @@ class Trimmed:
     # Derivatives.
 
     @cached_property
-    def _linearization(self) -> Linearization | str:
-        """The derivatives with mean slopes at nonsmooth points, or why they do not exist."""
-        names = [name for name in _SLOPED if name in self.model.outputs]
-        try:
-            slopes, _ = linearization_at(self.model, self.coherent.x, self.coherent.u, names)
-        except NotFiniteError as error:
-            return str(error)
-        return slopes
-
-    @property
     def fault(self) -> str:
         """Reason why the trim has no derivatives and no modes, or ""."""
-        found = self._linearization
-        return found if isinstance(found, str) else ""
+        try:
+            _ = self.slopes
+        except NotFiniteError as error:
+            return str(error)
+        return ""
 
     @cached_property
     def slopes(self) -> Slopes:
-        """Derivatives of all rates and of some outputs. The point must not have a `fault`."""
-        found = self._linearization
-        assert not isinstance(found, str)
+        """Derivatives of all rates and of some outputs, with mean slopes at nonsmooth points.
+
+        Raises NotFiniteError at a point with a `fault`.
+        """
         names = [name for name in _SLOPED if name in self.model.outputs]
-        outputs = map(OutputSlopes, found.C, found.D)
-        return Slopes(
-            self.model.state_names, found.A, found.B, dict(zip(names, outputs, strict=True))
-        )
+        found, _ = linearization_at(self.model, self.coherent.x, self.coherent.u, names)
+        outputs = zip(names, zip(found.C, found.D, strict=True), strict=True)
+        return Slopes(self.model.state_names, found.A, found.B, dict(outputs))
 
     @cached_property
     def A(self) -> np.ndarray:
@@ -365,11 +383,6 @@ class Trimmed:
             return ByName()
         return ByName(modes_of(self.A, self.model.linear, self.model.modes))
 
-    @property
-    def per_second(self) -> float:
-        """Factor from the model's unit of time to seconds, of eigenvalues."""
-        return conversion_factor(f"1/{self.model.time_unit}", "1/s") or 1.0
-
     @cached_property
     def quasi_steady(self) -> Slopes:
         """Derivatives by the states that are no lags, with the lags residualized:
@@ -382,20 +395,15 @@ class Trimmed:
         A22 = slopes.A[np.ix_(lags, lags)]
         lags_by_states = -np.linalg.solve(A22, slopes.A[np.ix_(lags, kept)])
         lags_by_inputs = -np.linalg.solve(A22, slopes.B[lags])
-
-        def with_lags(by_states: np.ndarray, by_inputs: np.ndarray) -> OutputSlopes:
-            """Return the slopes by the kept states and by the inputs while the lags follow."""
-            of_lags = by_states[..., lags]
-            return OutputSlopes(
-                by_states[..., kept] + of_lags @ lags_by_states,
-                by_inputs + of_lags @ lags_by_inputs,
+        rates, *outputs = (
+            (
+                by_states[..., kept] + by_states[..., lags] @ lags_by_states,
+                by_inputs + by_states[..., lags] @ lags_by_inputs,
             )
-
-        rates = with_lags(slopes.A[kept], slopes.B[kept])
-        outputs = {
-            name: with_lags(*slopes_of_output) for name, slopes_of_output in slopes.outputs.items()
-        }
-        return Slopes(tuple(names[i] for i in kept), rates.by_states, rates.by_inputs, outputs)
+            for by_states, by_inputs in ((slopes.A[kept], slopes.B[kept]), *slopes.outputs.values())
+        )
+        of_outputs = dict(zip(slopes.outputs, outputs, strict=True))
+        return Slopes(tuple(names[i] for i in kept), *rates, of_outputs)
 
     def _lags(self) -> list[int]:
         """Return the indices of the linear states without a meaning in the motion of a body, or
@@ -421,7 +429,44 @@ class Trimmed:
     @cached_property
     def search(self) -> Search:
         """What is said on the search for the trim."""
-        return search_of(self.point)
+        point, problem = self.point, self.point.trim_problem
+        equations, unknowns = problem.count
+        sentences = []
+        others: list[OperatingPoint] = []
+        if point.status == Status.TRIMMED:
+            others = other_trims(problem, point)
+            if unknowns > equations:
+                sentences.append(
+                    f"Least effort: {unknowns} unknowns for {equations} equations, so this is the "
+                    "trim with the least Σ (input / scale)² near the initial point"
+                )
+        if point.initial_point:
+            usual = failure(problem, problem.newton(problem.clip(problem.system.start)))
+            sentences.append(f"From the default initial point: {usual}")
+            sentences.append(
+                f"Found from initial point {point.initial_point} of {STARTS} between the limits"
+            )
+        if problem.idle:
+            idle = ", ".join(problem.idle)
+            sentences.append(f"Neither held nor determined, kept at the start value: {idle}")
+        sentences += [_other_trim(problem, point, other) for other in others]
+        data = {
+            "equations": equations,
+            "unknowns": unknowns,
+            "least_effort": unknowns > equations,
+            "start": point.initial_point,
+            "idle": list(problem.idle),
+            "kept": list(problem.kept),
+            "undetermined": point._undetermined.names,
+            "other_trims": [
+                {name: other.values[name] for name in problem.free} for other in others
+            ],
+        }
+        limits = problem.system.limits
+        is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
+        names = ", ".join(problem.free[i] for i in np.flatnonzero(is_unlimited))
+        unlimited = f"No limits are declared for {names}; check that the values are reachable"
+        return Search(data, sentences, [unlimited] if names else [])
 
     # Maneuvers.
 
@@ -452,8 +497,8 @@ class Trimmed:
         steady_changes = -np.linalg.solve(A, B[:, strongest])
         load = math.nan
         if "load_factor" in model.outputs:
-            slopes = steady.outputs["load_factor"]
-            load = float(slopes.by_states[places] @ steady_changes + slopes.by_inputs[strongest])
+            by_states, by_inputs = steady.outputs["load_factor"]
+            load = float(by_states[places] @ steady_changes + by_inputs[strongest])
         return PullUp(tuple(model.inputs)[strongest], float(steady_changes[0]), load)
 
     def change_per_knot(self, name: str) -> float | None:
@@ -498,14 +543,12 @@ class Trimmed:
             return f"the thrust follows the state {name}"
         if self.fault:
             return "a derivative is not a number"
-        slopes = self.slopes.outputs[name]
+        by_states, by_inputs = self.slopes.outputs[name]
         of_motion = {*self.roles.values(), "altitude"}
-        for state, slope in zip(model.states, slopes.by_states, strict=True):
+        for state, slope in zip(model.states, by_states, strict=True):
             if slope and state not in of_motion:
                 return f"the thrust follows the state {state}"
-        levers = [
-            lever for lever, slope in zip(model.inputs, slopes.by_inputs, strict=True) if slope
-        ]
+        levers = [lever for lever, slope in zip(model.inputs, by_inputs, strict=True) if slope]
         full = self.coherent.inputs._replace(**{lever: model.inputs[lever].max for lever in levers})
         thrust = math.inf
         if levers and np.isfinite(full).all():
@@ -514,14 +557,22 @@ class Trimmed:
             return "no upper limit of the inputs that change the thrust"
         return thrust
 
+    @property
+    def lacks_coefficient(self) -> str:
+        """Why the lift has no coefficient, or ""."""
+        names = ("lift", "dynamic_pressure", "reference_area")
+        return self.lacks(*names) or self.zero(*names[1:])
+
     @cached_property
-    def largest_lift(self) -> LargestLift | None:
-        """Largest lift at the speed and the inputs of the trim, or None if it is unknown.
+    def largest_lift(self) -> LargestLift | str:
+        """Largest lift at the speed and the inputs of the trim, or why it is unknown.
 
         The lift is q S CL_max with a declared CL_max; its alpha is the first above the trim at
         which the output `lift` has this value. Otherwise it is the first maximum of the lift over
         alpha, above the trim, or the last one below a trim at which the lift falls.
         """
+        if reason := self.lacks_coefficient or self.zero("lift"):
+            return reason
         model, alpha = self.model, self.roles["alpha"]
         lowest, highest = model.states[alpha].min, model.states[alpha].max
         if alpha in model.domain.range:
@@ -537,13 +588,13 @@ class Trimmed:
             reached_at = math.nan if above is None else _first_at(lift, above, largest)
             return LargestLift(largest, reached_at)
         if above is None:
-            return None
+            return _NO_MAXIMUM
         slopes = np.diff(lift(above))
         is_stalled = bool(slopes.size and slopes[0] < 0.0)
         below = np.linspace(here, min(lowest, here), _ANGLES)
         peak = _first_peak(lift, below if is_stalled else above)
         if peak is None:
-            return None
+            return _NO_MAXIMUM
         return LargestLift(float(lift(np.array([peak]))[0]), peak, is_stalled)
 
     def _lift_over(self, alpha: str) -> Callable[[np.ndarray], np.ndarray]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
 
 from hfa_aircraft.control_systems import LINEAR
 from hfa_aircraft.model import Model
@@ -16,75 +17,16 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import ROUNDING
 from hfa_support.reporting.rows import Lacking, Row
 from hfa_support.reporting.text import digits, is_zero, shown_value
-from hfa_support.units import STANDARD_GRAVITY, conversion_factor, si_factor, si_unit
+from hfa_support.units import STANDARD_GRAVITY, conversion_factor
 from trim.point.condition import release
 from trim.point.solve import trim
-from trim.reports.trimmed import Trimmed, named_value_text, value_text
+from trim.reports.trimmed import ENTRIES, Quantity, Trimmed, named_value_text, value_text
 
-#: Name of an entry -> name on the sheet. Models name signals or `About.configuration` so.
-_ENTRIES = {
-    "mass": "mass",
-    "center_of_gravity": "c.g.",
-    "center_of_gravity_x": "c.g. x",
-    "center_of_gravity_y": "c.g. y",
-    "center_of_gravity_z": "c.g. z",
-    "Ixx": "Ixx",
-    "Iyy": "Iyy",
-    "Izz": "Izz",
-    "Ixz": "Ixz",
-    "reference_area": "S",
-    "reference_span": "b",
-    "reference_chord": "c",
-    "flap": "flap",
-    "gear": "gear",
-}
 #: Parameter of a table -> its entry, where that has another name.
 _ENTRY_OF_PARAMETER = {"cg": "center_of_gravity"}
 PARAMETER_OF_ENTRY = {entry: name for name, entry in _ENTRY_OF_PARAMETER.items()}
 #: Entries that are optional, because 0 or unimportant where they are missing.
 _OPTIONAL = ("center_of_gravity_y", "Ixz")
-
-
-class Quantity(NamedTuple):
-    """Number with its unit, or a word, such as that on a gear, with the unit "".
-
-    value: a number, or a word
-    unit: unit of the number
-    """
-
-    value: Any
-    unit: str
-
-
-def configuration_of(trimmed: Trimmed) -> dict[str, Quantity]:
-    """Return mass, center of gravity, inertias and sizes at a trim as far as known, by name, in the
-    units of the condition.
-
-    The values are those of `About.configuration`, or of parameters, outputs and inputs with these
-    names. Without a mass, it is the weight divided by the gravity.
-    """
-    point = trimmed.point
-    model = point.model
-    native = model.native
-    configuration: dict[str, Quantity] = {}
-    in_si = native is not model
-    if native.about.configuration is not None:
-        vectors = ((model.states, point.x), (model.inputs, point.u), (model.parameters, model.p))
-        native_vectors = [model.native_values(tuple(names), vector) for names, vector in vectors]
-        for name, (value, unit) in native.about.configuration(*native_vectors).items():
-            factor = si_factor(unit) if in_si else 1.0
-            number = value if isinstance(value, str) else float(value) * factor
-            configuration[name] = Quantity(number, si_unit(unit) if in_si else unit)
-    parameters = dict(zip(model.parameters, model.p.tolist(), strict=True))
-    for name in _ENTRIES:
-        if name not in configuration and name in (*parameters, *model.outputs, *model.inputs):
-            value = parameters[name] if name in parameters else point[name]
-            configuration[name] = Quantity(value, model.unit(name))
-    if "mass" not in configuration and "weight" in model.outputs and parameters.get("gravity"):
-        unit = {"lbf": "slug", "N": "kg"}.get(model.unit("weight"), "")
-        if unit:
-            configuration["mass"] = Quantity(point["weight"] / parameters["gravity"], unit)
-    return configuration
 
 
 def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
@@ -93,8 +35,8 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
     Parameters that are not as the model was loaded follow.
     """
     model = trimmed.point.model
-    entries = configuration_of(trimmed)
-    labels = {name: label for name, label in _ENTRIES.items() if name in entries}
+    entries = dict(trimmed.configuration)
+    labels = {name: label for name, label in ENTRIES.items() if name in entries}
     notes = {name: _lever_angle(model, name, entry.value) for name, entry in entries.items()}
     for parameter, loaded in model.changed.items():
         name = _ENTRY_OF_PARAMETER.get(parameter, parameter)
@@ -113,24 +55,29 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
             rows.append(
                 Row(f"{label} angle", entries[name].value * math.radians(full), "rad", rare=True)
             )
-    if entries.keys() & _ENTRIES.keys() or "alpha" in trimmed.roles:
-        rows += [Lacking(label, "") for label in _missing_labels(entries)]
+    if not entries.keys().isdisjoint(ENTRIES) or "alpha" in trimmed.roles:
+        has_center = any(name.startswith("center_of_gravity") for name in entries)
+        rows += [Lacking("c.g.", "")] * (not has_center)
+        for name, label in ENTRIES.items():
+            if name not in (*entries, *_OPTIONAL) and not label.startswith("c.g."):
+                rows.append(Lacking(label, ""))
     return rows
 
 
-def _missing_labels(entries: Collection[str]) -> list[str]:
-    """Return the labels of the entries that are unknown; "c.g." if its position is."""
-    missing = [label for name, label in _ENTRIES.items() if name not in (*entries, *_OPTIONAL)]
-    labels = [label for label in missing if not label.startswith("c.g.")]
-    has_center = any(name.startswith("center_of_gravity") for name in entries)
-    return labels if has_center else ["c.g.", *labels]
-
-
 def configuration_lines(trimmed: Trimmed) -> list[str]:
-    """Return a sentence on inertias that no rigid body has, unless the first lines contain it."""
-    warning = inertias_warning(trimmed)
-    is_in_first_lines = warning in trimmed.model.warnings or holds_inertias(trimmed)
-    return [warning] if warning and not is_in_first_lines else []
+    """Return a sentence on inertias that no rigid body has, unless it is a warning."""
+    line = _inertia_line(trimmed)
+    return [line] if line and line not in warnings_of(trimmed) else []
+
+
+def _inertia_line(trimmed: Trimmed) -> str:
+    """Return a sentence if no rigid body has the inertias, or ""."""
+    entries = trimmed.configuration
+    if not {"Ixx", "Iyy", "Izz"} <= {*entries}:
+        return ""
+    xx, yy, zz = (entries[name].value for name in ("Ixx", "Iyy", "Izz"))
+    xz = entries["Ixz"].value if "Ixz" in entries else 0.0
+    return inertia_warning([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
 
 
 def _lever_angle(model: Model, name: str, value: Any) -> str:
@@ -142,21 +89,6 @@ def _lever_angle(model: Model, name: str, value: Any) -> str:
     if signal is None or not signal.full:
         return ""
     return f"{digits(value * signal.full)} of {digits(signal.full)} deg"
-
-
-def holds_inertias(trimmed: Trimmed) -> bool:
-    """Return whether the inertias are parameters, which `--hold` sets."""
-    return {"Ixx", "Iyy", "Izz"} <= {*trimmed.model.parameters}
-
-
-def inertias_warning(trimmed: Trimmed) -> str:
-    """Return a sentence if no rigid body has the inertias, or ""."""
-    configuration = configuration_of(trimmed)
-    if not {"Ixx", "Iyy", "Izz"} <= {*configuration}:
-        return ""
-    xx, yy, zz = (configuration[name].value for name in ("Ixx", "Iyy", "Izz"))
-    xz = configuration["Ixz"].value if "Ixz" in configuration else 0.0
-    return inertia_warning([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
 
 
 #: Lift coefficients at which wings begin to stall are larger.
@@ -171,55 +103,55 @@ _STANDING = 1e-2
 _NEAR_SPEED = 0.1
 
 
-class _Identity(NamedTuple):
-    """Comparison of two ways to compute a figure of a trim, with the range in which they agree.
-
-    compared: a ratio or another number without a size, or a temperature; nan if a figure is unknown
-    least, most: the range
-    says: sentence on a number outside
-    """
-
-    compared: Callable[[Trimmed], float]
-    least: float
-    most: float
-    says: str
-
-
 def warnings_of(trimmed: Trimmed) -> list[str]:
-    """Return sentences on data and on values of the trim that are probably wrong."""
-    warnings = [*trimmed.point.model.warnings, *warnings_at(trimmed)]
-    if holds_inertias(trimmed) and (warning := inertias_warning(trimmed)):
-        warnings.append(warning)
-    return [*dict.fromkeys(warnings)]
+    """Return sentences on data and on values of the trim that are probably wrong.
+
+    Inertias that `--hold` sets, because they are parameters, are among them.
+    """
+    if trimmed.warnings is None:
+        said = [*trimmed.point.model.warnings, *_warnings_at(trimmed)]
+        if {"Ixx", "Iyy", "Izz"} <= {*trimmed.model.parameters}:
+            said.append(_inertia_line(trimmed))
+        trimmed.warnings = [*dict.fromkeys(filter(None, said))]
+    return trimmed.warnings
 
 
-def warnings_at(trimmed: Trimmed) -> Iterator[str]:
+def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
     """Yield sentences on values that data in wrong units or with wrong signs cause: alpha, drag,
     directional stability, figures that contradict each other.
     """
-    model, roles = trimmed.point.model, trimmed.roles
+    point, model, roles = trimmed.point, trimmed.point.model, trimmed.roles
     if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _STEEPEST:
         yield _steep(trimmed)
     speed = roles.get("speed", "")
     is_aircraft = ("alpha" in roles or "lift" in model.outputs) and LINEAR not in model.about.notes
-    is_still = speed and abs(trimmed.point[speed]) < _STANDING * model.states[speed].nominal
-    if is_aircraft and is_still:
-        here = value_text(model, speed, trimmed.point[speed])
-        yield f"the speed is {here}, no flight; hold a speed"
+    if is_aircraft and speed and abs(point[speed]) < _STANDING * model.states[speed].nominal:
+        yield f"the speed is {value_text(model, speed, point[speed])}, no flight; hold a speed"
     if {"drag", "lift"} <= {*model.outputs}:
         drag, lift = trimmed["drag"], trimmed["lift"]
         if drag < -ROUNDING * abs(lift):  # the drag is a component of the force that has the lift
             yield f"the drag is {value_text(model, 'drag', drag)}, below 0; check signs and units"
-    yield from _warning_of_speed(trimmed)
-    for identity in _IDENTITIES if trimmed.point.ok else ():
-        number = identity.compared(trimmed)
-        if number < identity.least or number > identity.most:
-            yield identity.says.format(number)
-    is_known = trimmed.point.ok and not trimmed.fault
-    if is_known and (warning := _unusual_slope(trimmed)):
-        yield warning
-    if is_known and {"beta", "r", "speed"} <= {*roles} and _is_unstable_in_yaw(trimmed):
-        yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
+    domain = model.domain
+    if domain.by_speed and speed in domain.reference:
+        stated = domain.reference[speed]
+        if abs(point[speed] - stated) > _NEAR_SPEED * stated:
+            yield (
+                f"{', '.join(domain.by_speed)} are for {value_text(model, speed, stated)}, "
+                f"{100.0 * abs(point[speed] / stated - 1.0):.0f} % off: forces and thrust are "
+                "uncertain here"
+            )
+    if point.ok:
+        for number, (least, most, says) in zip(_compared(trimmed), _IDENTITIES, strict=True):
+            if number < least or number > most:
+                yield says.format(number)
+        if not trimmed.fault and (warning := _unusual_slope(trimmed)):
+            yield warning
+        if (
+            not trimmed.fault
+            and {"beta", "r", "speed"} <= {*roles}
+            and _is_unstable_in_yaw(trimmed)
+        ):
+            yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
 
 
 def _steep(trimmed: Trimmed) -> str:
@@ -273,26 +205,11 @@ def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
     by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
     yawing = float(by_sideslip[states.index(roles["r"])])
     rolling = 0.0  # Ixz / Izz times ∂(dp/dt)/∂β
-    configuration = configuration_of(trimmed)
+    configuration = trimmed.configuration
     if "p" in roles and {"Izz", "Ixz"} <= {*configuration}:
         coupling = configuration["Ixz"].value / configuration["Izz"].value
         rolling = coupling * float(by_sideslip[states.index(roles["p"])])
     return yawing - rolling < -ROUNDING * (abs(yawing) + abs(rolling))
-
-
-def _warning_of_speed(trimmed: Trimmed) -> Iterator[str]:
-    """Yield a sentence if the speed is far from that of derivatives with respect to the speed."""
-    domain, speed = trimmed.point.model.domain, trimmed.roles.get("speed", "")
-    if not domain.by_speed or speed not in domain.reference:
-        return
-    stated, here = domain.reference[speed], trimmed.point[speed]
-    if abs(here - stated) > _NEAR_SPEED * stated:
-        percent = 100.0 * abs(here / stated - 1.0)
-        yield (
-            f"{', '.join(domain.by_speed)} are for "
-            f"{value_text(trimmed.point.model, speed, stated)}, {percent:.0f} % off: forces and "
-            "thrust are uncertain here"
-        )
 
 
 def _value_in(trimmed: Trimmed, name: str, unit: str) -> float:
@@ -300,59 +217,6 @@ def _value_in(trimmed: Trimmed, name: str, unit: str) -> float:
     if name not in trimmed.values:
         return math.nan
     return trimmed[name] * (conversion_factor(trimmed.unit(name), unit) or math.nan)
-
-
-def _configured_in(trimmed: Trimmed, name: str, unit: str) -> float:
-    """Return an entry of the configuration in a unit, or nan."""
-    entry = configuration_of(trimmed).get(name)
-    if entry is None or isinstance(entry.value, str):
-        return math.nan
-    return float(entry.value) * (conversion_factor(entry.unit, unit) or math.nan)
-
-
-def _speed(trimmed: Trimmed) -> float:
-    """Return the true airspeed, m/s, or nan."""
-    return _value_in(trimmed, trimmed.roles.get("speed", ""), "m/s") or math.nan
-
-
-def _lift_beyond_thrust(trimmed: Trimmed) -> float:
-    """Return 1 plus the part of lift minus load factor times weight that no thrust explains, per
-    weight. An unknown thrust may be as large as the weight.
-    """
-    lift, weight = _value_in(trimmed, "lift", "N"), _value_in(trimmed, "weight", "N")
-    excess = lift - _value_in(trimmed, "load_factor", "1") * weight
-    thrust = _value_in(trimmed, trimmed.thrust_name, "N")
-    if math.isnan(thrust):
-        thrust = weight
-    beyond_thrust = math.copysign(max(0.0, abs(excess) - abs(thrust)), excess)
-    return 1.0 + beyond_thrust / weight
-
-
-def _weight_by_mass(trimmed: Trimmed) -> float:
-    """Return the weight relative to mass times gravity, of the model if it has one."""
-    model = trimmed.point.model
-    gravity = STANDARD_GRAVITY
-    if "gravity" in model.parameters:
-        factor = conversion_factor(model.unit("gravity"), "m/s^2") or math.nan
-        gravity = model.parameters["gravity"].start * factor
-    return _value_in(trimmed, "weight", "N") / (_configured_in(trimmed, "mass", "kg") * gravity)
-
-
-def _density_ratio(trimmed: Trimmed) -> float:
-    """Return the density of dynamic pressure and speed, relative to standard air there. A model
-    without an altitude flies at sea level or above.
-    """
-    names = altitudes(trimmed.model)
-    altitude = _value_in(trimmed, names[0], "m") if names else 0.0
-    density = 2.0 * _value_in(trimmed, "dynamic_pressure", "N/m^2") / _speed(trimmed) ** 2
-    ratio = density / float(air_at(altitude, "si").density)
-    return ratio if names else max(1.0, ratio)
-
-
-def _temperature(trimmed: Trimmed) -> float:
-    """Return the temperature of speed and Mach number, K."""
-    mach = _value_in(trimmed, "mach", "1") or math.nan
-    return (_speed(trimmed) / mach) ** 2 / (HEAT_RATIO * GAS_CONSTANT)
 
 
 def _slope_in(trimmed: Trimmed, row: str, column: str, unit: str) -> float:
@@ -371,19 +235,7 @@ def _slope_in(trimmed: Trimmed, row: str, column: str, unit: str) -> float:
         return float(slopes.A[slopes.states.index(name), place]) * factor * trimmed.per_second
     if name not in slopes.outputs:
         return math.nan
-    return float(slopes.outputs[name].by_states[place]) * factor
-
-
-def _turning(row: str) -> Callable[[Trimmed], float]:
-    """Return the function of a trim to the derivative of an angle's rate over the pitch rate."""
-    # In a coherent model the rate has the unit of the angle over time.
-    return lambda trimmed: _slope_in(trimmed, row, "q", "rad") / trimmed.per_second
-
-
-def _climbing(trimmed: Trimmed) -> float:
-    """Return the change of the rate of altitude with the pitch angle, per speed."""
-    names = altitudes(trimmed.model)
-    return _slope_in(trimmed, names[0], "theta", "m") / _speed(trimmed) if names else math.nan
+    return float(slopes.outputs[name][0][place]) * factor
 
 
 def _unusual_slope(trimmed: Trimmed) -> str:
@@ -398,6 +250,47 @@ def _unusual_slope(trimmed: Trimmed) -> str:
     return unusual("CL_alpha", slope)
 
 
+def _compared(trimmed: Trimmed) -> Iterator[float]:
+    """Yield a number for each of `_IDENTITIES`, nan where one of its figures is unknown.
+
+    Ratios: lift and thrust over load factor times weight, of which an unknown thrust may be as
+    large as the weight; weight over mass times gravity, of the model if it has one; density over
+    that of standard air there, of a model without an altitude at sea level or above; rates of the
+    pitch angle and of alpha over the pitch rate; rate of altitude over speed times pitch angle;
+    gamma over the pitch angle. Then the temperature of speed and Mach number, K.
+    """
+    value, slope = partial(_value_in, trimmed), partial(_slope_in, trimmed)
+    model = trimmed.point.model
+    weight, speed = value("weight", "N"), value(trimmed.roles.get("speed", ""), "m/s") or math.nan
+    thrust = abs(value(trimmed.thrust_name, "N"))
+    excess = value("lift", "N") - value("load_factor", "1") * weight
+    beyond = max(0.0, abs(excess) - (abs(weight) if math.isnan(thrust) else thrust))
+    yield 1.0 + math.copysign(beyond, excess) / weight
+    gravity = STANDARD_GRAVITY
+    if "gravity" in model.parameters:
+        factor = conversion_factor(model.unit("gravity"), "m/s^2") or math.nan
+        gravity = model.parameters["gravity"].start * factor
+    yield weight / (_configured_in(trimmed, "mass", "kg") * gravity)
+    altitude = next(iter(altitudes(trimmed.model)), "")
+    density = 2.0 * value("dynamic_pressure", "N/m^2") / speed**2
+    ratio = density / float(air_at(value(altitude, "m") if altitude else 0.0, "si").density)
+    yield ratio if altitude else max(1.0, ratio)
+    for angle in ("theta", "alpha"):  # in coherent units a rate has the unit of the angle over time
+        yield slope(angle, "q", "rad") / trimmed.per_second
+    yield slope(altitude, "theta", "m") / speed
+    yield slope("gamma", "theta", "rad")
+    yield (speed / (value("mach", "1") or math.nan)) ** 2 / (HEAT_RATIO * GAS_CONSTANT)
+    yield _difference_of_static_margins(trimmed)
+
+
+def _configured_in(trimmed: Trimmed, name: str, unit: str) -> float:
+    """Return an entry of the configuration in a unit, or nan."""
+    entry = trimmed.configuration.get(name)
+    if entry is None or isinstance(entry.value, str):
+        return math.nan
+    return float(entry.value) * (conversion_factor(entry.unit, unit) or math.nan)
+
+
 def _difference_of_static_margins(trimmed: Trimmed) -> float:
     """Return the difference of the static margin of the rates and that of the outputs, chords.
 
@@ -406,66 +299,35 @@ def _difference_of_static_margins(trimmed: Trimmed) -> float:
     alpha, q = (trimmed.roles.get(role, "") for role in ("alpha", "q"))
     if trimmed.fault or not alpha or not q:
         return math.nan
-    slopes = trimmed.slopes
-    if not {"pitching_moment", "lift"} <= {*slopes.outputs}:
-        return math.nan
-    place = slopes.states.index(alpha)
-
-    def by_alpha(name: str, unit: str) -> float:
-        """Return the slope of an output over alpha, in a unit per radian, or nan."""
-        factor = conversion_factor(trimmed.unit(name), unit) or math.nan
-        return float(slopes.outputs[name].by_states[place]) * factor
-
-    moment = by_alpha("pitching_moment", "N m")
+    A, states = trimmed.slopes.A, trimmed.slopes.states
+    moment = _slope_in(trimmed, "pitching_moment", "alpha", "N m")
+    rate = float(A[states.index(q), states.index(alpha)])
     inertia = _configured_in(trimmed, "Iyy", "kg m^2")
-    rate = float(slopes.A[slopes.states.index(q), place])
     moment_of_rate = math.copysign(moment, rate) if math.isnan(inertia) else inertia * rate
-    lift_times_chord = by_alpha("lift", "N") * _value_in(trimmed, "reference_chord", "m")
+    chord = _value_in(trimmed, "reference_chord", "m")
+    lift_times_chord = _slope_in(trimmed, "lift", "alpha", "N") * chord
     return (moment - moment_of_rate) / lift_times_chord if lift_times_chord else math.nan
 
 
-#: A thrust carries a part of the weight. Gravity changes by 1 % with latitude and height. Hot and
-#: cold air differ from the standard by less than a factor 1.3, feet and meters by more. Air has 185
-#: to 330 K. Thrust and the lag of the downwash are in the rates alone.
+#: Range of each number of `_compared`, and the sentence on one outside. A thrust carries a part of
+#: the weight. Gravity changes by 1 % with latitude and height. Hot and cold air differ from the
+#: standard by less than a factor 1.3, feet and meters by more. Air has 185 to 330 K. Thrust and the
+#: lag of the downwash are in the rates alone.
 _IDENTITIES = (
-    _Identity(
-        _lift_beyond_thrust, 0.8, 1.2,
-        "lift and thrust do not carry the weight at this load factor (a ratio of {:.3g}); check "
-        "the outputs lift, weight and load_factor",
-    ),
-    _Identity(
-        _weight_by_mass, 0.97, 1.03,
-        "the weight is {:.3g} times mass and gravity; check them and their units",
-    ),
-    _Identity(
-        _density_ratio, 0.7, 1.4,
-        "dynamic pressure and speed are those of {:.3g} times the standard density; check them and "
-        "their units",
-    ),
-    _Identity(
-        _turning("theta"), 0.0, 2.0,
-        "the rate of the pitch angle is {:.3g} times the pitch rate; check their units and signs",
-    ),
-    _Identity(
-        _turning("alpha"), 0.0, 2.0,
-        "the rate of alpha changes by {:.3g} times the pitch rate; check their units and signs",
-    ),
-    _Identity(
-        _climbing, 0.2, 2.0,
-        "the rate of altitude changes with the pitch angle by {:.3g} times the speed; check their "
-        "signs and units",
-    ),
-    _Identity(
-        lambda trimmed: _slope_in(trimmed, "gamma", "theta", "rad"), 0.2, 3.0,
-        "gamma changes by {:.3g} times the pitch angle; check its sign and unit",
-    ),
-    _Identity(
-        _temperature, 150.0, 350.0,
-        "Mach number and speed are those of air of {:.3g} K; check them and their units",
-    ),
-    _Identity(
-        _difference_of_static_margins, -0.2, 0.2,
-        "the static margins of the rate of the pitch rate and of the output pitching_moment are "
-        "{:.3g} chords apart; check the output's sign and unit, and Iyy",
-    ),
+    (0.8, 1.2, "lift and thrust do not carry the weight at this load factor (a ratio of {:.3g}); "
+        "check the outputs lift, weight and load_factor"),
+    (0.97, 1.03, "the weight is {:.3g} times mass and gravity; check them and their units"),
+    (0.7, 1.4, "dynamic pressure and speed are those of {:.3g} times the standard density; check "
+        "them and their units"),
+    (0.0, 2.0, "the rate of the pitch angle is {:.3g} times the pitch rate; check their units and "
+        "signs"),
+    (0.0, 2.0, "the rate of alpha changes by {:.3g} times the pitch rate; check their units and "
+        "signs"),
+    (0.2, 2.0, "the rate of altitude changes with the pitch angle by {:.3g} times the speed; check "
+        "their signs and units"),
+    (0.2, 3.0, "gamma changes by {:.3g} times the pitch angle; check its sign and unit"),
+    (150.0, 350.0, "Mach number and speed are those of air of {:.3g} K; check them and their "
+        "units"),
+    (-0.2, 0.2, "the static margins of the rate of the pitch rate and of the output "
+        "pitching_moment are {:.3g} chords apart; check the output's sign and unit, and Iyy"),
 )  # fmt: skip

@@ -21,7 +21,7 @@ import hfa_model
 from hfa import Model, Signal
 from hfa_support.reporting.rows import Row
 from trim import Airplane, graded, trim_report
-from trim.reports.levels import usual_class
+from trim.reports.levels import DEFAULT_AIRPLANE, chosen_airplane
 from trim.reports.trimmed import Trimmed
 
 EXAMPLES = ROOT / "examples"
@@ -438,8 +438,8 @@ def test_class_follows_from_weight_and_load_factor(weight, unit, largest_load_fa
         def unit(self, name):
             return signals[name].unit
 
-    found, reason = usual_class(Loaded(weight=weight))
-    assert found == class_
+    airplane, reason = chosen_airplane(Loaded(weight=weight), DEFAULT_AIRPLANE)
+    assert airplane.class_ == class_
     assert "nan" not in reason
 
 
@@ -457,7 +457,8 @@ def test_class_follows_from_the_mass_without_a_weight(mass, unit, class_):
         parameters={"mass": Signal(unit, start=mass)},
         trim={"V": 50.0},
     )
-    assert usual_class(Trimmed(hfa.trim(model)))[0] == class_
+    trimmed = Trimmed(hfa.trim(model))
+    assert chosen_airplane(trimmed, DEFAULT_AIRPLANE).airplane.class_ == class_
 
 
 def test_levels_of_a_sheet_are_those_of_its_modes():
