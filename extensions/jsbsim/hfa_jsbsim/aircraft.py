@@ -34,7 +34,7 @@ from hfa_jsbsim.air import (
 from hfa_jsbsim.airframe import Body, Loads, Mass, mass_of
 from hfa_jsbsim.catalog import access
 from hfa_jsbsim.control_system import add_control_systems
-from hfa_jsbsim.engines import OF_ENGINES, STEP, Effect, EngineFile, HostAircraft, spool_error
+from hfa_jsbsim.engines import OF_ENGINES, STEP, Effect, EngineFile, MountedEngine, spool_error
 from hfa_jsbsim.functions import function_value, property_definitions, table_value
 from hfa_jsbsim.parts import LOADED, Parts
 from hfa_jsbsim.powerplant import add_engine
@@ -127,15 +127,19 @@ class Equations:
         aerodynamics = Aerodynamics(section, self.properties, parts.wings, self.motion, self)
         reactions = Reactions(parts.section("external_reactions"), self.properties)
         self._define_totals("external", lambda: [reactions.loads(self.motion, self.mass.arm)])
-        self._host = HostAircraft(
-            self.properties,
-            self.motion,
-            self,
-            x,
-            parts.tanks,
-            self.parameters,
-        )
-        self._engines = [add_engine(file, self._host) for file in parts.engines]
+        self._mounted = [
+            MountedEngine(
+                **vars(file),
+                properties=self.properties,
+                motion=self.motion,
+                body=self,
+                states=x,
+                tanks=parts.tanks,
+                parameters=self.parameters,
+            )
+            for file in parts.engines
+        ]
+        self._engines = list(map(add_engine, self._mounted))
         if self._engines:
             self._define_totals("prop", self._effects)
         self._reach_throttles()
@@ -493,12 +497,11 @@ class Equations:
             "ground_speed": self.properties.read("velocities/vg-fps", ""),
             "track": self.properties.read("flight-path/psi-gt-rad", ""),
         }
-        for file, effect in zip(self.parts.engines, self.effects, strict=True):
+        for file, effect in zip(self._mounted, self.effects, strict=True):
             if effect.power is not None:
                 self.outputs[f"power{file.number}"] = effect.power
             if file.lag.startswith("spool") and file.lag in self.states:
-                error = spool_error(file, self._host)
-                self.outputs[f"spool_error{file.number}"] = error
+                self.outputs[f"spool_error{file.number}"] = spool_error(file)
 
     def _add_filters(self) -> None:
         """Add the filter states of the control system with their time derivatives."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from hfa_aircraft.rigid.aircraft import rotation
 from hfa_jsbsim.air import Motion
-from hfa_jsbsim.airframe import Mass, Tank
+from hfa_jsbsim.airframe import Tank
 from hfa_jsbsim.functions import function_value, read_table, table_value
 from hfa_jsbsim.properties import Note, Properties
 from hfa_jsbsim.xml_file import Element
@@ -208,14 +208,14 @@ def _dry_of(engine: Element, feeds: Sequence[Tank]) -> str:
 
 
 @dataclass(frozen=True)
-class HostAircraft:
-    """Quantities of the aircraft on which an engine depends.
+class MountedEngine(EngineFile):
+    """Engine in its aircraft, with the quantities on which it depends.
 
     properties: all JSBSim properties.
     motion: motion relative to the air.
     body: object with `mass`.
     states: object with the states as attributes.
-    tanks: all tanks, of which an engine uses those in `EngineFile.feeds`.
+    tanks: all tanks, of which an engine uses those in `feeds`.
     parameters: name -> symbol.
     """
 
@@ -226,63 +226,84 @@ class HostAircraft:
     tanks: Sequence[Tank]
     parameters: Mapping[str, ca.SX]
 
+    def read(self, name: str) -> ca.SX:
+        """Return the value of a property."""
+        return ca.SX(self.properties.read(name, self.mount.where))
+
+    def own(self, name: str, default: float) -> Any:
+        """Return a property of the engine that a system may set, or the value in its file."""
+        return self.properties.read_or(self.full_name(name), default, self.mount.where)
+
     @property
-    def mass(self) -> Mass:
-        """Weight, center of gravity and inertia of the aircraft."""
-        return self.body.mass
+    def throttle(self) -> ca.SX:
+        """Position of the throttle."""
+        return self.read(f"fcs/throttle-pos-norm[{self.number}]")
+
+    @property
+    def propeller_rpm(self) -> Any:
+        """Speed of the propeller, rpm."""
+        return getattr(self.states, f"rpm{self.number}")
+
+    @property
+    def rpm(self) -> Any:
+        """Speed of the engine's shaft, rpm: propeller speed times gear ratio."""
+        return self.propeller_rpm * self.gear_ratio
+
+    @property
+    def lag_state(self) -> ca.SX | None:
+        """Symbol of the state of the engine's lag, or None if the lag is not a state."""
+        return getattr(self.states, self.lag, None) if self.lag else None
 
 
-def running(file: EngineFile, aircraft: HostAircraft) -> ca.SX:
+def running(mounted: MountedEngine) -> ca.SX:
     """Return an expression that is 1 if the engine runs and 0 if it does not.
 
     An engine runs if its parameter is positive and tanks feed it (`FGPropulsion::ConsumeFuel`). An
     electric engine needs no tank.
     """
-    on = aircraft.parameters[f"engine{file.number}"] > 0.0
-    if file.kind == "electric_engine":
+    on = mounted.parameters[f"engine{mounted.number}"] > 0.0
+    if mounted.kind == "electric_engine":
         return on
-    fed = _fed(file, aircraft, "FUEL")
-    oxidizers = [number for number in file.feeds if aircraft.tanks[number].kind == "OXIDIZER"]
-    if file.kind == "rocket_engine" and oxidizers:
-        fed = ca.logic_and(fed, _fed(file, aircraft, "OXIDIZER"))
+    fed = _fed(mounted, "FUEL")
+    oxidizers = [number for number in mounted.feeds if mounted.tanks[number].kind == "OXIDIZER"]
+    if mounted.kind == "rocket_engine" and oxidizers:
+        fed = ca.logic_and(fed, _fed(mounted, "OXIDIZER"))
     return ca.logic_and(on, fed)
 
 
-def _fed(file: EngineFile, aircraft: HostAircraft, kind: str) -> ca.SX:
+def _fed(mounted: MountedEngine, kind: str) -> ca.SX:
     """Return whether an open tank that feeds the engine contains usable fuel or oxidizer."""
     fed = ca.SX(0.0)
-    for number in file.feeds:
-        tank = aircraft.tanks[number]
+    for number in mounted.feeds:
+        tank = mounted.tanks[number]
         if tank.kind != kind:
             continue
         prefix = f"propulsion/tank[{number}]"
-        held = aircraft.parameters[f"tank{number}"]
-        read = partial(aircraft.properties.read_or, where=file.mount.where)
+        held = mounted.parameters[f"tank{number}"]
+        read = partial(mounted.properties.read_or, where=mounted.mount.where)
         priority = ca.SX(read(f"{prefix}/priority", float(tank.priority)))
         contents = ca.SX(read(f"{prefix}/contents-lbs", held))
-        is_open = ca.logic_and(priority >= 1.0, priority <= len(aircraft.tanks))
+        is_open = ca.logic_and(priority >= 1.0, priority <= len(mounted.tanks))
         fed = ca.logic_or(fed, ca.logic_and(is_open, contents > tank.unusable))
     return fed
 
 
-def orientation(file: EngineFile, properties: Properties) -> ca.SX:
+def orientation(mounted: MountedEngine) -> ca.SX:
     """Return the rotation matrix (3, 3) from the thruster's axes to body axes."""
-    turned = file.thruster_mount.find("orient")
+    turned = mounted.thruster_mount.find("orient")
     angles = [0.0, 0.0, 0.0] if turned is None else list(turned.vector("RAD"))
     for axis, name in ((1, "pitch"), (2, "yaw")):
-        gimbal = file.full_name(f"{name}-angle-rad")
-        angles[axis] = properties.read_or(gimbal, angles[axis], file.mount.where)
+        angles[axis] = mounted.own(f"{name}-angle-rad", angles[axis])
     return ca.SX(rotation(*angles))
 
 
-def thruster_location(file: EngineFile, aircraft: HostAircraft) -> ca.SX:
+def thruster_location(mounted: MountedEngine) -> ca.SX:
     """Return the location of the thruster, structural frame, inches, (3,)."""
-    names = [file.full_name(f"{axis}-position") for axis in "xyz"]
-    return ca.vertcat(*(ca.SX(aircraft.properties.read(name, file.mount.where)) for name in names))
+    return ca.vertcat(*(mounted.read(mounted.full_name(f"{axis}-position")) for axis in "xyz"))
 
 
 def thrust_force_and_moment(
-    file: EngineFile, aircraft: HostAircraft, thrust: Any, location: Any = None, moment: Any = None
+    mounted: MountedEngine, thrust: Any, location: Any = None, moment: Any = None
 ) -> tuple[ca.SX, ca.SX]:
     """Return the force, lb, and the moment about the center of gravity, ft lb, caused by a thrust.
 
@@ -292,13 +313,13 @@ def thrust_force_and_moment(
     location: point of action, inches, or None for the location of the thruster.
     moment: additional moment of the thruster, body axes, ft lb, or None.
     """
-    force = orientation(file, aircraft.properties)[:, 0] * thrust
-    point = thruster_location(file, aircraft) if location is None else location
-    total = ca.cross(aircraft.mass.arm(point), force)
+    force = orientation(mounted)[:, 0] * thrust
+    point = thruster_location(mounted) if location is None else location
+    total = ca.cross(mounted.body.mass.arm(point), force)
     return force, total if moment is None else total + moment
 
 
-def jet(file: EngineFile, aircraft: HostAircraft, thrust: Any) -> Effect:
+def jet(mounted: MountedEngine, thrust: Any) -> Effect:
     """Return the `Effect` of an engine without propeller.
 
     A nozzle reduces the thrust by ambient pressure times area, but not below 0. A reverser
@@ -306,73 +327,60 @@ def jet(file: EngineFile, aircraft: HostAircraft, thrust: Any) -> Effect:
 
     thrust: lb
     """
-    if file.thruster.name == "nozzle":
-        area = file.thruster.need("area").number("FT2")
-        thrust = ca.fmax(thrust - aircraft.motion.air.pressure * area, 0.0)
-    if file.thruster.name == "direct":
-        thrust = thrust * ca.cos(ca.SX(own_property(file, aircraft, "reverser-angle-rad", 0.0)))
-    force, moment = thrust_force_and_moment(file, aircraft, thrust)
+    if mounted.thruster.name == "nozzle":
+        area = mounted.thruster.need("area").number("FT2")
+        thrust = ca.fmax(thrust - mounted.motion.air.pressure * area, 0.0)
+    if mounted.thruster.name == "direct":
+        thrust = thrust * ca.cos(ca.SX(mounted.own("reverser-angle-rad", 0.0)))
+    force, moment = thrust_force_and_moment(mounted, thrust)
     return Effect(force, moment, thrust)
 
 
-def own_property(file: EngineFile, aircraft: HostAircraft, name: str, default: float) -> Any:
-    """Return a property of an engine that a system may set, or the value in the engine's file."""
-    return aircraft.properties.read_or(file.full_name(name), default, file.mount.where)
-
-
-def throttle_of(file: EngineFile, aircraft: HostAircraft) -> Any:
-    """Return the throttle position of an engine."""
-    name = f"fcs/throttle-pos-norm[{file.number}]"
-    return ca.SX(aircraft.properties.read(name, file.mount.where))
-
-
-def lag_state(file: EngineFile, aircraft: HostAircraft) -> ca.SX | None:
-    """Return the symbol of the state of the engine's lag, or None if the lag is not a state."""
-    return getattr(aircraft.states, file.lag, None) if file.lag else None
-
-
-def commanded_speed(file: EngineFile, aircraft: HostAircraft, shaft: str) -> Any:
+def commanded_speed(mounted: MountedEngine, shaft: str) -> Any:
     """Return the speed of a running turbine's shaft that the throttle gives, %."""
-    low, high = file.shaft(shaft)
-    return low + ca.fmin(throttle_of(file, aircraft), 1.0) * (high - low)
+    low, high = mounted.shaft(shaft)
+    return low + ca.fmin(mounted.throttle, 1.0) * (high - low)
 
 
-def spool_error(file: EngineFile, aircraft: HostAircraft) -> Any:
+def spool_error(mounted: MountedEngine) -> Any:
     """Return the steady-state speed of a turbine's n2 shaft minus its present speed, %.
 
     The steady-state speed is given by the throttle. If the turbine does not run, it is the
     windmilling speed.
     """
-    on = commanded_speed(file, aircraft, "n2")
-    wanted = ca.if_else(running(file, aircraft), on, windmilling_speed(file, aircraft, "n2"))
-    return wanted - getattr(aircraft.states, file.lag)
+    on = commanded_speed(mounted, "n2")
+    wanted = ca.if_else(running(mounted), on, windmilling_speed(mounted, "n2"))
+    return wanted - getattr(mounted.states, mounted.lag)
 
 
-def windmilling_speed(file: EngineFile, aircraft: HostAircraft, name: str) -> Any:
+def windmilling_speed(mounted: MountedEngine, name: str) -> Any:
     """Return the windmilling speed of a turbine's shaft, %."""
     # The speed is 0 if the property disable-windmill is set.
-    if file.engine.value_of("disable-windmill", 0.0):
+    if mounted.engine.value_of("disable-windmill", 0.0):
         return 0.0
-    return aircraft.motion.pressure_head / (10.0 if name == "n1" else 15.0)
+    return mounted.motion.pressure_head / (10.0 if name == "n1" else 15.0)
 
 
-def lag_rates(file: EngineFile, aircraft: HostAircraft) -> dict[str, Any]:
+def lag_rates(mounted: MountedEngine) -> dict[str, Any]:
     """Return {state: time derivative} for the lag of a turbine or turboprop.
 
     The result is empty if the lag is not a state.
     """
-    state = lag_state(file, aircraft)
+    state = mounted.lag_state
     rates = {}
-    if file.kind == "turbine_engine":
+    if mounted.kind == "turbine_engine":
         if state is not None:
-            rates[file.lag] = _spool_rate(file, aircraft, state)
-        _leave_out_spools(file, ("N1Spool",) if rates else ("N1Spool", "N2Spool"))
-    if file.kind == "turboprop_engine" and state is not None:
-        rates[file.lag] = _generator_rate(file, aircraft, state)
+            rates[mounted.lag] = _spool_rate(mounted, state)
+        unread = ("N1Spool",) if rates else ("N1Spool", "N2Spool")  # no force depends on them
+        for function in mounted.engine.children:
+            if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(unread):
+                function.taken = False
+    if mounted.kind == "turboprop_engine" and state is not None:
+        rates[mounted.lag] = _generator_rate(mounted, state)
     return rates
 
 
-def _generator_rate(file: EngineFile, aircraft: HostAircraft, speed: ca.SX) -> Any:
+def _generator_rate(mounted: MountedEngine, speed: ca.SX) -> Any:
     """Return the acceleration of a turboprop's gas generator, %/s (`FGTurboProp`).
 
     It is the error of the speed divided by a time that depends on its sign and on whether the
@@ -380,82 +388,72 @@ def _generator_rate(file: EngineFile, aircraft: HostAircraft, speed: ca.SX) -> A
 
     speed: speed of the gas generator, %
     """
-    delay = file.engine.value_of("n1idle_max_delay", 1.0)
-    low, high = file.shaft("n1")
-    on = low + throttle_of(file, aircraft) * (high - low)
-    is_on = running(file, aircraft)
-    error = ca.if_else(is_on, on, aircraft.motion.pressure_head / 15.0) - speed
+    delay = mounted.engine.value_of("n1idle_max_delay", 1.0)
+    low, high = mounted.shaft("n1")
+    on = low + mounted.throttle * (high - low)
+    is_on = running(mounted)
+    error = ca.if_else(is_on, on, mounted.motion.pressure_head / 15.0) - speed
     up = ca.if_else(is_on, delay, 2.5 * delay)
     down = ca.if_else(is_on, 2.4 * delay, 5.0 * delay)
     return error / ca.if_else(error > 0.0, up, down)
 
 
-def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
-    """Mark a turbine's spool functions as not read, because no force depends on them."""
-    for function in file.engine.children:
-        if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(names):
-            function.taken = False
-
-
-def _spool_rate(file: EngineFile, aircraft: HostAircraft, speed: ca.SX) -> Any:
+def _spool_rate(mounted: MountedEngine, speed: ca.SX) -> Any:
     """Return the acceleration of a turbine's n2 shaft, %/s (`FGTurbine::Seek`)."""
     # The acceleration is at a limit until the target can be reached within one frame.
-    low, high = file.shaft("n2")
-    is_on = running(file, aircraft)
+    low, high = mounted.shaft("n2")
+    is_on = running(mounted)
     power = ca.fmin((speed - low) / (high - low) + 0.1, 1.0)
-    sigma = aircraft.properties.read("atmosphere/sigma", file.mount.where)
+    sigma = mounted.read("atmosphere/sigma")
     slowness = 1.0 + 3.0 * (1.0 - power) ** 3 + (1.0 - sigma)
-    delay = 90.0 / (file.engine.value_of("bypassratio", 0.0) + 3.0) / slowness
-    up = _value_of_function(file, aircraft, "N2SpoolUp", delay)
-    down = _value_of_function(file, aircraft, "N2SpoolDown", 3.0 * delay)
-    least = 0.0 if file.engine.value_of("disable-windmill", 0.0) else 0.1
+    delay = 90.0 / (mounted.engine.value_of("bypassratio", 0.0) + 3.0) / slowness
+    up = _value_of_function(mounted, "N2SpoolUp", delay)
+    down = _value_of_function(mounted, "N2SpoolDown", 3.0 * delay)
+    least = 0.0 if mounted.engine.value_of("disable-windmill", 0.0) else 0.1
     up = ca.if_else(is_on, up, 0.5 * speed + least)
-    down = ca.if_else(is_on, down, speed / file.engine.value_of("n2spindown", 2.0))
-    return ca.fmin(ca.fmax(spool_error(file, aircraft) / STEP, -down), up)
+    down = ca.if_else(is_on, down, speed / mounted.engine.value_of("n2spindown", 2.0))
+    return ca.fmin(ca.fmax(spool_error(mounted) / STEP, -down), up)
 
 
-def turbine_thrust(file: EngineFile, aircraft: HostAircraft) -> Any:
+def turbine_thrust(mounted: MountedEngine) -> Any:
     """Return the thrust of a turbine, lb. A turbine that does not run has no thrust.
 
     Raises BadInputError if the function IdleThrust or MilThrust is missing.
     """
-    engine = file.engine
-    position = throttle_of(file, aircraft)
+    engine = mounted.engine
+    position = mounted.throttle
     military = engine.value_of("milthrust", 10000.0, "LBS")
     idle_share, military_share, augmented_share = (
-        _value_of_function(file, aircraft, name)
-        for name in ("IdleThrust", "MilThrust", "AugThrust")
+        _value_of_function(mounted, name) for name in ("IdleThrust", "MilThrust", "AugThrust")
     )
     idle = military * idle_share
     power = ca.fmin(position, 1.0)
-    speed = lag_state(file, aircraft)
+    speed = mounted.lag_state
     if speed is not None:
-        low, high = file.shaft("n2")
+        low, high = mounted.shaft("n2")
         power = (speed - low) / (high - low)
     dry = idle + (military - idle) * military_share * power**2
-    bleed = own_property(file, aircraft, "bleed-factor", engine.value_of("bleed", 0.0))
+    bleed = mounted.own("bleed-factor", engine.value_of("bleed", 0.0))
     bled = dry * (1.0 - bleed)
     strongest = engine.value_of("maxthrust", 10000.0, "LBS") * augmented_share
-    thrust = _with_afterburner(file, aircraft, dry, bled, strongest)
-    return ca.if_else(running(file, aircraft), thrust, 0.0)
+    thrust = _with_afterburner(mounted, dry, bled, strongest)
+    return ca.if_else(running(mounted), thrust, 0.0)
 
 
-def _with_afterburner(
-    file: EngineFile, aircraft: HostAircraft, dry: Any, bled: Any, strongest: Any
-) -> Any:
+def _with_afterburner(mounted: MountedEngine, dry: Any, bled: Any, strongest: Any) -> Any:
     """Return the thrust of a running turbine, lb, with its afterburner if the throttle lights it.
 
     dry, bled: thrust without afterburner, before and after the bleed, lb
     strongest: thrust with full afterburner, lb
     """
-    engine = file.engine
-    position = throttle_of(file, aircraft)
+    engine = mounted.engine
+    position = mounted.throttle
     method = int(engine.value_of("augmethod", 0.0))
     lit: Any = 0.0
     if method == 1:
-        speed = lag_state(file, aircraft)
+        speed = mounted.lag_state
         if speed is None:
-            speed = commanded_speed(file, aircraft, "n2")
+            speed = commanded_speed(mounted, "n2")
         lit = ca.logic_and(position > 0.99, speed > 97.0)
     if method == 2:
         lit = position > 1.0
@@ -467,84 +465,80 @@ def _with_afterburner(
     return bled
 
 
-def _value_of_function(
-    file: EngineFile, aircraft: HostAircraft, name: str, default: Any = 0.0
-) -> Any:
+def _value_of_function(mounted: MountedEngine, name: str, default: Any = 0.0) -> Any:
     """Return the value of a function of the engine's file (`OF_ENGINES`), or `default` without it.
 
     Raises BadInputError if the function IdleThrust or MilThrust is missing.
     """
-    names = (name, f"propulsion/engine[#]/{name}", file.full_name(name))
-    for function in file.engine.all("function"):
+    names = (name, f"propulsion/engine[#]/{name}", mounted.full_name(name))
+    for function in mounted.engine.all("function"):
         if function.attributes.get("name", "") in names:
-            return function_value(function, aircraft.properties, file.number)
+            return function_value(function, mounted.properties, mounted.number)
     if name in ("IdleThrust", "MilThrust"):
-        raise file.engine.error(f"the turbine has no function {name}; add this function")
+        raise mounted.engine.error(f"the turbine has no function {name}; add this function")
     return default
 
 
-def rocket_thrust(file: EngineFile, aircraft: HostAircraft) -> Any:
+def rocket_thrust(mounted: MountedEngine) -> Any:
     """Return the thrust of a rocket in vacuum, lb: specific impulse times flow rate."""
-    engine = file.engine
-    throttle = throttle_of(file, aircraft)
+    engine = mounted.engine
+    throttle = mounted.throttle
     specific_impulse = engine.need("isp").number()
     flow = engine.value_of("propflowmax", 0.0, "LBS/SEC")
     if engine.find("slfuelflowmax") is not None:
         flow = engine.value_of("slfuelflowmax", 0.0, "LBS/SEC")
         flow += engine.value_of("sloxiflowmax", 0.0, "LBS/SEC")
     lowest = engine.value_of("minthrottle", 0.0)
-    lit = ca.logic_and(running(file, aircraft), throttle >= lowest)
+    lit = ca.logic_and(running(mounted), throttle >= lowest)
     return ca.if_else(lit, specific_impulse * flow * throttle, 0.0)
 
 
-def turboprop_power(file: EngineFile, aircraft: HostAircraft) -> Any:
+def turboprop_power(mounted: MountedEngine) -> Any:
     """Return the power of a turboprop, hp (`FGTurboProp::Run`).
 
     Raises BadInputError if a table is missing.
     """
-    engine = file.engine
-    speed = lag_state(file, aircraft)
+    engine = mounted.engine
+    speed = mounted.lag_state
     if speed is None:
-        low, high = file.shaft("n1")
-        speed = low + throttle_of(file, aircraft) * (high - low)
+        low, high = mounted.shaft("n1")
+        speed = low + mounted.throttle * (high - low)
     tables = {table.attributes.get("name", ""): table for table in engine.all("table")}
     for name in ("EnginePowerRPM_N1", "ITT_N1"):  # without them JSBSim ends the program
         if name not in tables:
             raise engine.error(f"the turboprop has no table {name}; add this table")
-    power = internal_table(
-        tables["EnginePowerRPM_N1"], aircraft, [engine_rpm(file, aircraft), speed]
-    )
-    factor = _value_of_function(file, aircraft, "EnginePowerVC", None)
+    power = internal_table(tables["EnginePowerRPM_N1"], mounted.properties, [mounted.rpm, speed])
+    factor = _value_of_function(mounted, "EnginePowerVC", None)
     if factor is None:
         if "EnginePowerVC" not in tables:
             raise engine.error("the turboprop has no table EnginePowerVC; add this table")
-        factor = table_value(tables["EnginePowerVC"], aircraft.properties, file.number)
+        factor = table_value(tables["EnginePowerVC"], mounted.properties, mounted.number)
     power = ca.fmin(power * factor, engine.need("maxpower").number())
-    power = _within_torque(file, aircraft, power)
-    dragged = ca.if_else(engine_rpm(file, aircraft) > 5.0, -0.012, 0.0)
-    return ca.if_else(running(file, aircraft), power, dragged)
+    power = _within_torque(mounted, power)
+    dragged = ca.if_else(mounted.rpm > 5.0, -0.012, 0.0)
+    return ca.if_else(running(mounted), power, dragged)
 
 
-def _within_torque(file: EngineFile, aircraft: HostAircraft, power: Any) -> Any:
+def _within_torque(mounted: MountedEngine, power: Any) -> Any:
     """Return the power of a turboprop, hp, of which `_BEYOND` remains beyond the torque limit."""
-    limiter = file.engine.find("ielumaxtorque")
-    if limiter is None or not file.has_propeller:
+    limiter = mounted.engine.find("ielumaxtorque")
+    if limiter is None or not mounted.has_propeller:
         return power
     torque = limiter.number("FT*LB")
-    turns = getattr(aircraft.states, f"rpm{file.number}") / 60.0
+    turns = mounted.propeller_rpm / 60.0
     most = torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP
     statement = "the torque is limited to this value, about which JSBSim's limiter oscillates"
-    aircraft.properties.notes.append(Note(statement, f"{torque:g} ft lb", limiter.where))
+    mounted.properties.notes.append(Note(statement, f"{torque:g} ft lb", limiter.where))
     return ca.fmin(power, most + _BEYOND * (power - most))
 
 
-def electric_power(file: EngineFile, aircraft: HostAircraft) -> Any:
+def electric_power(mounted: MountedEngine) -> Any:
     """Return the power of an electric engine, hp. An engine that does not run has no power."""
-    power = file.engine.value_of("power", 745.7, "WATTS") * throttle_of(file, aircraft) / 745.7
-    return ca.if_else(running(file, aircraft), power, 0.0)
+    power = mounted.engine.value_of("power", 745.7, "WATTS") * mounted.throttle / 745.7
+    return ca.if_else(running(mounted), power, 0.0)
 
 
-def internal_table(table: Element, aircraft: HostAircraft, arguments: list[Any]) -> Any:
+def internal_table(table: Element, properties: Properties, arguments: list[Any]) -> Any:
     """Return the value of a table whose arguments the engine supplies.
 
     A table with fewer axes uses the first arguments.
@@ -560,9 +554,4 @@ def internal_table(table: Element, aircraft: HostAircraft, arguments: list[Any])
         raise table.error(
             f"{fault}; give a table with fewer axes, or a propeller with variable pitch"
         )
-    return read.at(aircraft.properties, arguments[: read.dimensions])
-
-
-def engine_rpm(file: EngineFile, aircraft: HostAircraft) -> Any:
-    """Return the speed of the engine's shaft, rpm: propeller speed times gear ratio."""
-    return getattr(aircraft.states, f"rpm{file.number}") * file.gear_ratio
+    return read.at(properties, arguments[: read.dimensions])

@@ -13,20 +13,15 @@ from hfa_jsbsim.engines import (
     HP,
     STEP,
     Effect,
-    EngineFile,
-    HostAircraft,
+    MountedEngine,
     commanded_speed,
     electric_power,
-    engine_rpm,
     internal_table,
     jet,
     lag_rates,
-    lag_state,
     orientation,
-    own_property,
     rocket_thrust,
     running,
-    throttle_of,
     thrust_force_and_moment,
     thruster_location,
     turbine_thrust,
@@ -73,36 +68,36 @@ class PistonPower(NamedTuple):
     rates: dict[str, Any]
 
 
-def piston_power(file: EngineFile, aircraft: HostAircraft) -> PistonPower:
+def piston_power(mounted: MountedEngine) -> PistonPower:
     """Return the power of a piston engine.
 
     It is the indicated power, less the static friction and the power of the supercharger, plus the
     power of the mean pressure p in the cylinders, p V n / cycles, of pumping and friction.
     """
-    engine = file.engine
-    air = aircraft.motion.air
+    engine = mounted.engine
+    air = mounted.motion.air
     ambient = air.pressure * _PSF_TO_PA
-    speed = engine_rpm(file, aircraft)
+    speed = mounted.rpm
     breathing = _Breathing(engine)
     piston_speed = speed * breathing.stroke / 360.0
-    ratio = breathing.pressure_ratio(throttle_of(file, aircraft), piston_speed)
-    throttled = _ram_pressure(file, aircraft, ambient) * ratio
+    ratio = breathing.pressure_ratio(mounted.throttle, piston_speed)
+    throttled = _ram_pressure(mounted, ambient) * ratio
     rates = {}
-    state = lag_state(file, aircraft)
+    state = mounted.lag_state
     if state is not None:
         delay = engine.value_of("man-press-lag", 1.0)
-        rates[file.lag] = (throttled / _INHG_TO_PA - state) / delay
+        rates[mounted.lag] = (throttled / _INHG_TO_PA - state) / delay
         throttled = state * _INHG_TO_PA
-    manifold = _boosted(file, aircraft, throttled, ambient, speed)
-    efficiency = _settable(file, aircraft, "volumetric-efficiency", 0.85)
+    manifold = _boosted(mounted, throttled, ambient, speed)
+    efficiency = _settable(mounted, "volumetric-efficiency", 0.85)
     displacement = engine.value_of("displacement", 360.0, "IN3") * _IN3_TO_M3
     swept = displacement * (speed / 60.0) / 2.0
     volume_flow = swept * efficiency * _exhaust_factor(engine, ambient, manifold)
     air_flow = volume_flow * manifold / (_GAS_CONSTANT * (air.temperature / 1.8))
     own_friction = engine.value_of("static-friction", 1.5, "HP")
-    static_friction = own_property(file, aircraft, "friction-hp", own_friction)
-    runs = running(file, aircraft)
-    of_fuel = _power_of_fuel(file, aircraft, breathing, air_flow)
+    static_friction = mounted.own("friction-hp", own_friction)
+    runs = running(mounted)
+    of_fuel = _power_of_fuel(mounted, breathing, air_flow)
     indicated = ca.if_else(runs, of_fuel - static_friction, -static_friction)
     # Without ignition the engine is dragged by the propeller.
     friction = ca.if_else(runs, _friction_pressure(engine, piston_speed), 0.0)
@@ -113,10 +108,10 @@ def piston_power(file: EngineFile, aircraft: HostAircraft) -> PistonPower:
     return PistonPower(power, {"map-pa": manifold, "map-inhg": manifold / _INHG_TO_PA}, rates)
 
 
-def _ram_pressure(file: EngineFile, aircraft: HostAircraft, ambient: Any) -> Any:
+def _ram_pressure(mounted: MountedEngine, ambient: Any) -> Any:
     """Return the pressure in front of the air box, Pa."""
-    total = aircraft.properties.read("propulsion/pt-lbs_sqft", file.mount.where) * _PSF_TO_PA
-    return (total - ambient) * _settable(file, aircraft, "ram-air-factor", 1.0) + ambient
+    total = mounted.read("propulsion/pt-lbs_sqft") * _PSF_TO_PA
+    return (total - ambient) * _settable(mounted, "ram-air-factor", 1.0) + ambient
 
 
 def _exhaust_factor(engine: Element, ambient: Any, manifold: Any) -> Any:
@@ -126,18 +121,17 @@ def _exhaust_factor(engine: Element, ambient: Any, manifold: Any) -> Any:
     return 0.3 / 1.3 + (compression - back_ratio) / (1.3 * (compression - 1.0))
 
 
-def _power_of_fuel(
-    file: EngineFile, aircraft: HostAircraft, breathing: _Breathing, air_flow: Any
-) -> Any:
+def _power_of_fuel(mounted: MountedEngine, breathing: _Breathing, air_flow: Any) -> Any:
     """Return the power of the fuel that burns with an air flow, kg/s, in hp."""
-    where = file.mount.where
-    lever = aircraft.properties.read(f"fcs/mixture-cmd-norm[{file.number}]", where)
-    mixture = aircraft.properties.read_or(f"fcs/mixture-pos-norm[{file.number}]", lever, where)
-    ambient = aircraft.motion.air.pressure * _PSF_TO_PA
+    lever = mounted.read(f"fcs/mixture-cmd-norm[{mounted.number}]")
+    position = f"fcs/mixture-pos-norm[{mounted.number}]"
+    mixture = mounted.properties.read_or(position, lever, mounted.mount.where)
+    ambient = mounted.motion.air.pressure * _PSF_TO_PA
     fuel_share = 1.3 * mixture * 101325.0 / ambient / 14.7
     fuel_flow = air_flow * fuel_share * 2.2046 * 3600.0
-    power = fuel_flow / _consumption(file, aircraft, breathing)
-    return power * _mixture_efficiency(file.engine, aircraft, fuel_share)
+    consumption = _own_consumption(mounted.engine, breathing)
+    power = fuel_flow / mounted.own("bsfc-lbs_hphr", consumption)
+    return power * _mixture_efficiency(mounted, fuel_share)
 
 
 def _friction_pressure(engine: Element, piston_speed: Any) -> Any:
@@ -146,9 +140,9 @@ def _friction_pressure(engine: Element, piston_speed: Any) -> Any:
     return dynamic - engine.value_of("static-fmep", 46500.0, "PA")
 
 
-def _settable(file: EngineFile, aircraft: HostAircraft, name: str, default: float) -> Any:
+def _settable(mounted: MountedEngine, name: str, default: float) -> Any:
     """Return a number of a piston engine, which the engine's file or a system can set."""
-    return own_property(file, aircraft, name, file.engine.value_of(name, default))
+    return mounted.own(name, mounted.engine.value_of(name, default))
 
 
 class _Breathing:
@@ -178,11 +172,6 @@ class _Breathing:
         return impedance / (impedance + self.air_box + closed * self.throttle)
 
 
-def _consumption(file: EngineFile, aircraft: HostAircraft, breathing: _Breathing) -> Any:
-    """Return the brake specific fuel consumption, lb/(hp h)."""
-    return own_property(file, aircraft, "bsfc-lbs_hphr", _own_consumption(file.engine, breathing))
-
-
 def _own_consumption(engine: Element, breathing: _Breathing) -> float:
     """Return the specific fuel consumption, lb/(hp h), from the engine's file or rated power."""
     stated = engine.value_of("bsfc", -1.0, "LBS/HP*HR")
@@ -200,18 +189,16 @@ def _own_consumption(engine: Element, breathing: _Breathing) -> float:
     return flow / (9411 * (power - engine.value_of("static-friction", 1.5, "HP")))
 
 
-def _mixture_efficiency(engine: Element, aircraft: HostAircraft, fuel_share: Any) -> Any:
+def _mixture_efficiency(mounted: MountedEngine, fuel_share: Any) -> Any:
     """Return the fraction of the power that is available at a fuel-air ratio."""
-    for table in engine.all("table"):
+    for table in mounted.engine.all("table"):
         if table.attributes.get("name") == "MIXTURE":
-            return internal_table(table, aircraft, [fuel_share])
+            return internal_table(table, mounted.properties, [fuel_share])
     shares, efficiencies = _MIXTURE
-    return aircraft.properties.interpolate(efficiencies, [shares], [fuel_share])
+    return mounted.properties.interpolate(efficiencies, [shares], [fuel_share])
 
 
-def _boosted(
-    file: EngineFile, aircraft: HostAircraft, throttled: Any, ambient: Any, speed: Any
-) -> Any:
+def _boosted(mounted: MountedEngine, throttled: Any, ambient: Any, speed: Any) -> Any:
     """Return the manifold pressure behind the supercharger, Pa, `throttled` without one.
 
     The gear of the supercharger depends on the ambient pressure, or on the boost lever if
@@ -220,14 +207,14 @@ def _boosted(
     throttled, ambient: pressures behind the throttle and of the air, Pa
     speed: speed of the engine, rpm
     """
-    gears = _gears(file.engine)
+    gears = _gears(mounted.engine)
     if not gears:
         return throttled
-    engine = file.engine
+    engine = mounted.engine
     override = int(engine.value_of("boostoverride", 0.0)) == 1
     takeoff = engine.value_of("takeoffboost", 0.0, "PSI")
     first_boost = engine.value_of("ratedboost1", 0.0, "PSI")
-    throttle = throttle_of(file, aircraft)
+    throttle = mounted.throttle
     manifolds = []
     for gear in gears:
         manifold = throttled * ((gear.multiplier - 1.0) / gear.rated_speed * speed + 1.0)
@@ -239,7 +226,7 @@ def _boosted(
             manifold = ca.fmin(manifold, cap)
         manifolds.append(manifold)
     if int(engine.value_of("boostmanual", 0.0)) == 1:
-        chosen = ca.SX(own_property(file, aircraft, "boost-speed", 0.0))
+        chosen = ca.SX(mounted.own("boost-speed", 0.0))
         result = manifolds[-1]
         for number in range(len(manifolds) - 2, -1, -1):
             result = ca.if_else(chosen < number + 1, manifolds[number], result)
@@ -311,7 +298,7 @@ def _boost_loss(engine: Element, throttled: Any, manifold: Any, volume_flow: Any
 _FEATHERING = 1.0 / 300.0
 
 
-def propeller_effect(file: EngineFile, aircraft: HostAircraft, power: Any) -> Effect:
+def propeller_effect(mounted: MountedEngine, power: Any) -> Effect:
     """Return the force, moment and power of a propeller, as an `Effect`.
 
     C_T and C_P are tables over J = V / (n D) and the blade angle. The thrust is C_T ρ n² D⁴, and
@@ -319,30 +306,30 @@ def propeller_effect(file: EngineFile, aircraft: HostAircraft, power: Any) -> Ef
 
     power: power of the engine, ft lb/s
     """
-    prop = file.thruster
-    power = ca.if_else(engine_rpm(file, aircraft) > 0.1, power, ca.fmax(power, 0.0))
+    prop = mounted.thruster
+    power = ca.if_else(mounted.rpm > 0.1, power, ca.fmax(power, 0.0))
     diameter = max(prop.value_of("diameter", 0.001, "FT"), 0.001)
-    axes, location = orientation(file, aircraft.properties), thruster_location(file, aircraft)
-    flow = _flow(file, aircraft, axes, location, diameter)
-    blade, blade_rates = _blade(file, aircraft)
-    thrust_coefficient = _coefficient(file, aircraft, "C_THRUST", flow, blade)
-    power_coefficient = _coefficient(file, aircraft, "C_POWER", flow, blade)
-    density, turns = aircraft.motion.air.density, flow.turns
+    axes, location = orientation(mounted), thruster_location(mounted)
+    flow = _flow(mounted, axes, location, diameter)
+    blade, blade_rates = _blade(mounted)
+    thrust_coefficient = _coefficient(mounted, "C_THRUST", flow, blade)
+    power_coefficient = _coefficient(mounted, "C_POWER", flow, blade)
+    density, turns = mounted.motion.air.density, flow.turns
     thrust = thrust_coefficient * turns**2 * diameter**4 * density
     absorbed = power_coefficient * turns**3 * diameter**5 * density
     induced = _induced_velocity(flow.velocity[0], thrust, density, diameter)
     inertia = max(prop.value_of("ixx", 1e-6, "SLUG*FT2"), 1e-6)
     omega = ca.fmax(2.0 * math.pi * turns, 0.01)
-    sense = 1.0 if file.thruster_mount.value_of("sense", 1.0) >= 0.0 else -1.0
+    sense = 1.0 if mounted.thruster_mount.value_of("sense", 1.0) >= 0.0 else -1.0
     # As in JSBSim, the sign of the gyroscopic moment depends on the version of the file.
     version = float(prop.attributes.get("version", "0") or "0")
     momentum = inertia * omega * sense * (-1.0 if version > 1.0 else 1.0)
-    gyroscopic = ca.cross(aircraft.motion.rates, axes[:, 0] * momentum)
+    gyroscopic = ca.cross(mounted.motion.rates, axes[:, 0] * momentum)
     own_moment = gyroscopic - axes[:, 0] * sense * power / omega
-    acting = _acting_location(file, location, flow.velocity, induced, sense)
-    force, moment = thrust_force_and_moment(file, aircraft, thrust, acting, own_moment)
+    acting = _acting_location(mounted, location, flow.velocity, induced, sense)
+    force, moment = thrust_force_and_moment(mounted, thrust, acting, own_moment)
     speed_rate = (power - absorbed) / omega / inertia * 30.0 / math.pi
-    rpm = getattr(aircraft.states, f"rpm{file.number}")
+    rpm = mounted.propeller_rpm
     # The propeller does not turn backwards: at rest, a braking torque has no effect.
     speed_rate = ca.if_else(rpm + speed_rate * STEP > 0.0, speed_rate, -rpm / STEP)
     return Effect(
@@ -350,7 +337,7 @@ def propeller_effect(file: EngineFile, aircraft: HostAircraft, power: Any) -> Ef
         moment,
         thrust,
         power / HP,
-        {f"rpm{file.number}": speed_rate, **blade_rates},
+        {f"rpm{mounted.number}": speed_rate, **blade_rates},
         {
             "propeller-torque-ftlb": -sense * power / omega,
             "thrust-coefficient": thrust_coefficient,
@@ -376,61 +363,56 @@ class _Flow(NamedTuple):
     tip_mach: Any
 
 
-def _flow(
-    file: EngineFile, aircraft: HostAircraft, axes: ca.SX, location: ca.SX, diameter: float
-) -> _Flow:
+def _flow(mounted: MountedEngine, axes: ca.SX, location: ca.SX, diameter: float) -> _Flow:
     """Return the airflow at a propeller with these axes, location and diameter, ft."""
-    motion = aircraft.motion
-    at_propeller = motion.air_velocity + ca.cross(motion.rates, aircraft.mass.arm(location))
+    motion = mounted.motion
+    at_propeller = motion.air_velocity + ca.cross(motion.rates, mounted.body.mass.arm(location))
     velocity = ca.mtimes(axes.T, at_propeller)
-    turns = getattr(aircraft.states, f"rpm{file.number}") / 60.0
+    turns = mounted.propeller_rpm / 60.0
     advance = velocity[0] / (diameter * ca.fmax(turns, 0.01))
     tip_speed = ca.sqrt((turns * diameter * math.pi) ** 2 + velocity[0] ** 2)
     return _Flow(velocity, turns, advance, tip_speed / motion.air.sound)
 
 
-def _blade(file: EngineFile, aircraft: HostAircraft) -> tuple[Any, dict[str, Any]]:
+def _blade(mounted: MountedEngine) -> tuple[Any, dict[str, Any]]:
     """Return the blade angle of a propeller, deg, and {state: its derivative}, empty without one.
 
     A governor changes the angle by 1 deg/s for each rpm above the commanded speed. If the propeller
     is feathered, the angle approaches `maxpitch`, by the share `_FEATHERING` of the remaining
     difference in each frame. A step that would exceed a limit of the angle ends at the limit.
     """
-    prop = file.thruster
+    prop = mounted.thruster
     lowest = prop.value_of("minpitch", 0.0)
     highest = prop.value_of("maxpitch", 0.0)
-    if not file.governed:
-        return own_property(file, aircraft, "blade-angle", lowest), {}
-    blade = getattr(aircraft.states, f"blade{file.number}")
+    if not mounted.governed:
+        return mounted.own("blade-angle", lowest), {}
+    blade = getattr(mounted.states, f"blade{mounted.number}")
     slowest = prop.value_of("minrpm", 0.0)
     advance: Any = 0.0
     feather: Any = 0.0
-    if file.kind != "turbine_engine":  # `FGTurbine` does not pass on the levers
-        where = file.mount.where
-        advance = aircraft.properties.read(f"fcs/advance-pos-norm[{file.number}]", where)
-        feather = aircraft.properties.read(f"fcs/feather-pos-norm[{file.number}]", where)
+    if mounted.kind != "turbine_engine":  # `FGTurbine` does not pass on the levers
+        advance = mounted.read(f"fcs/advance-pos-norm[{mounted.number}]")
+        feather = mounted.read(f"fcs/feather-pos-norm[{mounted.number}]")
     wanted = slowest + (prop.value_of("maxrpm", 0.0) - slowest) * advance
-    rate = getattr(aircraft.states, f"rpm{file.number}") - wanted
+    rate = mounted.propeller_rpm - wanted
     rate = ca.if_else(ca.SX(feather) > 0.5, (highest - blade) * _FEATHERING / STEP, rate)
     next_blade = ca.fmin(ca.fmax(blade + rate * STEP, lowest), highest)
-    return blade, {f"blade{file.number}": (next_blade - blade) / STEP}
+    return blade, {f"blade{mounted.number}": (next_blade - blade) / STEP}
 
 
-def _coefficient(
-    file: EngineFile, aircraft: HostAircraft, name: str, flow: _Flow, blade: Any
-) -> Any:
+def _coefficient(mounted: MountedEngine, name: str, flow: _Flow, blade: Any) -> Any:
     """Return C_T or C_P with its factor and Mach correction."""
-    prop = file.thruster
+    prop = mounted.thruster
     tables = {table.attributes.get("name", ""): table for table in prop.all("table")}
     if name not in tables:
         raise prop.error(f"the propeller has no table {name}; add this table")
     fixed = prop.value_of("minpitch", 0.0) == prop.value_of("maxpitch", 0.0)
     arguments = [flow.advance] if fixed else [flow.advance, blade]
-    value = internal_table(tables[name], aircraft, arguments)
+    value = internal_table(tables[name], mounted.properties, arguments)
     factor, mach = ("ct_factor", "CT_MACH") if name == "C_THRUST" else ("cp_factor", "CP_MACH")
     value = value * prop.value_of(factor, 1.0)
     if mach in tables:
-        value = value * internal_table(tables[mach], aircraft, [flow.tip_mach])
+        value = value * internal_table(tables[mach], mounted.properties, [flow.tip_mach])
     return value
 
 
@@ -443,13 +425,13 @@ def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) ->
 
 
 def _acting_location(
-    file: EngineFile, location: ca.SX, local: Any, induced: Any, sense: float
+    mounted: MountedEngine, location: ca.SX, local: Any, induced: Any, sense: float
 ) -> Any:
     """Return the point where the thrust acts, inches, which the P-factor moves with the flow angle.
 
     local: velocity of the propeller in the air, in the thruster's axes, (3,)
     """
-    factor = file.thruster_mount.value_of("p_factor", 0.0)
+    factor = mounted.thruster_mount.value_of("p_factor", 0.0)
     if factor <= 0.0001:
         return location
     across = ca.sqrt(ca.fmax(local[1] ** 2 + local[2] ** 2, 1e-8))
@@ -464,47 +446,47 @@ _COMPUTED = (
 )
 
 
-def engine_effect(file: EngineFile, aircraft: HostAircraft) -> Effect:
+def engine_effect(mounted: MountedEngine) -> Effect:
     """Return the `Effect` of an engine, with the time derivative of its lag.
 
     Raises BadInputError if the engine's values cause an arithmetic error.
     """
     try:
-        effect = _effect_without_lag(file, aircraft)
-        effect.rates |= lag_rates(file, aircraft)
+        effect = _effect_without_lag(mounted)
+        effect.rates |= lag_rates(mounted)
         return effect
     except ArithmeticError as error:
         fault = f"the engine's values cause an arithmetic error ({error}); correct this engine"
-        raise file.engine.error(fault) from error
+        raise mounted.engine.error(fault) from error
 
 
-def _effect_without_lag(file: EngineFile, aircraft: HostAircraft) -> Effect:
+def _effect_without_lag(mounted: MountedEngine) -> Effect:
     """Return the `Effect` of an engine, without the rates of `lag_rates`."""
-    drive = propeller_effect if file.has_propeller else jet
-    if file.kind == "turbine_engine":
+    drive = propeller_effect if mounted.has_propeller else jet
+    if mounted.kind == "turbine_engine":
         # For a propeller, its lb are interpreted as ft lb/s.
-        return drive(file, aircraft, turbine_thrust(file, aircraft))
-    if file.kind == "rocket_engine":
-        return jet(file, aircraft, rocket_thrust(file, aircraft))
-    if file.kind == "turboprop_engine":
-        return drive(file, aircraft, turboprop_power(file, aircraft) * HP)
-    if file.kind == "electric_engine":
-        return drive(file, aircraft, electric_power(file, aircraft) * HP)
-    piston = piston_power(file, aircraft)
-    effect = drive(file, aircraft, piston.horsepower * HP)
+        return drive(mounted, turbine_thrust(mounted))
+    if mounted.kind == "rocket_engine":
+        return jet(mounted, rocket_thrust(mounted))
+    if mounted.kind == "turboprop_engine":
+        return drive(mounted, turboprop_power(mounted) * HP)
+    if mounted.kind == "electric_engine":
+        return drive(mounted, electric_power(mounted) * HP)
+    piston = piston_power(mounted)
+    effect = drive(mounted, piston.horsepower * HP)
     effect.properties |= piston.properties
     effect.rates |= piston.rates
     return effect
 
 
-def add_engine(file: EngineFile, aircraft: HostAircraft) -> Writer:
+def add_engine(mounted: MountedEngine) -> Writer:
     """Define the properties of an engine and return the writer whose value is its `Effect`."""
-    properties = aircraft.properties
-    writer = Writer(partial(engine_effect, file, aircraft), file.mount.where)
+    properties = mounted.properties
+    writer = Writer(partial(engine_effect, mounted), mounted.mount.where)
 
     def part(name: str) -> Any:
         """Return the value of a property that the engine sets."""
-        effect = properties.value_of(writer, file.full_name(name), file.mount.where)
+        effect = properties.value_of(writer, mounted.full_name(name), mounted.mount.where)
         if name == "thrust-lbs":
             return effect.thrust
         if name == "power-hp":
@@ -512,30 +494,30 @@ def add_engine(file: EngineFile, aircraft: HostAircraft) -> Writer:
         return effect.properties.get(name, 0.0)
 
     for name in _COMPUTED:
-        full_name = file.full_name(name)
+        full_name = mounted.full_name(name)
         if properties.writer(full_name) is None:
-            properties.add_writer(full_name, Writer(partial(part, name), file.mount.where))
-    set_running = Writer(partial(running, file, aircraft), file.mount.where, BEFORE_ALL)
-    properties.add_writer(file.full_name("set-running"), set_running)
-    properties.define_initial(file.full_name("reverser-angle-rad"), 0.0)
-    for axis, place in zip("xyz", file.location, strict=True):
-        properties.define_initial(file.full_name(f"{axis}-position"), place)
-        properties.define_initial(file.full_name(f"{axis}-reference-position"), place)
-    if file.has_propeller:
-        speed = getattr(aircraft.states, f"rpm{file.number}")
-        properties.define(file.full_name("propeller-rpm"), speed)
-        properties.define(file.full_name("engine-rpm"), engine_rpm(file, aircraft))
+            properties.add_writer(full_name, Writer(partial(part, name), mounted.mount.where))
+    set_running = Writer(partial(running, mounted), mounted.mount.where, BEFORE_ALL)
+    properties.add_writer(mounted.full_name("set-running"), set_running)
+    properties.define_initial(mounted.full_name("reverser-angle-rad"), 0.0)
+    for axis, place in zip("xyz", mounted.location, strict=True):
+        properties.define_initial(mounted.full_name(f"{axis}-position"), place)
+        properties.define_initial(mounted.full_name(f"{axis}-reference-position"), place)
+    if mounted.has_propeller:
+        speed = mounted.propeller_rpm
+        properties.define(mounted.full_name("propeller-rpm"), speed)
+        properties.define(mounted.full_name("engine-rpm"), mounted.rpm)
         properties.define(
-            file.full_name("propeller-sense"), file.thruster_mount.value_of("sense", 1.0)
+            mounted.full_name("propeller-sense"), mounted.thruster_mount.value_of("sense", 1.0)
         )
-    if file.kind == "turbine_engine":
-        _add_shafts(file, aircraft)
-        bleed = file.full_name("bleed-factor")
-        properties.define_initial(bleed, file.engine.value_of("bleed", 0.0))
+    if mounted.kind == "turbine_engine":
+        _add_shafts(mounted)
+        bleed = mounted.full_name("bleed-factor")
+        properties.define_initial(bleed, mounted.engine.value_of("bleed", 0.0))
     return writer
 
 
-def _add_shafts(file: EngineFile, aircraft: HostAircraft) -> None:
+def _add_shafts(mounted: MountedEngine) -> None:
     """Define the properties n1 and n2, the speeds of a turbine's shafts, %.
 
     Reading n1 raises BadInputError if the speed n2 is a state.
@@ -543,17 +525,15 @@ def _add_shafts(file: EngineFile, aircraft: HostAircraft) -> None:
     for name in ("n1", "n2"):
 
         def speed(name: str = name) -> Any:
-            state = lag_state(file, aircraft)
+            state = mounted.lag_state
             if state is None:
-                on = commanded_speed(file, aircraft, name)
-                return ca.if_else(
-                    running(file, aircraft), on, windmilling_speed(file, aircraft, name)
-                )
+                on = commanded_speed(mounted, name)
+                return ca.if_else(running(mounted), on, windmilling_speed(mounted, name))
             if name == "n1":
-                raise file.mount.error(
+                raise mounted.mount.error(
                     "n1 is read, but is not a state of the model; remove engines=states from the "
                     "name of the aircraft"
                 )
             return state
 
-        aircraft.properties.add_writer(file.full_name(name), Writer(speed, file.mount.where))
+        mounted.properties.add_writer(mounted.full_name(name), Writer(speed, mounted.mount.where))
