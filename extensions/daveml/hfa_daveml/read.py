@@ -236,7 +236,7 @@ class _Files:
             [_number(nominal_value(name)) for name in names.INERTIA],
             [_number(self._vector(nominal_value, (name,))) for name in names.PRODUCTS],
         )
-        warning = inertia_warning(ca.DM(inertia).full())
+        warning = inertia_warning(inertia)
         return (warning,) if warning else ()
 
     def _usual_speed(self, nominal_value: Callable[[str], Any]) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -82,7 +83,9 @@ def _of_thrust(parts: Parts, throttles: Sequence[str], solve: Solve) -> Iterator
     missing = -full["speed_dot"] * mass
     if missing > least:
         thrust = full["thrust"]
-        powers = [value for name, value in full.items() if _is_power(name) and value > 0.0]
+        powers = [
+            value for name, value in full.items() if re.fullmatch(r"power\d+", name) and value > 0.0
+        ]
         power = f" from {len(powers)} x {powers[0]:.0f} hp" if powers else ""
         needed = thrust + missing
         yield (
@@ -93,11 +96,6 @@ def _of_thrust(parts: Parts, throttles: Sequence[str], solve: Solve) -> Iterator
     idle = solve(dict.fromkeys(throttles, 0.0), ("speed_dot",))
     if idle is not None and idle["speed_dot"] * mass > least:
         yield f"at idle the thrust is {idle['speed_dot'] * mass:.0f} lb too large"
-
-
-def _is_power(name: str) -> bool:
-    """Return whether an output is the power of an engine, such as power0."""
-    return name.startswith("power") and name.removeprefix("power").isdigit()
 
 
 def _of_lift(throttles: Sequence[str], imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:

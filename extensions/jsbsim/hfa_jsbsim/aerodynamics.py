@@ -60,7 +60,7 @@ class Aerodynamics:
         self._define_stall()
         where = element.where if element else ""
         computed = {
-            "aero/cl-squared": self._lift_squared,
+            "aero/cl-squared": lambda: (self._lift() / (motion.pressure_head * wings.area)) ** 2,
             "forces/load-factor": lambda: self._lift() / body.mass.weight,
         }
         for name, compute in computed.items():
@@ -132,10 +132,6 @@ class Aerodynamics:
             return self._sum(2, at_center=False) + self._sum(2, at_center=True)
         force = self._force(at_center=False) + self._force(at_center=True)
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
-
-    def _lift_squared(self) -> Any:
-        """Return the square of the lift coefficient, (lift / (q S))²."""
-        return (self._lift() / (self._motion.pressure_head * self._wings.area)) ** 2
 
     def loads(self) -> Loads:
         """Return the aerodynamic force and moment."""

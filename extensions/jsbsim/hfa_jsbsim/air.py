@@ -135,18 +135,10 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
     total_temperature = air.temperature * (1.0 + 0.2 * motion.mach**2)
     viscosity = _VISCOSITY * air.temperature**1.5 / (_SUTHERLAND + air.temperature)
     ground_speed = ca.sqrt(ca.fmax(north**2 + east**2, 1e-12))
-    path = ca.atan2(motion.climb, ground_speed)
+    track = ca.atan2(east, north)
     turning = turn_rate(x)
-    equivalent = ca.sqrt(2.0 * motion.pressure_head / SEA_LEVEL.density)
-    degrees = 180.0 / math.pi
     values = {
         "velocities/vt-fps": motion.speed,
-        "velocities/vtrue-fps": motion.speed,
-        "velocities/vtrue-kts": motion.speed / KNOT_IN_FEET,
-        "velocities/vc-fps": motion.calibrated,
-        "velocities/vc-kts": motion.calibrated / KNOT_IN_FEET,
-        "velocities/ve-fps": equivalent,
-        "velocities/ve-kts": equivalent / KNOT_IN_FEET,
         "velocities/mach": motion.mach,
         "velocities/machU": u / air.sound,
         "velocities/vg-fps": ground_speed,
@@ -158,13 +150,7 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
         "velocities/phidot-rad_sec": x.roll_rate + turning * ca.sin(x.pitch),
         "velocities/thetadot-rad_sec": x.pitch_rate * ca.cos(x.roll) - x.yaw_rate * ca.sin(x.roll),
         "velocities/psidot-rad_sec": turning,
-        "aero/alpha-rad": motion.alpha,
-        "aero/alpha-deg": motion.alpha * degrees,
         "aero/alpha-wing-rad": motion.alpha + metrics.incidence,
-        "aero/beta-rad": motion.beta,
-        "aero/beta-deg": motion.beta * degrees,
-        "aero/mag-beta-rad": ca.fabs(motion.beta),
-        "aero/mag-beta-deg": ca.fabs(motion.beta) * degrees,
         "aero/qbar-psf": motion.pressure_head,
         "aero/qbarUW-psf": 0.5 * air.density * (u**2 + w**2),
         "aero/qbarUV-psf": 0.5 * air.density * (u**2 + v**2),
@@ -173,9 +159,7 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
         "aero/bi2vel": metrics.span / (2.0 * motion.speed),
         "aero/ci2vel": metrics.chord / (2.0 * motion.speed),
         "aero/h_b-cg-ft": x.altitude / metrics.span,
-        "flight-path/gamma-rad": path,
-        "flight-path/gamma-deg": path * degrees,
-        "flight-path/psi-gt-rad": _full_turn(ca.atan2(east, north)),
+        "flight-path/psi-gt-rad": ca.if_else(track < 0.0, track + 2.0 * math.pi, track),
         "position/h-sl-ft": x.altitude,
         "position/h-agl-ft": x.altitude,
         "position/geod-alt-ft": x.altitude,
@@ -204,23 +188,24 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
     for letter, in_air, over_ground in zip("uvw", (u, v, w), uvw_over_ground, strict=True):
         values[f"velocities/{letter}-aero-fps"] = in_air
         values[f"velocities/{letter}-fps"] = over_ground
+    equivalent = ca.sqrt(2.0 * motion.pressure_head / SEA_LEVEL.density)
+    airspeeds = {"vtrue": motion.speed, "vc": motion.calibrated, "ve": equivalent}
+    for name, airspeed in airspeeds.items():
+        values[f"velocities/{name}-fps"] = airspeed
+        values[f"velocities/{name}-kts"] = airspeed / KNOT_IN_FEET
     angles = {
-        "phi": x.roll,
-        "theta": x.pitch,
-        "psi": x.yaw,
-        "roll": x.roll,
-        "pitch": x.pitch,
-        "heading-true": x.yaw,
+        "aero/alpha": motion.alpha,
+        "aero/beta": motion.beta,
+        "aero/mag-beta": ca.fabs(motion.beta),
+        "flight-path/gamma": ca.atan2(motion.climb, ground_speed),
+        **dict.fromkeys(("attitude/phi", "attitude/roll"), x.roll),
+        **dict.fromkeys(("attitude/theta", "attitude/pitch"), x.pitch),
+        **dict.fromkeys(("attitude/psi", "attitude/heading-true"), x.yaw),
     }
     for name, angle in angles.items():
-        values[f"attitude/{name}-rad"] = angle
-        values[f"attitude/{name}-deg"] = angle * degrees
+        values[f"{name}-rad"] = angle
+        values[f"{name}-deg"] = angle * (180.0 / math.pi)
     return values | _sizes(metrics)
-
-
-def _full_turn(angle: Any) -> Any:
-    """Return a negative angle plus 2π, and any other angle unchanged."""
-    return ca.if_else(angle < 0.0, angle + 2.0 * math.pi, angle)
 
 
 def _sizes(metrics: Metrics) -> dict[str, Any]:

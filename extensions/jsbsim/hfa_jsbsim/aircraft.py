@@ -247,9 +247,7 @@ class Equations:
         for number, tank in enumerate(self.parts.tanks):
             held = self.parameters[f"tank{number}"]
             contents = read(f"propulsion/tank[{number}]/contents-lbs", held)
-            contents = ca.fmin(contents, tank.capacity)
-            moments = ca.diag(ca.vertcat(*tank.inertia(contents)))
-            bodies.append(Body(contents, tank.place(contents), moments))
+            bodies.append(tank.body(ca.fmin(contents, tank.capacity)))
         return mass_of(self.parts.empty, bodies)
 
     def reference_point(self, where: str) -> ca.SX:
@@ -335,7 +333,7 @@ class Equations:
             self.properties.define_initial(f"{prefix}/priority", tank.priority)
             names = [f"{prefix}/local-i{axis}{axis}-slug_ft2" for axis in "xyz"]
             names += [f"{prefix}/{axis}-position" for axis in "xyz"]
-            values = [*tank.inertia(contents), *tank.place(contents)]
+            values = [*tank.moments(contents), *tank.place(contents)]
             for name, value in zip(names, values, strict=True):
                 self.properties.define(name, value)
         for kind, name in (("FUEL", "total-fuel-lbs"), ("OXIDIZER", "total-oxidizer-lbs")):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -84,7 +84,8 @@ class Tank:
     priority: 0 if the tank is closed. Engines use the tank with the lowest positive number first.
     full, drain: center of the contents of a full tank and of an empty one, structural frame,
         inches.
-    inertia: function (contents, lb) -> three moments of inertia of the contents, slug ft².
+    radius: of the contents, ft.
+    inertia_factor: on their inertia.
     """
 
     element: Element
@@ -96,7 +97,8 @@ class Tank:
     priority: int
     full: np.ndarray
     drain: np.ndarray
-    inertia: Callable[[Any], list[Any]]
+    radius: float
+    inertia_factor: float
 
     @property
     def usable(self) -> bool:
@@ -112,6 +114,15 @@ class Tank:
         return [
             low + filled * (high - low) for low, high in zip(self.drain, self.full, strict=True)
         ]
+
+    def moments(self, contents: Any) -> list[Any]:
+        """Return three moments of inertia, slug ft², of contents (`FGTank::CalculateInertias`)."""
+        return [contents / SLUG_TO_LB * self.inertia_factor * 0.4 * self.radius**2] * 3
+
+    def body(self, contents: Any) -> Body:
+        """Return given contents, lb, as a part of the aircraft."""
+        inertia = ca.diag(ca.vertcat(*self.moments(contents)))
+        return Body(contents, self.place(contents), inertia)
 
 
 @dataclass(frozen=True)
@@ -212,17 +223,9 @@ def _tank(element: Element) -> Tank:
         int(element.value_of("priority", 1.0)),
         location,
         location if drain is None else drain.vector("IN"),
-        _inertia_of_contents(element),
+        element.value_of("radius", 0.0, "IN") / 12.0,
+        element.value_of("inertia_factor", 1.0),
     )
-
-
-def _inertia_of_contents(element: Element) -> Callable[[Any], list[Any]]:
-    """Return a function (contents, lb) -> three moments of inertia, slug ft², those of
-    `FGTank::CalculateInertias`.
-    """
-    radius = element.value_of("radius", 0.0, "IN") / 12.0
-    factor = element.value_of("inertia_factor", 1.0)
-    return lambda contents: [contents / SLUG_TO_LB * factor * 0.4 * radius**2] * 3
 
 
 #: Name of a fuel -> density, lb per gallon.
@@ -277,9 +280,7 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
     """
     empty = read_empty(element)
     bodies = [Body(point.weight, point.location, point.inertia) for point in points]
-    for tank in tanks:
-        moments = np.diag(tank.inertia(tank.contents))
-        bodies.append(Body(tank.contents, tank.place(tank.contents), moments))
+    bodies += [tank.body(tank.contents) for tank in tanks]
     weight = empty.weight + sum(body.weight for body in bodies)
     if weight <= 0.0:
         raise element.error(f"the weight of the aircraft is {weight:g} lb; give a positive weight")

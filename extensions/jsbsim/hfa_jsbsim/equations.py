@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -15,8 +14,8 @@ class EquationsOfMotion:
     """Equations (x, u, p, w) -> (rates by state, outputs by name), for numbers or expressions.
 
     still: function (x, u, p) -> (rates, outputs) as columns, without gusts.
-    gusty: function without arguments that builds (x, u, p, w) -> (rates, outputs), called when
-        gusts are first not 0.
+    gusty: function without arguments that returns (x, u, p, w) -> (rates, outputs), called only if
+        gusts are not 0.
     """
 
     def __init__(
@@ -27,20 +26,16 @@ class EquationsOfMotion:
         outputs: list[str],
     ) -> None:
         self.still = still
-        self._make_gusty = gusty
+        self._gusty = gusty
         self._rates = rates
         self._outputs = outputs
-
-    @cached_property
-    def _gusty(self) -> ca.Function:
-        return self._make_gusty()
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the rates by state and the outputs by name."""
         is_still = all(is_zero(gust) for gust in w)
         vectors = (x, u, p) if is_still else (x, u, p, w)
         columns = [ca.vertcat(*vector) if len(vector) else ca.DM(0, 1) for vector in vectors]
-        rates, outputs = (self.still if is_still else self._gusty)(*columns)
+        rates, outputs = (self.still if is_still else self._gusty())(*columns)
         if isinstance(rates, ca.DM):
             split = [column.full().ravel().tolist() for column in (rates, outputs)]
         else:

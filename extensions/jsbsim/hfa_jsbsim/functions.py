@@ -176,14 +176,10 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     if not fewest <= len(values) <= most:
         wanted = str(fewest) if fewest == most else f"{fewest} or more"
         raise element.error(f"the number of elements in <{name}> is {len(values)}; give {wanted}")
-    if name == "atan2" and any(_is_minus_zero(value) for value in values):
+    # A CasADi expression does not keep the sign of -0.
+    if name == "atan2" and any(repr(value) == "-0.0" for value in values):
         raise element.error("<atan2> with the argument -0 is not supported; write 0")
     return operation(*(ca.SX(value) for value in values))
-
-
-def _is_minus_zero(value: Any) -> bool:
-    """Return whether a value is the number -0, whose sign a CasADi expression does not keep."""
-    return isinstance(value, float) and value == 0.0 and math.copysign(1.0, value) < 0.0
 
 
 def numbered(element: Element, name: str, number: int | None) -> str:

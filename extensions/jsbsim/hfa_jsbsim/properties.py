@@ -226,9 +226,7 @@ class Properties:
 
     def define(self, name: str, value: Any) -> None:
         """Add a value of a property that components of the control system may override."""
-        self.writers.setdefault(canonical(name), []).append(
-            Writer(lambda: value, "", order=BEFORE_ALL)
-        )
+        self.add_writer(name, Writer(lambda: value, "", BEFORE_ALL))
 
     def define_initial(self, name: str, value: float) -> None:
         """Set the value that a property has if nothing else sets it."""
@@ -288,7 +286,7 @@ class Properties:
 
     def replace(self, name: str, value: Any) -> None:
         """Set a property to a value and remove all its writers."""
-        self.writers[canonical(name)] = [Writer(lambda: value, "", order=BEFORE_ALL)]
+        self.writers[canonical(name)] = [Writer(lambda: value, "", BEFORE_ALL)]
 
     def writer(self, name: str) -> Writer | None:
         """Return the last writer that was added for a property, or None if it has none."""

@@ -14,7 +14,14 @@ import numpy as np
 from hfa_aircraft.about import About, Domain, Source, Trimming
 from hfa_aircraft.layout import column
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid.aircraft import DEVIATION, GRAVITY, STATES, coordinated, inertia_warning
+from hfa_aircraft.rigid.aircraft import (
+    DEVIATION,
+    GRAVITY,
+    STATES,
+    coordinated,
+    inertia_matrix,
+    inertia_warning,
+)
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
 from hfa_aircraft.signals import ISA, Signal
 from hfa_jsbsim.accounting import explain, notes_on_omitted, of_engine_files
@@ -170,6 +177,8 @@ class _Declaration:
         # speed error.
         steady = tuple(name for name in linear if not name.startswith("spool"))
         configuration = self._configuration()
+        aliases = ALIASES | self._own_aliases()
+        short_aliases = {name.rpartition("/")[2]: own for name, own in aliases.items()}  # vc-kts
         return Model(
             self.parts.name,
             states,
@@ -187,7 +196,7 @@ class _Declaration:
             domain=Domain(self._table_ranges()),
             about=About(
                 notes=(*of_engine_files(self.parts), *grouped(notes)),
-                aliases=_with_short_names(ALIASES | self._own_aliases()),
+                aliases=short_aliases | aliases,
                 warnings_about=partial(self._warnings, configuration),
                 equations="JSBSim",
                 atmosphere="U.S. Standard 1976",
@@ -217,7 +226,7 @@ class _Declaration:
         x = [signal.start for signal in self._states().values()]
         values = configuration(x, [0.0] * len(self.inputs), p)
         xx, yy, zz, xz = (values[name][0] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
-        inertia = [[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]]
+        inertia = inertia_matrix((xx, yy, zz), (0.0, xz, 0.0))
         yield from filter(None, (inertia_warning(inertia), self._warning_of_throttle(x, p)))
 
     def _warning_of_throttle(self, x: list[float], p: list[float]) -> str:
@@ -323,7 +332,8 @@ class _Declaration:
                 middle = 0.5 * (lowest + highest)
                 ordered[f"blade{file.number}"] = Signal("deg", 5.0, lowest, highest, middle, 100.0)
             if file.lag in self.equations.states:
-                ordered[file.lag] = _lag(file)
+                unit, size = ("inHg", 3.0) if file.kind == "piston_engine" else ("%", 10.0)
+                ordered[file.lag] = Signal(unit, size, 0.0, start=file.usual_lag)
         filters = [state.symbol.name() for state in self.equations.properties.filters]
         return ordered | dict.fromkeys(filters, Signal())
 
@@ -504,6 +514,7 @@ class _Declaration:
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
         """Return the equations of motion with and without gusts."""
 
+        @cache
         def gusty() -> ca.Function:
             equations = Equations(self.parts, gusty=True)
             self._add_outputs(equations)
@@ -663,13 +674,6 @@ def _density_function() -> RowFunction:
     return RowFunction(ca.Function("density", [altitude, warmer], [density]))
 
 
-def _lag(file: EngineFile) -> Signal:
-    """Return the signal of the state of an engine's lag."""
-    if file.lag.startswith("manifold"):
-        return Signal("inHg", 3.0, 0.0, start=file.usual_lag)
-    return Signal("%", 10.0, 0.0, start=file.usual_lag)
-
-
 def _stated_speed(file: EngineFile) -> float:
     """Return the largest speed of a propeller according to the files, rpm, or 0 if unknown."""
     stated = file.thruster.value_of("maxrpm", 0.0)
@@ -681,8 +685,3 @@ def _stated_speed(file: EngineFile) -> float:
 def _usual_propeller_speed(file: EngineFile, speed: Any) -> Any:
     """Return the speed of a propeller, rpm, at the advance ratio `_ADVANCE_RATIO`."""
     return 60.0 * speed / (_ADVANCE_RATIO * file.thruster.value_of("diameter", 0.001, "FT"))
-
-
-def _with_short_names(aliases: Mapping[str, str]) -> dict[str, str]:
-    """Return aliases extended by JSBSim's names without their folder, such as vc-kts."""
-    return {name.rpartition("/")[2]: short for name, short in aliases.items()} | dict(aliases)

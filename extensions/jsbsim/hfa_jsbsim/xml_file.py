@@ -275,14 +275,11 @@ class Folders:
             with file_faults(path):
                 text = regular_file(path).read_bytes()
             digest = hashlib.sha256(text).hexdigest()
-            self._files[path] = (parsed(text, self._shown(path)), digest)
+            name = path
+            if self.data is not None and path.is_relative_to(self.data):
+                name = path.relative_to(self.data)
+            self._files[path] = (parsed(text, str(name)), digest)
         return self._files[path][0]
-
-    def _shown(self, path: Path) -> str:
-        """Return the name of a file in messages."""
-        if self.data is not None and path.is_relative_to(self.data):
-            return str(path.relative_to(self.data))
-        return str(path)
 
     def opened(self, element: Element) -> Element:
         """Return the root of the file that an element names, or the element if it names no file."""

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from hfa_aircraft.readers.derivatives.names import LARGEST_LIFT
 from hfa_aircraft.readers.derivatives.published import FIGURES, Values, unusual
 from hfa_aircraft.readers.derivatives.table import DerivativeTable
-from hfa_aircraft.rigid.aircraft import inertia_warning
+from hfa_aircraft.rigid.aircraft import inertia_matrix, inertia_warning
 from hfa_aircraft.rigid.atmosphere import air_at
 
 #: Entries without which an aircraft moves differently, though it is read.
@@ -42,8 +42,8 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
     yield from table.warnings
     yield from _of_angles(table)
     xx, yy, zz = (of(name) for name in ("Ixx", "Iyy", "Izz"))
-    xz = values.get("Ixz", 0.0)
-    if warning := inertia_warning([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]]):
+    products = (0.0, values.get("Ixz", 0.0), 0.0)
+    if warning := inertia_warning(inertia_matrix((xx, yy, zz), products)):
         yield warning
     yield from _unusual(table, of)
     needed = (*_NEEDED, *(_NEEDED_OF[name] for name in table.surfaces if name in _NEEDED_OF))
