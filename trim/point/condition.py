@@ -83,10 +83,9 @@ class TrimCondition:
             )
         for name in self.rates:
             refuse_unknown("unknown rate", name, model.states)
-        for name in self.imposed:
-            refuse_unknown("unknown trim variable", name, model.holdable)
-        for name in self.limits:
-            refuse_unknown("unknown trim variable", name, model.limits)
+        for names, known in ((self.imposed, model.holdable), (self.limits, model.limits)):
+            for name in names:
+                refuse_unknown("unknown trim variable", name, known)
         numbers = {name: model.number(name, value) for name, value in self.imposed.items()}
         rates = {name: model.number(f"{name}_dot", rate) for name, rate in self.rates.items()}
         vars(self).update(imposed=numbers, rates=rates)
@@ -329,7 +328,9 @@ def release(
     unknowns = (*model.variables, *model.parameters)
     values = {name: value for name, value in hold.items() if name not in model.rates}
     rates = {name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free}
-    held_rates = {name.removesuffix("_dot"): hold[name] for name in hold if name in model.rates}
+    held_rates: dict[str, Any] = {
+        name.removesuffix("_dot"): value for name, value in hold.items() if name in model.rates
+    }
     imposed = model.without_alternatives(condition.imposed, values) | values
     begin = dict(condition.begin)
     for name in free:
@@ -452,42 +453,24 @@ def read_condition(name: str, usual: TrimCondition, shipped: Mapping[str, Path])
     for key, ends in data.get("limits", {}).items():
         variable, factor = _variable(model, name, key, also=model.states)
         limits[variable] = tuple(end * factor for end in ends)
-    free = tuple(_variable(model, name, key).name for key in data.get("free", []))
+    free = tuple(_variable(model, name, key)[0] for key in data.get("free", []))
     with prefix_errors(name):
         return replace(release(usual, free=free, hold=hold, limits=limits), name=name)
 
 
-class _Variable(NamedTuple):
-    """Variable that a key of a condition file names, and the factor from the file to its unit."""
-
-    name: str
-    factor: float
-
-
-def _variable(model: Model, file: str, key: str, also: Collection[str] = ()) -> _Variable:
-    """Return the variable that a key such as "speed" or "alpha_deg" names.
-
-    also: names that are permitted in addition to those of the variables
-
-    Raises BadInputError for an unknown name, and for "_deg" after one that is no angle.
-    """
+def _variable(model: Model, file: str, key: str, also: Collection[str] = ()) -> tuple[str, float]:
+    """Return the variable of a key such as "alpha_deg", and the factor to its unit."""
     name = key.removesuffix("_deg")
     model.refuse_unheld(f"{file}: unknown trim variable", name, tuple(also))
     if name == key:
-        return _Variable(name, model.native_factor(name))
+        return name, model.native_factor(name)
     if not model.unit(name).startswith("rad"):
         raise BadInputError(f"{file}: {key} is not an angle; write {name}, in {model.unit(name)}")
-    return _Variable(name, math.pi / 180.0)
+    return name, math.pi / 180.0
 
 
 def _table(model: Model, file: str, key: str, value: Any, factor: float) -> LinearTable:
-    """Return the rows [breakpoint, value] of a key as a table over the scheduling variable.
-
-    value: the rows, with breakpoints in degrees if the scheduling variable is an angle
-    factor: factor from the unit of the file to that of the variable
-
-    Raises BadInputError if `value` does not consist of such rows.
-    """
+    """Return the rows [breakpoint, value], angles in degrees, as a table of converted values."""
     rows = checked(file, value, [[NUMBER]], key)
     if not rows or any(len(row) != 2 for row in rows):
         raise BadInputError(f"{file}: {key} is {shown(value)}; give [{model.schedule}, value] rows")

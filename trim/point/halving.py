@@ -53,9 +53,9 @@ def newton(
             )
         return NewtonEnds(end, converged)
     if system.equations.square and len(z) == 1:
-        end = _full_steps(system, z, c)
-        if end is not None:
-            return NewtonEnds(end, np.ones(1, dtype=bool))
+        full = _full_steps(system, z, c)
+        if full is not None:
+            return NewtonEnds(full, np.ones(1, dtype=bool))
     return _halved_steps(system, z, c)
 
 

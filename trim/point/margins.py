@@ -119,8 +119,17 @@ def all_margins(
     u: input at the trim, by name
     left: names of free variables that no equation determines
     """
-    roles = _roles(model, condition, left)
-    outputs = _relevant_outputs(model, condition)
+    roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
+    roles |= dict.fromkeys(left, "left")
+    if set(condition.free) <= set(model.inputs):
+        # All states are held, including those that outputs replace.
+        roles |= dict.fromkeys(model.replaced, "held")
+    named = {*model.variables, *model.trim, *condition.imposed}
+    outputs = [
+        name
+        for name, signal in model.outputs.items()
+        if name in named or math.isfinite(signal.min) or math.isfinite(signal.max)
+    ]
     values = model.outputs_at(x, u, outputs) | x._asdict() | u._asdict()
     limits = {name: condition.limits_of(name) for name in (*model.states, *outputs, *model.inputs)}
     assumed = {}
@@ -134,45 +143,19 @@ def all_margins(
         if limits[output] != declared:
             assumed[output] = assumed[state]
     margins = {}
-    for name, (lowest, highest) in limits.items():
-        signal = model.signals[name]
-        role = roles.get(name, "follows")
+    for name, ends in limits.items():
+        signal, role = model.signals[name], roles.get(name, "follows")
         margins[name] = Margin(
-            name, values[name], role, lowest, highest, signal.unit, signal.nominal, assumed[name]
+            name, values[name], role, *ends, signal.unit, signal.nominal, assumed[name]
         )
     return margins
-
-
-def _relevant_outputs(model: Model, condition: TrimCondition) -> list[str]:
-    """Return the outputs with a limit, that a trim imposes, or that replace a state."""
-    variables = {*model.variables, *model.trim, *condition.imposed}
-    return [
-        name
-        for name, signal in model.outputs.items()
-        if name in variables or math.isfinite(signal.min) or math.isfinite(signal.max)
-    ]
-
-
-def _roles(model: Model, condition: TrimCondition, left: Sequence[str]) -> dict[str, str]:
-    """Return variable -> "held", "free", or "left" at its start value."""
-    roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
-    roles |= dict.fromkeys(left, "left")
-    if set(condition.free) <= set(model.inputs):
-        # All states are held, including those that outputs replace.
-        roles |= dict.fromkeys(model.replaced, "held")
-    return roles
 
 
 def _limits_by_state(
     model: Model, x: Any, u: Any, state: str, output: str, limits: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the limits of an output that follow from those of the state it replaces.
-
-    The output is affine in the state: y(value) = y(trim) + slope (value - value at the trim).
-
-    x, u: state and input at the trim, by name
-    limits: (lowest, highest) of the state
-    """
+    """Return the limits of an output that follow from those of the state it replaces."""
+    # The output is affine in the state: y(value) = y(trim) + slope (value - value at the trim).
     value = getattr(x, state)
     step = model.states[state].nominal
     moved = x._replace(**{state: value + step})

@@ -84,11 +84,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def _of(
         cls, problem: TrimProblem, z: np.ndarray, status: Status, initial_point: int = 0
     ) -> OperatingPoint:
-        """Return the operating point of a trim problem for scaled unknowns z, (k,).
-
-        status: status of the result
-        initial_point: number of the initial point of the search, 0 for the default one
-        """
+        """Return the operating point of a trim problem for scaled unknowns z, (k,)."""
         at = problem.at(z)
         scaled = zip(problem.system.equations.rows, at.residual.tolist(), strict=True)
         by_name = {row.name: residual * row.scale for row, residual in scaled}
@@ -322,17 +318,14 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         model = coherent(self.model)
         if model is self.model:
             return self
-
-        def converted(values: Record) -> Record:
-            """Return states or inputs in the units of `model`."""
+        converted = []
+        for values in (self.states, self.inputs):
             in_model = {}
             for name, value in values._asdict().items():
                 factor = conversion_factor(self.model.unit(name), model.unit(name)) or 1.0
                 in_model[name] = value * factor
-            return values._replace(**in_model)
-
-        states, inputs = converted(self.states), converted(self.inputs)
-        return OperatingPoint(states, inputs, {}, self.status, model)
+            converted.append(values._replace(**in_model))
+        return OperatingPoint(*converted, {}, self.status, model)
 
     # Functions of a point, which the package `trim` offers.
 
@@ -437,8 +430,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 def origin(model: Model) -> OperatingPoint:
     """Return the operating point of a linear plant at which all states and inputs are 0."""
     return OperatingPoint(
-        record(tuple(model.states))(*np.zeros(len(model.states)).tolist()),
-        record(tuple(model.inputs))(*np.zeros(len(model.inputs)).tolist()),
+        record(tuple(model.states))(*[0.0] * len(model.states)),
+        record(tuple(model.inputs))(*[0.0] * len(model.inputs)),
         {},
         Status.TRIMMED,
         model,

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -64,13 +63,6 @@ class SearchEnd(NamedTuple):
     initial_point: int
 
 
-class Count(NamedTuple):
-    """Numbers of equations and of unknowns of a trim."""
-
-    equations: int
-    unknowns: int
-
-
 class TrimProblem:
     """Problem of one trim: a condition with numbers, its equations, and the initial values.
 
@@ -81,7 +73,7 @@ class TrimProblem:
     free: names of the k unknowns
     idle: names of free variables that are in no equation
     kept: states that the equations do not determine, imposed at their start values
-    count: number of equations that the unknowns affect, and number of unknowns
+    count: number of equations that the unknowns affect, and number k of unknowns
 
     Raises BadInputError if nothing is free and the point is not an equilibrium, if no free variable
     affects an equation or changes an imposed output, and for a condition of another model.
@@ -117,7 +109,7 @@ class TrimProblem:
         self.system = TrimSystem(model, condition, begin=start)
         self.free = self.system.equations.unknowns
         self.idle = self.system.equations.idle
-        self.count = Count(self.system.affected_count, len(self.free))
+        self.count = self.system.affected_count, len(self.free)
         self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
         if not self.free and (self.idle or not self.solved(self.system.start)):
@@ -130,10 +122,7 @@ class TrimProblem:
         self._refuse_unaffected_outputs()
 
     def _refuse_unaffected_outputs(self) -> None:
-        """Raise BadInputError for an imposed output on which no free variable has an effect.
-
-        An output that has the imposed value all the same is accepted.
-        """
+        """Raise BadInputError for an imposed output that no free variable changes to its value."""
         model, system = self.model, self.system
         for index, row in enumerate(system.equations.rows):
             if index < system.affected_count or row.is_rate:
@@ -149,9 +138,7 @@ class TrimProblem:
             )
 
     def _advice_instead_of(self, name: str) -> str:
-        """Return advice for an imposed output that no free variable changes: to hold or free in its
-        place one of the parameters or variables on which it depends.
-        """
+        """Return advice to hold or free, in place of an output, what it depends on."""
         layout = self.model.layout
         x, u, p = layout.symbols("x", "u", "p")
         _, output = layout.expressions([components(x), components(u), components(p)], (name,))
@@ -343,54 +330,10 @@ def undetermined(problem: TrimProblem, z: np.ndarray) -> Undetermined:
     return Undetermined(names, len(directions))
 
 
-def kept_states(
-    problem: TrimProblem, trim_of: Callable[[TrimProblem], np.ndarray | None]
-) -> tuple[str, ...]:
-    """Return the states that keep their start values, so that the equations determine the trim.
-
-    Of the states that no equation determines, the one that moves farthest for its size is kept,
-    until the trim is unique. A state without a trim at its start value is not kept. The result does
-    not depend on where the search begins.
-
-    trim_of: problem -> its unknowns at the trim, (k,), or None if there is none
-    """
-    problem = problem.keeping((), same_start=False)
-    points = [problem.clip(problem.system.start)]
-    points.append(problem.newton(points[0]))
-    while points:
-        candidates = _candidates(problem, points)
-        points = []
-        for name in candidates:
-            with suppress(BadInputError):
-                tried = problem.keeping((*problem.kept, name))
-                found = trim_of(tried)
-                if found is not None:
-                    problem, points = tried, [found]
-                    break
-    return problem.kept
-
-
-def _candidates(problem: TrimProblem, points: list[np.ndarray]) -> list[str]:
-    """Return the states that a trim could keep because the equations do not determine them, the one
-    that moves farthest for its size first.
-
-    points: scaled unknowns, (k,) each, of which the first with such states decides
-    """
-    may_be_kept = keepable(problem.system, problem.asked.set_free)
-    for z in points:
-        with suppress(BadInputError, ArithmeticError):
-            names = undetermined(problem, z).names
-            if candidates := [name for name in names if name in may_be_kept]:
-                return candidates
-    return []
-
-
 def _sizes(problem: TrimProblem) -> np.ndarray:
-    """Return the size of each unknown, in its unit, (k,).
-
-    The size of an angle is 1 rad. That of another unknown is the largest start value of all states
-    and inputs of its quantity, or its nominal value if they are all 0 or have no unit.
-    """
+    """Return the size of each unknown, in its unit, (k,)."""
+    # The size of an angle is 1 rad. That of another unknown is the largest start value of all
+    # states and inputs of its quantity, or its nominal value if they are all 0 or have no unit.
     model, declared = problem.model, problem.system.declared
     largest: dict[str, float] = {}
     for name, value in declared.items():

@@ -23,7 +23,7 @@ from trim.point.problem import (
     SearchEnd,
     TrimProblem,
     keepable,
-    kept_states,
+    undetermined,
 )
 from trim.point.status import BALANCE, Status
 
@@ -68,7 +68,8 @@ def _causes(problem: TrimProblem, nearest: np.ndarray) -> Iterator[str]:
     yield f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"
     equations, unknowns = problem.count
     effects = problem.balanced_effects(problem.clip(nearest)).matrix
-    idle = _without_effect(problem, effects)
+    without = np.flatnonzero(~np.any(effects, axis=0))
+    idle = [*problem.idle, *(problem.free[column] for column in without)]
     if equations > unknowns + len(idle) and not balances_beyond_limits:
         yield f"{equations} equations for {unknowns} unknowns; free more variables"
     if idle:
@@ -107,16 +108,6 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
     return texts
 
 
-def _without_effect(problem: TrimProblem, effects: np.ndarray) -> list[str]:
-    """Return the names of the free variables that affect no equation.
-
-    effects: Jacobian in balanced units, (m, k)
-    """
-    affected = np.any(effects, axis=0)
-    without = [problem.free[column] for column in np.flatnonzero(~affected)]
-    return [*problem.idle, *without]
-
-
 def _dependent_effects(problem: TrimProblem, effects: np.ndarray) -> list[str]:
     """Return a sentence for each free variable whose column of effects is a linear combination of
     the columns of those before it; none if the Jacobian has full row rank.
@@ -135,7 +126,7 @@ def _dependent_effects(problem: TrimProblem, effects: np.ndarray) -> list[str]:
         significant = np.flatnonzero(np.abs(shares) > DEPENDENT)
         others = [problem.free[independent[i]] for i in significant]
         sentences.append(f"{name} has no effect independent of {' and '.join(others)}")
-    has_full_row_rank = len(independent) == problem.count.equations
+    has_full_row_rank = len(independent) == len(effects)
     return [] if has_full_row_rank else sentences
 
 
@@ -169,20 +160,43 @@ def binding_limits(problem: TrimProblem, nearest: np.ndarray) -> dict[str, str]:
     return sentences
 
 
-def explanation(model: Model, condition: TrimCondition) -> str:
-    """Return the model's explanation of why a condition has no trim, or "" if it has none, or if
-    held inputs leave fewer unknowns than equations.
+class TrimError(NoSolutionError):
+    """Error for a condition that has no trim.
+
+    The message names the equations that do not balance, the active limits, and the values beyond
+    the limits that balance would require.
+
+    attempt: best point found within the limits
+    required: sentences on the limits beyond which the equations balance, or "" if they do not
+        balance beyond any limits
+    """
+
+    def __init__(self, message: str, attempt: OperatingPoint, required: str = "") -> None:
+        super().__init__(message)
+        self.attempt = attempt
+        self.required = required
+
+    def __reduce__(self) -> tuple[type[TrimError], tuple[str, OperatingPoint, str]]:
+        return TrimError, (str(self), self.attempt, self.required)
+
+
+def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimError:
+    """Return the error of a failed trim with the model's explanation, if it has one, at the
+    beginning of its message.
 
     The model's function `explain` may trim a changed condition, by Newton's method from the default
-    initial point.
+    initial point. It is not asked if held inputs leave fewer unknowns than equations.
+
+    error: error of the trim search
+    condition: condition of the failed trim
     """
     if model.trimming.explain is None:
-        return ""
+        return error
     posed = TrimProblem(model, condition)
     equations, unknowns = posed.count
     held = condition.imposed.keys() - model.trim.keys()
     if equations > unknowns and not held.isdisjoint(model.inputs):
-        return ""
+        return error
 
     def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:
         """Return name -> value at the trim of the changed condition, or None if none is found."""
@@ -205,40 +219,7 @@ def explanation(model: Model, condition: TrimCondition) -> str:
             **{f"{name}_dot": rate for name, rate in rates.items()},
         }
 
-    return model.trimming.explain(condition.imposed, solve)
-
-
-class TrimError(NoSolutionError):
-    """Error for a condition that has no trim.
-
-    The message names the equations that do not balance, the active limits, and the values beyond
-    the limits that balance would require.
-
-    attempt: best point found within the limits
-    required: sentences on the limits beyond which the equations balance, or "" if they do not
-        balance beyond any limits
-    """
-
-    def __init__(self, message: str, attempt: OperatingPoint, required: str = "") -> None:
-        super().__init__(message)
-        self.attempt = attempt
-        self.required = required
-
-    def __reduce__(self) -> tuple[type[TrimError], tuple[str, OperatingPoint, str]]:
-        return TrimError, (str(self), self.attempt, self.required)
-
-
-def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimError:
-    """Return the error of a failed trim with the model's explanation at the beginning of its
-    message.
-
-    The error is unchanged if the model has no explanation.
-
-    error: error of the trim search
-    condition: condition of the failed trim
-    """
-
-    reason = explanation(model, condition)
+    reason = model.trimming.explain(condition.imposed, solve)
     if not reason:
         return error
     details = str(error).removeprefix("no trim: ")
@@ -335,13 +316,6 @@ def _trim_of_parameters(
     return with_found_parameters(point, model, condition)
 
 
-def _unknowns_of(problem: TrimProblem) -> np.ndarray | None:
-    """Return the unknowns of the trim of a problem, (k,), or None without a trim."""
-    with suppress(BadInputError, TrimError):
-        return solution(problem).z
-    return None
-
-
 def _unique_trim(problem: TrimProblem) -> OperatingPoint:
     """Return the trim in which the states that the equations do not determine have their start
     values.
@@ -352,11 +326,41 @@ def _unique_trim(problem: TrimProblem) -> OperatingPoint:
         equations, unknowns = problem.count
         found = solution(problem) if unknowns <= equations else None
         if found is None or problem.balanced_effects(found.z).rank < unknowns:
-            problem = problem.keeping(kept_states(problem, _unknowns_of))
+            problem = problem.keeping(_kept_states(problem))
             found = solution(problem)
     else:
         found = solution(problem)
     return OperatingPoint._of(problem, found.z, Status.TRIMMED, found.initial_point)
+
+
+def _kept_states(problem: TrimProblem) -> tuple[str, ...]:
+    """Return the states that keep their start values, so that the equations determine the trim."""
+    # Of the states that no equation determines, the one that moves farthest for its size is kept,
+    # until the trim is unique. A state without a trim at its start value is not kept. The result
+    # does not depend on where the search begins.
+    problem = problem.keeping((), same_start=False)
+    points = [problem.clip(problem.system.start)]
+    points.append(problem.newton(points[0]))
+    while points:
+        candidates = _candidates(problem, points)
+        points = []
+        for name in candidates:
+            with suppress(BadInputError, TrimError):
+                tried = problem.keeping((*problem.kept, name))
+                problem, points = tried, [solution(tried).z]
+                break
+    return problem.kept
+
+
+def _candidates(problem: TrimProblem, points: list[np.ndarray]) -> list[str]:
+    """Return the states to keep at the first point (k,) with undetermined ones, widest first."""
+    may_be_kept = keepable(problem.system, problem.asked.set_free)
+    for z in points:
+        with suppress(BadInputError, ArithmeticError):
+            names = undetermined(problem, z).names
+            if candidates := [name for name in names if name in may_be_kept]:
+                return candidates
+    return []
 
 
 def solution(problem: TrimProblem) -> SearchEnd:

@@ -139,7 +139,7 @@ def _leave_out_without_slopes(system: TrimSystem, points: Points) -> None:
 def _kept_values(
     system: TrimSystem, variables: tuple[str, ...], values: np.ndarray
 ) -> dict[str, float]:
-    """Return the states that trims keep at their start values (`kept_states`), state -> value.
+    """Return the states that trims keep at their start values, state -> value.
 
     They are those of the first, middle or last point, the first of them that has a trim.
     """
