@@ -325,7 +325,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
                 factor = conversion_factor(self.model.unit(name), model.unit(name)) or 1.0
                 in_model[name] = value * factor
             converted.append(values._replace(**in_model))
-        return OperatingPoint(*converted, {}, self.status, model)
+        states, inputs = converted
+        return OperatingPoint(states, inputs, {}, self.status, model)
 
     # Functions of a point, which the package `trim` offers.
 

@@ -118,30 +118,29 @@ class TrimEquations:
 
     @cached_property
     def point_rows(self) -> RowFunction:
-        """Function of rows (z, c) that returns x, u, y, r and its derivatives (e, k) as one column.
+        """Function of rows (z, c) that returns x, u, y, r and its derivatives (e, k).
 
         y are the watched states and outputs.
         """
         unaffected = ca.SX(len(self.rows) - self.affected_count, len(self.unknowns))
         derivatives = ca.vertcat(self.jacobian, unaffected)
-        flat = ca.vertcat(self.x, self.u, self.y, self.residual, ca.vec(derivatives.T))
-        return RowFunction(ca.Function("point", [self.z, self.c], [ca.densify(flat)]))
+        parts = [self.x, self.u, self.y, self.residual, ca.vec(derivatives.T)]
+        return RowFunction(ca.Function("point", [self.z, self.c], [*map(ca.densify, parts)]))
 
     @cached_property
     def linear_rows(self) -> RowFunction:
-        """Function of rows (z, c) that returns x, u, y, A, B and r as one column.
+        """Function of rows (z, c) that returns (x, u, y), A and B row by row, and r.
 
-        y are the watched states and outputs. A and B are stored row by row.
+        y are the watched states and outputs.
         """
         x, u = self.layout.symbols("x", "u")
         p = self.c[len(self.constants) :]
         f, _ = self.layout.expressions([components(x), components(u), components(p)], ())
         derivatives = [ca.jacobian(f, x), ca.jacobian(f, u)]
         jacobians = ca.substitute(derivatives, [x, u], [self.x, self.u])
-        A, B = (ca.vec(ca.densify(jacobian).T) for jacobian in jacobians)
-        flat = ca.vertcat(self.x, self.u, self.y, A, B, self.residual)
-        arguments = [self.z, self.c]
-        return RowFunction(ca.Function("linear", arguments, [ca.densify(flat)], {"cse": True}))
+        A, B = (ca.vec(jacobian.T) for jacobian in jacobians)
+        parts = map(ca.densify, (ca.vertcat(self.x, self.u, self.y), A, B, self.residual))
+        return RowFunction(ca.Function("linear", [self.z, self.c], [*parts], {"cse": True}))
 
 
 @lru_cache(maxsize=32)
@@ -431,11 +430,9 @@ class TrimSystem:
         z: (N, k), scaled unknowns
         c: (N, ..), constants that differ between the points
         """
-        (flat,) = self.equations.linear_rows(z, c)
+        signals, A, B, residual = self.equations.linear_rows(z, c)
         n = len(self.model.states)
         m = len(self.model.inputs)
-        ends = np.cumsum([n + m + len(self.structure.watched), n * n, n * m])
-        signals, A, B, residual = np.split(flat, ends, axis=1)
         return LinearizedPoints(signals, A.reshape(len(z), n, n), B.reshape(len(z), n, m), residual)
 
     def at(self, z: np.ndarray, c: np.ndarray) -> Evaluation:
@@ -444,20 +441,15 @@ class TrimSystem:
         z: scaled unknowns, (k,)
         c: constants, (1, ..)
         """
-        model = self.model
-        (rows,) = self.equations.point_rows(z[None], c)
-        row = rows[0]
-        n = len(model.states)
-        after_u = n + len(model.inputs)
-        after_y = after_u + len(self.structure.watched)
-        after_residual = after_y + len(self.equations.rows)
+        rows = self.equations.point_rows(z[None], c)
+        (x, u, y, residual, jacobian) = (part[0] for part in rows)
         return Evaluation(
-            model.layout.record("x", row[:n].tolist()),
-            model.layout.record("u", row[n:after_u].tolist()),
-            row[after_u:after_y],
-            row[after_y:after_residual],
-            row[after_residual:].reshape(len(self.equations.rows), len(z)),
-            bool(np.isfinite(row).all()),
+            self.model.layout.record("x", x.tolist()),
+            self.model.layout.record("u", u.tolist()),
+            y,
+            residual,
+            jacobian.reshape(len(residual), len(z)),
+            bool(np.isfinite(np.concatenate(rows, axis=1)).all()),
         )
 
     def constants(
