@@ -165,8 +165,6 @@ class TrimCondition:
 
         names: names that will be imposed
         """
-        if not self.model.alternatives:
-            return self
         return replace(self, imposed=self.model.without_alternatives(self.imposed, names))
 
     def posed(self, model: Model) -> tuple[Model, TrimCondition]:
@@ -268,8 +266,7 @@ class TrimCondition:
         """Return the lowest and highest value that the condition permits for a variable, state or
         output.
         """
-        declared = _limits_of_masses(self.model).get(name, self.model.limits[name])
-        return self.limits.get(name, declared)
+        return {**self.model.limits, **_limits_of_masses(self.model), **self.limits}[name]
 
 
 @lru_cache(maxsize=16)
@@ -367,18 +364,20 @@ def stated_values(condition: TrimCondition, varied: Sequence[str] = ()) -> State
     """
     model = condition.model
     changed = model.without_alternatives(condition.changes.get("imposed", {}), varied)
-    rates = {f"{name}_dot": rate for name, rate in condition.rates.items() if rate}
+    rates = {
+        f"{name}_dot": rate
+        for name, rate in condition.rates.items()
+        if rate or name not in model.steady
+    }
     held = {
         name: value
         for name, value in {**changed, **rates}.items()
         if name not in varied and not isinstance(value, list)  # a list is a table
     }
     imposed = {*condition.imposed, *varied}
-    determined = set(imposed)  # with the names whose alternative is imposed, such as speed by mach
-    for group in model.alternatives:
-        if not imposed.isdisjoint(group):
-            determined |= {*group}
-    free = [name for name in condition.set_free if name not in determined]
+    # A name whose alternative is imposed, such as speed by mach, is not free.
+    may_be_free = model.without_alternatives(dict.fromkeys(condition.set_free), imposed)
+    free = [name for name in may_be_free if name not in imposed]
     free += [f"{name}_dot" for name in model.steady if name not in condition.rates]
     return StatedValues(held, tuple(free), condition.limits)
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from typing import NamedTuple
 
 import numpy as np
 
-from trim.point.system import NEARLY, NewtonEnds, TrimSystem, step_rows
+from trim.point.system import FEW, NEARLY, NewtonEnds, TrimSystem, step_rows
 
 #: Largest number of evaluations of a point.
 MOST_TRIALS = 100
@@ -44,7 +43,7 @@ def newton(
     """
     if moving is not None or bounded:
         return _halved_steps(system, z, c, moving, bounded)
-    if system.is_quick:
+    if system.equations.square and z.shape[1] <= FEW:
         end, flags = step_rows(system.equations, system.steps)(z, c)
         converged = flags[:, 0] == 1.0
         if not converged.all():
@@ -89,76 +88,39 @@ def _halved_steps(
     """Return the ends of Newton's method with halved steps; the arguments are those of `newton`."""
     best = z.copy()
     converged = np.zeros(len(z), dtype=bool)
+    points = np.arange(len(z))  # those that have not converged, at whose best unknowns are:
     residual, jacobian = system.residuals(z, c)
-    search = _Search(
-        points=np.arange(len(z)),
-        size=_norm(residual),
-        jacobian=jacobian,
-        step=newton_step(jacobian, residual, moving),
-        share=np.ones(len(z)),
-    )
+    size = _norm(residual)
+    step = newton_step(jacobian, residual, moving)
+    share = np.ones(len(z))  # fraction of the step to be tried next
     for _ in range(MOST_TRIALS):
-        is_near = search.size <= NEARLY
-        is_over = is_near | ~(search.share >= LEAST_SHARE)
-        if is_over.any():
-            finished = search.of(is_near & np.isfinite(search.step).all(axis=1))
-            best[finished.points] += finished.step
-            converged[finished.points] = True
-            search = search.of(~is_over)
-        if not search.points.size:
+        is_near = size <= NEARLY
+        is_finished = is_near & np.isfinite(step).all(axis=1)
+        best[points[is_finished]] += step[is_finished]
+        converged[points[is_finished]] = True
+        goes_on = ~is_near & (share >= LEAST_SHARE)
+        points, size, jacobian = points[goes_on], size[goes_on], jacobian[goes_on]
+        step, share = step[goes_on], share[goes_on]
+        if not points.size:
             break
-        trial = best[search.points] + search.share[:, None] * search.step
+        trial = best[points] + share[:, None] * step
         if bounded:
             lowest = np.maximum(system.lowest, -system.quarter_turn)
             trial = np.clip(trial, lowest, np.minimum(system.highest, system.quarter_turn))
-        residual, jacobian = system.residuals(trial, c[search.points])
-        is_better = search.improved_by(residual, jacobian, moving)
-        best[search.points[is_better]] = trial[is_better]
-        step = search.step.copy()
-        step[is_better] = newton_step(jacobian[is_better], residual[is_better], moving)
-        search = _Search(
-            points=search.points,
-            size=np.where(is_better, _norm(residual), search.size),
-            jacobian=np.where(is_better[:, None, None], jacobian, search.jacobian),
-            step=step,
-            share=np.where(is_better, 1.0, search.share / 2.0),
-        )
+        residual, next_jacobian = system.residuals(trial, c[points])
+        is_better = _norm(residual) < size
+        if not is_better.all():
+            # The natural monotonicity test (Deuflhard, Newton Methods for Nonlinear Problems,
+            # Section 3.3): |J⁻¹ r| decreases with the last J.
+            shortened = _norm(newton_step(jacobian, residual, moving))
+            is_better |= shortened < (1.0 - share / 4.0) * _norm(step)
+        is_better &= np.isfinite(next_jacobian).all(axis=(1, 2))
+        best[points[is_better]] = trial[is_better]
+        size[is_better] = _norm(residual[is_better])
+        jacobian[is_better] = next_jacobian[is_better]
+        step[is_better] = newton_step(next_jacobian[is_better], residual[is_better], moving)
+        share = np.where(is_better, 1.0, share / 2.0)
     return NewtonEnds(best, converged)
-
-
-class _Search(NamedTuple):
-    """State of Newton's method at the N points that have not converged."""
-
-    points: np.ndarray  # indices of the points, (N,)
-    size: np.ndarray  # |r| at the best unknowns, (N,)
-    jacobian: np.ndarray  # J at the best unknowns, (N, m, k)
-    step: np.ndarray  # Newton step from the best unknowns, (N, k)
-    share: np.ndarray  # fraction of the step to be tried next, (N,)
-
-    def of(self, rows: np.ndarray) -> _Search:
-        """Return the state of the search at some of the points."""
-        return _Search(*(part[rows] for part in self))
-
-    def improved_by(
-        self, residual: np.ndarray, jacobian: np.ndarray, moving: np.ndarray | None
-    ) -> np.ndarray:
-        """Return the mask (N,) of the trials with a finite J at which |r| decreases, or |J⁻¹ r|
-        with the last J.
-
-        The decrease of |J⁻¹ r| is that of the natural monotonicity test (Deuflhard, Newton Methods
-        for Nonlinear Problems, Section 3.3).
-
-        residual, jacobian: r (N, m) and J (N, m, k) at the trials
-        moving: indices of the unknowns that may change, or None for all
-        """
-        decreases = _norm(residual) < self.size
-        is_finite = np.isfinite(jacobian).all(axis=(1, 2))
-        if decreases.all():
-            return is_finite
-        step_with_last_jacobian = newton_step(self.jacobian, residual, moving)
-        required = (1.0 - self.share / 4.0) * _norm(self.step)
-        step_shortens = _norm(step_with_last_jacobian) < required
-        return np.asarray((decreases | step_shortens) & is_finite)
 
 
 def newton_step(

@@ -131,11 +131,10 @@ def all_margins(
         if name in named or math.isfinite(signal.min) or math.isfinite(signal.max)
     ]
     values = model.outputs_at(x, u, outputs) | x._asdict() | u._asdict()
-    limits = {name: condition.limits_of(name) for name in (*model.states, *outputs, *model.inputs)}
-    assumed = {}
-    for name, ends in limits.items():
-        signal = model.signals[name]
-        assumed[name] = signal.assumed and ends == (signal.min, signal.max)
+    named_limits = condition.limits_on((*model.states, *outputs, *model.inputs))
+    ends = zip(named_limits.lowest.tolist(), named_limits.highest.tolist(), strict=True)
+    limits = dict(zip(named_limits.names, ends, strict=True))
+    assumed = dict(zip(named_limits.names, named_limits.assumed.tolist(), strict=True))
     for state, output in model.replaced.items():
         declared = limits[output]
         lowest, highest = _limits_by_state(model, x, u, state, output, limits[state])
@@ -143,10 +142,10 @@ def all_margins(
         if limits[output] != declared:
             assumed[output] = assumed[state]
     margins = {}
-    for name, ends in limits.items():
+    for name, (lowest, highest) in limits.items():
         signal, role = model.signals[name], roles.get(name, "follows")
         margins[name] = Margin(
-            name, values[name], role, *ends, signal.unit, signal.nominal, assumed[name]
+            name, values[name], role, lowest, highest, signal.unit, signal.nominal, assumed[name]
         )
     return margins
 

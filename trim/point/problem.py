@@ -111,14 +111,14 @@ class TrimProblem:
         self.idle = self.system.equations.idle
         self.count = self.system.affected_count, len(self.free)
         self.c = self.system.constants()
-        self._last: tuple[bytes, Evaluation] | None = None
-        if not self.free and (self.idle or not self.solved(self.system.start)):
-            if not self.idle:
-                raise BadInputError(
-                    "this point is not an equilibrium, and no variable is free; free a variable"
-                )
+        self._last: dict[bytes, Evaluation] = {}
+        if not self.free and self.idle:
             idle = " and ".join(self.idle)
             raise BadInputError(f"the equations do not depend on {idle}; free another variable")
+        if not self.free and not self.solved(self.system.start):
+            raise BadInputError(
+                "this point is not an equilibrium, and no variable is free; free a variable"
+            )
         self._refuse_unaffected_outputs()
 
     def _refuse_unaffected_outputs(self) -> None:
@@ -154,13 +154,9 @@ class TrimProblem:
             typed += f", or --free {advised[0]}"
         return f"; in its place, hold {' or '.join(advised)} ({typed})"
 
-    def keeping(self, kept: tuple[str, ...], *, same_start: bool = True) -> TrimProblem:
-        """Return the problem in which some states are imposed at their start values.
-
-        same_start: whether the search begins where that of this problem does; False for the start
-            values
-        """
-        return TrimProblem(self.model, self.asked, self.given_start if same_start else None, kept)
+    def keeping(self, kept: tuple[str, ...]) -> TrimProblem:
+        """Return the problem in which some states are imposed at their start values."""
+        return TrimProblem(self.model, self.asked, self.given_start, kept)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the arguments from which pickle restores the problem.
@@ -176,14 +172,14 @@ class TrimProblem:
         the state.
         """
         key = z.tobytes()
-        if self._last is not None and self._last[0] == key:
-            return self._last[1]
+        if key in self._last:
+            return self._last[key]
         evaluation = self.system.at(z, self.c)
         self.model.domain.refuse_outside(evaluation.x)
         if not evaluation.finite:
             self.model.at(evaluation.x, evaluation.u)  # raises an error that names the rate
             raise NotFiniteError(f"{self.model.name}: an output is not a finite number")
-        self._last = key, evaluation
+        self._last = {key: evaluation}
         return evaluation
 
     def newton(self, z: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
@@ -319,8 +315,6 @@ def undetermined(problem: TrimProblem, z: np.ndarray) -> Undetermined:
     effects = problem.balanced_effects(z)
     # Directions along which the scaled unknowns change no equation, (d, k).
     directions = np.linalg.svd(effects.matrix)[2][effects.rank :] / effects.lengths
-    if not len(directions):
-        return Undetermined([], 0)
     relative_to_sizes = directions * problem.system.scales / _sizes(problem)
     basis, _ = np.linalg.qr(relative_to_sizes.T)
     movements = np.linalg.norm(basis, axis=1)  # largest part of each unknown in a unit direction

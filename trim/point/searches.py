@@ -18,7 +18,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import usual_condition
 from trim.point.halving import newton
-from trim.point.problem import SearchEnd, TrimProblem
+from trim.point.problem import TrimProblem
 from trim.point.status import BALANCE
 from trim.point.system import Structure, TrimSystem, equations as equations_of
 
@@ -34,8 +34,9 @@ _FARTHEST = 1.0
 _INSIDE = 1e-9
 
 
-def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[SearchEnd]:
-    """Yield the end of each further search for a trim, after the first one has failed.
+def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:
+    """Yield the end of each further search for a trim, after the first one has failed: scaled
+    unknowns (k,), which need not be a trim, and the number of the initial point.
 
     The searches have these initial points, in this order:
 
@@ -48,17 +49,17 @@ def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[SearchEnd]:
     """
     problem.at(guess)  # raises where the equations have no finite value: no search is made then
     nearest = _bounded_least_squares(problem, guess)
-    yield SearchEnd(problem.newton(nearest), 0)
+    yield problem.newton(nearest), 0
     continued = _continued(problem)
     if continued is not None:
-        yield SearchEnd(continued, 0)
-    yield SearchEnd(nearest, 0)
+        yield continued, 0
+    yield nearest, 0
     for number, z in enumerate(problem.ends_within([*problem.starts(guess)]), start=1):
-        yield SearchEnd(z, number)
+        yield z, number
 
 
-def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[SearchEnd]:
-    """Yield the end of each search for a trim of least effort.
+def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:
+    """Yield the end of each search for a trim of least effort, as `in_balance` does.
 
     The searches have these initial points, in this order:
 
@@ -70,13 +71,13 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[SearchE
     guess: first initial point, (k,)
     """
     problem.at(guess)  # raises where the equations have no finite value: no search is made then
-    yield SearchEnd(_least_effort(problem, guess), 0)
+    yield _least_effort(problem, guess), 0
     nearest = _polished(problem, _bounded_least_squares(problem, guess))
     if problem.solved(nearest):
-        yield SearchEnd(_least_effort(problem, nearest), 0)
-    yield SearchEnd(nearest, 0)
+        yield _least_effort(problem, nearest), 0
+    yield nearest, 0
     for number, start in enumerate(problem.starts(guess), start=1):
-        yield SearchEnd(_least_effort(problem, start), number)
+        yield _least_effort(problem, start), number
 
 
 def _continued(problem: TrimProblem) -> np.ndarray | None:

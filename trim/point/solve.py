@@ -78,16 +78,6 @@ def _causes(problem: TrimProblem, nearest: np.ndarray) -> Iterator[str]:
         yield f"{'; '.join(dependent)}; free another variable"
 
 
-def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
-    """Return the reason why a condition that balances only beyond the limits has no trim, as one
-    line.
-
-    balancing: free variable -> value for which the equations balance
-    """
-    problem = TrimProblem(model, condition)
-    return failure(problem, problem.system.scaled(balancing))
-
-
 def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
     """Return a text such as "speed by -0.3 ft/s^2" for each equation that does not balance, the
     largest first. Residuals below `MINOR` of the largest are omitted.
@@ -338,7 +328,7 @@ def _kept_states(problem: TrimProblem) -> tuple[str, ...]:
     # Of the states that no equation determines, the one that moves farthest for its size is kept,
     # until the trim is unique. A state without a trim at its start value is not kept. The result
     # does not depend on where the search begins.
-    problem = problem.keeping((), same_start=False)
+    problem = TrimProblem(problem.model, problem.asked)
     points = [problem.clip(problem.system.start)]
     points.append(problem.newton(points[0]))
     while points:
@@ -413,13 +403,11 @@ def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimErr
     return TrimError(message, attempt, required)
 
 
-def _search_ends(problem: TrimProblem, guess: np.ndarray) -> Iterator[SearchEnd]:
-    """Yield the end of each search: Newton's method from the guess (k,), unless there are more
-    unknowns than equations, then the searches of `searches.py`.
-    """
+def _search_ends(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:
+    """Yield the end of each search: Newton's method if it can, then those of `searches.py`."""
     equations, unknowns = problem.count
     if unknowns <= equations:
-        yield SearchEnd(problem.newton(guess), 0)
+        yield problem.newton(guess), 0
     from trim.point import searches
 
     others = searches.of_least_effort if unknowns > equations else searches.in_balance

@@ -26,7 +26,7 @@ NEARLY = 1e-7
 #: Newton steps in one evaluation of a single point, and of many points, which begin near their
 #: solutions; largest number of unknowns for which this is used.
 _STEPS, _STEPS_OF_MANY = 4, 2
-_FEW = 6
+FEW = 6
 _UNLIMITED = (-math.inf, math.inf)
 #: Unit of an angle -> 90 deg in this unit.
 _QUARTER_TURN = {"rad": math.pi / 2, "deg": 90.0}
@@ -365,7 +365,6 @@ class TrimSystem:
         inf for other unknowns
     watched: limits of the watched states and outputs
     affected_count: number m of equations that the unknowns affect, which are the first m equations
-    is_quick: True if the equations are square and have at most `_FEW` unknowns
     steps: number of Newton steps in `step_rows`
     """
 
@@ -400,7 +399,6 @@ class TrimSystem:
         self.lowest, self.highest, self.quarter_turn = _scaled_limits(self.limits, self.equations)
         self.watched = condition.limits_on([signal.name for signal in self.structure.watched])
         self.affected_count = self.equations.affected_count
-        self.is_quick = self.equations.square and len(self.scales) <= _FEW
         self.steps = _STEPS_OF_MANY if varied and not self.only_inputs else _STEPS
 
     @property

@@ -14,7 +14,8 @@ from hfa_support.reporting.rows import with_names
 from trim.linear.nonsmooth import means_at_nonsmooth_points
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import beyond_limits
+from trim.point.problem import TrimProblem
+from trim.point.solve import failure
 from trim.sweeps.points import (
     BEYOND_LIMITS,
     CHUNK,
@@ -190,7 +191,8 @@ def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> list[str]:
         try:
             model = model_at(plan.model, plan.variables, values)
             condition = condition_at(plan.condition, plan.variables, values)
-            reasons[i] = beyond_limits(model, condition, balancing)
+            problem = TrimProblem(model, condition)
+            reasons[i] = failure(problem, problem.system.scaled(balancing))
         except BadInputError as error:  # a listed value outside its limits
             reasons[i] = str(error)
     return reasons
