@@ -242,9 +242,8 @@ class TrimCondition:
         The text is "" without differences.
         """
         model = self.model
-        changes = self.changes
         words = []
-        for name, value in changes.get("imposed", {}).items():
+        for name, value in self.changes.get("imposed", {}).items():
             if isinstance(value, list):
                 words.append(f"{name} over the {model.schedule}")
             else:
@@ -253,7 +252,7 @@ class TrimCondition:
             if rate or name not in model.steady:
                 words.append(f"{name}_dot {model.describe(f'{name}_dot', rate)}")
         unbalanced = [f"{name}_dot" for name in model.steady if name not in self.rates]
-        words += [f"{name} free" for name in (*changes.get("free", ()), *unbalanced)]
+        words += [f"{name} free" for name in (*self.set_free, *unbalanced)]
         limits = self.limits_on(tuple(self.limits))
         words += [f"{name} within {limits.between(name)}" for name in self.limits]
         return ", ".join(words)
@@ -313,11 +312,10 @@ def release(
     """
     hold = hold or {}
     model = condition.model
-    for name in free:
-        model.refuse_unheld("unknown trim variable", name, tuple(model.parameters))
     for name in hold:
         model.refuse_unheld("unknown trim variable", name)
     for name in free:
+        model.refuse_unheld("unknown trim variable", name, tuple(model.parameters))
         if name in hold:
             raise BadInputError(
                 f"{name} is both free and held; free or hold the variable, not both"

@@ -39,9 +39,7 @@ _FILE: dict[Any, Any] = {
     "schema*": (SCHEMA,),
     "dynamics*": str,
     "status*": tuple(Status),
-    "states*": {str: NUMBER},
     "state_units": {str: str},
-    "inputs*": {str: NUMBER},
     "input_units": {str: str},
     "residuals*": {str: NUMBER},
     ...: None,
@@ -279,22 +277,17 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         equation: name of a state or an output
         """
         model = self.model
-        return (
-            model.rate_scale(equation)
-            if equation in model.states
-            else model.signal(equation).nominal
-        )
+        if equation in model.states:
+            return model.rate_scale(equation)
+        return model.signal(equation).nominal
 
     def equation_unit(self, equation: str) -> str:
         """Return the unit of an equation's residual: the unit of a rate, or of an imposed output.
 
         equation: name of a state or an output
         """
-        return (
-            self.model.rate_unit(equation)
-            if equation in self.model.states
-            else self.model.unit(equation)
-        )
+        model = self.model
+        return model.rate_unit(equation) if equation in model.states else model.unit(equation)
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

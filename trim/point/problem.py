@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -94,7 +94,7 @@ class TrimProblem:
             raise BadInputError(
                 f"the condition is for {condition.model.name}; give a condition for {model.name}"
             )
-        asked = condition
+        self.asked = condition
         if any(isinstance(value, LinearTable) for value in condition.imposed.values()):
             condition = condition.at()
         model, condition = condition.posed(model)
@@ -104,7 +104,6 @@ class TrimProblem:
         self.model = model
         self.kept = kept
         self.given_start = start
-        self.asked = asked
         self.condition = condition
         self.system = TrimSystem(model, condition, begin=start)
         self.free = self.system.equations.unknowns
@@ -286,13 +285,13 @@ class TrimProblem:
         return BalancedEffects(rows / lengths, lengths)
 
 
-def keepable(system: TrimSystem, set_free: Sequence[str] = ()) -> list[str]:
+def keepable(system: TrimSystem, condition: TrimCondition) -> list[str]:
     """Return the unknowns that a trim may keep at their start values, if the equations do not
     determine them: states, and outputs in their place, that the user did not set free by name.
 
-    set_free: names that were set free, in addition to those of the system's condition
+    condition: condition as given
     """
-    others = {*system.model.inputs, *system.condition.set_free, *set_free}
+    others = {*system.model.inputs, *condition.set_free}
     return [name for name in system.equations.unknowns if name not in others]
 
 

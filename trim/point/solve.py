@@ -312,7 +312,7 @@ def _unique_trim(problem: TrimProblem) -> OperatingPoint:
 
     Raises TrimError if no trim is found.
     """
-    if keepable(problem.system, problem.asked.set_free):
+    if keepable(problem.system, problem.asked):
         equations, unknowns = problem.count
         found = solution(problem) if unknowns <= equations else None
         if found is None or problem.balanced_effects(found.z).rank < unknowns:
@@ -344,7 +344,7 @@ def _kept_states(problem: TrimProblem) -> tuple[str, ...]:
 
 def _candidates(problem: TrimProblem, points: list[np.ndarray]) -> list[str]:
     """Return the states to keep at the first point (k,) with undetermined ones, widest first."""
-    may_be_kept = keepable(problem.system, problem.asked.set_free)
+    may_be_kept = keepable(problem.system, problem.asked)
     for z in points:
         with suppress(BadInputError, ArithmeticError):
             names = undetermined(problem, z).names
@@ -450,8 +450,7 @@ class CommandedTrim(Result):
         """
         lowest, highest = self.model.limits[name]
         span = highest - lowest
-        limit = self.beyond[name]
-        excess = abs(self.needed[name] - limit)
+        excess = abs(self.needed[name] - self.beyond[name])
         return excess / span if math.isfinite(span) else excess
 
     def _entries(self) -> dict[str, Any]:

@@ -286,7 +286,6 @@ def equations(structure: Structure) -> TrimEquations:
     in_order = e.residual[[*affected, *unaffected]]
     parts = [e.x, e.u, e.y, in_order, ca.densify(jacobian) @ ca.diag(ca.DM(scales))]
     x, u, y, residual, jacobian_of_z = ca.substitute(parts, [sought], [z * ca.DM(scales)])
-    is_square = bool(active) and len(affected) == len(active)
     return TrimEquations(
         layout=structure.layout,
         unknowns=unknowns,
@@ -302,7 +301,7 @@ def equations(structure: Structure) -> TrimEquations:
         y=ca.densify(y),
         residual=ca.densify(residual),
         jacobian=jacobian_of_z,
-        square=is_square and ca.sprank(jacobian) == len(active),
+        square=0 < len(active) == len(affected) == ca.sprank(jacobian),
     )
 
 
@@ -476,9 +475,7 @@ class TrimSystem:
                 table[:, index] = self.condition.values_at(name, scheduled)
             else:
                 table[:, index] = 0.0
-        table[:, len(names) :] = self.model.p
-        for name in self.model.parameters.keys() & columns:
-            table[:, len(names) + list(self.model.parameters).index(name)] = columns[name]
+        table[:, len(names) :] = parameters_at(self.model, count, columns)
         return table
 
     def scaled(self, values: Mapping[str, float]) -> np.ndarray:
@@ -487,6 +484,19 @@ class TrimSystem:
         values: variable -> value, at least for all unknowns
         """
         return np.array([values[name] for name in self.equations.unknowns]) / self.scales
+
+
+def parameters_at(model: Model, count: int, columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the parameters of a model at N points, (N, number of parameters).
+
+    count: N
+    columns: name -> values (N,); one of a parameter replaces the model's value
+    """
+    table = np.tile(model.p, (count, 1))
+    for place, name in enumerate(model.parameters):
+        if name in columns:
+            table[:, place] = columns[name]
+    return table
 
 
 class _ScaledLimits(NamedTuple):

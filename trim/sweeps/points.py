@@ -144,7 +144,7 @@ def _kept_values(
     They are those of the first, middle or last point, the first of them that has a trim.
     """
     count = len(values)
-    tried = (0, count // 2, count - 1) if count and keepable(system) else ()
+    tried = (0, count // 2, count - 1) if count and keepable(system, system.condition) else ()
     for row in values[[*dict.fromkeys(tried)]]:
         try:
             model = model_at(system.model, variables, row)
@@ -226,19 +226,6 @@ def condition_at(
     return condition.freed_for(hold).at(hold.get(condition.model.schedule), hold)
 
 
-def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Return the parameters of the model at N points, (N, number of parameters).
-
-    variables: names of the values
-    values: (N, variables); a variable that is a parameter replaces the model's value
-    """
-    constants = np.tile(model.p, (len(values), 1))
-    for column, name in enumerate(variables):
-        if name in model.parameters:
-            constants[:, list(model.parameters).index(name)] = values[:, column]
-    return constants
-
-
 def _system(
     model: Model,
     condition: TrimCondition,
@@ -290,23 +277,14 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     )
 
 
-def _starts(
-    system: TrimSystem,
-    variables: tuple[str, ...],
-    values: np.ndarray,
-) -> np.ndarray:
-    """Return the initial scaled unknowns of each point, (N, k).
-
-    - `system.start` for every point, if all unknowns are inputs or no variable is given
-    - otherwise a Taylor polynomial about the solution z_c at the center c of the point's cell,
-      z(c + d) = z_c + s d + b d², quadratic for a single variable, linear for several
-
-    The cells divide the space of the variables and are fixed for a model. The result for a point
-    therefore does not depend on the other points. A term that changes an unknown by `_STEEPEST` or
-    more over a cell is omitted, because the search could converge to another solution.
-
-    values: (N, v), values of the variables
-    """
+def _starts(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
+    """Return the initial scaled unknowns of each point, (N, k)."""
+    # - `system.start` for every point, if all unknowns are inputs or no variable is given
+    # - otherwise a Taylor polynomial about the solution z_c at the center c of the point's cell,
+    #   z(c + d) = z_c + s d + b d², quadratic for a single variable, linear for several
+    # The cells divide the space of the variables and are fixed for a model. The result for a point
+    # therefore does not depend on the other points. A term that changes an unknown by `_STEEPEST`
+    # or more over a cell is omitted, because the search could converge to another solution.
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
     is_single = len(variables) == 1
@@ -317,72 +295,50 @@ def _starts(
     starts = _declared_starts(system, variables, centers * widths)
     solved, is_solved = newton(system, starts, _constants(system, variables, centers * widths))
     solved[~is_solved] = starts[~is_solved]
-    cells = _Cells(centers, widths, solved, is_solved)
+    cells = _Cells(system, variables, centers, widths, solved, is_solved)
     z = solved[cell_of_point]
     d = places - centers[cell_of_point]
     for column, direction in enumerate(np.eye(len(variables))):
-        slopes = _slopes(system, variables, cells, direction)
+        slopes = cells.slopes(direction)
         z += cells.gentle(slopes)[cell_of_point] * d[:, [column]]
         if is_single:
-            curvatures = _curvatures(system, variables, cells, direction, slopes)
+            curvatures = cells.curvatures(direction, slopes)
             z += cells.gentle(curvatures)[cell_of_point] * d**2
     return z
 
 
 class _Cells(NamedTuple):
-    """Cells of the space of v variables, with the solution of k scaled unknowns at each center.
+    """Cells of the space of v variables, with the solution of k scaled unknowns at each center."""
 
-    centers: (cells, v), in widths of a cell
-    widths: width of a cell in each variable, (v,)
-    z: scaled unknowns at the centers, (cells, k)
-    is_solved: (cells,), True if z solves the equations
-    """
+    system: TrimSystem
+    variables: tuple[str, ...]
+    centers: np.ndarray  # (cells, v), in widths of a cell
+    widths: np.ndarray  # of a cell in each variable, (v,)
+    z: np.ndarray  # scaled unknowns at the centers, (cells, k)
+    is_solved: np.ndarray  # (cells,), True if z solves the equations
 
-    centers: np.ndarray
-    widths: np.ndarray
-    z: np.ndarray
-    is_solved: np.ndarray
+    def slopes(self, direction: np.ndarray) -> np.ndarray:
+        """Return s of z(c + d) = z_c + s d + b d², (cells, k), with d in widths of a cell."""
+        # One Newton step from z_c at d = h, a small step, gives z_c + s h.
+        return self._newton_step(_NEXT * direction, self.z) / _NEXT
+
+    def curvatures(self, direction: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """Return b of z(c + d) = z_c + s d + b d², (cells, k), with d in widths of a cell."""
+        # One Newton step at d = 1/2 from z_c + s/2 changes z by b/4.
+        return 4.0 * self._newton_step(direction / 2.0, self.z + slopes / 2.0)
 
     def gentle(self, changes: np.ndarray) -> np.ndarray:
         """Return changes over a cell (cells, k), 0 where they are steep or unknown."""
         is_gentle = self.is_solved & (np.abs(changes).max(axis=1) < _STEEPEST)
         return np.where(is_gentle[:, None], changes, 0.0)
 
-
-def _slopes(
-    system: TrimSystem, variables: tuple[str, ...], cells: _Cells, direction: np.ndarray
-) -> np.ndarray:
-    """Return s of z(c + d) = z_c + s d + b d², (cells, k), with d in widths of a cell.
-
-    One Newton step from z_c at d = h, a small step, gives z_c + s h.
-    """
-    values = (cells.centers + _NEXT * direction) * cells.widths
-    return (_after_newton_step(system, variables, values, cells.z) - cells.z) / _NEXT
-
-
-def _curvatures(
-    system: TrimSystem,
-    variables: tuple[str, ...],
-    cells: _Cells,
-    direction: np.ndarray,
-    slopes: np.ndarray,
-) -> np.ndarray:
-    """Return b of z(c + d) = z_c + s d + b d², (cells, k), with d in widths of a cell.
-
-    One Newton step at d = 1/2 from z_c + s/2 changes z by b/4.
-    """
-    linear_at_half = cells.z + slopes / 2.0
-    values = (cells.centers + direction / 2.0) * cells.widths
-    at_half = _after_newton_step(system, variables, values, linear_at_half)
-    return 4.0 * (at_half - linear_at_half)
-
-
-def _after_newton_step(
-    system: TrimSystem, variables: tuple[str, ...], values: np.ndarray, z: np.ndarray
-) -> np.ndarray:
-    """Return the scaled unknowns (N, k) after one Newton step from z at N points."""
-    residual, jacobian = system.residuals(z, _constants(system, variables, values))
-    return z + newton_step(jacobian, residual)
+    def _newton_step(self, distance: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Return the Newton step from z (cells, k) at a distance from the centers."""
+        values = (self.centers + distance) * self.widths
+        residual, jacobian = self.system.residuals(
+            z, _constants(self.system, self.variables, values)
+        )
+        return newton_step(jacobian, residual)
 
 
 def _cells_of(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -37,12 +37,9 @@ from trim.point.margins import stalled
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
 from trim.point.status import NAME, RESULTS, STALLED, UNTRIMMED, Status
+from trim.point.system import parameters_at
 from trim.sweeps.mode_tracking import mode_names_of, neighbours_in_grid, track_modes
-from trim.sweeps.points import (
-    condition_at,
-    model_at,
-    parameters_at,
-)
+from trim.sweeps.points import condition_at, model_at
 from trim.sweeps.sweep_plan import SweepPlan, arrays_of, at_limit, coordinates_of, limited
 from trim.tables import draw_curves, eigenvalue_headings, entry_headings, write_netcdf
 
@@ -178,7 +175,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     @cached_property
     def stalled(self) -> np.ndarray:
         """Mask of the trims beyond the largest lift, (N,): `trim.point.margins.stalled`."""
-        parameters = parameters_at(self.model, self.variables, self.values)
+        columns = dict(zip(self.variables, self.values.T, strict=True))
+        parameters = parameters_at(self.model, len(self), columns)
         return stalled(self.model, self.states, self.inputs, parameters)
 
     @cached_property

@@ -20,8 +20,8 @@ from trim.linear.modes import fastest_first
 from trim.point.condition import TrimCondition
 from trim.point.margins import stalled
 from trim.point.operating_point import OperatingPoint
-from trim.point.system import TrimSystem
-from trim.sweeps.points import CHUNK, STATUS, TRIMMED, parameters_at
+from trim.point.system import TrimSystem, parameters_at
+from trim.sweeps.points import CHUNK, STATUS, TRIMMED
 from trim.sweeps.result import slow_note, trimmed_words
 from trim.sweeps.sweep import run_points
 from trim.sweeps.sweep_plan import SweepPlan, arrays_of, at_limit, coordinates_of, limited
@@ -127,15 +127,14 @@ def _stored_points(
     condition: TrimCondition,
     start: OperatingPoint | None,
 ) -> dict[str, Any]:
-    """Return the results of `run_points`, the eigenvalues of A, fastest first, the limits reached,
-    and stalls. The arguments are those of `run_points`.
-    """
+    """Return the results of `run_points`, with eigenvalues, limits reached and stalls."""
     rows = run_points(model, variables, values, condition, start)
     trimmed = rows["status"] == TRIMMED
     eigenvalues = np.full(rows["A"].shape[:2], complex(np.nan, np.nan))
     eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(rows["A"][trimmed]))
     reached = at_limit(condition, rows["states"], rows["inputs"])
-    parameters = parameters_at(model, variables, values)
+    columns = dict(zip(variables, values.T, strict=True))
+    parameters = parameters_at(model, len(values), columns)
     stalls = stalled(model, rows["states"], rows["inputs"], parameters) & trimmed
     return rows | {
         "eigenvalues": eigenvalues,

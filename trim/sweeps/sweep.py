@@ -16,13 +16,13 @@ from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
 from trim.point.solve import failure
+from trim.point.system import parameters_at
 from trim.sweeps.points import (
     BEYOND_LIMITS,
     CHUNK,
     TRIMMED,
     condition_at,
     model_at,
-    parameters_at,
     trim_points,
 )
 from trim.sweeps.result import Sweep
@@ -53,13 +53,10 @@ def run_points(
     progress: called with (finished points, all points), or None
     """
     points = trim_points(model, variables, values, condition, start=start, progress=progress)
+    columns = dict(zip(variables, values.T, strict=True))
+    parameters = parameters_at(model, len(values), columns)
     slopes = means_at_nonsmooth_points(
-        model,
-        points.states,
-        points.inputs,
-        parameters_at(model, variables, values),
-        points.A,
-        points.B,
+        model, points.states, points.inputs, parameters, points.A, points.B
     )
     linear = model.state_places(model.linear)
     points = points._replace(A=slopes.A[:, linear][:, :, linear], B=slopes.B[:, linear])
@@ -68,7 +65,7 @@ def run_points(
         nonsmooth_counts[point] = len(notes)
     return {
         **points._asdict(),
-        **dict(zip(variables, values.T, strict=True)),
+        **columns,
         "values": values,
         "nonsmooth_points": nonsmooth_counts,
         "nonsmooth_notes": slopes.notes,
@@ -166,9 +163,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
 
 
 def _progress_of_chunk(progress: Progress | None, plan: SweepPlan, first: int) -> Progress | None:
-    """Return the function to which a chunk that begins with the point `first` reports its progress,
-    which is that of the whole sweep.
-    """
+    """Return the function with which a chunk from `first` on reports the progress of the sweep."""
     if progress is None:
         return None
 
@@ -180,10 +175,7 @@ def _progress_of_chunk(progress: Progress | None, plan: SweepPlan, first: int) -
 
 
 def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> list[str]:
-    """Return the reason for a missing trim at some points of a sweep, or "" for a trim.
-
-    rows: results of `run_points`
-    """
+    """Return the reason for a missing trim at each point of `run_points`, or "" for a trim."""
     reasons = [rows["failures"].get(i, "") for i in range(len(rows["values"]))]
     for i in np.flatnonzero(rows["status"] == BEYOND_LIMITS).tolist():
         values = rows["values"][i]
