@@ -389,13 +389,18 @@ def _generator_rate(mounted: MountedEngine, speed: ca.SX) -> Any:
     speed: speed of the gas generator, %
     """
     delay = mounted.engine.value_of("n1idle_max_delay", 1.0)
-    low, high = mounted.shaft("n1")
-    on = low + mounted.throttle * (high - low)
     is_on = running(mounted)
+    on = _generator_speed(mounted)
     error = ca.if_else(is_on, on, mounted.motion.pressure_head / 15.0) - speed
     up = ca.if_else(is_on, delay, 2.5 * delay)
     down = ca.if_else(is_on, 2.4 * delay, 5.0 * delay)
     return error / ca.if_else(error > 0.0, up, down)
+
+
+def _generator_speed(mounted: MountedEngine) -> Any:
+    """Return the speed of a running turboprop's gas generator that the throttle gives, %."""
+    low, high = mounted.shaft("n1")
+    return low + mounted.throttle * (high - low)
 
 
 def _spool_rate(mounted: MountedEngine, speed: ca.SX) -> Any:
@@ -501,8 +506,7 @@ def turboprop_power(mounted: MountedEngine) -> Any:
     engine = mounted.engine
     speed = mounted.lag_state
     if speed is None:
-        low, high = mounted.shaft("n1")
-        speed = low + mounted.throttle * (high - low)
+        speed = _generator_speed(mounted)
     tables = {table.attributes.get("name", ""): table for table in engine.all("table")}
     for name in ("EnginePowerRPM_N1", "ITT_N1"):  # without them JSBSim ends the program
         if name not in tables:

@@ -432,25 +432,21 @@ class _Declaration:
 
     def _outputs(self) -> dict[str, Signal]:
         """Return the signals of the outputs, by name."""
+        angles = ("gamma", "angle_of_attack", "track", *self._positions())
+        share = 0.1 * self.parts.mass.weight
         signals = {
             "kcas": Signal("kt", 100.0),
             "mach": Signal("1", 0.5),
-            "gamma": Signal("rad", 0.1),
             "turn_rate": Signal("rad/s", 0.1),
-            "load_factor": Signal(),
-            "lift_to_weight": Signal(),
-            "thrust": Signal("lbf", 0.1 * self.parts.mass.weight),
-            "weight": Signal("lbf", 0.1 * self.parts.mass.weight),
-            "angle_of_attack": Signal("rad", 0.1),
-            **dict.fromkeys(("lift", "drag"), Signal("lbf", 0.1 * self.parts.mass.weight)),
-            "pitching_moment": Signal("ft lbf", 0.1 * self.parts.mass.weight),
+            **dict.fromkeys(("load_factor", "lift_to_weight"), Signal()),
+            **dict.fromkeys(angles, Signal("rad", 0.1)),
+            **dict.fromkeys(("thrust", "weight", "lift", "drag"), Signal("lbf", share)),
+            "pitching_moment": Signal("ft lbf", share),
             "dynamic_pressure": Signal("lbf/ft^2", 100.0),
             "reference_area": Signal("ft^2"),
             "reference_chord": Signal("ft"),
             "ground_speed": Signal("ft/s", 100.0),
-            "track": Signal("rad", 0.1),
             **dict.fromkeys(self._spool_errors(), Signal("%", 10.0)),
-            **dict.fromkeys(self._positions(), Signal("rad", 0.1)),
             **dict.fromkeys(self._splits(), Signal("1", 0.5)),
         }
         power = Signal("hp", 100.0)

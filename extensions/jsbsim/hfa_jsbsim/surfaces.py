@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -12,7 +13,8 @@ from hfa_jsbsim.control_system import output_limits
 from hfa_jsbsim.properties import LoopError, Note, Properties, canonical
 from hfa_jsbsim.xml_file import Element
 
-_ENDINGS = ("-pos-rad", "-pos-deg", "-pos-norm", "-rad", "-deg", "-norm", "-pos")
+#: What a property has around its surface, such as mag-elevator-pos-rad.
+_AROUND = re.compile("^mag-|(-pos)?(-rad|-deg|-norm)?$")
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def use_surface_positions(
         loop = _loop_of(name, properties)
         if loop is None:
             continue
-        surface = _surface_name(name)
+        surface = _AROUND.sub("", name.rpartition("/")[2])
         key = surface.removeprefix("left-").removeprefix("right-").replace("-", "_")
         if key not in inputs:
             properties.replace(name, properties.read_centered(name, commands))
@@ -84,15 +86,6 @@ def _loop_of(name: str, properties: Properties) -> LoopError | None:
         except LoopError as error:
             return error
     return None
-
-
-def _surface_name(name: str) -> str:
-    """Return the surface in the name of a property: elevator of fcs/mag-elevator-pos-rad."""
-    surface = name.rsplit("/", 1)[-1].removeprefix("mag-")
-    for ending in _ENDINGS:
-        if surface.endswith(ending):
-            return surface.removesuffix(ending)
-    return surface
 
 
 def _limits(name: str, surface: str, properties: Properties, sign: float) -> tuple[float, float]:
