@@ -18,7 +18,6 @@ from hfa.options.argument_types import (
     listed_numbers,
     number,
     positive,
-    span,
     whole,
 )
 from hfa.options.games import (
@@ -31,6 +30,7 @@ from hfa.options.games import (
 )
 from hfa.options.parser import is_given, option, options_of, refuse
 from hfa.options.trims import TrimOptions
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import constant
@@ -38,7 +38,6 @@ from hfa_flight.air.gusts import Gust, OneMinusCosine, gust_speed
 from hfa_flight.air.scenario import ActuatorBank, Scenario, Uncertainty
 from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, typed_turbulence
 from hfa_flight.policies.laws import DEPLOYMENT, GAIN, LAWS, NETWORK, PREDICTIVE, TABLE
-from hfa_flight.simulate.envelope import control_limits
 from hfa_support.errors import BadInputError, choice_of, shortened, warn
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
@@ -310,20 +309,7 @@ def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbu
     return replace(typed, altitude=hold.get("altitude"))
 
 
-def noise_option(about: str) -> Any:
-    """Return the option `--noise` as a dataclass field, name of a state -> text.
-
-    about: help text
-    """
-    return option(about, "NAME=VALUE", named=True, rare=True)
-
-
-def noise_of(texts: Mapping[str, str], model: Model) -> dict[str, float]:
-    """Return state -> standard deviation of its sensor noise, from the texts of --noise."""
-    return each_of("--noise", model, texts, _deviation)
-
-
-def _deviation(model: Model, name: str, text: str) -> float:
+def noise_deviation(model: Model, name: str, text: str) -> float:
     """Return the standard deviation that is typed for a state, at least 0, in the model's units."""
     value = linear_state(model, name, text)
     if value < 0.0:
@@ -357,15 +343,6 @@ def _gust(text: str) -> tuple[float, ...] | SmallestGust:
         return SmallestGust(tuple(listed_numbers(lengths)) if lengths else None)
     form = f"{_GUST} or {SMALLEST}[:LENGTH,...]"
     return numbers(form, 3, otherwise=(0.0,))(text)
-
-
-def gust_option() -> Any:
-    """Return the option `--gust` as a dataclass field."""
-    about = (
-        "1-cosine updraft: length, peak speed (units of the model), begin (s, default 0); or "
-        f"{SMALLEST}[:LENGTH,...]: the smallest peaks with which a flight leaves its limits"
-    )
-    return option(about, _GUST, _gust, rare=True)
 
 
 def gust_at(
@@ -435,11 +412,20 @@ class ScenarioOptions:
         named=True,
         rare=True,
     )
-    noise: Mapping[str, str] = noise_option(
+    noise: Mapping[str, str] = option(
         "standard deviation of the sensor noise of a state, degrees for angles, white from sample "
-        "to sample; repeatable"
+        "to sample; repeatable",
+        "NAME=VALUE",
+        named=True,
+        rare=True,
     )
-    gust: tuple[float, ...] | SmallestGust | None = gust_option()
+    gust: tuple[float, ...] | SmallestGust | None = option(
+        "1-cosine updraft: length, peak speed (units of the model), begin (s, default 0); or "
+        f"{SMALLEST}[:LENGTH,...]: the smallest peaks with which a flight leaves its limits",
+        _GUST,
+        _gust,
+        rare=True,
+    )
     envelope: Mapping[str, str] = option(
         "limits of a state that replace its default envelope, degrees for angles (alpha is "
         "relative to the air); repeatable",
@@ -467,7 +453,7 @@ def scenario_of(
     model = point.model
     initial = each_of("--initial", model, request.initial, _state)
     disturbed = each_of("--disturbance", model, request.disturbance, _disturbed)
-    noise = noise_of(request.noise, model)
+    noise = each_of("--noise", model, request.noise, noise_deviation)
     if delay and not 0.0 < delay < duration:
         raise BadInputError(
             f"--delay is {delay:g} s; give a delay from 0 to less than {duration:g} s"
@@ -498,11 +484,6 @@ def scenario_of(
     return replace(common, errors=errors, uncertainty=uncertainty, gust=gust).on(model)
 
 
-def envelope_of(request: ScenarioOptions, model: Model) -> dict[str, tuple[float, float]]:
-    """Return state -> limits that replace its default envelope."""
-    return each_of("--envelope", model, request.envelope, span)
-
-
 def actuators_of(model: Model, typed: tuple[float, ...] | None) -> ActuatorBank | None:
     """Return the actuators that --actuators specifies, or None without --actuators.
 
@@ -523,7 +504,7 @@ def actuators_of(model: Model, typed: tuple[float, ...] | None) -> ActuatorBank 
     rates = {"rad": math.radians(degrees_per_second), "deg": degrees_per_second}
     inputs = model.inputs
     values: Any = record(tuple(inputs))
-    limits = control_limits(model)
+    limits = Limits.of(model, tuple(model.inputs))
     lowest = values(*limits.lowest.tolist())
     highest = values(*limits.highest.tolist())
     fastest = values(*(rates.get(signal.unit, math.inf) for signal in inputs.values()))

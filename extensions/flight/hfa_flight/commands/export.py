@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import output_file, positive
+from hfa.options.argument_types import each_of, output_file, positive
 from hfa.options.command import Outcome, Request, command, provenance
 from hfa.options.parser import option, refuse
 from hfa.options.trims import GivenTrim, trim_input
@@ -31,8 +31,7 @@ from hfa_flight.options import (
     actuators_option,
     at_held_altitude,
     check_policy,
-    noise_of,
-    noise_option,
+    noise_deviation,
     noted_linear_model,
     policy_about,
     policy_option,
@@ -80,8 +79,11 @@ class ExportRequest(Request, PolicyOptions):
         "policy behind the Kalman filter of --noise and --turbulence, in C too, or in the FMU",
         rare=True,
     )
-    noise: Mapping[str, str] = noise_option(
-        "standard deviation of the noise of a sensor of --filter, degrees for angles; repeatable"
+    noise: Mapping[str, str] = option(
+        "standard deviation of the noise of a sensor of --filter, degrees for angles; repeatable",
+        "NAME=VALUE",
+        named=True,
+        rare=True,
     )
     turbulence: Turbulence | None = turbulence_option()
     fade: float | None = option(
@@ -225,7 +227,7 @@ def _filtered(
     """Return a policy behind the filter of --noise and --turbulence."""
     from hfa_flight.policies.filter import filter
 
-    noise = noise_of(request.noise, given.model)
+    noise = each_of("--noise", given.model, request.noise, noise_deviation)
     air = at_held_altitude(request.turbulence, given.hold)
     return filter(linear, noise, air).policy(policy, fade=request.fade)
 

@@ -13,7 +13,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import each_of, number, quantity, whole
+from hfa.options.argument_types import each_of, number, quantity, span, whole
 from hfa.options.command import (
     Outcome,
     ProgressLine,
@@ -45,7 +45,6 @@ from hfa_flight.options import (
     SmallestGust,
     behind_a_filter,
     check_policy,
-    envelope_of,
     noted_game,
     noted_linear_model,
     policy_about,
@@ -324,8 +323,15 @@ def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> Pl
     """
     scenario = scenario_of(request, point, given.hold, drawn=request.members is not None)
     commands = each_of("--command", given.model, request.command, _command)
-    _refuse_late(commands, scenario.duration)
-    limits = envelope_of(request, given.model)
+    for name, steps in commands.items():
+        begin = min(time for time, _ in steps)
+        if begin >= scenario.duration:
+            raise BadInputError(
+                f"--command {name} begins at {begin:g} s, not before the end of the flight at "
+                f"{scenario.duration:g} s; give {_COMMAND} with an earlier time, or a longer "
+                "--duration"
+            )
+    limits = each_of("--envelope", given.model, request.envelope, span)
     policy, reference, tracking = _steering(request, given, point, commands, limits)
     if reference is not None:
         scenario = replace(scenario, reference=reference)
@@ -341,17 +347,6 @@ def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> Pl
         scenario = scenario.drawn(request.seed, 0, point)
     envelope = flight_envelope(given.model, point, limits)
     return PlannedFlight(given.model, point, policy, scenario, envelope, tracking)
-
-
-def _refuse_late(commands: Mapping[str, list[tuple[float, float]]], duration: float) -> None:
-    """Raise BadInputError for a command that begins at the end of the flight or later."""
-    for name, steps in commands.items():
-        begin = min(time for time, _ in steps)
-        if begin >= duration:
-            raise BadInputError(
-                f"--command {name} begins at {begin:g} s, not before the end of the flight at "
-                f"{duration:g} s; give {_COMMAND} with an earlier time, or a longer --duration"
-            )
 
 
 class _Steering(NamedTuple):

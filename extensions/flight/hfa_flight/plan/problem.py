@@ -16,7 +16,7 @@ from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.policies.policy import deviations_of
-from hfa_flight.simulate.envelope import control_limits, flight_envelope
+from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
 from trim.linear.linear_model import LinearModel
@@ -157,7 +157,7 @@ class FlightProblem:
     @cached_property
     def input_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest values of v, (m,) each."""
-        limits = control_limits(self.model)
+        limits = Limits.of(self.model, tuple(self.model.inputs))
         trim = self.point.u
         return (limits.lowest - trim)[self.moved], (limits.highest - trim)[self.moved]
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.gusts import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
 from hfa_flight.air.scenario import Scenario, Uncertainty
@@ -14,7 +15,7 @@ from hfa_flight.needs import band_text, is_enough, need_text, outside_band
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.samples.monte_carlo import MonteCarlo
-from hfa_flight.simulate.envelope import GIVE_LIMIT, NO_LIMIT, control_limits, is_limited
+from hfa_flight.simulate.envelope import GIVE_LIMIT, NO_LIMIT, is_limited
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Report, verdict_text
@@ -205,7 +206,7 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
     left = flown["left"]
     cycle = flown["cycle"]
     inside = left < 0
-    limits = control_limits(model)
+    limits = Limits.of(model, tuple(model.inputs))
     obeyed = limits.within(flown["lowest_input"]) & limits.within(flown["highest_input"])
     limited = limited_names(model, plan.scenario.moving_air)
     oscillating = (*model.inputs, *model.states)

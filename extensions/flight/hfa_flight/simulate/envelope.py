@@ -240,17 +240,12 @@ def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False
         )
 
 
-def control_limits(model: Model) -> Limits:
-    """Return the lowest and highest permitted values of all inputs of a model."""
-    return Limits.of(model, tuple(model.inputs))
-
-
 def share_at_limits(model: Model, inputs: np.ndarray) -> dict[str, float]:
     """Return the share of the time during which each input is at or beyond a control limit.
 
     inputs: (N, m), absolute
     """
-    limits = control_limits(model)
+    limits = Limits.of(model, tuple(model.inputs))
     reached = limits.at_lowest(inputs) | limits.at_highest(inputs)
     shares = reached.sum(axis=0) / max(len(inputs), 1)
     return dict(zip(model.inputs, shares.tolist(), strict=True))
@@ -263,7 +258,7 @@ def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, .
 
     inputs: (N, m), absolute
     """
-    limits = control_limits(model)
+    limits = Limits.of(model, tuple(model.inputs))
     under = limits.lowest - inputs.min(axis=0)
     over = inputs.max(axis=0) - limits.highest
     values = np.where(under > over, inputs.min(axis=0), inputs.max(axis=0))

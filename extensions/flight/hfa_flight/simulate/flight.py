@@ -569,7 +569,13 @@ class Flight(StatesAndInputs, Result, Reported):
         through_air = bool(self.deviations.winds) and has_angle_of_attack(self.model)
         parts: list[Part] = []
         parts.append(self._state_table(through_air))
-        parts += self._air_notes(through_air)
+        gust = self.loop.scenario.gust
+        if through_air:
+            parts.append(OVER_GROUND)
+        elif gust is not None and ALPHA in self.model.states:
+            parts.append(LIMITED_OVER_GROUND)
+        if gust is not None and gust.text(self.model):
+            parts.append(gust.text(self.model))
         parts.append(self._input_table())
         if self.exceeded and isinstance(self.loop.policy, GainPolicy):
             parts.append(
@@ -592,19 +598,6 @@ class Flight(StatesAndInputs, Result, Reported):
         largest = max(np.abs(self.deviations.states).max(), np.abs(self.deviations.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
         return Report(self.title(), parts, notes, Entries(self), self._record_table())
-
-    def _air_notes(self, through_air: bool) -> list[str]:
-        """Return notes on moving air: which flow angles are limited, and the gust.
-
-        through_air: whether the angle of attack relative to the air is limited in place of alpha
-        """
-        gust = self.loop.scenario.gust
-        limited = [OVER_GROUND] if through_air else []
-        if gust is None:
-            return limited
-        if not through_air and ALPHA in self.model.states:
-            limited = [LIMITED_OVER_GROUND]
-        return [*filter(None, [*limited, gust.text(self.model)])]
 
     def _state_table(self, through_air: bool) -> Table:
         """Return a table of the states, one row each: deviations, errors, envelope, prediction.
