@@ -328,7 +328,7 @@ def _flown(angle: Position) -> Flight:
     from hfa_flight.air.scenario import Scenario, Uncertainty
     from hfa_flight.air.turbulence import Turbulence
     from hfa_flight.policies.filter import filter
-    from hfa_flight.simulate.flight import fly
+    from hfa_flight.samples.fly import fly
 
     if angle.model is None or angle.solution is None:
         raise NoSolutionError(angle.reason)

@@ -218,7 +218,7 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
 def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
     """Return the outcome of a single flight."""
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
-    from hfa_flight.simulate.flight import fly
+    from hfa_flight.samples.fly import fly
     from trim.linear.linearize import linearize
 
     only_many = "applies only to --samples or --draws; remove this option"

@@ -98,41 +98,22 @@ class Endings:
         """Return a mask of the flights that left their limits, and store when and with what.
 
         A flight leaves with the first step whose extremes are not all within its limits, or whose
-        last states are not all finite. Extremes ignore values that are not numbers.
+        last states are not all finite.
         """
-        flights = flown.flights
         states = flown.states[:, :, : self._least.shape[1]]  # the first ones have limits
-        lowest_each_step, highest_each_step = self._extremes(flown.states)
-        least, most = self._least[flights], self._most[flights]
-        left = _has_left(lowest_each_step, highest_each_step, least, most)
-        left |= ~np.isfinite(states[:, -1]).all(axis=1)
-        for row in np.flatnonzero(left):
-            low, high = lowest_each_step[row], highest_each_step[row]
-            within = is_within(low, least[row], most[row]) & is_within(high, least[row], most[row])
-            step = int((within & np.isfinite(states[row]).all(axis=1)).argmin())
-            flight = flights[row]
+        lows, highs = self._extremes(flown.states)
+        least, most = self._least[flown.flights, None], self._most[flown.flights, None]
+        within = is_within(lows, least, most) & is_within(highs, least, most)
+        inside = within & np.isfinite(states).all(axis=2)
+        for row in np.flatnonzero(~inside.all(axis=1)):
+            step = int(inside[row].argmin())
+            flight = flown.flights[row]
             self.left_at[flight] = flown.first + step
             # Of each state, the extreme that is beyond its limit, or the highest value.
-            is_low = (low[step] < least[row]) | np.isneginf(low[step])
-            extreme = np.where(is_low, low[step], high[step])
-            self.left_with[flight] = states[row, step] if within[step] else extreme
-        return np.asarray(left)
-
-
-def _has_left(
-    lows: np.ndarray, highs: np.ndarray, least: np.ndarray, most: np.ndarray
-) -> np.ndarray:
-    """Return a mask (F,) of the flights whose extremes in a window are not within the limits.
-
-    Values that are not numbers are ignored here; a flight with them ends with such a value.
-
-    lows, highs: lowest and highest states of each step, (F, T, n)
-    least, most: limits, (F, n)
-    """
-    lowest = np.fmin.reduce(lows, axis=1)
-    highest = np.fmax.reduce(highs, axis=1)
-    is_inside = is_within(lowest, least, most) & is_within(highest, least, most)
-    return np.asarray(~is_inside)
+            low, high = lows[row, step], highs[row, step]
+            extreme = np.where((low < least[row, 0]) | np.isneginf(low), low, high)
+            self.left_with[flight] = states[row, step] if within[row, step] else extreme
+        return np.asarray(~inside.all(axis=1))
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:

@@ -29,23 +29,6 @@ class _Symbols(NamedTuple):
     seconds: ca.MX
 
 
-class _EqualHolds(NamedTuple):
-    """Successive holds `first` to `end` - 1 with the same number of Runge-Kutta steps."""
-
-    steps: int
-    first: int
-    end: int
-
-    @property
-    def number(self) -> int:
-        """Number of the holds."""
-        return self.end - self.first
-
-    def of(self, columns: Any) -> Any:
-        """Return the columns of these holds."""
-        return columns[:, self.first : self.end]
-
-
 class HeldModel:
     """Smooth equations z' = f(z, v) over successive holds of v, in nominal units.
 
@@ -128,9 +111,9 @@ class HeldModel:
         inputs = ca.MX.sym("inputs", start.v.numel(), len(self.holds))
         seconds = ca.DM(self.holds).T
         last, nodes = start.z, []
-        for holds in self._runs():
-            flown = self._held(self._step, holds.steps).mapaccum(holds.number)
-            nodes.append(flown(last, holds.of(inputs), holds.of(seconds)))
+        for steps, run in self._runs():
+            flown = self._held(self._step, steps).mapaccum(len(run))
+            nodes.append(flown(last, inputs[:, run], seconds[:, run]))
             last = nodes[-1][:, -1]
         function = ca.Function("flown", [start.z, inputs], [ca.horzcat(*nodes)])
         return BoundFunction(machine_code(function))
@@ -146,9 +129,9 @@ class HeldModel:
         inputs = ca.MX.sym("inputs", m, count)
         seconds = ca.MX.sym("seconds", 1, count)
         slopes = []
-        for holds in self._runs():
-            held = self._held_slopes(holds.steps).map(holds.number)
-            slopes.append(held(holds.of(before), holds.of(inputs), holds.of(seconds)))
+        for steps, run in self._runs():
+            held = self._held_slopes(steps).map(len(run))
+            slopes.append(held(before[:, run], inputs[:, run], seconds[:, run]))
         function = ca.Function("slopes", [before, inputs, seconds], [ca.horzcat(*slopes)])
         return BoundFunction(machine_code(function))
 
@@ -160,14 +143,10 @@ class HeldModel:
         after = self._held(self._step_slopes, count)(begin, v, seconds)
         return ca.Function(f"slopes_{count}", [z, v, seconds], [ca.densify(after)])
 
-    def _runs(self) -> list[_EqualHolds]:
-        """Return the runs of holds with equal numbers of steps, in order."""
-        runs, first = [], 0
-        for steps, same in groupby(self._steps_of_holds):
-            end = first + len(list(same))
-            runs.append(_EqualHolds(steps, first, end))
-            first = end
-        return runs
+    def _runs(self) -> list[tuple[int, list[int]]]:
+        """Return the successive holds with equal numbers of Runge-Kutta steps, with that number."""
+        steps = self._steps_of_holds
+        return [(same, list(run)) for same, run in groupby(range(len(steps)), steps.__getitem__)]
 
     @cached_property
     def sample(self) -> ca.Function:

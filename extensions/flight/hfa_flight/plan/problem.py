@@ -227,26 +227,22 @@ class FlightProblem:
         - The other trim belongs to another model, or differs in a state outside the linear model.
         - The initial condition is outside the limits, or equals the trim of the problem.
         """
-        z = self._deviations_of(start)
+        if isinstance(start, OperatingPoint):
+            z = self._deviations_of_trim(start)
+        else:
+            z = np.zeros(len(self.states))
+            for name, value in start.items():
+                refuse_unknown("a flight has no initial deviation of", name, self.states)
+                if not is_finite(value):
+                    raise BadInputError(
+                        f"the initial deviation of {name} is {shown(value)}; give a finite number"
+                    )
+                z[self.states.index(name)] = value
         if not z.any():
             raise BadInputError(
                 "the initial condition equals the final trim; give another initial condition"
             )
         self.refuse_outside(z)
-        return z
-
-    def _deviations_of(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
-        """Return an initial condition as deviations z, (k,), not checked against the limits."""
-        if isinstance(start, OperatingPoint):
-            return self._deviations_of_trim(start)
-        z = np.zeros(len(self.states))
-        for name, value in start.items():
-            refuse_unknown("a flight has no initial deviation of", name, self.states)
-            if not is_finite(value):
-                raise BadInputError(
-                    f"the initial deviation of {name} is {shown(value)}; give a finite number"
-                )
-            z[self.states.index(name)] = value
         return z
 
     def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 import numpy as np
 
 from hfa_flight.plan.held_model import Measured
 from hfa_flight.plan.plan_program import Range
-from hfa_flight.plan.planner import Improved, Plan, Planner
+from hfa_flight.plan.planner import Plan, Planner
 from hfa_flight.plan.scaled import EndPolicy
 from hfa_flight.policies.policy import NextSample
 
@@ -29,6 +30,7 @@ _DEARER = 1.05
 #: The linear policy takes over where the costs of the plan and of its own flight are within this
 #: fraction of z'Pz.
 _LINEAR = 0.01
+_cost = attrgetter("cost")
 #: Cost below which a flight is at its target, relative to z'Pz at a corner of the usual box.
 _NOTHING = 1e-12
 
@@ -89,6 +91,7 @@ class RecedingHorizon:
         self.planner = planner
         self.end = end
         self.budget = budget
+        _cost = attrgetter("cost")
         #: Cost below which a flight is at its target. The box is that of the states of the linear
         #: model, which are the first of the followed ones.
         self.nothing = _NOTHING * planner.value(np.pad(planner.scaled.box, (0, n - k)))
@@ -176,15 +179,13 @@ class RecedingHorizon:
         plan = memory.plan = self._planned(z, until)
         memory.samples.planned += 1
         value = self.planner.value(z)
-        agree = abs(plan.cost - value) <= _LINEAR * value
+        within = _LINEAR * value
         memory.linear_agrees = bool(
-            inside and agree and abs(self._linear_cost(z) - value) <= _LINEAR * value
+            inside
+            and abs(plan.cost - value) <= within
+            and abs(self.planner.cost_of_gain(self.end.K, z) - value) <= within
         )
         return plan.v[0]
-
-    def _linear_cost(self, z: np.ndarray) -> float:
-        """Return the cost of the flight of the linear policy from z, inf beyond the limits."""
-        return self.planner.cost_of_gain(self.end.K, z)
 
     def _planned(self, z: np.ndarray, until: float) -> Plan:
         """Return the plan from the states z: the last one, improved, or the better of two new."""
@@ -246,18 +247,10 @@ class RecedingHorizon:
         """Return a plan improved by a step of the program, or more while it exceeds limits."""
         if time.thread_time() >= until:
             self.samples.late += 1
-        improved = self._counted(self.planner.improved(plan, 1, until))
-        if not improved.is_refused and improved.plan.penalty > _EXCEEDS * improved.plan.cost:
-            improved = self._counted(self.planner.improved(improved.plan, _FURTHER, until))
-        return improved.plan
-
-    def _counted(self, improved: Improved) -> Improved:
-        """Return the improved plan after counting its refused steps and unsolved programs."""
-        self.samples.unsolved += improved.unsolved
-        self.samples.refused += improved.is_refused
-        return improved
-
-
-def _cost(plan: Plan) -> float:
-    """Return the cost of a plan, the key by which plans are compared."""
-    return plan.cost
+        for steps in (1, _FURTHER):
+            plan, is_refused, unsolved = self.planner.improved(plan, steps, until)
+            self.samples.unsolved += unsolved
+            self.samples.refused += is_refused
+            if is_refused or plan.penalty <= _EXCEEDS * plan.cost:
+                break
+        return plan

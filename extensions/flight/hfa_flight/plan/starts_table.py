@@ -219,40 +219,10 @@ def _summary(flights: Sequence[FlightRow]) -> PolicySummary:
     return PolicySummary(*counts, median, high, max(ratios))
 
 
-def starts_table(
-    search: BestFlights,
-    starts: np.ndarray,
-    loops: Sequence[CompiledLoop],
-    progress: Progress | None,
-) -> StartsTable:
-    """Return the best flight and the flights of policies from each initial condition.
-
-    After Ctrl-C the table contains only the finished initial conditions.
-
-    starts: initial deviations, (N, k)
-    loops: loops of the policies that are compared with the linear optimum and the best flight
-    """
-    done: list[StartFlights] = []
-    with interruption() as asked:
-        for start in starts:
-            done.append(flights_from(search, start, loops))
-            if progress is not None:
-                progress(len(done), len(starts))
-            if asked.is_set():
-                break
-    return StartsTable(search.problem, tuple(done), len(starts))
-
-
-def flights_from(
+def _flights_from(
     search: BestFlights, start: np.ndarray, loops: Sequence[CompiledLoop]
 ) -> StartFlights:
-    """Return the best flight and the flights of the policies from an initial condition.
-
-    The policies are simulated even if no best flight is found.
-
-    start: initial deviations z, (k,)
-    loops: loops of the policies, simulated after the saturated linear optimum
-    """
+    """Return the best flight, and the flights of the linear optimum and of the policies."""
     problem = search.problem
     by_name = dict(zip(problem.states, start.tolist(), strict=True))
     linear_cost = float(start @ problem.P @ start)
@@ -334,7 +304,7 @@ def optimize_starts(
     progress: Progress | None,
 ) -> StartsTable:
     """Return the best flights from random initial conditions in the default box, and those of
-    policies.
+    policies. After Ctrl-C, the table contains only the finished initial conditions.
 
     starts: number of initial conditions
     policies: as for `optimize`
@@ -342,4 +312,12 @@ def optimize_starts(
     """
     search = BestFlights(problem, starts)
     loops = [search.flights.of(name, policy) for name, policy in policies.items()]
-    return starts_table(search, drawn_starts(problem, starts, seed), loops, progress)
+    done: list[StartFlights] = []
+    with interruption() as asked:
+        for start in drawn_starts(problem, starts, seed):
+            done.append(_flights_from(search, start, loops))
+            if progress is not None:
+                progress(len(done), starts)
+            if asked.is_set():
+                break
+    return StartsTable(problem, tuple(done), starts)

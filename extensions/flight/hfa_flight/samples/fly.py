@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, overload
 
 import numpy as np
 
 from hfa.options.command import ProgressLine
+from hfa_aircraft.batch_simulation import Cost
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.air.scenario import Scenario
+from hfa_flight.air.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.needs import ALL
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.samples.monte_carlo import MonteCarlo, run_monte_carlo
 from hfa_flight.samples.report import member_report
-from hfa_flight.simulate.envelope import flight_envelope
-from hfa_flight.simulate.flight import Flight, fly as one_flight, scenario_of_flight
-from hfa_support.errors import BadInputError
+from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.simulate.envelope import flight_envelope, refuse_start
+from hfa_flight.simulate.flight import Flight, fly_within, lengthened
+from hfa_flight.simulate.simulation import CompiledLoop
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, refuse_unless_positive
+from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from trim.point.operating_point import OperatingPoint
@@ -186,22 +190,57 @@ def fly(
     if samples is None:
         if seed != 0 or share != ALL:
             raise BadInputError("fly: seed and share apply to several flights; add samples=N")
-        return one_flight(
-            model,
-            point,
-            policy,
-            duration,
-            initial=initial,
-            scenario=scenario,
-            envelope=envelope,
-            predict=predict,
-            weights=weights,
-            progress=progress,
-        )
-    if weights is not None:
+        if scenario is not None and scenario.uncertainty != Uncertainty():
+            raise BadInputError(
+                "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
+                "member, point), or add samples=N for N flights"
+            )
+    elif weights is not None:
         raise BadInputError("fly: weights are of the cost of a single flight; remove samples")
-    undrawn = scenario_of_flight(model, scenario or Scenario(), duration, initial)
-    flown_policy, undrawn = policy_and_scenario(policy, point, undrawn)
+    own_scenario = _scenario_of(model, scenario or Scenario(), duration, initial)
+    flown_policy, own_scenario = policy_and_scenario(policy, point, own_scenario)
     limits = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
-    plan = MonteCarlo(samples, seed, model, point, flown_policy, undrawn, limits, share=share)
-    return flights_in_air(plan, progress=progress)
+    if samples is not None:
+        plan = MonteCarlo(
+            samples, seed, model, point, flown_policy, own_scenario, limits, share=share
+        )
+        return flights_in_air(plan, progress=progress)
+    plant = NonlinearPlant(with_errors(model, own_scenario), point)
+    cost = None if weights is None else _cost_of(model, weights)
+    loop = ClosedLoop(plant, flown_policy, own_scenario, cost)
+    if duration is None and scenario is None:
+        loop = replace(loop, scenario=lengthened(loop))
+    result = fly_within(CompiledLoop(loop), limits, progress=progress or ProgressLine("fly"))
+    refuse_start(limits, result.deviations.limited[0] + point.x, own_scenario.moving_air)
+    return replace(result, predicts=predict and flown_policy.predicts)
+
+
+def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:
+    """Return the cost of weights (Q, R) of a user."""
+    sizes = {"Q": len(model.linear), "R": len(model.inputs)}
+    if len(weights) != len(sizes):
+        raise BadInputError(f"fly: weights has {len(weights)} entries; give the two matrices Q, R")
+    matrices = {}
+    for (name, n), weight in zip(sizes.items(), weights, strict=True):
+        matrices[name] = checked_matrix(name, weight, LARGEST)
+        if matrices[name].shape != (n, n):
+            given = shape_text(matrices[name].shape)
+            raise BadInputError(f"fly: {name} is {given}; give {shape_text((n, n))}")
+    return Cost(**matrices)
+
+
+def _scenario_of(model: Model, given: Scenario, duration: float | None, initial: Any) -> Scenario:
+    """Return the scenario for a flight of a model, with its duration and initial condition.
+
+    duration, initial: arguments of `hfa.fly`; with None, those of the given scenario remain
+    """
+    if duration is not None:
+        refuse_unless_positive("fly: duration", duration, " s")
+    scenario = given if duration is None else replace(given, duration=float(duration))
+    if isinstance(initial, Mapping):
+        for name in initial:
+            refuse_unknown("initial names the unknown state", name, tuple(model.states))
+        initial = [model.number(name, initial.get(name, 0.0)) for name in model.states]
+    if initial is not None:
+        scenario = replace(scenario, initial=numbers_in("initial", initial))
+    return scenario.on(model)

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options.command import ProgressLine
-from hfa_aircraft.batch_simulation import RESOLVED, Cost
+from hfa_aircraft.batch_simulation import RESOLVED
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
@@ -23,11 +22,10 @@ from hfa_flight.air.gusts import (
     OVER_GROUND,
     has_angle_of_attack,
 )
-from hfa_flight.air.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
+from hfa_flight.air.scenario import MOST_STEPS, Scenario
 from hfa_flight.air.signals import Deviations, series
-from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.policy import GainPolicy
-from hfa_flight.simulate.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
+from hfa_flight.simulate.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.simulate.envelope import (
     GIVE_LIMIT,
     NO_LIMIT,
@@ -38,12 +36,10 @@ from hfa_flight.simulate.envelope import (
     departure,
     divergence,
     envelope_data,
-    flight_envelope,
     has_returned,
     is_limited,
     limits_text,
     outside,
-    refuse_start,
     share_at_limits,
 )
 from hfa_flight.simulate.flight_figure import Curve, flight_figure, histories_of
@@ -55,14 +51,10 @@ from hfa_flight.simulate.limit_cycle import (
 )
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import (
-    BadInputError,
     NoSolutionError,
-    numbers_in,
-    refuse_unknown,
-    refuse_unless_positive,
     warn,
 )
-from hfa_support.matrices import LARGEST, checked_matrix, quadratic_forms, shape_text
+from hfa_support.matrices import quadratic_forms
 from hfa_support.progress import Progress
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.parts import Part, Picture
@@ -92,78 +84,6 @@ _STORED_IF_ANY = (
     *("integration_error", "largest_difference_from_linear"),
     *("cost", "cost_to_go", "returned"),
 )
-
-
-def fly(
-    model: Model,
-    point: OperatingPoint,
-    policy: Any = None,
-    duration: float | None = None,
-    *,
-    initial: Any = None,
-    scenario: Scenario | None = None,
-    envelope: Limits | Mapping[str, tuple[float, float]] | None = None,
-    predict: bool = True,
-    weights: tuple[np.ndarray, np.ndarray] | None = None,
-    progress: Progress | None = None,
-) -> Flight:
-    """Return one flight of a policy; the arguments are those of `hfa.fly`.
-
-    Raises BadInputError if the flight does not begin inside the envelope, the scenario has random
-    quantities that are not drawn yet, or the policy is not supported.
-    """
-    if scenario is not None and scenario.uncertainty != Uncertainty():
-        raise BadInputError(
-            "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
-            "member, point), or add samples=N for N flights"
-        )
-    own_scenario = scenario_of_flight(
-        model, Scenario() if scenario is None else scenario, duration, initial
-    )
-    flown_policy, own_scenario = policy_and_scenario(policy, point, own_scenario)
-    plant = NonlinearPlant(with_errors(model, own_scenario), point)
-    cost = None if weights is None else _cost_of(model, weights)
-    loop = ClosedLoop(plant, flown_policy, own_scenario, cost)
-    if duration is None and scenario is None:
-        loop = replace(loop, scenario=lengthened(loop))
-    limits = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
-    result = fly_within(CompiledLoop(loop), limits, progress=progress or ProgressLine("fly"))
-    initial_states = result.deviations.limited[0] + point.x
-    refuse_start(limits, initial_states, own_scenario.moving_air)
-    return replace(result, predicts=predict and flown_policy.predicts)
-
-
-def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:
-    """Return the cost of weights (Q, R) of a user."""
-    sizes = {"Q": len(model.linear), "R": len(model.inputs)}
-    if len(weights) != len(sizes):
-        raise BadInputError(f"fly: weights has {len(weights)} entries; give the two matrices Q, R")
-    matrices = {}
-    for (name, n), weight in zip(sizes.items(), weights, strict=True):
-        matrices[name] = checked_matrix(name, weight, LARGEST)
-        if matrices[name].shape != (n, n):
-            given = shape_text(matrices[name].shape)
-            raise BadInputError(f"fly: {name} is {given}; give {shape_text((n, n))}")
-    return Cost(**matrices)
-
-
-def scenario_of_flight(
-    model: Model, given: Scenario, duration: float | None, initial: Any
-) -> Scenario:
-    """Return the scenario for a flight of a model, with its duration and initial condition.
-
-    duration, initial: arguments of `hfa.fly`; with None, those of the given scenario remain
-    """
-    if duration is not None:
-        refuse_unless_positive("fly: duration", duration, " s")
-    scenario = given if duration is None else replace(given, duration=float(duration))
-    if isinstance(initial, Mapping):
-        for name in initial:
-            refuse_unknown("initial names the unknown state", name, tuple(model.states))
-        initial = [model.number(name, initial.get(name, 0.0)) for name in model.states]
-    if initial is not None:
-        scenario = replace(scenario, initial=numbers_in("initial", initial))
-    return scenario.on(model)
 
 
 def lengthened(loop: ClosedLoop) -> Scenario:
