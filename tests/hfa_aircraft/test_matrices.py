@@ -15,29 +15,18 @@ B = np.array([[0.0], [1.0]])
 
 
 def test_lqr_of_matrices_equals_python_control():
-    """lqr, also with N, and the game of a linear model give the gain that python-control returns.
+    """lqr, also with N, gives the gain that python-control returns.
 
     A missing weight is refused.
     """
-    expected, _, _ = control.lqr(A, B, np.eye(2), np.eye(1))
-    for found in (
-        hfa.lqr(A, B, np.eye(2), np.eye(1)),
-        hfa.lqr(A, B, Q=np.eye(2), R=[1.0]),
-        hfa.lqr(hfa.LinearModel.of(A, B), np.eye(2), np.eye(1)),
-        hfa.lqr(control.ss(A, B, np.eye(2), 0), Q=np.eye(2), R=[1.0]),
-        hfa.solve(hfa.game(hfa.LinearModel.of(A, B), Q=np.eye(2), R=np.eye(1))),
-    ):
-        assert pytest.approx(expected) == found.K
-    N = 0.1 * np.ones((2, 1))
-    crossed, _, _ = control.lqr(A, B, np.eye(2), np.eye(1), N)
-    for found in (
-        hfa.lqr(A, B, np.eye(2), np.eye(1), N),
-        hfa.lqr(hfa.LinearModel.of(A, B), np.eye(2), np.eye(1), N),
-    ):
-        assert pytest.approx(crossed) == found.K
-    for call in (lambda: hfa.lqr(A, B), lambda: hfa.lqr(hfa.LinearModel.of(A, B), np.eye(2))):
-        with pytest.raises(hfa.BadInputError, match="is missing; write"):
-            call()
+    linear, Q = hfa.LinearModel.of(A, B), np.eye(2)
+    for N in ((), (0.1 * np.ones((2, 1)),)):
+        expected, _, _ = control.lqr(A, B, Q, np.eye(1), *N)
+        for plant in ((A, B), (linear,), (control.ss(A, B, Q, 0),)):
+            assert pytest.approx(expected) == hfa.lqr(*plant, Q, [1.0], *N).K
+    for words in ((A, B), (linear, Q)):
+        with pytest.raises(BadInputError, match="is missing; write"):
+            hfa.lqr(*words)
 
 
 def test_a_linear_model_is_read_from_its_file(tmp_path):

@@ -129,7 +129,7 @@ def test_an_aircraft_of_each_reader_is_the_same_in_si(reader):
     "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
 )
 def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed):
-    """Signals, trim, A, B, poles, sheet, game and verdict in SI are those of the twin.
+    """Signals, trim, A, B, sheet and disturbance in SI are those of the twin.
 
     The twin is the same aircraft with signals in SI. The units are random; those without a second
     give equations per minute.
@@ -158,17 +158,9 @@ def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed):
     linear, linear_twin = point.linearize(), of_twin.linearize()
     np.testing.assert_allclose(linear.A, linear_twin.A, atol=1e-9)
     np.testing.assert_allclose(linear.B, linear_twin.B, atol=1e-9)
-    np.testing.assert_allclose(linear.eigenvalues, linear_twin.eigenvalues, rtol=1e-7)
     for row, row_of_twin in zip(point.sheet, of_twin.sheet, strict=True):
         assert (row.name, row.unit) == (row_of_twin.name, row_of_twin.unit)
         if not isinstance(row.value, str):  # a bound of rounding
             assert row.value == pytest.approx(row_of_twin.value, rel=1e-6, abs=1e-9), row.name
     declared = other.sizes["alpha"] / 60.0  # a unit per minute, of the rate of alpha
     np.testing.assert_allclose(hfa.game(linear).E, [[0.0], [declared], [0.0], [0.0]])
-    games = [hfa.game(each, delta=40.0, E=np.eye(4)) for each in (linear, linear_twin)]
-    solution, solution_of_twin = map(hfa.solve, games)
-    np.testing.assert_allclose(solution.P, solution_of_twin.P, rtol=1e-7, atol=1e-9)
-    critics = [hfa.from_gain(game, 1.1 * solution_of_twin.K) for game in games]
-    verdicts = [hfa.verify(game, critic) for game, critic in zip(games, critics, strict=True)]
-    checks = [{each.name: each.value for each in verdict.checks} for verdict in verdicts]
-    assert checks[0] == pytest.approx(checks[1], rel=1e-6)

@@ -98,20 +98,3 @@ def test_all_aircraft_accelerate_as_in_jsbsim(name):
     assert acceleration < tolerance
     assert thrust < max(1e-9, tolerance)
     assert turning < max(1e-9, 10.0 * tolerance)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["f16", "X15"])
-def test_pitch_acceleration_of_surface_inputs_agrees_with_jsbsim(name):
-    """If the elevator position is an input, the pitch acceleration agrees with JSBSim.
-
-    The input is the elevator position in JSBSim.
-    """
-    model = load_model(f"jsbsim:{name}")
-    points = random_points(model, 2)
-    for point in points:
-        point["commands"] |= {"aileron": 0.0, "rudder": 0.0}
-        point["state"] |= {"beta": 0.0, "roll_rate": 0.0, "yaw_rate": 0.0}
-    for point, answer in zip(points, measured(name, points), strict=True):
-        _, rates, _ = ours_at(model, point, answer | {"aileron": 0.0})
-        assert rates["pitch_rate"] == pytest.approx(answer["qdot"], rel=1e-9)
