@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import hfa, leaves
+from cli import hfa
+from json_places import leaves
 from project import ROOT
 from scipy.io import loadmat
 

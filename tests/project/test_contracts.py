@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 from itertools import cycle
 from pathlib import Path
 
@@ -196,3 +197,20 @@ def test_planted_forbidden_imports_are_detected(tmp_path):
         importer = importer.removesuffix(".__init__")
         text = found.get(contract(begin)["name"], "")
         assert f"{importer} -> {imported} " in text, f"{begin} {importer} imports {imported}"
+
+
+def lowest_first(graph):
+    """Return the modules of a graph of imports, each after those that it imports."""
+    imported = {module: graph.find_modules_directly_imported_by(module) for module in graph.modules}
+    return [*TopologicalSorter(imported).static_order()]
+
+
+def test_no_modules_import_each_other():
+    """The imports form no circle, even those in functions or for type checkers; a planted circle is one."""
+    graph = pytest.importorskip("grimp").build_graph(*FOLDERS, cache_dir=None)
+    order = lowest_first(graph)
+    assert order.index("hfa_support.errors") < order.index("hfa_prove.check.schedule")
+    filtered, kalman = "hfa_flight.policies.filtered_policy", "hfa_flight.policies.kalman"
+    graph.add_import(importer=kalman, imported=filtered)
+    with pytest.raises(CycleError, match=filtered):
+        lowest_first(graph)

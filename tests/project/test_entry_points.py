@@ -12,9 +12,18 @@ import tomllib
 
 import pytest
 from cli import results_in_turn
-from package_page import PAGE, write_package
 from pages import COMMAND, blocks_of, difference
 from project import ROOT
+
+PAGE = (ROOT / "docs" / "extending.md").read_text("utf-8")
+
+
+def write_package(folder):
+    """Write the code blocks of the page that begin with "# FILE" to files in a folder."""
+    for text, name in re.findall(r"^```\w+\n(# (\S+\.\w+)\n.*?)^```$", PAGE, re.M | re.S):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +43,7 @@ def site(tmp_path_factory):
 #: Commands in docs/extending.md, each with its exit code and output.
 OF_THE_PAGE = [
     found
-    for block in blocks_of(PAGE.read_text("utf-8"))
+    for block in blocks_of(PAGE)
     if block.language == "console"
     for found in COMMAND.finditer(block.text)
 ]

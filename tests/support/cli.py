@@ -85,18 +85,6 @@ def answer(*words, code=DONE):
     return data
 
 
-def leaves(data, path=""):
-    """Yield (path, value) for every text, number and null in nested JSON data.
-
-    A path consists of keys and indices, each after a dot.
-    """
-    if isinstance(data, (dict, list)):
-        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
-            yield from leaves(value, f"{path}.{key}")
-    else:
-        yield path, data
-
-
 def written_json(words):
     """Return the paths of the .json files that -o names, including those in a folder named by
     -o.

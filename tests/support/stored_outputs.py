@@ -4,7 +4,6 @@
 """
 
 import contextlib
-import copy
 import hashlib
 import io
 import json
@@ -17,6 +16,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import scipy
+from json_places import leaves, replaced
 from sealed_certificate import sealed
 
 from hfa_support.version import identity
@@ -68,19 +68,19 @@ def run(words, folder):
     return code, out.getvalue().replace(f"{ROOT}/", "")
 
 
-def leaves(content, path=""):
+def summary(content, path=""):
     """Yield path and value of each leaf of a JSON output. Long lists of numbers are summarized."""
     if isinstance(content, dict):
         for key, value in content.items():
             if key not in _UNSTORED:
-                yield from leaves(value, f"{path}.{key}" if path else key)
+                yield from summary(value, f"{path}.{key}" if path else key)
     elif isinstance(content, list):
-        yield from _list_leaves(content, path)
+        yield from _list_summary(content, path)
     else:
         yield path, content
 
 
-def _list_leaves(content, path):
+def _list_summary(content, path):
     with contextlib.suppress(TypeError, ValueError):
         array = np.asarray(content, dtype=float)
         if array.size > _LONGEST:
@@ -91,13 +91,13 @@ def _list_leaves(content, path):
         yield path, []
     shown = range(len(content)) if len(content) <= _LONGEST else [0, 1, len(content) - 1]
     for index in shown:
-        yield from leaves(content[index], f"{path}[{index}]")
+        yield from summary(content[index], f"{path}[{index}]")
 
 
 def json_of(words, folder):
     """Return the exit code and the leaves of the JSON output of a command."""
     code, out = run([*words, "--json"], folder)
-    return {"exit": code, **dict(leaves(json.loads(out) if out.strip() else {}))}
+    return {"exit": code, **dict(summary(json.loads(out) if out.strip() else {}))}
 
 
 def flight_of(words, folder):
@@ -133,14 +133,10 @@ def certificate_of(words, folder):
     content["toolchain"] = identity()
     found = {"unchanged": _exit_of(content, check, folder)}
     for part in ("statement", "witness"):
-        places = list(_places(content[part], (part,)))
-        for place in places[:: max(1, len(places) // _LEAVES)]:
-            changed = copy.deepcopy(content)
-            holder = changed
-            for key in place[:-1]:
-                holder = holder[key]
-            holder[place[-1]] = _changed(holder[place[-1]])
-            found["/".join(map(str, place))] = _exit_of(changed, check, folder)
+        entries = list(leaves({part: content[part]}))
+        for path, entry in entries[:: max(1, len(entries) // _LEAVES)]:
+            changed = replaced(content, path, _changed(entry))
+            found["/".join(map(str, path))] = _exit_of(changed, check, folder)
     return found
 
 
@@ -149,18 +145,6 @@ def _exit_of(content, check, folder):
     (folder / "changed.json").write_text(sealed(content), encoding="utf-8")
     with contextlib.redirect_stderr(io.StringIO()):
         return run(check, folder)[0]
-
-
-def _places(content, place):
-    """Yield the path of keys and indices of each leaf."""
-    if isinstance(content, dict):
-        for key, value in content.items():
-            yield from _places(value, (*place, key))
-    elif isinstance(content, list):
-        for index, value in enumerate(content):
-            yield from _places(value, (*place, index))
-    else:
-        yield place
 
 
 def _changed(leaf):

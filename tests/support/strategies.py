@@ -3,7 +3,7 @@
 `make fuzz` tries many examples of each property, `make test` a few that are the same in every run.
 """
 
-import copy
+import functools
 import io
 import json
 import math
@@ -13,6 +13,7 @@ import re
 import numpy as np
 from hypothesis import HealthCheck, settings, strategies as st
 from hypothesis.extra import numpy as arrays
+from json_places import places, replaced
 
 #: Number of random examples of each property; without it, few that are the same in every run.
 EXAMPLES = os.environ.get("EXAMPLES")
@@ -107,26 +108,10 @@ def changed_arrays(content):
     return st.dictionaries(names, st.none() | ARRAYS, min_size=1, max_size=3).map(changed)
 
 
-def _places(data, path=()):
-    """Yield the path of each entry of JSON data."""
-    if isinstance(data, dict | list):
-        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
-            yield (*path, key)
-            yield from _places(value, (*path, key))
-
-
 def changed_entry(data):
     """Return JSON data in which one entry has another value."""
-
-    def changed(path, value):
-        whole = copy.deepcopy(data)
-        holder = whole
-        for key in path[:-1]:
-            holder = holder[key]
-        holder[path[-1]] = value
-        return whole
-
-    return st.builds(changed, st.sampled_from(list(_places(data))), VALUES)
+    paths = st.sampled_from([path for path, _ in places(data)])
+    return st.builds(functools.partial(replaced, data), paths, VALUES)
 
 
 def changed_file(name, content):

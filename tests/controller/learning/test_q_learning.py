@@ -1,13 +1,10 @@
 """Q-learning from recorded steps: convergence to the exact value, and refusal of bad input."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from controller import minimum_delta
 from hfa import Game, NoSolutionError, learn, solve
-from tests.support.steps_of import in_steps
 
 
 def _problem(seed, delta=np.inf, discount=0.97):
@@ -15,10 +12,9 @@ def _problem(seed, delta=np.inf, discount=0.97):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 6))
     A, B, E = (rng.standard_normal((n, size)) for size in (n, 2, 1))
-    step = Game(
-        1.3 * A / np.abs(np.linalg.eigvals(A)).max(), B, E=E, Q=np.eye(n), R=np.eye(2), delta=delta
-    )
-    return in_steps(replace(step, N=0.1 * rng.standard_normal((n, 2))), discount)
+    A *= 1.3 / np.abs(np.linalg.eigvals(A)).max()
+    N = 0.1 * rng.standard_normal((n, 2))
+    return Game(A, B, E=E, Q=np.eye(n), R=np.eye(2), N=N, delta=delta, dt=True, discount=discount)
 
 
 @pytest.mark.parametrize(
@@ -44,7 +40,7 @@ def test_q_learning_finds_the_exact_q_function(seed, margin):
 def test_games_without_a_solution_are_refused():
     """Below delta_min, and with a mode that no input reaches, nothing is learned."""
     smallest = minimum_delta(_problem(2)).value
-    unreached = in_steps(Game([[1.2]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=np.inf))
+    unreached = Game([[1.2]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=np.inf, dt=True)
     for game, named in (
         (_problem(2, 0.9 * smallest), "choose a larger delta"),
         (unreached, "diverges"),

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from cli import answer
 from game_files import AT_15, stored
+from game_samples import in_steps
 from known_models import game_at
 from network_files import torch_file
 from project import ROOT
@@ -20,7 +21,6 @@ from project import ROOT
 import hfa
 from controller import basis
 from hfa import solve
-from tests.support.steps_of import in_steps
 
 pytestmark = pytest.mark.usefixtures("folder")
 FAST = 4

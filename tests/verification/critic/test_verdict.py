@@ -8,6 +8,7 @@ import pytest
 from cli import answer
 from extension import Extension
 from game_files import stored
+from game_samples import in_steps
 from planted_critics import gain
 from scipy.linalg import solve_discrete_lyapunov
 
@@ -20,7 +21,6 @@ from hfa import (
 )
 from hfa.extend import Check
 from hfa_support.reporting.text import percent
-from tests.support.steps_of import in_steps
 
 network_files = Extension("network_files")
 

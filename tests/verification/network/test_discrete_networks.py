@@ -5,10 +5,9 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from game_samples import failed_names
+from game_samples import failed_names, in_steps
 
 from hfa import Game, from_gain, from_network, solve, verify
-from tests.support.steps_of import in_steps
 
 pytestmark = pytest.mark.usefixtures("folder")
 A = np.array([[1.02, 0.1], [0.1, 1.0]])
