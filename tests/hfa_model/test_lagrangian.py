@@ -4,37 +4,30 @@ import json
 from functools import cache
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 from lagrangian import lagrangian_rates, winds_of
-from random_points import (
-    RATE_SCALES,
-    WINDS,
-    by_name,
-    random_points,
-    rates,
-    rates_function,
-    symbols,
-    wind_of,
-)
+from random_points import RATE_SCALES, WINDS, equations, random_points, rates_function
 from standard_air import density
 
+import hfa
 from hfa_model import STATES, State
 
-
-def function_of(rates):
-    """Return the CasADi Function (x, u, p, w) -> dX/dt of these equations."""
-    (x, u, p), w = symbols(), ca.SX.sym("w", len(WINDS))
-    wind = wind_of(ca.vertsplit(w))
-    return ca.Function("rates", [x, u, p, w], [ca.vertcat(*rates(*by_name(x, u, p), wind))])
+LAYOUT = hfa.aircraft().layout
 
 
 @cache
 def euler_lagrange_rates():
     """Return the CasADi Function (x, u, p, w) -> dX/dt of the Euler-Lagrange equations."""
-    return function_of(
-        lambda x, u, p, w: lagrangian_rates(x, u, density(x.altitude), p, winds_of(w))
+    return rates_function(
+        LAYOUT,
+        lambda x, u, p, w: lagrangian_rates(x, u, density(x.altitude), p, winds_of(w))._asdict(),
     )
+
+
+@cache
+def closed_form(dynamics):
+    """Return the CasADi Function (x, u, p, w) -> dX/dt of a variant."""
+    return rates_function(LAYOUT, lambda x, u, p, w: equations(x, u, p, dynamics, w)[0])
 
 
 def disagreement(dynamics, parameters):
@@ -43,7 +36,6 @@ def disagreement(dynamics, parameters):
     Each difference is divided by the rate or, near zero, by the scale of the rate. 100 random states,
     inputs, winds and parameters (20 % standard deviation) are used.
     """
-    closed_form = function_of(lambda x, u, p, w: rates(x, u, p, dynamics, w))
     random = np.random.default_rng(5)
     spread = random.normal(size=(100, len(parameters))) * 0.2
     winds = random.uniform(-15, 15, (100, len(WINDS)))
@@ -51,7 +43,7 @@ def disagreement(dynamics, parameters):
     for state, control, noise, wind in zip(*random_points(100, seed=4), spread, winds, strict=True):
         point = (state, control, np.array(parameters) * np.exp(noise), wind)
         expected = np.array(euler_lagrange_rates()(*point)).ravel()
-        off = np.abs(np.array(closed_form(*point)).ravel() - expected)
+        off = np.abs(np.array(closed_form(dynamics)(*point)).ravel() - expected)
         worst = np.maximum(worst, off / np.maximum(np.abs(expected), RATE_SCALES))
     return State(*worst.tolist())
 
@@ -80,9 +72,9 @@ def test_newton_equals_the_rigid_bodies_of_mujoco(parameters):
     """
     stored = json.loads(Path(__file__).with_name("mujoco_rates.json").read_text("utf-8"))
     p = np.array(parameters._replace(**stored["inertias"]))
-    newton = rates_function("newton")
+    newton = closed_form("newton")
     for case in stored["cases"]:
-        found = np.array(newton(case["x"], case["u"], p)).ravel()
+        found = np.array(newton(case["x"], case["u"], p, np.zeros(len(WINDS)))).ravel()
         np.testing.assert_allclose(
             found / RATE_SCALES, case["rates"] / np.array(RATE_SCALES), rtol=1e-8, atol=1e-8
         )

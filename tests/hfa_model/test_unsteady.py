@@ -5,12 +5,11 @@ Lags of the lift are compared with the functions of Theodorsen and Sears.
 
 from functools import cache
 
-import casadi as ca
 import numpy as np
 import pytest
 from lagrangian import winds_of
 from numpy.testing import assert_allclose
-from random_points import WINDS, random_points
+from random_points import WINDS, random_points, rates_function
 from scipy import special
 from standard_air import density
 from unsteady_energy import GUST, MOTION, derived_unsteady
@@ -36,21 +35,6 @@ def points(count, seed):
     return list(zip(np.hstack([states, lags]), inputs, winds, strict=True))
 
 
-def by_name(*vectors):
-    return tuple(
-        UNSTEADY.layout.record(*vector)
-        for vector in zip("xupw", map(ca.vertsplit, vectors), strict=True)
-    )
-
-
-@cache
-def rates_of(equations):
-    """Return the function (x, u, p, w) -> x' of these equations."""
-    vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(WINDS))]
-    found = equations(*by_name(*vectors))
-    return ca.Function("rates", vectors, [ca.vertcat(*(found[name] for name in UNSTEADY.states))])
-
-
 def by_energies(x, u, p, w):
     """Return the rates by name from the second derivation."""
     seven, lags = derived_unsteady(x, u, density(x.altitude), p, winds_of(w))
@@ -62,7 +46,10 @@ def test_rates_equal_those_from_energies():
 
     The test uses no effect, all effects, each effect alone, and random fractions of all effects.
     """
-    mine, other = rates_of(lambda *at: UNSTEADY.equations(*at)[0]), rates_of(by_energies)
+    mine, other = (
+        rates_function(UNSTEADY.layout, equations)
+        for equations in (lambda *at: UNSTEADY.equations(*at)[0], by_energies)
+    )
     fractions = np.random.default_rng(1).uniform(0, 1, (6, 6))
     effects = np.vstack([np.zeros(6), np.ones(6), np.eye(6), fractions])
     places = [list(UNSTEADY.parameters).index(name) for name in EFFECTS]

@@ -2,6 +2,7 @@
 
 import mpmath as mp
 import numpy as np
+from scipy.linalg import block_diag
 
 DIGITS = 60
 
@@ -19,7 +20,7 @@ def exact_suboptimality(game, K):
     """Return sup z'(P_K - P)z / z'P z for P > 0, where P_K is the value of the game of u = -K z."""
     with mp.workdps(DIGITS):
         optimum = _value(game, None)
-        above = _value(game, mp.matrix(K.tolist())) - optimum
+        above = _value(game, _exact(K)) - optimum
         root_inverse = mp.cholesky(optimum) ** -1
         ratios = mp.eigsy(root_inverse * above * root_inverse.T, eigvals_only=True)
         return float(max(ratios))
@@ -31,34 +32,23 @@ def _value(game, K):
     In discrete time it is the limit of the values of many steps, and in continuous time that of the
     stable subspace of the Hamiltonian.
     """
-    A, B, E, Q, R, N = (
-        mp.matrix(each.tolist()) for each in (game.A, game.B, game.E, game.Q, game.R, game.N)
-    )
+    A, B, E, Q, R, N = map(_exact, (game.A, game.B, game.E, game.Q, game.R, game.N))
     if K is not None:
-        A, Q = A - B * K, Q - N * K - K.T * N.T + K.T * R * K
-        B, R, N = 0 * B, mp.eye(B.cols), 0 * N  # an input without effect
+        A, Q = A - B @ K, Q - N @ K - K.T @ N.T + K.T @ R @ K
+        B, R, N = 0 * B, _exact(np.eye(len(R))), 0 * N  # an input without effect
     if np.isfinite(game.delta):  # the disturbance is a second player, of the price -delta²
-        price = -(mp.mpf(game.delta) ** 2) * mp.eye(E.cols)
-        B, N, R = _beside(B, E), _beside(N, 0 * E), _diagonal(R, price)
+        price = -(mp.mpf(game.delta) ** 2) * _exact(np.eye(E.shape[1]))
+        B, N, R = np.hstack([B, E]), np.hstack([N, 0 * E]), block_diag(R, price)
+    A, B, Q, R, N = (mp.matrix(each.tolist()) for each in (A, B, Q, R, N))
     if game.is_discrete:
         root = mp.sqrt(mp.mpf(game.discount))
         return _value_of_steps(root * A, root * B, Q, R, N)
     return _value_of_flow(A, B, Q, R, N)
 
 
-def _beside(left, right):
-    """Return [left right]."""
-    both = mp.zeros(left.rows, left.cols + right.cols)
-    both[:, : left.cols], both[:, left.cols :] = left, right
-    return both
-
-
-def _diagonal(first, second):
-    """Return the matrix of two square blocks on the diagonal."""
-    k = first.rows
-    both = mp.zeros(k + second.rows)
-    both[:k, :k], both[k:, k:] = first, second
-    return both
+def _exact(matrix):
+    """Return a matrix as an array of the exact numbers of mpmath."""
+    return np.vectorize(mp.mpf, otypes="O")(matrix)
 
 
 def _value_of_steps(A, B, Q, R, N):

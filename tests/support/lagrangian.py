@@ -64,12 +64,6 @@ def winds_of(w):
     )
 
 
-def flow_of(forward, sideward, downward):
-    """Return the flow at a panel that moves through the air with this velocity, ft/s."""
-    speed = ca.sqrt(forward**2 + sideward**2 + downward**2)
-    return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
-
-
 class PanelLoads(NamedTuple):
     """Loads on one panel in its axes, lbf and ft lbf; `tail_downward` acts at the boom's end."""
 
@@ -174,14 +168,9 @@ def panels_at(r, v, p):
     return Panel(origin, body, spin), wings[0], wings[1]
 
 
-def velocity_of(panel, r, v):
-    """Return the inertial velocity of a panel's center of mass, (3,), ft/s."""
-    return ca.jtimes(panel.position, r, v)
-
-
 def kinetic_energy(panel, r, v, p):
     """Return the kinetic energy of one panel, ft lbf."""
-    velocity = velocity_of(panel, r, v)
+    velocity = ca.jtimes(panel.position, r, v)
     inertia = ca.vertcat(p.inertia_roll, p.inertia_pitch, p.inertia_yaw)
     return (p.panel_mass * ca.dot(velocity, velocity) + ca.dot(inertia, panel.spin**2)) / 2
 
@@ -199,14 +188,25 @@ def _generalized_force(panels, r, v, u, density, p, winds):
     for panel, (aileron, elevator), (wind, side) in zip(panels, controls, places, strict=True):
         air = ca.vertcat(-wind.headwind, side * wind.outward, -wind.updraft)
         speed = ca.norm_2(velocity - air)
-        loads = panel_loads(_flow(panel, r, v, air), speed, aileron, elevator, density, p)
+        loads = panel_loads(flow_at(panel, 0, air, r, v), speed, aileron, elevator, density, p)
         force += virtual_work(panel, loads, p.thrust_per_throttle * u.throttle / 3, r, v, p)
     return force
 
 
-def _flow(panel, r, v, air):
-    along = panel.axes.T @ (velocity_of(panel, r, v) - air)
-    return flow_of(along[0], along[1], along[2])
+def velocity_at(panel, place, air, r, v):
+    """Return the velocity of a point of a panel relative to the air, in panel axes.
+
+    place: the point, in panel axes
+    """
+    return panel.axes.T @ (ca.jtimes(panel.position + panel.axes @ place, r, v) - air)
+
+
+def flow_at(panel, behind, air, r, v):
+    """Return the flow at a point some ft behind the center of mass of a panel."""
+    velocity = velocity_at(panel, ca.vertcat(-behind, 0, 0), air, r, v)
+    forward, sideward, downward = ca.vertsplit(velocity)
+    speed = ca.norm_2(velocity)
+    return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
 
 
 def virtual_work(panel, loads, thrust, r, v, p):

@@ -1,10 +1,10 @@
-"""Random states and inputs in wider ranges than those of trims, and equations as CasADi columns."""
+"""Random states and inputs in wider ranges than those of trims, and equations as CasADi functions."""
 
 import casadi as ca
 import numpy as np
 
 import hfa
-from hfa_model import STATES, Input, Parameters, State
+from hfa_model import Input, State
 
 _AIRCRAFT = hfa.aircraft()
 #: Names of the disturbances: a component of the wind at all panels, at the center or outside.
@@ -27,16 +27,6 @@ def random_points(count, seed):
     return states, inputs
 
 
-def symbols():
-    """Return new CasADi symbols [x (7,), u (5,), p (18,)]."""
-    return _AIRCRAFT.layout.symbols("x", "u", "p")
-
-
-def by_name(x, u, p):
-    """Return columns of states, inputs and parameters as named tuples."""
-    return State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p))
-
-
 def wind_of(values=(), **named):
     """Return a record of all winds, ft/s: values in the order of `WINDS`, or named ones."""
     values = [*values] or [named.get(name, 0.0) for name in WINDS]
@@ -48,18 +38,13 @@ def equations(x, u, p, dynamics, wind=None):
     return hfa.aircraft(dynamics).equations(x, u, p, wind_of() if wind is None else wind)
 
 
-def rates(x, u, p, dynamics, wind=None):
-    """Return dX/dt of these dynamics as a named tuple."""
-    found = equations(x, u, p, dynamics, wind)[0]
-    return State(*(found[name] for name in STATES))
+def rates_function(layout, rates_of):
+    """Return the CasADi Function (x, u, p, w) -> dX/dt of equations of an aircraft.
 
-
-def state_rates(x, u, p, dynamics, wind=None):
-    """Return dX/dt of these dynamics as a CasADi column, (7,)."""
-    return ca.vertcat(*rates(*by_name(x, u, p), dynamics, wind))
-
-
-def rates_function(dynamics):
-    """Return the CasADi Function (x, u, p) -> dX/dt of these dynamics."""
-    vectors = symbols()
-    return ca.Function("rates", vectors, [state_rates(*vectors, dynamics)])
+    layout: names of the vectors of the aircraft
+    rates_of: function of the named x, u, p and w that returns the rates by name
+    """
+    vectors = layout.symbols(*"xupw")
+    x, *rest = map(layout.record, "xupw", map(ca.vertsplit, vectors))
+    found = rates_of(x, *rest)
+    return ca.Function("rates", vectors, [ca.vertcat(*map(found.get, x._fields))])

@@ -18,10 +18,11 @@ import numpy as np
 from lagrangian import (
     at_state,
     euler_lagrange,
-    flow_of,
+    flow_at,
     kinetic_energy,
     panel_loads,
     panels_at,
+    velocity_at,
     virtual_work,
 )
 
@@ -48,11 +49,11 @@ def derived_unsteady(x, u, density, p, winds):
         wind = winds.outer if side else winds.center
         still = ca.vertcat(-wind.headwind, 0, 0)
         moving = ca.vertcat(-wind.headwind, side * wind.outward, -wind.updraft)
-        flow = _flow(panel, 0, moving, r, v)
+        flow = flow_at(panel, 0, moving, r, v)
         angles = []
         for strip, control, chord, downwash, behind in _surfaces(name, x, u, p):
-            motion = _flow(panel, p.local_motion * behind, still, r, v).alpha - downwash
-            whole = _flow(panel, p.local_motion * behind, moving, r, v).alpha - downwash
+            motion = flow_at(panel, p.local_motion * behind, still, r, v).alpha - downwash
+            whole = flow_at(panel, p.local_motion * behind, moving, r, v).alpha - downwash
             parts = {
                 "lag": (motion + control, MOTION, p.lift_lag),
                 "gust": (whole - motion, GUST, p.gust_lag),
@@ -115,19 +116,6 @@ def _surfaces(name, x, u, p):
     )
 
 
-def _velocity_at(panel, place, air, r, v):
-    """Return the velocity of a point of a panel relative to the air, in panel axes.
-
-    place: the point, in panel axes
-    """
-    return panel.axes.T @ (ca.jtimes(panel.position + panel.axes @ place, r, v) - air)
-
-
-def _flow(panel, behind, air, r, v):
-    along = _velocity_at(panel, ca.vertcat(-behind, 0, 0), air, r, v)
-    return flow_of(along[0], along[1], along[2])
-
-
 def _along_the_span(panel, air, density, slope, x, r, v, p, side, lag_rates):
     """Return the generalized force (4,) of a lift that increases linearly along an outer panel.
 
@@ -137,7 +125,7 @@ def _along_the_span(panel, air, density, slope, x, r, v, p, side, lag_rates):
     slope: lift slope of the wing, 1/rad
     side: 1 or -1, the side of the panel
     """
-    flow = _flow(panel, 0, air, r, v)
+    flow = flow_at(panel, 0, air, r, v)
     angle = -p.local_motion * v[3] * p.panel_span / 2 / flow.speed
     tip = angle
     for i, (share, rate) in enumerate(zip(*MOTION, strict=True), start=1):
@@ -169,7 +157,7 @@ def _carried(panel, air, density, r, v, p):
     ):
         position = ca.vertcat(-(p.boom_length + chord / 4 if behind is None else behind), 0, 0)
         mass = p.apparent_mass * np.pi * density * b**2 * span
-        through = _velocity_at(panel, position, air, r, v)
+        through = velocity_at(panel, position, air, r, v)
         spin = panel.spin
         energy += mass * (through[2] ** 2 + (b * spin[1]) ** 2 / 8 + (span * spin[0]) ** 2 / 12) / 2
         moment += ca.cross(through, ca.vertcat(0, 0, mass * through[2]))
