@@ -10,20 +10,22 @@ from project import ROOT
 CORE_ALONE = str(ROOT / "tests" / "core_alone.py")
 TESTS = ("tests/trim/point/test_solve.py", "tests/verification/critic/test_verdict.py")
 
-#: Command lines whose results show what the core does without extensions.
-LINES = (
-    "--help",
-    "trim --help",
-    "solve --help more",
-    "sweep --help more",
-    "verify --help more",
-    "trim --dihedral 10",
-    "trim --dihedral 10 --dynamics unsteady",
-    "trim --aircraft jsbsim:737",
-    "fly --dihedral 15",
-    "trim --aircraft x.dml",
-    "prove schedule --dihedral 15:16",
-)
+#: Command line -> exit code, and what its result contains.
+LINES = {
+    "--help": (0, ["  verify "]),
+    "trim --help": (0, ["unsteady"]),
+    "solve --help more": (0, ["unsteady"]),
+    "sweep --help more": (0, [".zarr"]),
+    "verify --help more": (0, [".onnx", "--limit-cost", "--discount"]),
+    "trim --dihedral 10": (0, ["trimmed"]),
+    "trim --dihedral 10 --dynamics unsteady": (0, ["trimmed"]),
+    "trim --aircraft jsbsim:737": (2, ["jsbsim"]),
+    "trim --aircraft x.dml": (2, ["x.dml"]),
+    "fly --dihedral 15": (2, ["unknown command 'fly'"]),
+    "prove schedule --dihedral 15:16": (2, ["unknown command 'prove'"]),
+}
+#: What no help of the core contains.
+OF_EXTENSIONS = ("  fly ", ".fmu", "jsbsim", ".dml")
 
 
 @pytest.mark.slow
@@ -49,43 +51,14 @@ def test_the_core_trims_without_extensions(tmp_path):
         sys.path.remove(str(ROOT / "tests"))
     python = environment(tmp_path / "core")
     results = results_in_turn([f"hfa {line}" for line in LINES], tmp_path, python)
-    answers = {
-        line: (result.code, result.out + result.err)
-        for line, result in zip(LINES, results, strict=True)
-    }
+    for (line, (code, words)), result in zip(LINES.items(), results, strict=True):
+        output = result.out + result.err
+        assert result.code == code, (line, output)
+        assert [word for word in words if word not in output] == [], line
+        assert code == 0 or output.count("\n") == 1, output
+        assert "--help" not in line or [word for word in OF_EXTENSIONS if word in output] == []
     # The current folder is not that of the project, which may have metadata of entry points.
     names = "from hfa import *; import hfa; print('fly' in dir(hfa), 'Model' in dir(hfa)); hfa.fly"
     refused = subprocess.run([python, "-c", names], cwd=tmp_path, capture_output=True, text=True)
     assert refused.stdout == "False True\n"
     assert "hfa.fly requires the package hfa_flight; install this package" in refused.stderr
-
-    def run(*words):
-        return answers[" ".join(words)]
-
-    code, output = run("--help")
-    assert (code, "  verify " in output, "  fly " in output) == (0, True, False)
-    assert run("trim", "--dihedral", "10")[0] == 0
-    code, output = run("fly", "--dihedral", "15")
-    assert (code, output.count("\n")) == (2, 1)
-    assert "unknown command 'fly'" in output
-    for line, message in (
-        ("trim --aircraft x.dml", "x.dml"),
-        ("prove schedule --dihedral 15:16", "unknown command 'prove'"),
-    ):
-        code, output = run(*line.split())
-        assert (code, output.count("\n")) == (2, 1), output
-        assert message in output
-    code, output = run("trim", "--aircraft", "jsbsim:737")
-    assert (code, output.count("\n")) == (2, 1)
-    helps = "".join(output for line, (_, output) in answers.items() if "--help" in line)
-    of_others = (".fmu", "jsbsim", ".dml")
-    assert [word for word in of_others if word in helps] == []
-    of_the_core = (
-        "unsteady",
-        "--discount",
-        ".zarr",
-        ".onnx",
-        "--limit-cost",
-    )
-    assert [word for word in of_the_core if word not in helps] == []
-    assert run("trim", "--dihedral", "10", "--dynamics", "unsteady")[0] == 0
