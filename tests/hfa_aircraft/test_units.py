@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from extension import Extension
 from twins import PLANE, named
 
 import hfa
@@ -14,8 +13,6 @@ from hfa import BadInputError, linearize, trim
 from hfa.extend import About
 from hfa_aircraft import in_si
 from trim import usual_condition
-
-envelopes = Extension("hfa_flight")
 
 #: Unit -> number of SI units in it.
 FACTORS = {
@@ -54,6 +51,7 @@ def test_parameters_envelope_and_pickles_are_converted():
     slugs = heavier.native.parameters["panel_mass"].start
     assert slugs == pytest.approx(200.0 / si_factor("slug"))
     point = trim(converted, usual_condition(converted))
+    envelopes = pytest.importorskip("hfa_flight")
     envelope = envelopes.flight_envelope(converted, point)
     own = envelopes.flight_envelope(model, trim(model, usual_condition(model)))
     np.testing.assert_allclose(

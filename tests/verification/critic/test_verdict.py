@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cli import answer
-from extension import Extension
 from game_files import stored
 from game_samples import in_steps
 from planted_critics import gain
@@ -21,8 +20,6 @@ from hfa import (
 )
 from hfa.extend import Check
 from hfa_support.reporting.text import percent
-
-network_files = Extension("network_files")
 
 pytestmark = pytest.mark.usefixtures("folder")
 
