@@ -25,11 +25,14 @@ from benchmarks.report import Comparison, in_turn
 from hfa.main import main
 from hfa.paper import level_flight, published_game
 from hfa_support.native.bound import BoundFunction
+from trim import usual_condition
 
 # python-control counts imposed states as constraints and warns of too many.
 warnings.filterwarnings("ignore", "number of constraints", UserWarning)
 
 ROOT = Path(__file__).parents[1]
+F16 = f"{ROOT}/examples/f16.py:F16"
+HAS_JSBSIM = importlib.util.find_spec("jsbsim") is not None
 CONTROL = "python-control find_operating_point + linearize, same compiled equations"
 #: Imposed in the straight flight of the F-16. Five unknowns remain of the 12 in a turn.
 _AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rudder")
@@ -67,6 +70,18 @@ class TrimmedPlant(NamedTuple):
     states: np.ndarray
     inputs: np.ndarray
     A: np.ndarray
+
+    @classmethod
+    def of(cls, condition: hfa.TrimCondition) -> TrimmedPlant:
+        """Return the trim at a condition with its linear model."""
+        point = hfa.trim(condition.model, condition)
+        A = hfa.linearize(condition.model, point).A
+        return cls(np.array(point.states), np.array(point.inputs), A)
+
+
+def usual(aircraft: str) -> hfa.TrimCondition:
+    """Return the usual trim condition of an aircraft."""
+    return usual_condition(hfa.load_model(aircraft))
 
 
 def same_points(
@@ -163,16 +178,13 @@ def _evaluated(model: hfa.Model, outputs: tuple[str, ...]) -> Callable[..., np.n
 
 def one_trim(quick: bool) -> list[Comparison]:
     """Return comparisons of one trim and its linear model of four aircraft with python-control."""
-    f16 = hfa.load_model(f"{ROOT}/examples/f16.py:F16")
-    table = hfa.load_model(f"{ROOT}/examples/uav.toml")
     cases = [
         ("the HFA", level_flight(np.radians(10.0)), "dihedral", 3.0),
-        ("an F-16", hfa.TrimCondition(f16, f16.trim), "turn_rate", 1.0),
-        ("a table of derivatives", hfa.TrimCondition(table, table.trim), "speed", 1.0),
+        ("an F-16", usual(F16), "turn_rate", 1.0),
+        ("a table of derivatives", usual(f"{ROOT}/examples/uav.toml"), "speed", 1.0),
     ]
-    if importlib.util.find_spec("jsbsim") is not None:
-        boeing = hfa.load_model("jsbsim:737")
-        cases.append(("the 737 of JSBSim", hfa.TrimCondition(boeing, boeing.trim), "speed", 1.0))
+    if HAS_JSBSIM:
+        cases.append(("the 737 of JSBSim", usual("jsbsim:737"), "speed", 1.0))
     return [_one_trim(quick, *case) for case in cases]
 
 
@@ -180,15 +192,10 @@ def _one_trim(
     quick: bool, aircraft: str, condition: hfa.TrimCondition, name: str, goal: float
 ) -> Comparison:
     """Return the comparison of one trim, at its imposed value of the variable `name`."""
-    model, number = condition.model, 20
+    number = 20
 
     def ours() -> list[TrimmedPlant]:
-        points = [hfa.trim(model, condition) for _ in range(number)]
-        linear = [hfa.linearize(model, point) for point in points]
-        return [
-            TrimmedPlant(np.array(point.states), np.array(point.inputs), model_at.A)
-            for point, model_at in zip(points, linear, strict=True)
-        ]
+        return [TrimmedPlant.of(condition) for _ in range(number)]
 
     theirs = partial(control_points(condition), name, [condition.imposed[name]] * number)
     job = f"one trim of {aircraft} and its exact A, B, from Python"
@@ -198,25 +205,24 @@ def _one_trim(
 
 def sweeps(quick: bool) -> list[Comparison]:
     """Return comparisons of trims and linear models at many points with python-control."""
-    f16 = hfa.load_model(f"{ROOT}/examples/f16.py:F16")
-    usual = hfa.TrimCondition(f16, f16.trim)
+    turn = usual(F16)
+    model = turn.model
     of_straight_flight = {
         name: value
-        for name, value in usual.imposed.items()
-        if name in f16.variables or name == "gamma"
+        for name, value in turn.imposed.items()
+        if name in model.variables or name == "gamma"
     }
     steady = dict.fromkeys(("speed", "alpha", "pitch_rate", "power"), 0.0)
-    ahead = hfa.TrimCondition(f16, of_straight_flight | dict.fromkeys(_AHEAD, 0.0), steady)
+    ahead = hfa.TrimCondition(model, of_straight_flight | dict.fromkeys(_AHEAD, 0.0), steady)
     degrees = np.pi / 180.0
     cases = [
         ("dihedral angles of the HFA", level_flight(0.0), "dihedral", 0.0, 20.0 * degrees, 20.0),
         ("points of an F-16 with 5 unknowns", ahead, "speed", 300.0, 700.0, 30.0),
-        ("points of an F-16 with 12 unknowns", usual, "turn_rate", 0.0, 0.2, 12.0),
+        ("points of an F-16 with 12 unknowns", turn, "turn_rate", 0.0, 0.2, 12.0),
     ]
-    if importlib.util.find_spec("jsbsim") is not None:
-        boeing = hfa.load_model("jsbsim:737")
-        condition = hfa.TrimCondition(boeing, boeing.trim)
-        cases.append(("speeds of the 737 of JSBSim", condition, "speed", 460.0, 640.0, 20.0))
+    if HAS_JSBSIM:
+        boeing = usual("jsbsim:737")
+        cases.append(("speeds of the 737 of JSBSim", boeing, "speed", 460.0, 640.0, 20.0))
     return [_sweep(quick, *case) for case in cases]
 
 
@@ -334,7 +340,7 @@ def _games(quick: bool, states: int, slower: float) -> Iterator[Comparison]:
 
 def environment(quick: bool) -> list[Comparison]:
     """Return the comparison of an environment of JSBSim's c172p with JSBSim."""
-    if importlib.util.find_spec("jsbsim") is None:
+    if not HAS_JSBSIM:
         return []
     import jsbsim
 

@@ -12,6 +12,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from matplotlib.ticker import EngFormatter
+
 from hfa_support.errors import BadInputError
 from hfa_support.files import write_text
 from hfa_support.reporting.markup import markdown_table
@@ -94,11 +96,8 @@ def markdown(rows: Sequence[Comparison]) -> str:
 
 
 def time_text(seconds: float) -> str:
-    """Return a time as text in s, ms, µs or ns."""
-    for factor, name in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
-        if seconds >= factor:
-            return f"{seconds / factor:.3g} {name}"
-    return f"{seconds / 1e-9:.3g} ns"
+    """Return a time as text with three significant digits, in s, ms, µs or ns."""
+    return str(EngFormatter("s")(float(f"{seconds:.3g}")))
 
 
 def ratio_text(ratio: float) -> str:

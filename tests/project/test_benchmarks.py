@@ -8,17 +8,11 @@ from benchmarks import __main__ as bench, jobs, report
 from hfa.paper import level_flight
 
 
-def found(condition):
-    point = hfa.trim(condition.model, condition)
-    A = hfa.linearize(condition.model, point).A
-    return jobs.TrimmedPlant(np.array(point.states), np.array(point.inputs), np.array(A))
-
-
 @pytest.mark.filterwarnings("ignore:number of constraints")
 def test_a_job_refuses_a_peer_with_another_result():
     """python-control finds the trim and A of the HFA, and an error of either is found."""
     condition = level_flight(0.1)
-    ours = found(condition)
+    ours = jobs.TrimmedPlant.of(condition)
     peers = jobs.control_points(condition)("dihedral", [0.1])
     jobs.same_points(condition, [ours], peers)
     for wrong in (
