@@ -48,20 +48,21 @@ SOURCE = re.compile(
 _NONE = Block("", "", 0, slow=False)
 
 
-def complaints(document, *, name="document", slow=False):
-    """Run the blocks of a document in the current folder and return their faults.
+def complaints(path, *, slow=False):
+    """Run the blocks of a document and return their faults. Files remain in the current folder.
 
-    name: name of the document in the faults
     slow: whether slow blocks are run too
     """
+    for name in ("examples", "studies"):
+        Path(name).symlink_to(ROOT / name)
     namespace = {"__name__": "__main__"}
-    blocks = [block for block in blocks_of(document) if slow or not block.slow]
+    blocks = [block for block in blocks_of(text_of(path)) if slow or not block.slow]
     found = [
-        f"{name}, line {block.line}: {wrong}"
+        f"{path.name}, line {block.line}: {wrong}"
         for before, block, after in zip(
             [_NONE, *blocks], blocks, [*blocks[1:], _NONE], strict=False
         )
-        for wrong in _wrong(before, block, after, namespace, name)
+        for wrong in _wrong(before, block, after, namespace, path.name)
         if wrong
     ]
     namespace.clear()  # closes open files before a later test
@@ -114,7 +115,10 @@ def _wrong_with(command, code, expected):
             expected, subprocess.run(words, check=True, capture_output=True, text=True).stdout
         )
     if words[:2] == ["python", "-m"]:
-        result = _study(words[2], words[3:])
+        done = subprocess.run(
+            [sys.executable, *words[1:]], cwd=ROOT, capture_output=True, text=True
+        )
+        result = Result(done.returncode, done.stdout, done.stderr)
     elif words[0] == "hfa":
         result = hfa(*words[1:])
     else:
@@ -123,14 +127,6 @@ def _wrong_with(command, code, expected):
         return f"exit code {result.code} instead of {code}: {result.err}"
     output = result.out if SOURCE.search(expected) else SOURCE.sub("", result.out)
     return difference(expected, output + result.err)
-
-
-def _study(module, words):
-    """Run `python -m MODULE words...` and return the result."""
-    done = subprocess.run(
-        [sys.executable, "-m", module, *words], cwd=ROOT, capture_output=True, text=True
-    )
-    return Result(done.returncode, done.stdout, done.stderr)
 
 
 PICTURES = ROOT / "docs" / "pictures"
@@ -143,18 +139,12 @@ def text_of(path):
     return path.read_text(encoding="utf-8")
 
 
-def is_slow(path):
-    return any(block.slow for block in blocks_of(text_of(path)))
-
-
-#: Documents whose blocks run in the fast tests; those of the others take longer.
-FIRST = ("README",)
+#: The README's blocks run in the fast tests, but for slow ones; those of other documents take longer.
 CASES = [
-    *(pytest.param(path, False, id=path.stem) for path in RUN_HERE if path.stem in FIRST),
+    pytest.param(ROOT / "README.md", False, id="README"),
     *(
         pytest.param(path, True, id=f"{path.stem} whole", marks=pytest.mark.slow)
         for path in RUN_HERE
-        if path.stem not in FIRST or is_slow(path)
     ),
 ]
 
@@ -164,18 +154,11 @@ def test_blocks_print_the_shown_output(path, slow, tmp_path, monkeypatch):
     """Each block of a document prints the shown output and draws the stored pictures."""
     monkeypatch.chdir(tmp_path)
     assert blocks_of(text_of(path)), "it shows nothing that can be checked"
-    assert "\n\n".join(complaints_here(path, slow=slow)) == ""
+    assert "\n\n".join(complaints(path, slow=slow)) == ""
     ran = "".join(block.text for block in blocks_of(text_of(path)) if slow or not block.slow)
     for picture in (PICTURES / path.stem).glob("*.png"):
         if picture.name in ran:
             assert looks_like(picture, tmp_path / picture.name), "run `make pictures`"
-
-
-def complaints_here(document, *, slow=False):
-    """Run the blocks of a document and return their faults. Files remain in the current folder."""
-    for name in ("examples", "studies"):
-        Path(name).symlink_to(ROOT / name)
-    return complaints(text_of(document), name=document.name, slow=slow)
 
 
 def commands_in_tables(document):
@@ -220,7 +203,7 @@ def illustrate():
     """Run the documents with pictures and store the pictures that they draw."""
     for stored in sorted(path for path in PICTURES.iterdir() if path.is_dir()):
         with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
-            assert complaints_here(ROOT / "docs" / f"{stored.name}.md", slow=True) == []
+            assert complaints(ROOT / "docs" / f"{stored.name}.md", slow=True) == []
             for picture in stored.glob("*.png"):
                 shutil.copy(picture.name, picture)
 
