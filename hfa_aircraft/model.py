@@ -241,7 +241,7 @@ class Model(Reported):
         They are kcas, keas, ktas and mach of an aircraft with an altitude. An output with such a
         name is the model's own. The result is {} for other models.
         """
-        if not altitudes(self):
+        if not altitudes(self.states):
             return {}
         others = {*self.states, *self.inputs, *self.parameters, *self.disturbances}
         return {
@@ -324,7 +324,7 @@ class Model(Reported):
         if name in self.holdable:
             return
         known = dict.fromkeys((*self.holdable, *also, *self.parameters))
-        meant = meant_by(name, self)
+        meant = meant_by(name, self.states)
         if meant == recognized(self.states).get("phi") and "turn_rate" in known:
             raise BadInputError(
                 f"{meaning} {name!r}; give a level turn by --hold {meant}=ANGLE --free turn_rate"

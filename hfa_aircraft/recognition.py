@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from hfa_aircraft.model import Model
     from hfa_aircraft.signals import Signal
 
 _ANGLE = ("rad", "deg")
@@ -73,11 +72,11 @@ def _named(states: Mapping[str, Signal], names: Sequence[str], units: Sequence[s
     return named or (of_parts if len(of_parts) == 1 else [])
 
 
-def altitudes(model: Model) -> list[str]:
+def altitudes(states: Mapping[str, Signal]) -> list[str]:
     """Return the names of the states that are recognized as altitudes of an aircraft."""
-    if not {"speed", "alpha"} <= {*recognized(model.states)}:
+    if not {"speed", "alpha"} <= {*recognized(states)}:
         return []
-    return _named(model.states, _ALTITUDES, _LENGTH)
+    return _named(states, _ALTITUDES, _LENGTH)
 
 
 def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
@@ -98,12 +97,12 @@ def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
     return modes
 
 
-def meant_by(word: str, model: Model) -> str:
+def meant_by(word: str, states: Mapping[str, Signal]) -> str:
     """Return the variable that a usual word or symbol names: roll of "phi", or ""."""
     plain = word.lower()
-    for role, state in recognized(model.states).items():
+    for role, state in recognized(states).items():
         if plain in _RECOGNIZED[role][0]:
             return state
     if plain in _ALTITUDES:
-        return next(iter(altitudes(model)), "")
+        return next(iter(altitudes(states)), "")
     return _WORDS.get(plain, "")

@@ -213,7 +213,7 @@ def with_airspeed(model: Model, imposed: Mapping[str, Any]) -> Model:
     """
     names = [name for name in model.airspeeds if name in imposed]
     is_needed = len(names) == 1 and names[0] not in model.outputs
-    if not (is_needed and {*_OF_AIR} <= {*model.outputs}) or altitudes(model)[0] in imposed:
+    if not (is_needed and {*_OF_AIR} <= {*model.outputs}) or altitudes(model.states)[0] in imposed:
         return model
     (name,) = names
     speed = recognized(model.states)["speed"]
@@ -264,7 +264,7 @@ def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
     names = [name for name in model.airspeeds if name in imposed]
     if not names:
         return dict(imposed)
-    speed, altitude = recognized(model.states)["speed"], altitudes(model)[0]
+    speed, altitude = recognized(model.states)["speed"], altitudes(model.states)[0]
     for airspeed in names:
         least = np.min(imposed[airspeed])
         if not least > 0.0:

@@ -108,7 +108,7 @@ def changing_lines(trimmed: Trimmed) -> list[str]:
     altitude or heading: positions, and fuel.
     """
     point, model = trimmed.point, trimmed.point.model
-    of_flight = {*trimmed.roles.values(), *altitudes(model), "yaw"}
+    of_flight = {*trimmed.roles.values(), *altitudes(model.states), "yaw"}
     balanced = point.trim_problem.asked.rates
     changing = [
         f"{name} by {value_text(model, f'{name}_dot', rate)}"

@@ -271,7 +271,7 @@ def _compared(trimmed: Trimmed) -> Iterator[float]:
         factor = conversion_factor(model.unit("gravity"), "m/s^2") or math.nan
         gravity = model.parameters["gravity"].start * factor
     yield weight / (_configured_in(trimmed, "mass", "kg") * gravity)
-    altitude = next(iter(altitudes(trimmed.model)), "")
+    altitude = next(iter(altitudes(trimmed.model.states)), "")
     density = 2.0 * value("dynamic_pressure", "N/m^2") / speed**2
     ratio = density / float(air_at(value(altitude, "m") if altitude else 0.0, "si").density)
     yield ratio if altitude else max(1.0, ratio)

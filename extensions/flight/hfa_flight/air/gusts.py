@@ -58,7 +58,7 @@ def state_of(model: Model, name: str) -> str:
     if name in model.states or name in model.outputs:
         return name
     if name == "altitude":
-        return next(iter(altitudes(model)), "")
+        return next(iter(altitudes(model.states)), "")
     return recognized(model.states).get(_ROLES.get(name, name), "")
 
 
