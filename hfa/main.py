@@ -120,7 +120,6 @@ def _run(words: list[str], find: Find) -> int:
 
         line = shlex.join([*program.split(), *options])
         request: Request = command.request(**values, line=line, date=now())
-        _refuse_to_overwrite(request)
         if request.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))
         try:
@@ -147,9 +146,17 @@ def _run(words: list[str], find: Find) -> int:
 def _computed(command: Command, request: Request) -> int:
     """Run a command, show its outcome and return the exit code. With --json, print what a failed
     search found.
+
+    Raises BadInputError if an output file was read as input or is named for two outputs.
     """
     from hfa.options.command import show, show_text
+    from hfa_support.files import refuse_read
 
+    paths = [path for path in (request.output, request.picture) if path is not None]
+    for path in paths:
+        refuse_read(path)
+    if len({os.path.realpath(path) for path in paths}) < len(paths):
+        raise BadInputError(f"{paths[0]} is given for two outputs; give two different files")
     try:
         given = () if command.given is None else (command.given(request),)
         outcome = command.run(request, *given)
@@ -169,17 +176,6 @@ def _with_option(words: list[str], option: tuple[str, ...]) -> list[str]:
         place = kept.index(name)
         del kept[place : place + 2]
     return [*kept, *option]
-
-
-def _refuse_to_overwrite(request: Request) -> None:
-    """Raise BadInputError if an output file was read as input or is named for two outputs."""
-    from hfa_support.files import refuse_read
-
-    paths = [path for path in (request.output, request.picture) if path is not None]
-    for path in paths:
-        refuse_read(path)
-    if len({os.path.realpath(path) for path in paths}) < len(paths):
-        raise BadInputError(f"{paths[0]} is given for two outputs; give two different files")
 
 
 def _print_warnings(caught: Iterable[warnings.WarningMessage]) -> None:

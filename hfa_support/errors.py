@@ -305,14 +305,11 @@ def printable(text: object, lines: bool = False) -> str:
     text: a text, a table cell or the path of a file
     lines: whether line breaks are kept
     """
-
-    def spelled(letter: str) -> str:
-        if letter.isprintable() or (lines and letter == "\n"):
-            return letter
-        return " " if letter.isspace() else ascii(letter)[1:-1]
-
     plain = str(text)
-    return plain if plain.isprintable() else "".join(map(spelled, plain))
+    for letter in {*plain}:
+        if not (letter.isprintable() or (lines and letter == "\n")):
+            plain = plain.replace(letter, " " if letter.isspace() else ascii(letter)[1:-1])
+    return plain
 
 
 def on_one_line(message: str) -> str:

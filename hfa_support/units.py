@@ -193,7 +193,9 @@ def _measured(unit: str) -> _Unit | None:
 
     A word that is unknown is a base of its own, of size 1.
     """
-    factors = _powers(unit)
+    plain = unit.replace("²", "^2").replace("³", "^3")
+    bracket_slash_exponent_or_name = r"\(|\)|/|\^-?\d+|[^\s()/^*·]+"
+    factors = _product(iter(re.findall(bracket_slash_exponent_or_name, plain)))
     if not factors:
         return None
     size, powers = 1.0, Counter[str]()
@@ -203,14 +205,6 @@ def _measured(unit: str) -> _Unit | None:
         for base, exponent in known.powers.items():
             powers[base] += exponent * power
     return _Unit(size, {base: power for base, power in powers.items() if power})
-
-
-def _powers(unit: str) -> Counter[str]:
-    """Return name -> exponent of each unit in a product of units such as (ft/s^2)/(rad)."""
-    plain = unit.replace("²", "^2").replace("³", "^3")
-    bracket_slash_exponent_or_name = r"\(|\)|/|\^-?\d+|[^\s()/^*·]+"
-    words = re.findall(bracket_slash_exponent_or_name, plain)
-    return _product(iter(words))
 
 
 def _product(words: Iterator[str]) -> Counter[str]:

@@ -20,7 +20,7 @@ from hfa.options.command import (
 )
 from hfa.options.parser import refuse
 from hfa.options.points import GivenPoints, PointOptions, given_points
-from hfa.options.trims import at_name
+from hfa.options.trims import TrimInput, at_name, trim_input
 from hfa_support.errors import BadInputError, warn
 from trim.sweeps.result import NETCDF
 from trim.sweeps.sweep import MOST_POINTS, run_plan
@@ -47,13 +47,14 @@ class SweepRequest(Request, PointOptions, WorkerOptions):
     picture: Path | None = picture_option("the root locus")
 
 
-@command(SweepRequest, given_points)
-def sweep(request: SweepRequest, points: GivenPoints) -> Outcome:
+@command(SweepRequest, trim_input)
+def sweep(request: SweepRequest, given: TrimInput) -> Outcome:
     """Trim and linearize an aircraft over a grid of conditions, and track its modes.
 
     Any variable of a trim (--hold speed=60:70:2) and any parameter of the aircraft
     (--hold NAME=9:11:1) can be swept. For a point without a trim, the row contains the reason. The
     exit code is 1 if no point has a trim. --resume continues an interrupted sweep into a store."""
+    points = given_points(request, given)
     store = request.output
     if store is None or store.suffix.lower() != STORE:
         refuse(request, OF_A_STORE, f"requires a store; add -o FILE{STORE}")

@@ -15,7 +15,7 @@ from hfa.options.command import Outcome, Request, command, output_option, pictur
 from hfa.options.conditions import ListedCondition
 from hfa.options.parser import option
 from hfa.options.points import GivenPoints, PointOptions, given_points
-from hfa.options.trims import TrimInput
+from hfa.options.trims import TrimInput, trim_input
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
@@ -80,33 +80,33 @@ class TrimRequest(Request, PointOptions):
     )
 
 
-@command(TrimRequest, given_points)
-def trim(request: TrimRequest, points: GivenPoints) -> Outcome:
+@command(TrimRequest, trim_input)
+def trim(request: TrimRequest, given: TrimInput) -> Outcome:
     """Trim the aircraft and print a sheet: variables, limits, configuration, loads, performance,
     stability, modes and their levels by MIL-F-8785C. Several values give one sheet each."""
-    if not points.listed:
-        points.trims.refuse_unscheduled()
-    is_single = points.trims.is_single and (request.row is not None or not points.listed)
-    return _single(request, points) if is_single else _several(request, points)
+    given.refuse_unscheduled()
+    is_single = given.is_single and (request.row is not None or not given.rows)
+    return _single(request, given) if is_single else _several(request, given_points(request, given))
 
 
-def _single(request: TrimRequest, points: GivenPoints) -> Outcome:
+def _single(request: TrimRequest, given: TrimInput) -> Outcome:
     """Return the outcome of the only trim: its sheet."""
-    (row,) = points.conditions(1)
-    given = points.trims.single()
-    point = trimmed(given)
+    one = given.single()
+    point = trimmed(one)
+    name = given.rows[0].name if given.rows else ""
     short = None
     if not (request.full or request.json):
-        short = _with_name(brief(point, Airplane(request.class_, request.category)), row.name)
+        short = _with_name(brief(point, Airplane(request.class_, request.category)), name)
     report = short
     if report is None or request.output is not None:
-        whole = _with_document(_with_name(_sheet(request, point), row.name), request)
-        records = matrix([_stated(points.trims, row)], [whole.sheet])
-        report = replace(whole, records=records)
+        at = {} if one.at is None else {one.model.schedule: one.at}
+        row = given.rows[0] if given.rows else ListedCondition("", {**one.hold, **at}, (), {})
+        whole = _with_document(_with_name(_sheet(request, point), name), request)
+        report = replace(whole, records=matrix([_stated(given, row)], [whole.sheet]))
     return Outcome(
         report=report,
         printed=short,
-        source=given.source,
+        source=one.source,
         figure=partial(trim_figure, point),
     )
 
@@ -117,7 +117,12 @@ def _several(request: TrimRequest, points: GivenPoints) -> Outcome:
     overview, conditions = _sheets(request, points)
     report, model = overview, points.trims.model
     if request.output is not None:
-        report = book_of(overview, conditions, model, _sources_of(request, model))
+        files = {"data": revision(model)}
+        if request.conditions is not None:
+            path = Path(request.conditions)
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
+            files["conditions"] = f"{path.name} (SHA-256 {digest})"
+        report = book_of(overview, conditions, model, files)
     return Outcome(
         report=_with_document(report, request),
         printed=_with_document(overview if request.full else brief_list(overview), request),
@@ -129,16 +134,6 @@ def _several(request: TrimRequest, points: GivenPoints) -> Outcome:
 def _with_document(report: Report, request: TrimRequest) -> Report:
     """Return a report with the text of --document."""
     return report.with_document(request.document) if request.document else report
-
-
-def _sources_of(request: TrimRequest, model: Model) -> dict[str, str]:
-    """Return the files that a book was made of, with their digests."""
-    files = {"data": revision(model)}
-    if request.conditions is not None:
-        path = Path(request.conditions)
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
-        files["conditions"] = f"{path.name} (SHA-256 {digest})"
-    return files
 
 
 def _sheet(request: TrimRequest, point: OperatingPoint) -> Report:

@@ -98,13 +98,16 @@ def options_of(request: type) -> dict[str, Option]:
             usual_name = "--" + of_option.name.strip("_").replace("_", "-")
             options[of_option.name] = replace(declared, names=declared.names or (usual_name,))
 
-    def place(name: str) -> tuple[bool, ...]:
-        """Return the sort key of a field, of which False comes first."""
-        option = options[name]
-        is_first = option.required or option.first
-        return option.rare, bool(option.group), not is_first, name in _OUTPUT
-
-    return {name: options[name] for name in sorted(options, key=place)}
+    places = {
+        name: (
+            option.rare,
+            bool(option.group),
+            not (option.required or option.first),
+            name in _OUTPUT,
+        )
+        for name, option in options.items()
+    }  # False comes first
+    return {name: options[name] for name in sorted(options, key=places.__getitem__)}
 
 
 def is_given(request: Any, name: str) -> bool:
@@ -173,7 +176,7 @@ class Parser(argparse.ArgumentParser):
                 required = option.required
                 keywords |= {"dest": name, "default": argparse.SUPPRESS, "required": required}
             if option.named:
-                keywords |= {"action": _Named, "kind": kind, "metavar": option.form}
+                keywords |= {"action": _Named, "const": kind, "metavar": option.form}
             elif option.form:
                 keywords |= {"type": kind, "metavar": option.form}
                 if option.repeated:
@@ -291,12 +294,10 @@ class _Help(argparse.Action):
 
 
 class _Named(argparse.Action):
-    """Action of a repeatable option `NAME=VALUE,NAME=VALUE`, whose value is a dictionary."""
+    """Action of a repeatable option `NAME=VALUE,NAME=VALUE`, whose value is a dictionary.
 
-    def __init__(self, *, kind: Callable[[str, str], Any], **options: Any) -> None:
-        super().__init__(**options)
-        self._kind = kind
-        self._texts: dict[str, str] = {}
+    const: function (name, text) -> value
+    """
 
     def __call__(
         self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None
@@ -307,14 +308,14 @@ class _Named(argparse.Action):
                 raise argparse.ArgumentError(
                     self, f"{shortened(word)!r} is not NAME=VALUE; give a name and a value"
                 )
-            before = self._texts.setdefault(name, text)
+            (before,) = parser._words.setdefault(f"{self.dest} {name}", [text])
             if before != text:
                 twice = (
                     f"is given twice ({shortened(before)} and {shortened(text)}); give one value"
                 )
                 raise argparse.ArgumentError(self, f"{shortened(name)} {twice}")
             try:
-                value = self._kind(name, text)
+                value = self.const(name, text)
             except BadInputError as error:
                 raise argparse.ArgumentError(self, f"{shortened(name)} {error}") from error
             setattr(namespace, self.dest, {**getattr(namespace, self.dest, {}), name: value})

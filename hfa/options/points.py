@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from hfa.options.argument_types import Range, array_of
 from hfa.options.conditions import ListedCondition
 from hfa.options.parser import option
-from hfa.options.trims import SeveralTrims, TrimInput, trim_input
+from hfa.options.trims import SeveralTrims, TrimInput
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import TrimCondition
@@ -88,12 +88,13 @@ class GivenPoints(NamedTuple):
             yield ListedCondition("", values, (), {})
 
 
-def given_points(request: PointOptions) -> GivenPoints:
+def given_points(request: PointOptions, given: TrimInput) -> GivenPoints:
     """Return the points of the options --at, --hold and --conditions.
+
+    given: what the options say about trims
 
     Raises BadInputError for a variable that two of them give, and as `conditions` does.
     """
-    given = trim_input(request)
     schedule = given.model.schedule
     of_options = given.hold if given.at is None else {schedule: given.at, **given.hold}
     for row in given.rows:

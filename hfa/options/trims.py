@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa.options.argument_types import (
@@ -128,12 +129,12 @@ class TrimInput(NamedTuple):
     model: Model
     aircraft: Mapping[str, Any]
     condition: TrimCondition
-    free: tuple[str, ...]
-    limits: Mapping[str, tuple[float, float]]
-    at: Range | None
-    hold: Mapping[str, Range]
-    begin: Mapping[str, float]
-    start: OperatingPoint | None
+    free: tuple[str, ...] = ()
+    limits: Mapping[str, tuple[float, float]] = MappingProxyType({})
+    at: Range | None = None
+    hold: Mapping[str, Range] = MappingProxyType({})
+    begin: Mapping[str, float] = MappingProxyType({})
+    start: OperatingPoint | None = None
     rows: tuple[ListedCondition, ...] = ()
 
     @property
@@ -345,10 +346,18 @@ def trim_input(
     """
     model = loaded_model(request)
     at = _scheduled(request, model, scheduled)
-    hold = each_of("--hold", model, _texts_of_hold(request), value_range)
+    texts = request.hold
+    if request.isa is not None:
+        if ISA in texts:
+            raise BadInputError(f"--isa and --hold {ISA} are the same; give one of them")
+        texts = {**texts, ISA: request.isa}
+    hold = each_of("--hold", model, texts, value_range)
     free = tuple(_freed(model, text) for text in request.free)
     _refuse_doubles(model, free, at, hold)
-    begin, start = _start(request, model)
+    begin, start = ({}, None) if request.start is None else _start(request.start, model)
+    condition = usual_condition(model)
+    if request.condition is not None:
+        condition = _named_condition(request.condition, condition)
     rows: tuple[ListedCondition, ...] = ()
     if request.conditions is not None:
         rows = tuple(listed_conditions(request.conditions, model))
@@ -359,7 +368,7 @@ def trim_input(
     return TrimInput(
         model=model,
         aircraft=aircraft_source(request, model),
-        condition=_named_condition(request, model),
+        condition=condition,
         free=free,
         limits=each_of("--limit", model, request.limit, span),
         at=at,
@@ -387,21 +396,10 @@ def conditions(model: Model, path: str | Path) -> Conditions:
     >>> book["cruise"]["altitude"], book.A["alpha", "pitch_rate"].shape
     (100.0, (8,))
     """
-    rows = tuple(listed_conditions(path, model))
-    given = TrimInput(
-        model=model,
-        aircraft={"changed": {}},
-        condition=usual_condition(model),
-        free=(),
-        limits={},
-        at=None,
-        hold={},
-        begin={},
-        start=None,
-        rows=rows,
-    )
     from trim.reports.models import linear_models
 
+    rows = tuple(listed_conditions(path, model))
+    given = TrimInput(model, {"changed": {}}, usual_condition(model), rows=rows)
     return linear_models(model, given.asked())
 
 
@@ -467,15 +465,6 @@ def _scheduled(
         return kind(model, model.schedule, given.pop())
 
 
-def _texts_of_hold(request: TrimOptions) -> Mapping[str, str]:
-    """Return name -> text of --hold, with that of --isa, which sets the parameter isa."""
-    if request.isa is None:
-        return request.hold
-    if ISA in request.hold:
-        raise BadInputError(f"--isa and --hold {ISA} are the same; give one of them")
-    return {**request.hold, ISA: request.isa}
-
-
 def _freed(model: Model, text: str) -> str:
     """Return the model's name of the variable that --free gives."""
     if "," in text:
@@ -503,28 +492,19 @@ def _refuse_doubles(
             )
 
 
-def _named_condition(request: TrimOptions, model: Model) -> TrimCondition:
-    """Return the condition of --condition, or the default of the model.
-
-    Raises BadInputError for a list of conditions.
-    """
-    usual = usual_condition(model)
-    if request.condition is None:
-        return usual
-    if request.condition.lower().endswith(".csv"):
+def _named_condition(name: str, usual: TrimCondition) -> TrimCondition:
+    """Return the condition of --condition. Raises BadInputError for a list of conditions."""
+    if name.lower().endswith(".csv"):
         raise BadInputError(
-            f"--condition {request.condition} is a list of conditions; give one condition, or "
+            f"--condition {name} is a list of conditions; give one condition, or "
             "`hfa trim --conditions FILE` or `hfa sweep --conditions FILE`"
         )
     with option_errors("--condition"):
-        return load_condition(request.condition, usual)
+        return load_condition(name, usual)
 
 
-def _start(request: TrimOptions, model: Model) -> tuple[dict[str, float], OperatingPoint | None]:
+def _start(text: str, model: Model) -> tuple[dict[str, float], OperatingPoint | None]:
     """Return variable -> initial value, and the initial point, of which --start gives one."""
-    text = request.start
-    if text is None:
-        return {}, None
     with option_errors("--start"):
         if "=" not in text or Path(text).exists():
             return {}, OperatingPoint.load(Path(text), model)

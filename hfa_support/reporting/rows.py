@@ -194,9 +194,18 @@ class Row(Result):
 
         A sentence as a value is a note.
         """
-        if isinstance(self.value, str) and len(self.value) > _LONGEST and not self.note:
-            return self.name, "", "", self.value
-        return self.name, self._value_text(), self.printed_unit, self.note
+        value = self.value
+        if isinstance(value, str) and len(value) > _LONGEST and not self.note:
+            return self.name, "", "", value
+        if isinstance(value, (str, int)):
+            text = str(value)
+        elif isinstance(value, complex):
+            text = eigenvalue_text(value)
+        elif 0.0 < abs(value) <= self.least:
+            text = f"<= {self.least:g}"
+        else:
+            text = short_number(value, self.unit if self.in_degrees else "", self.digits)
+        return self.name, text, self.printed_unit, self.note
 
     @property
     def stated_level(self) -> int | str | None:
@@ -208,16 +217,6 @@ class Row(Result):
         """Return the unit as a sheet prints it, with degrees for angles, or "" for none."""
         unit = shown_unit(self.unit) if self.in_degrees else self.unit
         return "" if unit == "1" else unit
-
-    def _value_text(self) -> str:
-        """Return the value as a sheet prints it."""
-        if isinstance(self.value, (str, int)):
-            return str(self.value)
-        if isinstance(self.value, complex):
-            return eigenvalue_text(self.value)
-        if 0.0 < abs(self.value) <= self.least:
-            return f"<= {self.least:g}"
-        return short_number(self.value, self.unit if self.in_degrees else "", self.digits)
 
 
 class Lacking(NamedTuple):
@@ -245,34 +244,34 @@ class Group(NamedTuple):
         """Return the rows and the sentences as text. Notes are wrapped in a column of their own, or
         stand below their rows where a narrow one has no room for them.
         """
-        below = [wrapped(printable(line, lines=True), width) for line in self.lines]
-        return "\n".join([*self._row_lines(color, width), *below])
-
-    def _row_lines(self, color: bool, width: int | None) -> Iterator[str]:
-        """Yield the heading, and each row with its note."""
-        if not self.rows:
-            return
-        table = self.table()
-        cells = [[printable(cell) for cell in row[:3]] for row in (table.header, *table.rows)]
-        of_name, of_value, of_unit = (max(map(len, column)) for column in zip(*cells, strict=True))
-        heading, *lines = (
-            _GAP.join((name.ljust(of_name), value.rjust(of_value), unit.ljust(of_unit)))
-            for name, value, unit in cells
-        )
-        yield heading.rstrip()
-        for row, line in zip(self.rows, lines, strict=True):
-            yield from _with_note(line, row, color, width)
+        lines: list[str] = []
+        if self.rows:
+            header = (self.title, "value", "unit", "")
+            cells = [header, *(row.cells() for row in self.rows)]
+            texts = [[printable(cell) for cell in row] for row in cells]
+            of_name, of_value, of_unit, _ = (
+                max(map(len, column)) for column in zip(*texts, strict=True)
+            )
+            for (name, value, unit, note), tone in zip(
+                texts, ("", *(row.tone for row in self.rows)), strict=True
+            ):
+                line = _GAP.join((name.ljust(of_name), value.rjust(of_value), unit.ljust(of_unit)))
+                lines += _with_note(line, note, TONES.get(tone if color else "", ""), width)
+        lines += [wrapped(printable(line, lines=True), width) for line in self.lines]
+        return "\n".join(lines)
 
 
-def _with_note(line: str, row: Row, color: bool, width: int | None) -> Iterator[str]:
-    """Yield the line of a row with its note wrapped beside it, or below it if there is no room."""
-    note = printable(row.cells()[3])
+def _with_note(line: str, note: str, tone: str, width: int | None) -> Iterator[str]:
+    """Yield the line of a row with its note wrapped beside it, or below it if there is no room.
+
+    tone: color code of the note, or ""
+    """
     begin = len(line) + len(_GAP)
     is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE)
     indent = begin if is_beside else len(_GAP)
     note_lines = [note] if width is None else textwrap.wrap(note, width - indent)
-    if color and row.tone:
-        note_lines = [f"\033[{TONES[row.tone]}m{note_line}\033[0m" for note_line in note_lines]
+    if tone:
+        note_lines = [f"\033[{tone}m{note_line}\033[0m" for note_line in note_lines]
     if is_beside and note_lines:
         first, *note_lines = note_lines
         line += _GAP + first
