@@ -7,7 +7,7 @@ and the trim.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -18,7 +18,6 @@ from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.limits import SLACK
 from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
-from hfa_model.declaration import Equations
 from hfa_model.parameters import (
     INPUTS,
     LINEAR_ROWS,
@@ -279,19 +278,19 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
             "error bands exist only for the identified parameters with their covariance; "
             "use the parameters.toml of `python -m studies.identification`, unchanged"
         )
-    given_model = model.model
-    variant_model = replace(aircraft(), equations=Equations(variant_named(model.point.dynamics)))
-    variables = [model.point.values[name] for name in variant_model.variables]
-    v = given_model.native_values(variant_model.variables, variables)
-    free = [variant_model.variables.index(name) for name in condition.free]
+    native = model.model.native
+    variant_named(native.name)  # refuses dynamics with more states
+    variables = [model.point.values[name] for name in native.variables]
+    v = model.model.native_values(native.variables, variables)
+    free = [native.variables.index(name) for name in condition.free]
     balanced = [STATES.index(name) for name in STATES if name in condition.rates]
     p = np.array(parameters.values)
-    entries = entries_at(variant_model.layout, v, p, free, balanced)
+    entries = entries_at(native.layout, v, p, free, balanced)
     identified = [Parameters._fields.index(name) for name in parameters.identified]
     variances = quadratic_forms(entries.by_parameters[:, identified], parameters.covariance)
     half_widths = (2 * np.sqrt(variances)).reshape(len(LINEAR_STATES), -1, order="F")
-    if given_model.source.native is not None:  # a model in SI units
-        half_widths = _in_si(half_widths, variant_model)
+    if model.model.source.native is not None:  # a model in SI units
+        half_widths = _in_si(half_widths, native)
     return Bands(*np.split(half_widths, [len(LINEAR_STATES)], axis=1))
 
 
@@ -343,14 +342,9 @@ def entries_at(
 
 @lru_cache(maxsize=16)
 def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -> RowFunction:
-    """Return the Function (v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p.
-
-    v are the variables of a trim, from which states and inputs follow, and f the rates of all
-    states. The derivatives are those by the free variables.
-
-    free: indices of the free variables in v
-    zero: indices of variables that are 0
-    """
+    """Return the Function (v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p."""
+    # v are the variables of a trim, from which states and inputs follow, and f the rates of all
+    # states. The derivatives are those by the free variables. Those of `zero` are 0.
     x, u, p = layout.symbols("x", "u", "p")
     f, _ = layout.expressions([components(vector) for vector in (x, u, p)], ())
     A = ca.densify(ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS])
