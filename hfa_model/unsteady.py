@@ -159,11 +159,10 @@ class _Plate(NamedTuple):
 
 
 class _CarriedAir(NamedTuple):
-    """Loads of the air that the wing or the tail of the panels of one kind carries.
+    """Loads of the air that the wing or the tail of the panels of one kind carries."""
 
-    The vertical force, pitching moment and generalized hinge moment are those at zero acceleration
-    minus M_a a, with the accelerations a = (w_b', q', η'') and w_b = V sin α.
-    """
+    # The vertical force, pitching moment and generalized hinge moment are those at zero
+    # acceleration minus M_a a, with the accelerations a = (w_b', q', η'') and w_b = V sin α.
 
     forward: Quantity  # force along the x axis of the body, lbf
     downward: Quantity  # force along the z axis of the body at zero acceleration, lbf
@@ -432,9 +431,7 @@ def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
 
 
 def _normal_acceleration(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _NormalAcceleration:
-    """Return the rate w' of the normal velocity w of a plate's mid-chord, as an affine function of
-    w_b', q' and η'', in a constant headwind h.
-    """
+    """Return the rate w' of the normal velocity w of a plate's mid-chord in a constant headwind."""
     # With the descent w_h of the hinge (`hinge_descent`), its arm r, the panel span s, and the
     # distance `aft` of the mid-chord behind the wing's quarter chord,
     # w = (w_h + aft q) cos(panel) - r η', and w_h' = w_b' + (s/3) (cos η η')' + h cos θ q.

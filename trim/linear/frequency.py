@@ -42,7 +42,7 @@ def draw_bode(linear: LinearModel, figure: Figure) -> Figure:
             "no chosen input affects any chosen output; choose other inputs or outputs"
         )
     frequencies = bode_frequencies(linear.A)
-    values = frequency_responses(linear, frequencies)
+    values = linear.to_control(balance=True).frequency_response(frequencies).frdata
     labels = [
         name if unit == "1" else f"{name}, {unit}"
         for name, unit in zip(linear.inputs, linear.input_units, strict=True)
@@ -86,14 +86,6 @@ def bode_frequencies(A: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([even, np.outer(moving, around).ravel()]))
 
 
-def frequency_responses(linear: LinearModel, frequencies: np.ndarray) -> np.ndarray:
-    """Return C (jω - A)⁻¹ B + D at N frequencies, (outputs, inputs, N) complex.
-
-    frequencies: ω, (N,), rad per unit of time
-    """
-    return np.asarray(linear.to_control(balance=True).frequency_response(frequencies).frdata)
-
-
 def affected_outputs(linear: LinearModel) -> np.ndarray:
     """Return whether each input affects each output, (outputs, inputs), by the nonzero entries of
     the matrices: directly, or through a chain of states.
@@ -121,7 +113,7 @@ def responses_at_modes(linear: LinearModel) -> Responses:
     modes, slowest first. At an undamped mode, they are infinite.
     """
     frequencies = np.unique([mode.frequency for mode in linear.modes if mode.damping])
-    values = frequency_responses(linear, frequencies)
+    values = linear.to_control(balance=True).frequency_response(frequencies).frdata
     by_channel = {
         f"{linear.outputs[i]} / {linear.inputs[j]}": values[i, j]
         for i, j in np.argwhere(affected_outputs(linear)).tolist()

@@ -161,12 +161,9 @@ def peak_of(loop: System, *, is_discrete: bool) -> Peak:
 
 
 def _peak(system: System) -> Peak:
-    """Return the largest gain of a system in continuous time, at infinite frequency if D has it.
-
-    The largest gain at the midpoints between neighboring crossings of a level is the next level.
-
-    Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
-    """
+    """Return the largest gain of a system in continuous time, at infinite frequency if D has it."""
+    # The largest gain at the midpoints between neighboring crossings of a level is the next level:
+    # Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
     # in units of the signals in which B and C have size 1
     size_of_B, size_of_C = (float(np.linalg.norm(M)) or 1.0 for M in (system.B, system.C))
     unit = size_of_B * size_of_C
@@ -184,10 +181,7 @@ def _peak(system: System) -> Peak:
 
 
 def _highest_at(system: System, frequencies: np.ndarray) -> Peak:
-    """Return the largest gain at given frequencies.
-
-    Raises NoSolutionError as `responses` does.
-    """
+    """Return the largest gain at given frequencies. Raises NoSolutionError as `responses` does."""
     A, B, C, D = system
     together = max(1, _LARGEST // max(A.size, B.size, D.size))
     parts = np.split(frequencies, range(together, len(frequencies), together))

@@ -402,12 +402,7 @@ class _OutputEquation(NamedTuple):
 def _output_equation(
     C: ArrayLike | None, D: ArrayLike | None, outputs: tuple[str, ...], names: PlantNames
 ) -> _OutputEquation:
-    """Return the output equation of a plant; the arguments are those of `LinearModel.of`.
-
-    names: names of the states and inputs
-
-    Raises BadInputError as `LinearModel.of` does.
-    """
+    """Return the output equation of a plant; the arguments are those of `LinearModel.of`."""
     n, m = len(names.states), len(names.inputs)
     if C is None:
         C = np.eye(n)
@@ -435,10 +430,7 @@ def is_state_space(system: object) -> bool:
 
 
 def _of_state_space(system: Any, name: str) -> LinearModel:
-    """Return the linear model of a `StateSpace`, with its names where these are identifiers.
-
-    Raises BadInputError for a system in discrete time.
-    """
+    """Return the linear model of a `StateSpace`, with its names where these are identifiers."""
     if system.dt not in (None, 0):
         raise BadInputError(
             f"the system is in discrete time, dt = {system.dt}; write hfa.Game(A=system.A, "

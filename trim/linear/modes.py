@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,6 @@ from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.matrices import ROUNDING, balanced
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, eigenvalue_text
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)
@@ -118,7 +115,10 @@ def modes_of(
     in_families = {state for members in families.values() for state in members}
     of_single_states = {state: (state,) for state in states if state not in in_families}
     all_families = {**families, **of_single_states}
-    names = [_largest_family(participation, all_families) for participation in participations]
+    names = []
+    for participation in participations:
+        shares_of = {name: _share(participation, all_families[name]) for name in all_families}
+        names.append(max(shares_of, key=shares_of.__getitem__))
     if np.count_nonzero(eigenvalues == 0.0) > 2:
         names = [
             "neutral" if value == 0.0 else name for name, value in zip(names, values, strict=True)
@@ -127,27 +127,15 @@ def modes_of(
     return tuple(map(_mode, names, values, participations))
 
 
-def _largest_family(
-    participation: Mapping[str, float], families: Mapping[str, Iterable[str]]
-) -> str:
-    """Return the name of the family with the largest participation in a mode."""
-    by_family = {name: _share(participation, members) for name, members in families.items()}
-    return max(by_family, key=by_family.__getitem__)
-
-
 def _with_missing_families(
     names: Sequence[str],
     values: Sequence[complex],
     participations: Sequence[Mapping[str, float]],
     families: Mapping[str, Iterable[str]],
 ) -> list[str]:
-    """Return names of modes, in which a family without a mode replaces one that names several.
-
-    It names that of their modes without oscillation in which it participates most, if by at least
-    `_SHARED`.
-
-    names, values: name of a family and eigenvalue of each mode
-    """
+    """Return names of modes, in which a family without a mode replaces one that names several."""
+    # It names that of their modes without oscillation in which it participates most, if by at
+    # least `_SHARED`.
     named = list(names)
     for family in [name for name in families if name not in named]:
         shared = {
@@ -184,10 +172,9 @@ def spectrum(A: np.ndarray) -> Spectrum:
 
 
 def _left_vectors(A: np.ndarray, values: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return left eigenvectors of A of length 1 as rows, (n, n): those of the inverse of the right
-    ones. Where right ones nearly coincide, it mixes their left ones into all rows, by half of the
-    digits or more; inverse iteration then separates them.
-    """
+    """Return left eigenvectors of A of length 1 as rows, (n, n): the right ones inverted."""
+    # Where right ones nearly coincide, the inverse mixes their left ones into all rows, by half of
+    # the digits or more; inverse iteration then separates them.
     eps = np.finfo(float).eps
     U, singular, Vh = np.linalg.svd(right)
     left = (Vh.conj().T / np.maximum(singular, eps)) @ U.conj().T
@@ -205,15 +192,10 @@ def _left_vectors(A: np.ndarray, values: np.ndarray, right: np.ndarray) -> np.nd
 def _errors_of_eigenvalues(
     A: np.ndarray, values: np.ndarray, left: np.ndarray, right: np.ndarray
 ) -> np.ndarray:
-    """Return bounds on the errors of the eigenvalues of A, (n,), due to the rounding of A.
-
-    The error of a simple eigenvalue is the rounding error of A divided by |w'v| (Wilkinson). That
-    of an eigenvalue that coincides with another one is the distance at which the smallest singular
-    value of A - s I exceeds the rounding error.
-
-    values: the eigenvalues, (n,)
-    left, right: eigenvectors w and v of length 1, as rows and as columns, (n, n) each
-    """
+    """Return bounds on the errors of the eigenvalues of A, (n,), due to the rounding of A."""
+    # The error of a simple eigenvalue is the rounding error of A divided by |w'v| (Wilkinson), with
+    # its eigenvectors of length 1. That of an eigenvalue that coincides with another one is the
+    # distance at which the smallest singular value of A - s I exceeds the rounding error.
     eps = np.finfo(float).eps
     size = float(np.linalg.norm(A))
     rounding = ROUNDING * size

@@ -86,9 +86,9 @@ def means_at_nonsmooth_points(
         points = near[first : first + _AT_ONCE]
         z = np.concatenate([x[points], u[points]], axis=1)
         for column in columns.tolist():
-            found = _mean_along(model, z, p[points], jacobian[points, :, column], column)
-            jacobian[points, :, column] = found.slopes
-            for place, sentences in found.notes.items():
+            slopes = jacobian[points, :, column]
+            jacobian[points, :, column], found = _mean_along(model, z, p[points], slopes, column)
+            for place, sentences in found.items():
                 notes.setdefault(int(points[place]), []).extend(sentences)
     n = len(model.states)
     notes_in_order = {point: tuple(notes[point]) for point in sorted(notes)}
@@ -174,23 +174,18 @@ def rates_of(layout: Layout) -> ca.Function:
 
 @lru_cache(maxsize=16)
 def _calls_functions(layout: Layout) -> bool:
-    """Return whether the equations call functions whose operations are not visible:
-    `casadi.interpolant`, and functions that are not inlined.
-    """
+    """Return whether the equations call functions, whose operations are not visible."""
+    # They are `casadi.interpolant`, and functions that are not inlined.
     rates = rates_of(layout)
     return ca.OP_CALL in {rates.instruction_id(k) for k in range(rates.n_instructions())}
 
 
 @lru_cache(maxsize=16)
 def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
-    """Return a function that shows how near points (x, u, p) are to each switch, or None.
-
-    For each switch s, the function returns |s| - 2 Σ m, which is not positive near the switch, and
-    the changes m = |∂s/∂(x, u)| steps of s by a step of each state and input. The result is None if
-    the equations have no switch, or if they call functions.
-
-    steps: finite-difference step of each state and input
-    """
+    """Return a function that shows how near points (x, u, p) are to each switch, or None."""
+    # For each switch s, the function returns |s| - 2 Σ m, which is not positive near the switch,
+    # and the changes m = |∂s/∂(x, u)| steps of s by a step of each state and input. The result is
+    # None if the equations have no switch, or if they call functions.
     if _calls_functions(layout):
         return None
     x, u, p = layout.symbols("x", "u", "p")
@@ -205,12 +200,8 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
 
 
 def _switch_expressions(rates: ca.Function, vectors: list[ca.SX]) -> list[ca.SX]:
-    """Return the expressions of states and inputs at whose zeros the rates switch.
-
-    These operations are |.|, sign, min, max, comparison and rounding.
-
-    vectors: the symbols of states, inputs and parameters
-    """
+    """Return the expressions of states and inputs at whose zeros the rates switch."""
+    # The operations that switch are |.|, sign, min, max, comparison and rounding.
     switches = []
     memory = [ca.SX(0) for _ in range(rates.sz_w())]
     for k in range(rates.n_instructions()):
@@ -236,28 +227,10 @@ def _switch_expressions(rates: ca.Function, vectors: list[ca.SX]) -> list[ca.SX]
     return [switch for switch in switches if ca.depends_on(switch, ca.vertcat(x, u))]
 
 
-class _MeanAlong(NamedTuple):
-    """Slopes of the rates along one state or input at N points.
-
-    slopes: (N, n)
-    notes: index of a point -> sentences on its nonsmooth points and jumps
-    """
-
-    slopes: np.ndarray
-    notes: dict[int, list[str]]
-
-
 def _mean_along(
     model: Model, z: np.ndarray, p: np.ndarray, slopes: np.ndarray, column: int
-) -> _MeanAlong:
-    """Return the slopes of the rates at N points along one state or input, with the mean of both
-    sides where these differ.
-
-    z: (N, n + m), states and inputs
-    p: (N, k), parameters
-    slopes: (N, n), derivatives at the points
-    column: index of the state or input
-    """
+) -> tuple[np.ndarray, dict[int, list[str]]]:
+    """Return slopes (N, n) along a state or input, means where sides differ, and notes by point."""
     name, signal = [*model.states.items(), *model.inputs.items()][column]
     rate_scales = _rate_scales(model)
     step = _BESIDE * difference_steps(model)[column]
@@ -289,27 +262,20 @@ def _mean_along(
                 "the trim; their mean is used"
             )
         notes.setdefault(place, []).append(sentence)
-    return _MeanAlong(mean, notes)
+    return mean, notes
 
 
 class _Side(NamedTuple):
-    """Rates and slopes on one side of N points, (N, n) each.
+    """Rates and slopes on one side of N points, (N, n) each."""
 
-    rates: rates a step away from the points
-    slopes: slopes of the rates at the points, extrapolated from this side
-    changes: magnitudes of the change of the slopes in a step
-    """
-
-    rates: np.ndarray
-    slopes: np.ndarray
-    changes: np.ndarray
+    rates: np.ndarray  # a step away from the points
+    slopes: np.ndarray  # of the rates at the points, extrapolated from this side
+    changes: np.ndarray  # magnitudes of the change of the slopes in a step
 
 
 def _side(model: Model, z: np.ndarray, p: np.ndarray, column: int, step: float) -> _Side:
-    """Return rates and slopes along a state or input on the side of N points to which a step leads.
-
-    The slopes are 2 J(step) - J(2 step), with an error of the order of step² J''.
-    """
+    """Return rates and slopes along a state or input on the side to which a step leads."""
+    # The slopes are 2 J(step) - J(2 step), with an error of the order of step² J''.
     n = len(model.states)
     direction = np.zeros(z.shape)
     direction[:, column] = 1.0

@@ -33,23 +33,6 @@ def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) ->
     return [position_of[name] for name in chosen]
 
 
-def omitted_positions(
-    states: Sequence[str], residualize: Sequence[str], known: tuple[str, ...]
-) -> list[int]:
-    """Return the positions of the residualized states in a list of known names.
-
-    states: the states that are kept
-
-    Raises BadInputError for an unknown or repeated name, and for one that is kept too.
-    """
-    for name in residualize:
-        if name in [*states]:
-            raise BadInputError(
-                f"state {name} is both kept and residualized; name it in states or in residualize"
-            )
-    return positions("state", residualize, known)
-
-
 class Matrices(NamedTuple):
     """Matrices and names of x' = A x + B u + E w, y - Y0 = C x + D u + F w, as in `LinearModel`."""
 
@@ -106,7 +89,12 @@ def reduced(
         states = tuple(name for name in whole.states if name not in residualize)
     rows = positions("state", states, whole.states)
     columns = positions("input", inputs, whole.inputs)
-    following = omitted_positions(states, residualize, whole.states)
+    for name in residualize:
+        if name in [*states]:
+            raise BadInputError(
+                f"state {name} is both kept and residualized; name it in states or in residualize"
+            )
+    following = positions("state", residualize, whole.states)
     if not rows:
         raise BadInputError(
             "residualize contains every state of the model; remove at least one state"
@@ -154,12 +142,7 @@ def _reduced(
     kept: _Kept,
     columns: list[int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the derivatives of rates and outputs of the reduced system, with the effect of the
-    states that follow without delay: A and C, B and D, or E and F.
-
-    of_rates, of_outputs: derivatives of all rates and outputs: A and C, B and D, or E and F
-    columns: columns of the derivatives that are kept
-    """
+    """Return A and C, B and D, or E and F of the reduced system from those of the whole one."""
     rows, following, outputs = kept
     by_columns = of_rates[:, columns]
     shown = of_outputs[np.ix_(outputs, columns)]

@@ -81,11 +81,9 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[n
 
 
 def _continued(problem: TrimProblem) -> np.ndarray | None:
-    """Return the unknowns (k,) found by continuation from the model's declared trim, or None.
-
-    The imposed values c0 at the declared trim change to the requested ones, c1:
-    r(z, c0 + s (c1 - c0)) = 0, s from 0 to 1.
-    """
+    """Return the unknowns (k,) found by continuation from the model's declared trim, or None."""
+    # The imposed values c0 at the declared trim change to the requested ones, c1:
+    # r(z, c0 + s (c1 - c0)) = 0, s from 0 to 1.
     # None: the system is not square or has other unknowns than the problem, the declared trim is
     # not found, Newton's method fails before s = 1, or nothing changes.
     if not problem.system.equations.square:
@@ -108,10 +106,8 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
 
 
 def _continuation(system: TrimSystem, c0: np.ndarray, c1: np.ndarray) -> np.ndarray | None:
-    """Return the unknowns (k,) with r(z, c1) = 0, by continuation from those for c0, or None.
-
-    Each step extrapolates the unknowns along dz/ds, and is halved if Newton's method fails.
-    """
+    """Return the unknowns (k,) with r(z, c1) = 0, by continuation from those for c0, or None."""
+    # Each step extrapolates the unknowns along dz/ds, and is halved if Newton's method fails.
     z, converged = newton(system, system.start[None], c0)
     if not converged[0]:
         return None
@@ -137,9 +133,7 @@ def _continuation(system: TrimSystem, c0: np.ndarray, c1: np.ndarray) -> np.ndar
 
 @lru_cache(maxsize=16)
 def _declared_trim(model: Model) -> dict[str, float] | None:
-    """Return the values at the trim that a model declares, name -> value, or None if Newton's
-    method does not find it.
-    """
+    """Return the values at the declared trim, or None if Newton's method does not find it."""
     problem = TrimProblem(model, usual_condition(model))
     z = problem.newton(problem.system.start)
     if not problem.balanced(z):
@@ -164,10 +158,8 @@ def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
 
 
 def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Return the scaled unknowns (k,) within the limits that minimize |r|², near a guess (k,).
-
-    Unknowns with equal limits are constant.
-    """
+    """Return the scaled unknowns (k,) within the limits that minimize |r|², near a guess (k,)."""
+    # Unknowns with equal limits are constant.
     from scipy.optimize import least_squares
 
     nearest = problem.clip(guess)
@@ -221,9 +213,8 @@ _IPOPT: dict[str, Any] = {
 
 @lru_cache(maxsize=16)
 def _effort_program(structure: Structure) -> ca.Function:
-    """Return the IPOPT solver for the z with the least Σ z_i² of the free inputs, under constraints
-    g: the residuals that the unknowns affect, and the watched signals.
-    """
+    """Return the IPOPT solver for the z with the least Σ z_i² of the free inputs."""
+    # The constraints g are the residuals that the unknowns affect, and the watched signals.
     e = equations_of(structure)
     inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names.inputs]
     scales = ca.DM([signal.scale for signal in structure.watched])
@@ -250,9 +241,7 @@ def _effort_program(structure: Structure) -> ca.Function:
 
 
 def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Return the scaled unknowns (k,) within limits with the least Σ (u_i / scale_i)² of inputs, a
-    local minimum near a guess (k,). They need not be a trim.
-    """
+    """Return the z (k,) of least effort within limits near a guess, which need not be a trim."""
     system = problem.system
     balanced = np.zeros(system.affected_count)
     scales = np.array([signal.scale for signal in system.structure.watched])

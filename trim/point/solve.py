@@ -59,10 +59,7 @@ def failure(problem: TrimProblem, nearest: np.ndarray) -> str:
 
 
 def _causes(problem: TrimProblem, nearest: np.ndarray) -> Iterator[str]:
-    """Yield the active limits, and the free variables that are too few or without an effect.
-
-    nearest: the best scaled unknowns found, (k,), possibly beyond their limits
-    """
+    """Yield the active limits, and the free variables that are too few or without an effect."""
     balances_beyond_limits = problem.balanced(nearest)
     binding = binding_limits(problem, nearest)
     yield f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"
@@ -79,11 +76,7 @@ def _causes(problem: TrimProblem, nearest: np.ndarray) -> Iterator[str]:
 
 
 def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return a text such as "speed by -0.3 ft/s^2" for each equation that does not balance, the
-    largest first. Residuals below `MINOR` of the largest are omitted.
-
-    z: scaled unknowns, (k,)
-    """
+    """Return texts such as "speed by -0.3 ft/s^2" on imbalances above `MINOR`, largest first."""
     model, rows = problem.model, problem.system.equations.rows
     residuals = problem.at(z).residual
     sizes = np.abs(residuals)
@@ -99,11 +92,9 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _dependent_effects(problem: TrimProblem, effects: np.ndarray) -> list[str]:
-    """Return a sentence for each free variable whose column of effects is a linear combination of
-    the columns of those before it; none if the Jacobian has full row rank.
-
-    effects: Jacobian in balanced units, (m, k), without columns of zeros
-    """
+    """Return a sentence for each free variable whose effect is a combination of those before it."""
+    # The columns of effects, (m, k) in balanced units, are not zero. If the Jacobian has full row
+    # rank, there is no sentence.
     sentences: list[str] = []
     independent: list[int] = []  # columns
     for column, name in enumerate(problem.free):
@@ -307,11 +298,7 @@ def _trim_of_parameters(
 
 
 def _unique_trim(problem: TrimProblem) -> OperatingPoint:
-    """Return the trim in which the states that the equations do not determine have their start
-    values.
-
-    Raises TrimError if no trim is found.
-    """
+    """Return the trim in which states that no equation determines have their start values."""
     if keepable(problem.system, problem.asked):
         equations, unknowns = problem.count
         found = solution(problem) if unknowns <= equations else None
@@ -385,11 +372,7 @@ def solution(problem: TrimProblem) -> SearchEnd:
 
 
 def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimError:
-    """Return the error of a condition without a trim.
-
-    nearest: best scaled unknowns found, (k,)
-    others: number of other initial points from which a search failed
-    """
+    """Return the error of a condition without a trim, also from other initial points."""
 
     message = failure(problem, nearest)
     required = ""
@@ -493,14 +476,8 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
 
 
 def _trim_without_limits(point: OperatingPoint, command: Mapping[str, float]) -> OperatingPoint:
-    """Return the trim at a command, whose free variables may exceed their limits.
-
-    A pitch that the model does not hold is reached by changes of gamma.
-
-    command: state -> deviation from the trim `point`
-
-    Raises TrimError or BadInputError if no trim is found.
-    """
+    """Return the trim at a command, whose free variables may exceed their limits."""
+    # A pitch that the model does not hold is reached by changes of gamma.
     held = {name: point[name] + deviation for name, deviation in command.items()}
     commanded_pitch = None
     if "pitch" in held and "pitch" not in point.model.holdable:

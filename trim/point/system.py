@@ -212,22 +212,15 @@ def structure_of(
 
 
 class _Expressions(NamedTuple):
-    """Equations of a trim in the units of the model, as expressions of its symbols.
+    """Equations of a trim in the units of the model, as expressions of its symbols."""
 
-    given: imposed value that is not 0 -> its symbol
-    free: variable that is not imposed -> its symbol
-    p: symbols of the parameters
-    x, u, y: states, inputs, and watched states and outputs
-    residual: r in scaled units, (e, 1)
-    """
-
-    given: dict[str, ca.SX]
-    free: dict[str, ca.SX]
-    p: ca.SX
+    given: dict[str, ca.SX]  # imposed value that is not 0 -> its symbol
+    free: dict[str, ca.SX]  # variable that is not imposed -> its symbol
+    p: ca.SX  # symbols of the parameters
     x: ca.SX
     u: ca.SX
-    y: ca.SX
-    residual: ca.SX
+    y: ca.SX  # watched states and outputs
+    residual: ca.SX  # r in scaled units, (e, 1)
 
 
 def _expressions(structure: Structure) -> _Expressions:

@@ -78,12 +78,8 @@ def track_modes(
 
 
 def _modes(A: np.ndarray, nominal: np.ndarray) -> _Modes:
-    """Return the modes of N matrices, with eigenvectors of length 1 in nominal values.
-
-    Shapes are then compared independently of the units of the states.
-
-    nominal: nominal values of the states, (n,)
-    """
+    """Return the modes of N matrices, with eigenvectors of length 1 in nominal values."""
+    # Shapes are then compared independently of the units of the states.
     values, vectors = np.linalg.eig(A)
     right = vectors / nominal[:, None]
     right = right / np.linalg.norm(right, axis=1, keepdims=True)
@@ -91,11 +87,7 @@ def _modes(A: np.ndarray, nominal: np.ndarray) -> _Modes:
 
 
 def _inverse(right: np.ndarray) -> np.ndarray:
-    """Return the left eigenvectors of N matrices as rows, (N, n, n): the inverse of the right
-    ones, or their pseudo-inverse if modes of a matrix coincide.
-
-    right: (N, n, n), eigenvectors as columns
-    """
+    """Return the inverse of eigenvectors (N, n, n), their pseudo-inverse if modes coincide."""
     try:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:
@@ -106,12 +98,7 @@ def _inverse(right: np.ndarray) -> np.ndarray:
 
 
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
-    """Return pairs of points, (M, 2), that connect all N points of a sweep: the neighbors, and the
-    pairs along the path that connect separate groups of neighbors.
-
-    neighbours: (K, 2), pairs of neighbors
-    path: (N - 1, 2), pairs of consecutive points
-    """
+    """Return pairs (M, 2) that connect all points: neighbors, and the path between groups."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
@@ -124,35 +111,23 @@ def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
 
 
 class _Paired(NamedTuple):
-    """Eigenvalues of N points, and their best pairings at M pairs of points.
+    """Eigenvalues of N points, and their best pairings at M pairs of points."""
 
-    values: (N, n), eigenvalues
-    matches: (M, n), for each eigenvalue of the first point, the index of its match at the second
-    gains: (M,), the sum that the pairing maximizes (`track_modes`)
-    """
-
-    values: np.ndarray
-    matches: np.ndarray
-    gains: np.ndarray
+    values: np.ndarray  # (N, n), eigenvalues
+    matches: np.ndarray  # (M, n), index at the second point for each eigenvalue of the first one
+    gains: np.ndarray  # (M,), the sum that the pairing maximizes (`track_modes`)
 
 
 class _Link(NamedTuple):
-    """Link of a tree of points, from a point to the next one.
-
-    before, point: indices of the two points
-    match: (n,), for each eigenvalue of the first point, the index of its match at the second
-    """
+    """Link of a tree of points, from a point to the next one."""
 
     before: int
     point: int
-    match: np.ndarray
+    match: np.ndarray  # (n,), index at the second point for each eigenvalue of the first one
 
 
 def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[_Link]:
-    """Yield the links of the tree of the most similar neighbors, which begins at the first point.
-
-    pairs: (M, 2), pairs of neighbors
-    """
+    """Yield the links of the tree of the most similar neighbors, from the first point on."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
@@ -174,14 +149,8 @@ def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[_Link]:
 
 
 def _paired(A: np.ndarray, nominal: np.ndarray, pairs: np.ndarray) -> _Paired:
-    """Return the eigenvalues of N matrices, and their best pairings at M pairs of points.
-
-    Eigenvectors are computed for `_AT_ONCE` pairs at a time.
-
-    A: (N, n, n)
-    nominal: nominal values of the states, (n,)
-    pairs: (M, 2)
-    """
+    """Return the eigenvalues of N matrices, and their best pairings at M pairs of points."""
+    # Eigenvectors are computed for `_AT_ONCE` pairs at a time.
     values = np.empty(A.shape[:2], dtype=complex)
     values[:1] = _modes(A[:1], nominal).values
     matches = np.empty((len(pairs), A.shape[1]), dtype=int)
@@ -197,11 +166,7 @@ def _paired(A: np.ndarray, nominal: np.ndarray, pairs: np.ndarray) -> _Paired:
 
 
 def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the best pairing of the eigenvalues of pairs of points, (M, n), and its gain, (M,).
-
-    modes: modes of the points
-    pairs: (M, 2), indices of the points in `modes`
-    """
+    """Return the best pairing of the eigenvalues of pairs of points, (M, n), and its gain, (M,)."""
     first, second = pairs.T
     gain = _gain_of_pairing(modes.at(first), modes.at(second))
     best = gain.argmax(axis=2)
@@ -216,9 +181,9 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _gain_of_pairing(modes: _Modes, others: _Modes) -> np.ndarray:
-    """Return the gain of pairing eigenvalue λ_i of a point with μ_j of another, (.., n, n):
-    min(|tr P_i Q_j|, 1) - _DISTANCE |λ_i - μ_j| / (|λ_i| + |μ_j|), with the projectors P_i and Q_j.
-    """
+    """Return the gain of pairing eigenvalue λ_i of a point with μ_j of another, (.., n, n)."""
+    # It is min(|tr P_i Q_j|, 1) - _DISTANCE |λ_i - μ_j| / (|λ_i| + |μ_j|), with the projectors
+    # P_i and Q_j.
     # P_i = r_i l_i' and Q_j = s_j m_j' of right and left eigenvectors: tr P_i Q_j = l_i's_j m_j'r_i
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
     distance = np.abs(modes.values[..., None] - others.values[..., None, :])
@@ -230,14 +195,9 @@ def _gain_of_pairing(modes: _Modes, others: _Modes) -> np.ndarray:
 
 
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return the pairing of the eigenvalues of two points with the largest gain, (n,).
-
-    Conjugate pairs are kept together. If a pair becomes two real eigenvalues, the member with
-    positive imaginary part matches the lower real eigenvalue.
-
-    gain: (n, n)
-    values, others: eigenvalues of the two points, (n,); the members of a pair are neighbors
-    """
+    """Return the pairing of the eigenvalues of two points with the largest gain, (n,)."""
+    # Conjugate pairs, whose members are neighbors, are kept together. If a pair becomes two real
+    # eigenvalues, the member with positive imaginary part matches the lower real eigenvalue.
     from scipy.optimize import linear_sum_assignment
 
     first_members = np.flatnonzero(values.imag > 0)
@@ -248,15 +208,11 @@ def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) 
     for member in (0, 1):
         matched = first_members[pairs] + member, other_first_members[other_pairs] + member
         adjusted[matched] += _PAIRED
-    adjusted -= _TIE * np.outer(np.sign(values.imag), _ranks(others.real))
-    adjusted -= _TIE * np.outer(_ranks(values.real), np.sign(others.imag))
+    rank, other_rank = (roots.real.argsort().argsort() for roots in (values, others))
+    adjusted -= _TIE * np.outer(np.sign(values.imag), other_rank)
+    adjusted -= _TIE * np.outer(rank, np.sign(others.imag))
     _, best = linear_sum_assignment(adjusted, maximize=True)
     return np.asarray(best)
-
-
-def _ranks(numbers: np.ndarray) -> np.ndarray:
-    """Return the place of each number in ascending order, (n,)."""
-    return numbers.argsort().argsort()
 
 
 def neighbours_in_grid(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:

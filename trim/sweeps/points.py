@@ -139,10 +139,8 @@ def _leave_out_without_slopes(system: TrimSystem, points: Points) -> None:
 def _kept_values(
     system: TrimSystem, variables: tuple[str, ...], values: np.ndarray
 ) -> dict[str, float]:
-    """Return the states that trims keep at their start values, state -> value.
-
-    They are those of the first, middle or last point, the first of them that has a trim.
-    """
+    """Return the states that trims keep at their start values, state -> value."""
+    # They are those of the first, middle or last point, the first of them that has a trim.
     count = len(values)
     tried = (0, count // 2, count - 1) if count and keepable(system, system.condition) else ()
     for row in values[[*dict.fromkeys(tried)]]:
@@ -168,11 +166,7 @@ class _Imposed(NamedTuple):
 def _with_true_speed(
     model: Model, variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> _Imposed:
-    """Return what the points impose, with a column of the speed in place of an airspeed, or with
-    the model that has it as an output.
-
-    values: (N, v), values of the variables
-    """
+    """Return what the points impose, with the speed, or an output, in place of an airspeed."""
     condition = condition.freed_for(variables)
     columns = dict(zip(variables, values.T, strict=True))
     given = {**condition.imposed, **columns}
@@ -240,13 +234,11 @@ def _system(
 
 
 def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:
-    """Return the trims and linear models that Newton's method finds for all points together.
-
-    - TRIMMED: the equations balance within the limits.
-    - BEYOND_LIMITS: the equations balance only beyond the limits, and all unknowns are inputs.
-    - NO_TRIM, marked in `one_by_one`: all other points, and every point if the system is not
-      square.
-    """
+    """Return the trims and linear models that Newton's method finds for all points together."""
+    # - TRIMMED: the equations balance within the limits.
+    # - BEYOND_LIMITS: the equations balance only beyond the limits, and all unknowns are inputs.
+    # - NO_TRIM, marked in `one_by_one`: all other points, and every point if the system is not
+    #   square.
     model = system.model
     n = len(model.states)
     m = len(model.inputs)
@@ -353,9 +345,7 @@ def _cells_of(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _declared_starts(
     system: TrimSystem, variables: tuple[str, ...], values: np.ndarray
 ) -> np.ndarray:
-    """Return the declared initial scaled unknowns at N points, or those that the model computes
-    from the imposed values (`Trimming.initial`), (N, k).
-    """
+    """Return the declared or computed (`Trimming.initial`) scaled unknowns at N points, (N, k)."""
     starts = np.tile(system.start, (len(values), 1))
     columns = dict(zip(variables, values.T, strict=True))
     computed = system.model.trimming.initial({**system.condition.imposed, **columns})
@@ -373,12 +363,8 @@ def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarra
 def _settle_from_neighbours(
     system: TrimSystem, values: np.ndarray, c: np.ndarray, ends: NewtonEnds
 ) -> None:
-    """Search the points that have not converged from the solutions of their nearest neighbors that
-    have, and store the solutions in `ends`, until no point has a new neighbor.
-
-    values: (N, v), values of the variables
-    c: (N, ..), constants of the equations
-    """
+    """Search waiting points from their nearest solved neighbors, while there are new ones."""
+    # The solutions are stored in `ends`.
     from scipy.spatial import cKDTree
 
     spread = np.ptp(values, axis=0)
@@ -410,10 +396,7 @@ def _settle_alone(
     row: np.ndarray,
     start: OperatingPoint | None,
 ) -> None:
-    """Trim point i by `trim`, and store the trim, or the reason why there is none, in `points`.
-
-    row: values of the variables at the point
-    """
+    """Trim point i by `trim`, and store the trim, or the reason why there is none, in `points`."""
     try:
         model = model_at(model, variables, row)
         point = trim(model, condition_at(condition, variables, row), start)

@@ -264,10 +264,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return figure
 
     def _draw(self, axes: Axes, columns: np.ndarray) -> None:
-        """Draw the paths of some eigenvalues along the last variable, and mark their ends.
-
-        columns: mask of the eigenvalues, (n,)
-        """
+        """Draw the paths of some eigenvalues along the last variable, and mark their ends."""
         self._draw_paths(axes, columns)
         self._mark_ends(axes, columns)
         if len(self._lines()) > 1:
@@ -280,9 +277,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         axes.grid(alpha=0.3)
 
     def _draw_paths(self, axes: Axes, columns: np.ndarray) -> None:
-        """Draw a path of each eigenvalue for each line of points. Of several paths of a mode, the
-        first is the thinnest and the last the thickest.
-        """
+        """Draw a path of each eigenvalue for each line of points, the first ones the thinnest."""
         names = list(dict.fromkeys(self.mode_names))
         for column in np.flatnonzero(columns).tolist():
             name = self.mode_names[column]
@@ -297,9 +292,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 path.set_label(name)
 
     def _mark_ends(self, axes: Axes, columns: np.ndarray) -> None:
-        """Mark the eigenvalues at the first and at the last trim of each line of points, and label
-        the marks with the values of the last variable there.
-        """
+        """Mark the eigenvalues at the ends of each line of points, with the last variable there."""
         unit = self.plan.units[-1]
         places = np.arange(len(self))
         trimmed = [places[line][self.trimmed[line]] for line in self._lines()]
@@ -318,9 +311,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             )
 
     def _add_widths_to_legend(self, axes: Axes) -> None:
-        """Add the thinnest and the thickest path to the legend, with the values of all variables
-        but the last: "thin: speed 30 m/s".
-        """
+        """Add the thinnest and the thickest path to the legend: "thin: speed 30 m/s"."""
         for line, width, word in ((0, _THIN, "thin"), (-1, _THICK, "thick")):
             first_point = self._lines()[line].start
             varied = zip(self.variables, self.values[first_point], self.plan.units, strict=True)
@@ -391,8 +382,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         )
 
     def _trim_table(self) -> Table:
-        """Return a table of alpha, of the inputs that are not 0 at all points, and of stalls and
-        the variables at a limit."""
+        """Return a table of alpha, of inputs that are not always 0, and of stalls and limits."""
         model = self.model
         nominal = model.nominal(model.inputs)
         moved = ~is_zero(np.nan_to_num(self.inputs), nominal).all(axis=0)
@@ -425,14 +415,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return [f"{name} {ends[side]}" for name, side in sides if side]
 
     def _over_points(self, names: Sequence[str], cells: Callable[[int], tuple[str, ...]]) -> Table:
-        """Return a table with a row of the swept values and of some cells for each point.
-
-        If the sweep has more than `_LONGEST` points, the table contains only the first and last
-        rows.
-
-        names: names of the cells
-        cells: function from the number of a point with a trim to its cells
-        """
+        """Return a table of swept values and other cells of the points, or of the first and last."""
         varied = zip(self.variables, self.plan.units, strict=True)
         name_heading = ["condition"] if self.plan.names else []
         header = (*name_heading, *(f"{name} {shown_unit(unit)}" for name, unit in varied), *names)
@@ -451,9 +434,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return Table(header, [*head, between, *tail], len(header) - len(names))
 
     def _varied(self, i: int) -> tuple[str, ...]:
-        """Return the name of point i, if it has one, and the values of the swept variables there as
-        text.
-        """
+        """Return the name of point i, if it has one, and the swept values there as text."""
         name = (self.plan.names[i],) if self.plan.names else ()
         return *name, *map(shown_value, self.values[i], self.plan.units)
 
@@ -500,10 +481,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return Table(header, RowsMade(len(self.reasons), row))
 
     def _headings_of_linear_model(self) -> list[str]:
-        """Return the headings of the parts of the eigenvalues, and of the entries of A and B.
-
-        A second eigenvalue of a mode has its number: "phugoid 2 eigenvalue real [1/s]".
-        """
+        """Return the headings of the parts of the eigenvalues, and of the entries of A and B."""
+        # A second eigenvalue of a mode has its number: "phugoid 2 eigenvalue real [1/s]".
         model = self.model
         names = self.mode_names or numbered("mode ", len(model.linear))
         headings = []
@@ -633,9 +612,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:
-    """Return the eigenvalues of a mode at one point as text: a conjugate pair once with ±, and a
-    single member of a pair with its sign.
-    """
+    """Return the eigenvalues of a mode as text: a pair with ±, a single member with its sign."""
     words = []
     for value in eigenvalues:
         paired = value.imag != 0 and value.conjugate() in eigenvalues
@@ -649,13 +626,7 @@ def _mode_text(eigenvalues: np.ndarray) -> str:
 
 
 def _linear_model_at(swept: Sweep, index: int) -> LinearModel:
-    """Return the linear model of a point of a sweep, with its operating point.
-
-    index: number of the point; negative numbers count from the end
-
-    Raises IndexError if there is no such point, and NoSolutionError, with the reason, if the point
-    has no trim.
-    """
+    """Return the linear model of a point of a sweep, with its operating point."""
     count = len(swept.reasons)
     if not -count <= index < count:
         raise IndexError(f"point {index} does not exist; choose from {-count} to {count - 1}")
@@ -676,10 +647,7 @@ def _linear_model_at(swept: Sweep, index: int) -> LinearModel:
 
 
 def _column(swept: Sweep, name: str) -> np.ndarray:
-    """Return the values of a swept variable, a state or an input at all points of a sweep, (N,).
-
-    Raises BadInputError for any other name.
-    """
+    """Return the values of a swept variable, a state or an input at all points of a sweep, (N,)."""
     refuse_unknown("unknown variable", name, swept._ipython_key_completions_())
     model = swept.model
     if name in swept.variables:

@@ -195,10 +195,7 @@ class SweepPlan:
             condition_at(self.condition, self.variables, corner)
 
     def _checked_axis(self, name: str, values: Any) -> Steps | tuple[float, ...]:
-        """Return the values of a variable as steps or numbers.
-
-        Raises BadInputError for an unknown name, and for values that are no list of numbers.
-        """
+        """Return the values of a variable as steps or numbers."""
         self.model.refuse_unheld("cannot sweep", name, tuple(self.model.parameters))
         if isinstance(values, Steps):
             return values
