@@ -415,7 +415,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return [f"{name} {ends[side]}" for name, side in sides if side]
 
     def _over_points(self, names: Sequence[str], cells: Callable[[int], tuple[str, ...]]) -> Table:
-        """Return a table of swept values and other cells of the points, or of the first and last."""
+        """Return a table of swept values and other cells of all points, or of first and last."""
         varied = zip(self.variables, self.plan.units, strict=True)
         name_heading = ["condition"] if self.plan.names else []
         header = (*name_heading, *(f"{name} {shown_unit(unit)}" for name, unit in varied), *names)
