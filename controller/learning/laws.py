@@ -6,13 +6,21 @@ from dataclasses import replace
 from typing import Any
 
 from controller.critic.training_run import TrainingRun
+from controller.game.basis import basis
 from controller.game.zero_sum import Game
 from controller.learning.law_names import DEFAULT_LAW, LAW_NAMES
 from controller.learning.plant_fit import PlantFit
 from controller.learning.policy_iteration import policy_iteration
 from controller.learning.published import published_law
 from controller.learning.q_learning import learn_steps
-from controller.learning.recording import simulated, transitions_in
+from controller.learning.recording import (
+    Samples,
+    excitation,
+    refuse_poor,
+    root_mean_square,
+    simulated,
+    transitions_in,
+)
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.progress import Progress
 
@@ -85,8 +93,30 @@ def learn(
 
 
 def _learned(fit: PlantFit, law: str, seed: int, progress: Progress | None) -> TrainingRun:
-    """Return the training run of a law on the fit of transitions."""
-    if fit.game.is_discrete:
-        return learn_steps(fit.game, fit.begins_of_laws(seed), seed, progress)
-    states = fit.transitions.begins[:, : len(fit.game.A)]
-    return LAWS[law](fit.game, states, seed, progress)
+    """Return the training run of a law on the fit of transitions.
+
+    The basis of the published law is the paper's for six states, that of all others is quadratic.
+    """
+    game = fit.game
+    if game.is_discrete:
+        return learn_steps(game, fit.begins_of_laws(seed), seed, progress)
+    n = len(game.A)
+    states = fit.transitions.begins[:, :n]
+    psi = basis("paper" if law == "published" and n == 6 else "quadratic", n)
+    of_samples = excitation(psi.psi(states / root_mean_square(states)))
+    refuse_poor(of_samples)
+    samples = Samples(game.without_cross_weights, psi, states)
+    weights, diagnostics = LAWS[law](samples, progress)
+    residual = samples.residual(weights)
+    return TrainingRun(
+        law=law,
+        basis=psi.name,
+        W=weights,
+        residual_norm=residual.to_costs,
+        settling_residual=residual.to_terms,
+        K=game.gain(psi.matrix(weights)),
+        excitation=of_samples,
+        seed=seed,
+        diagnostics=dict(diagnostics),
+        names=game.names,
+    )

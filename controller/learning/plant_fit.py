@@ -18,12 +18,14 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.critic.training_run import DataSummary, Excitation
+from controller.game.basis import q_function
 from controller.game.zero_sum import Game
 from controller.learning.recording import (
     RANK_TOLERANCE,
     Transitions,
     excitation,
     plant_of,
+    root_mean_square,
     widths_of,
 )
 from hfa_support.errors import BadInputError
@@ -43,6 +45,10 @@ class Bands(NamedTuple):
 class PlantFit:
     """Fit M (n, s) of ends = M [x; u; d] to the transitions of a game.
 
+    covariance: of the residuals of the states, (n, n)
+    noise: their standard deviations, (n,)
+    misfit: largest ratio of a state's residuals to its ends, both as root mean squares
+
     Raises BadInputError if the transitions do not determine M, with the reason.
     """
 
@@ -56,35 +62,23 @@ class PlantFit:
                 f"the data have {count} transitions; record at least {columns + 1}, one more than "
                 "there are states, inputs and disturbances, to see the noise"
             )
-        self.scales = np.sqrt(np.mean(begins**2, axis=0))
+        self.scales = root_mean_square(begins)
         self.excitation = _refused_unless_excited(game, transitions, self.scales)
         self.scaled = begins / self.scales
         fit, *_ = np.linalg.lstsq(self.scaled, ends, rcond=None)
         self.matrix = fit.T / self.scales
         self.residuals = ends - self.scaled @ fit
         self.degrees_of_freedom = count - columns
-
-    @property
-    def noise(self) -> np.ndarray:
-        """Standard deviation of the residuals of each state, (n,)."""
-        return np.sqrt(np.sum(self.residuals**2, axis=0) / self.degrees_of_freedom)
-
-    @property
-    def misfit(self) -> float:
-        """Largest ratio of a state's residuals to its ends, both as root mean squares."""
-        sizes = np.linalg.norm(self.transitions.ends, axis=0)
-        errors = np.linalg.norm(self.residuals, axis=0)
-        return float(np.max(errors / np.where(sizes > 0.0, sizes, 1.0)))
+        self.covariance = self.residuals.T @ self.residuals / self.degrees_of_freedom
+        self.noise = np.sqrt(np.diag(self.covariance))
+        errors, sizes = root_mean_square(self.residuals), root_mean_square(ends)
+        self.misfit = float(np.max(errors / np.where(sizes > 0.0, sizes, 1.0)))
 
     @cached_property
     def game(self) -> Game:
         """The game with A, B and, where d was recorded, E of the fit."""
-        return self._game_of(self._in_time(self.matrix))
-
-    def _game_of(self, matrix: np.ndarray) -> Game:
-        """Return the game with the A, B and, if it has columns, E of [A B E]."""
         n, m = self.of_user.B.shape
-        A, B, E = np.split(matrix, [n, n + m], axis=1)
+        A, B, E = np.split(self._in_time(self.matrix), [n, n + m], axis=1)
         return replace(self.of_user, A=A, B=B, E=E if E.size else self.of_user.E)
 
     def _in_time(self, step: np.ndarray) -> np.ndarray:
@@ -117,7 +111,7 @@ class PlantFit:
         begins, n = self.transitions.begins, len(self.matrix)
         widths = widths_of(self.game)
         others = _beyond(begins[:, :n], begins[:, n : len(widths)])
-        sizes = np.sqrt(np.mean(others**2, axis=0)) / self.scales[n : len(widths)]
+        sizes = root_mean_square(others) / self.scales[n : len(widths)]
         missing = len(widths) - n - len(sizes)
         d = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(begins), missing))
         return np.hstack([begins[:, :n], others / sizes, d * widths[len(widths) - missing :]])
@@ -139,18 +133,15 @@ class PlantFit:
         """Yield sentences on what contradicts a linear plant with independent noise."""
         if self.misfit <= RANK_TOLERANCE:
             return
-        ends = self.transitions.ends
-        with_constant = np.column_stack([self.scaled, np.ones(len(ends))])
-        norms = np.linalg.norm(self.residuals, axis=0)
-        explained = norms - np.linalg.norm(_beyond(with_constant, ends), axis=0)
-        # A constant that is noise lowers the norm by a share of 1/(2 N) on average, and by eight
-        # times that in one of 5,000 records.
-        if np.any(explained * len(ends) > 8.0 * norms):
+        constant = _beyond(self.scaled, np.ones(len(self.scaled)))
+        parts = np.abs(constant @ self.residuals) / np.linalg.norm(constant)
+        # Of independent residuals, a part has the deviation of the noise, and exceeds 4 of them in
+        # one of 16,000.
+        if np.any(parts > 4.0 * self.noise):
             yield "the data have a constant part: give deviations from the trim"
         pairs = np.flatnonzero(self.transitions.follows)
         if len(pairs):
-            sizes = np.sqrt(np.mean(self.residuals**2, axis=0))
-            unit = self.residuals / np.where(sizes > 0.0, sizes, 1.0)
+            unit = self.residuals / np.where(self.noise > 0.0, self.noise, 1.0)
             products = unit[pairs].T @ unit[pairs - 1] / math.sqrt(len(pairs))
             # Of independent residuals, an entry has the variance 1, and exceeds 5 in one of 1e6.
             if np.abs(products).max() > 5.0:
@@ -177,7 +168,7 @@ class PlantFit:
         for place, name in enumerate(self.of_user.names.inputs, start=n):
             if np.any(np.abs(self.matrix[:, place]) > bands[:, place]):
                 continue
-            own = np.sqrt(np.mean(_beyond(self.scaled[:, :n], self.scaled[:, place]) ** 2))
+            own = root_mean_square(_beyond(self.scaled[:, :n], self.scaled[:, place]))
             raise BadInputError(
                 f"the data show no effect of {name} in 95 % bands: {100.0 * own:.2g} % of it is "
                 f"not a policy u = -K x, and the misfit is {100.0 * self.misfit:.2g} %; record "
@@ -186,17 +177,16 @@ class PlantFit:
 
     def bands(self, P: np.ndarray) -> Bands:
         """Return the 95 % bands of the value z'P z and of its gain, for independent noise."""
-        noise = self.residuals.T @ self.residuals / self.degrees_of_freedom
         # A direction of M for each root of the noise and of the columns, of variance 1.
-        sizes, vectors = np.linalg.eigh(noise)
+        sizes, vectors = np.linalg.eigh(self.covariance)
         of_states = vectors * np.sqrt(sizes.clip(0.0))
-        variances = Bands(np.zeros_like(P), np.zeros_like(self.game.B.T))
-        for row in of_states.T:
-            for column in self._roots.T:
-                changes = self._changes(P, np.outer(row, column))
-                for variance, change in zip(variances, changes, strict=True):
-                    variance += change**2
-        return Bands(*(self._quantile() * np.sqrt(variance) for variance in variances))
+        changes = [
+            self._changes(P, np.outer(row, column))
+            for row in of_states.T
+            for column in self._roots.T
+        ]
+        norms = (np.linalg.norm(each, axis=0) for each in zip(*changes, strict=True))
+        return Bands(*(self._quantile() * norm for norm in norms))
 
     def _changes(self, P: np.ndarray, change: np.ndarray) -> Bands:
         """Return the changes of P and K, to first order, for a change (n, s) of the fit."""
@@ -206,29 +196,24 @@ class PlantFit:
         n, m = game.B.shape
         if self.transitions.hold is not None:
             change = np.linalg.solve(self._of_rates, change.ravel()).reshape(change.shape)
-        M = np.hstack([game.A, game.B, game.E])
-        change = np.pad(change, ((0, 0), (0, M.shape[1] - change.shape[1])))
+        H = q_function(game, P if game.is_discrete else np.zeros_like(P))
+        M = plant_of(game, len(H))
+        change = np.pad(change, ((0, 0), (0, len(H))))[:, : len(H)]
         K, L = game.policies(P)
-        V = np.vstack([np.eye(n), -K, L])
-        weights = np.pad(game.weights, (0, len(L)))
-        if math.isfinite(game.delta):
-            weights[n + m :, n + m :] = -(game.delta**2) * np.eye(len(L))
-        a, J = game.discount, M if game.is_discrete else np.eye(n, M.shape[1])
+        V = np.vstack([np.eye(n), -K, L])[: len(H)]
+        a, J = game.discount, M if game.is_discrete else np.eye(n, len(H))
         forced = a * (J.T @ P @ change + change.T @ P @ J)
         sizes = self.scales[:n]  # solved in states of size 1, whatever their units
         outer = np.outer(sizes, sizes)
         loop = M @ V * sizes / sizes[:, None]
         right = V.T @ forced @ V * outer
         if game.is_discrete:
-            H = weights + a * M.T @ P @ M
             dP = solve_discrete_lyapunov(math.sqrt(a) * loop.T, right) / outer
             forced = forced + a * M.T @ dP @ M
         else:
-            H = weights
             dP = solve_continuous_lyapunov(loop.T, -right) / outer
             forced = forced + J.T @ dP @ M + M.T @ dP @ J
-        moved = slice(n, n + m + (len(L) if math.isfinite(game.delta) else 0))
-        return Bands(dP, np.linalg.solve(H[moved, moved], (forced @ V)[moved])[:m])
+        return Bands(dP, np.linalg.solve(H[n:, n:], (forced @ V)[n:])[:m])
 
     @cached_property
     def _of_rates(self) -> np.ndarray:
@@ -255,13 +240,6 @@ def _refused_unless_excited(game: Game, transitions: Transitions, scales: np.nda
     for place in np.flatnonzero(scales == 0.0):
         raise BadInputError(f"{names[place]} is 0 in every row of the data; excite it")
     scaled, rounding = transitions.begins / scales, transitions.rounding / scales
-    found = excitation(scaled)
-    rank_of_states = excitation(scaled[:, :n]).rank
-    if rank_of_states < n:
-        raise BadInputError(
-            f"the rank of the states is {rank_of_states} of {n}: some are combinations of others "
-            "in every row; record other motions too"
-        )
     gains = np.linalg.lstsq(scaled[:, :n], scaled[:, n:], rcond=None)[0]
     own = np.abs(scaled[:, n:] - scaled[:, :n] @ gains).max(axis=0)
     # Rounding moves u and x by half of their last digits, and the fit by half of that.
@@ -274,10 +252,12 @@ def _refused_unless_excited(game: Game, transitions: Transitions, scales: np.nda
             "its effect cannot be told from theirs; add independent excitation to it while "
             "recording"
         )
+    found = excitation(scaled)
     if found.rank < found.size:
         raise BadInputError(
             f"the rank of states, inputs and disturbances is {found.rank} of {found.size}: some "
-            "depend on each other in every row; move each of them independently"
+            "are combinations of others in every row; record other motions too, and move each "
+            "input independently"
         )
     return found
 

@@ -19,22 +19,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from controller.critic.training_run import TrainingRun
-from controller.game.basis import Basis, basis
-from controller.game.zero_sum import Game
-from controller.learning.recording import (
-    RelativeResidual,
-    excitation,
-    residual_of_value,
-)
+from controller.learning.recording import Learned, Samples
 from hfa_support.errors import NoSolutionError
-from hfa_support.matrices import quadratic_forms
 from hfa_support.progress import Progress
 
 #: Largest number of stored rows of the history.
 MOST_ROWS = 20_001
-#: Number of progress reports in a run; there are more if ticks are slow.
-REPORTS = 50
 #: Longest time without a progress report, s.
 SILENCE = 0.5
 
@@ -81,25 +71,20 @@ def run(learner: Learner, *, progress: Progress | None = None) -> Run:
     memory = learner.start()
     rows = [_row(learner, 0, memory)]
     row_every = math.ceil(learner.ticks / (MOST_ROWS - 1))
-    report_every = max(1, learner.ticks // REPORTS)
     reported = time.monotonic()
     for tick in range(1, learner.ticks + 1):
         memory = learner.advance(tick - 1, memory)
         last = tick == learner.ticks
         if tick % row_every == 0 or last:
             rows.append(_row(learner, tick, memory))
-        is_silent = time.monotonic() - reported > SILENCE
-        if progress is not None and (tick % report_every == 0 or last or is_silent):
+        if progress is not None and (last or time.monotonic() - reported > SILENCE):
             progress(tick / learner.ticks, 1.0, f"t = {rows[-1]['time']:.3g} s")
             reported = time.monotonic()
     return Run(memory, {name: np.array([row[name] for row in rows]) for name in rows[0]})
 
 
 def _row(learner: Learner, tick: int, memory: Any) -> Mapping[str, Any]:
-    """Return the values that a learner reports after `tick` ticks, one row of the history.
-
-    A number that overflows is inf, without a warning.
-    """
+    """Return a row of the history, in which a number that overflows is inf, without a warning."""
     with np.errstate(over="ignore", invalid="ignore"):
         return learner.observe(tick, memory)
 
@@ -138,32 +123,8 @@ class LinearResiduals(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class PublishedLaw:
-    """Learner of Eq. (46) for `controller.run`.
-
-    game: the game, without cross weights
-    psi: basis ψ, with M weights
-    states: recorded states, (N_h, n)
-    """
-
-    game: Game
-    psi: Basis
-    states: np.ndarray
-
-    @cached_property
-    def drifts(self) -> np.ndarray:
-        """F_j = A z_j, (N_h, n)."""
-        return self.states @ self.game.A.T
-
-    @cached_property
-    def gradient(self) -> np.ndarray:
-        """∂ψ_j, (N_h, M, n)."""
-        return self.psi.gradient(self.states)
-
-    @cached_property
-    def costs(self) -> np.ndarray:
-        """State cost z_j'Q z_j, (N_h,)."""
-        return quadratic_forms(self.states, self.game.Q)
+class PublishedLaw(Samples):
+    """Learner of Eq. (46) for `controller.run`, on the samples of a game."""
 
     @cached_property
     def linear_residuals(self) -> LinearResiduals:
@@ -244,40 +205,11 @@ class PublishedLaw:
         """Return the time after `tick` ticks, s."""
         return {"time": tick * T_W / ROWS}
 
-    def residual(self, weights: np.ndarray) -> RelativeResidual:
-        """Return the residual of the game's equation for the value of the weights."""
-        slopes = np.einsum("jmi,m->ji", self.gradient, weights)
-        return residual_of_value(slopes, self.drifts, self.costs, self.game.S)
 
-
-def published_law(
-    game: Game, states: np.ndarray, seed: int, progress: Progress | None
-) -> TrainingRun:
-    """Return the training run of Eq. (46) as printed.
-
-    The basis is the paper's for six states, and otherwise the quadratic one.
-
-    game: the game with the plant that was fitted to the data
-    states: recorded states, (N_h, n)
-    seed: seed of the data, which is reported
-    progress: called with (fraction done, 1, text), or None
+def published_law(samples: Samples, progress: Progress | None) -> Learned:
+    """Return the weights of Eq. (46) as printed, and the gains of Theorem 1.
 
     Raises NoSolutionError, with the cause, if the weights overflow.
     """
-    n = len(game.A)
-    psi = basis("paper" if n == 6 else "quadratic", n)
-    law = PublishedLaw(game.without_cross_weights, psi, states)
-    weights = run(law, progress=progress).memory
-    residual = law.residual(weights)
-    return TrainingRun(
-        law="published",
-        basis=psi.name,
-        W=weights,
-        residual_norm=residual.to_costs,
-        settling_residual=residual.to_terms,
-        K=game.gain(psi.matrix(weights)),
-        excitation=excitation(psi.psi(states / np.sqrt(np.mean(states**2, axis=0)))),
-        seed=seed,
-        diagnostics=law.gains._asdict(),
-        names=game.names,
-    )
+    law = PublishedLaw(samples.game, samples.psi, samples.states)
+    return Learned(run(law, progress=progress).memory, law.gains._asdict())

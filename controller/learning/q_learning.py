@@ -10,14 +10,19 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from controller.critic.training_run import SETTLED, Excitation, TrainingRun
-from controller.game.basis import Basis, basis, q_extremum, q_function
+from controller.game.basis import basis, q_extremum, q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
-from controller.learning.recording import RelativeResidual, excitation, plant_of, refuse_poor
+from controller.learning.recording import (
+    RelativeResidual,
+    excitation,
+    plant_of,
+    refuse_poor,
+    root_mean_square,
+)
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import quadratic_forms, spectral_radius
 from hfa_support.progress import Progress
@@ -52,7 +57,8 @@ def learn_steps(
             " over u; give R > 0, or solve the game with hfa.solve"
         )
     learner = QLearner(game, begins)
-    refuse_poor(learner.excitation)
+    of_samples = excitation(learner.features)
+    refuse_poor(of_samples)
     P = np.zeros_like(game.A)
     for pause in range(PAUSES):
         if progress is not None:
@@ -64,7 +70,7 @@ def learn_steps(
             for _ in range(MOST_POLICIES):
                 before, H = H, learner.policy_iteration(H)
                 if learner.is_settled(before, H):
-                    return learner.training_run(H, seed)
+                    return learner.training_run(H, seed, of_samples)
     raise NoSolutionError(
         f"Q-learning did not converge in {learner.iterations} iterations; check with `hfa solve`"
         " that a stabilizing policy exists and that delta is large enough, or record smaller steps"
@@ -84,41 +90,17 @@ class QLearner:
     begins: np.ndarray
     iterations: int = 0
 
-    @cached_property
-    def ends(self) -> np.ndarray:
-        """States after the steps, of the fit, (N, n)."""
-        return self.begins @ plant_of(self.game, self.begins.shape[1]).T
-
-    @cached_property
-    def psi(self) -> Basis:
-        """Quadratic basis of (x, u, w), with M functions."""
-        return basis("quadratic", self.begins.shape[1])
-
-    @cached_property
-    def scales(self) -> np.ndarray:
-        """Root mean square of each column of (x, u, w), (s,)."""
-        return np.sqrt(np.mean(self.begins**2, axis=0))
-
-    @cached_property
-    def features(self) -> np.ndarray:
-        """Basis functions of the scaled (x, u, w) at the steps, (N, M)."""
-        return self.psi.psi(self.begins / self.scales)
-
-    @cached_property
-    def inverse(self) -> np.ndarray:
-        """Pseudoinverse of the features, (M, N)."""
-        return np.linalg.pinv(self.features)
-
-    @cached_property
-    def costs(self) -> np.ndarray:
-        """Cost of each step, (N,)."""
-        weights = q_function(self.game, np.zeros_like(self.game.A))
-        return quadratic_forms(self.begins, weights)
-
-    @cached_property
-    def excitation(self) -> Excitation:
-        """Excitation of the weights of H by the steps."""
-        return excitation(self.features)
+    def __post_init__(self) -> None:
+        """Compute what all iterations use, in (x, u, w) of size 1."""
+        size = self.begins.shape[1]
+        self.scales = root_mean_square(self.begins)
+        self.squares = np.outer(self.scales, self.scales)
+        self.ends = self.begins @ plant_of(self.game, size).T
+        self.psi = basis("quadratic", size)
+        self.features = self.psi.psi(self.begins / self.scales)
+        self.inverse = np.linalg.pinv(self.features)
+        of_step = q_function(self.game, np.zeros_like(self.game.A))
+        self.costs = quadratic_forms(self.begins, of_step)
 
     def value_iteration(self, P: np.ndarray) -> np.ndarray:
         """Return H for the cost of a step followed by the cost α x⁺'P x⁺.
@@ -126,7 +108,7 @@ class QLearner:
         Raises NoSolutionError if w gains more than it costs, or if the value diverges.
         """
         self.iterations += 1
-        H = self._of_weights(self.inverse @ (self.costs + self._after(P)))
+        H = self.psi.matrix(self.inverse @ (self.costs + self._after(P))) / self.squares
         is_moderate = bool(np.abs(H).max() <= LARGEST_CRITIC_ENTRY)
         if is_moderate and self.has_saddle(H):
             return H
@@ -150,18 +132,19 @@ class QLearner:
         rows = [np.eye(len(self.game.A)), -optimum["K"]]  # (x, u, w) = rows x
         if "L" in optimum:
             rows.append(optimum["L"])
-        begins_after = self.ends @ np.vstack(rows).T
-        features_after = self.psi.psi(begins_after / self.scales)
+        features_after = self.psi.psi(self.ends @ np.vstack(rows).T / self.scales)
         equations = np.eye(self.psi.size) - self.game.discount * self.inverse @ features_after
-        return self._of_weights(np.linalg.solve(equations, self.inverse @ self.costs))
+        weights = np.linalg.solve(equations, self.inverse @ self.costs)
+        return self.psi.matrix(weights) / self.squares
 
     def has_saddle(self, H: np.ndarray) -> bool:
         """Return whether the quadratic form of H has a minimum over u and a maximum over w."""
         n, m = self.game.B.shape
-        scaled = H * np.outer(self.scales, self.scales)
-        of_inputs = np.linalg.eigvalsh(scaled[n : n + m, n : n + m])
-        of_disturbances = np.linalg.eigvalsh(scaled[n + m :, n + m :])
-        return bool((of_inputs > 0.0).all() and (of_disturbances < 0.0).all())
+        scaled = H * self.squares
+        of_inputs, of_disturbances = scaled[n : n + m, n : n + m], scaled[n + m :, n + m :]
+        return is_definite(of_inputs) and (
+            not of_disturbances.size or is_definite(-of_disturbances)
+        )
 
     def is_settled(self, before: np.ndarray, after: np.ndarray) -> bool:
         """Return whether policy iteration has converged to a stabilizing policy.
@@ -172,37 +155,30 @@ class QLearner:
         before, after: H of consecutive iterations
         """
         n = len(self.game.A)
-        squares = np.outer(self.scales, self.scales)[:n, :n]
-        change = np.abs((after - before)[:n, :n] * squares).max()
-        if change > SETTLED * np.abs(after[:n, :n] * squares).max() or not self.has_saddle(after):
+        last, now = ((H * self.squares)[:n, :n] for H in (before, after))
+        if np.abs(now - last).max() > SETTLED * np.abs(now).max() or not self.has_saddle(after):
             return False
         policies = q_extremum(self.game, after)
-        loops = [self.game.A - self.game.B @ policies["K"]]
-        if "L" in policies:
-            loops.append(loops[0] + self.game.E @ policies["L"])
+        loop = self.game.A - self.game.B @ policies["K"]
+        loops = [loop, loop + self.game.E @ policies["L"]] if "L" in policies else [loop]
         root = np.sqrt(self.game.discount)
         return all(root * spectral_radius(loop) < 1.0 for loop in loops)
 
-    def residual(self, H: np.ndarray) -> RelativeResidual:
-        """Return the residual of Bellman's equation over all steps."""
-        values = quadratic_forms(self.begins, H)
-        after = self._after(q_extremum(self.game, H)["P"])
-        terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
-        return RelativeResidual.of(values - self.costs - after, self.costs, terms)
-
-    def training_run(self, H: np.ndarray, seed: int) -> TrainingRun:
-        """Return the result of the last iteration."""
-        residual = self.residual(H)
+    def training_run(self, H: np.ndarray, seed: int, of_samples: Excitation) -> TrainingRun:
+        """Return the result of the last iteration, with the residual of Bellman's equation."""
         optimum = q_extremum(self.game, H)
-        values = basis("quadratic", len(self.game.A))
+        values, after = quadratic_forms(self.begins, H), self._after(optimum["P"])
+        terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
+        residual = RelativeResidual.of(values - self.costs - after, self.costs, terms)
+        psi = basis("quadratic", len(self.game.A))
         return TrainingRun(
             law="Q-learning",
-            basis=values.name,
-            W=values.weights(optimum["P"]),
+            basis=psi.name,
+            W=psi.weights(optimum["P"]),
             residual_norm=residual.to_costs,
             settling_residual=residual.to_terms,
             K=optimum["K"],
-            excitation=self.excitation,
+            excitation=of_samples,
             seed=seed,
             names=self.game.names,
             H=H,
@@ -211,7 +187,3 @@ class QLearner:
     def _after(self, P: np.ndarray) -> np.ndarray:
         """Return the cost α x⁺'P x⁺ after each step, (N,)."""
         return self.game.discount * quadratic_forms(self.ends, P)
-
-    def _of_weights(self, weights: np.ndarray) -> np.ndarray:
-        """Return H, (s, s), of weights (M,) in the scaled (x, u, w)."""
-        return self.psi.matrix(weights) / np.outer(self.scales, self.scales)

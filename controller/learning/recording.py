@@ -5,15 +5,26 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from controller.critic.training_run import Excitation
+from controller.game.basis import Basis
 from controller.game.linear_game import weights_of_sizes
 from controller.game.zero_sum import Game
-from hfa_aircraft.readers.matrices_file import NAME_KEYS, entries_found, sample_time, words
+from hfa_aircraft.readers.matrices_file import (
+    NAME_KEYS,
+    FileScales,
+    entries_found,
+    file_scales,
+    sample_time,
+    words,
+)
 from hfa_aircraft.signals import UNNAMED, PlantNames
 from hfa_support.arrays.read import Label, columns_of, read_arrays
 from hfa_support.errors import (
@@ -157,22 +168,34 @@ def _fastest(A: np.ndarray) -> float:
     return spectral_radius(A) or 1.0
 
 
+def root_mean_square(columns: np.ndarray) -> np.ndarray:
+    """Return the root mean square of each column of (N, k), (k,)."""
+    return np.asarray(np.sqrt(np.mean(columns**2, axis=0)))
+
+
 def excitation(samples: np.ndarray) -> Excitation:
     """Return the rank and the condition of recorded samples.
 
     samples: ψ(z_j), (N_h, M), whose rows are divided by their lengths, unless these are 0
     """
+    count, size = samples.shape
     lengths = np.linalg.norm(samples, axis=1, keepdims=True)
     rows = samples / np.where(lengths > 0.0, lengths, 1.0)
-    values = np.zeros(rows.shape[1])
-    computed = np.linalg.svd(rows, compute_uv=False)
-    values[: len(computed)] = computed
+    values = np.linalg.svd(rows, compute_uv=False)
+    values = np.pad(values, (0, size - len(values)))
     return Excitation(
         rank=int(np.sum(values > RANK_TOLERANCE * values[0])),
-        size=rows.shape[1],
-        samples=len(rows),
+        size=size,
+        samples=count,
         condition=float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,
     )
+
+
+class Learned(NamedTuple):
+    """Weights (M,) of a value that a law learned, and further numbers of the law by name."""
+
+    weights: np.ndarray
+    diagnostics: Mapping[str, float] = {}
 
 
 class RelativeResidual(NamedTuple):
@@ -192,24 +215,46 @@ class RelativeResidual(NamedTuple):
         return cls(norm / of_costs, norm / of_terms)
 
 
-def residual_of_value(
-    slopes: np.ndarray, drifts: np.ndarray, costs: np.ndarray, S: np.ndarray
-) -> RelativeResidual:
-    """Return the residual of the game's Hamilton-Jacobi-Isaacs equation for a value V.
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """States z_j of a game in continuous time, recorded with their drifts F_j = A z_j.
 
-    At sample j, e_j = ∇V'F_j + z_j'Q z_j - ¼ ∇V'S ∇V (paper Eq. 33 with the extremal policies).
-
-    slopes: ∇V at the samples, (N_h, n)
-    drifts: F_j, (N_h, n)
-    costs: z_j'Q z_j, (N_h,)
-    S: (n, n)
+    game: the game, without cross weights
+    psi: basis ψ, with M weights
+    states: z_j, (N_h, n)
     """
-    with np.errstate(all="ignore"):
-        changes = slopes * drifts
-        policies = 0.25 * quadratic_forms(slopes, S)
-        errors = changes.sum(axis=1) + costs - policies
-        terms = np.abs(changes).sum(axis=1) + costs + np.abs(policies)
-        return RelativeResidual.of(errors, costs, terms)
+
+    game: Game
+    psi: Basis
+    states: np.ndarray
+
+    @cached_property
+    def drifts(self) -> np.ndarray:
+        """F_j, (N_h, n)."""
+        return self.states @ self.game.A.T
+
+    @cached_property
+    def gradient(self) -> np.ndarray:
+        """∂ψ_j, (N_h, M, n)."""
+        return self.psi.gradient(self.states)
+
+    @cached_property
+    def costs(self) -> np.ndarray:
+        """State cost z_j'Q z_j, (N_h,)."""
+        return quadratic_forms(self.states, self.game.Q)
+
+    def residual(self, weights: np.ndarray) -> RelativeResidual:
+        """Return the residual of the game's Hamilton-Jacobi-Isaacs equation for a value V.
+
+        e_j = ∇V'F_j + z_j'Q z_j - ¼ ∇V'S ∇V (paper Eq. 33 with the extremal policies).
+        """
+        with np.errstate(all="ignore"):
+            slopes = np.einsum("jmi,m->ji", self.gradient, weights)
+            changes = slopes * self.drifts
+            policies = 0.25 * quadratic_forms(slopes, self.game.S)
+            errors = changes.sum(axis=1) + self.costs - policies
+            terms = np.abs(changes).sum(axis=1) + self.costs + np.abs(policies)
+            return RelativeResidual.of(errors, self.costs, terms)
 
 
 def refuse_poor(recorded: Excitation) -> None:
@@ -225,12 +270,12 @@ def refuse_poor(recorded: Excitation) -> None:
         )
 
 
-#: Suffix of the columns of the ends of transitions -> name of their matrix.
-_ENDS = {"_next": "x_next", "_rate": "x_rate"}
+#: Matrix of the ends of transitions -> suffix of their columns.
+_ENDS = {"x_next": "_next", "x_rate": "_rate"}
 #: Columns that are no signals.
 _OTHERS = ("time", "dt", "episode")
 #: Entries of the matrices of transitions, all else is not used.
-_KEYS = ("x", "u", "d", *_ENDS.values(), *_OTHERS, "Ts", *NAME_KEYS)
+_KEYS = ("x", "u", "d", *_ENDS, *_OTHERS, "Ts", *NAME_KEYS)
 
 
 def matrices_in(data: Any, names: PlantNames) -> dict[str, dict[str, Any]]:
@@ -280,17 +325,15 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
             columns[name], units[name] = np.ravel(numbers_in(name, values)), unit
     if len(set(map(len, columns.values()))) > 1:
         raise BadInputError("the columns differ in length; give x and u, or columns of one length")
-    ends = {end for end in _ENDS for name in columns if name.endswith(end)}
-    by_ends = [name for name in columns if any(f"{name}{end}" in columns for end in _ENDS)]
-    others = [name for name in columns if name not in by_ends and not name.endswith(tuple(_ENDS))]
-    d = [name for name in others if re.fullmatch(r"d\d*", name)]
-    is_named = bool(names.states) and set(names.states) <= set(columns)
-    states = list(names.states) if is_named else by_ends
-    inputs = [name for name in others if name not in (*d, *_OTHERS, *states)]
+    suffixes = tuple(_ENDS.values())
+    states = [name for name in columns if any(f"{name}{end}" in columns for end in suffixes)]
+    if names.states and set(names.states) <= set(columns):
+        states = list(names.states)
+    d = [name for name in columns if re.fullmatch(r"d\d*", name)]
+    others = [name for name in columns if name not in (*states, *d, *_OTHERS)]
+    inputs = [name for name in others if not name.endswith(suffixes)]
     if names.inputs and set(names.inputs) <= set(columns):
         inputs = list(names.inputs)
-    if len(ends) > 1:
-        raise BadInputError("the data have columns _next and _rate; remove those of one kind")
     if not states or not inputs:
         what = ", ".join((*names.states, *names.inputs)) or "alpha, alpha_next, elevator"
         raise BadInputError(
@@ -298,34 +341,27 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
             f"{entries_found(entries)}; name the columns so, with units as in alpha [deg], or "
             "give a plant that names them"
         )
-    matrices: dict[str, Any] = {key: columns[key] for key in _OTHERS if key in columns}
-    for key, of_matrix in (("x", states), ("u", inputs), ("d", d)):
-        if of_matrix:
-            matrices[key] = np.column_stack([columns[name] for name in of_matrix])
-    for end in ends:
-        matrices[_ENDS[end]] = np.column_stack(
-            [_end_factor(units, name, end) * columns[f"{name}{end}"] for name in states]
-        )
+    blocks = {"x": states, "u": inputs, "d": d}
+    for key, suffix in _ENDS.items():
+        ends = {f"{state}{suffix}": units[state] for state in states}
+        if not ends.keys() & columns.keys():
+            continue
+        blocks[key] = [*ends]
+        for end, unit in ends.items():
+            wanted = f"{unit}/s" if unit and key == "x_rate" else unit
+            if end not in columns or conversion_factor(units[end], wanted) != 1.0:
+                label = f"{end} [{wanted}]" if wanted else end
+                raise BadInputError(f"there is no column {label}; add it, or remove the others")
+    matrices: dict[str, Any] = {
+        key: np.column_stack([columns[name] for name in block])
+        for key, block in blocks.items()
+        if block
+    }
     for key, of_key in (("state", states), ("input", inputs)):
         matrices[f"{key}s"] = of_key
         matrices[f"{key}_units"] = [units[name] for name in of_key]
-    used = {*states, *inputs, *d, *_OTHERS, *(f"{name}{end}" for name in states for end in ends)}
-    return matrices | {name: None for name in columns if name not in used}
-
-
-def _end_factor(units: Mapping[str, str], state: str, end: str) -> float:
-    """Return the factor of a column of next values or rates to the unit of its state's column."""
-    if (name := f"{state}{end}") not in units:
-        raise BadInputError(f"there is no column {name}; add it, or remove the others{end}")
-    unit, unit_of_state = units[name], units[state]
-    wanted = f"{unit_of_state}/s" if unit_of_state and end == "_rate" else unit_of_state
-    factor = conversion_factor(unit, wanted)
-    if factor is None:
-        raise BadInputError(
-            f"{name} is in {unit or 'no unit'}, {state} in {unit_of_state or 'no unit'}; give "
-            f"{name} in {wanted or 'no unit'}"
-        )
-    return factor
+    used = {name for block in blocks.values() for name in block}
+    return matrices | {name: columns[name] for name in columns if name not in used}
 
 
 def transitions_in(data: Any, game: Game) -> Transitions:
@@ -341,10 +377,10 @@ def transitions_in(data: Any, game: Game) -> Transitions:
         raise BadInputError(
             "the episodes differ in sample time or in disturbances; give equal ones"
         )
-    begins, ends, follows = map(np.concatenate, list(zip(*parts, strict=True))[:3])
-    rounding = np.min([part.rounding for part in parts], axis=0)
-    notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
-    return Transitions(begins, ends, follows, rounding, parts[0].hold, notes)
+    *arrays, rounding, holds, notes = zip(*parts, strict=True)
+    begins, ends, follows = map(np.concatenate, arrays)
+    all_notes = tuple(dict.fromkeys(chain.from_iterable(notes)))
+    return Transitions(begins, ends, follows, np.min(rounding, axis=0), holds[0], all_notes)
 
 
 def game_of_data(
@@ -363,12 +399,10 @@ def game_of_data(
     with prefix_errors(name):
         if "u" not in entries:
             raise BadInputError(f"there is no u{entries_found(entries)}; add it")
-        shapes = np.shape(entries["x"]), np.shape(entries["u"])
-        n, m = (shape[-1] if len(shape) > 1 else 1 for shape in shapes)
+        n, m = (np.shape(entries[key])[1] if np.ndim(entries[key]) > 1 else 1 for key in "xu")
         is_continuous = "x_rate" in entries or words(entries, "time") == ("continuous",)
         dt = None if is_continuous else sample_time(entries) or True
-        named = {key: words(entries, key) for key in NAME_KEYS}
-        names = UNNAMED._replace(origin=name, **named)
+        names = PlantNames(origin=name, **{key: words(entries, key) for key in NAME_KEYS})
         if sizes is not None:
             names = names.completed(n, m)
             weights |= weights_of_sizes(sizes(names), names.states, names.inputs)
@@ -390,112 +424,74 @@ class _Source:
 
     def transitions(self) -> Transitions:
         """Return the transitions."""
-        names = self.game.names
-        x, scale = self._signals("x", names.states, names.state_units)
-        rounding = _last_digits(x / scale) * scale
-        ends = [key for key in _ENDS.values() if key in self.entries]
-        if len(ends) > 1:
+        end, *others = [key for key in _ENDS if key in self.entries] or [""]
+        if others:
             raise BadInputError("the data have x_next and x_rate; remove one of them")
-        if ends == ["x_rate"] and self.game.is_discrete:
+        if end == "x_rate" and self.game.is_discrete:
             raise BadInputError("x_rate is of continuous time, the game is discrete; give x_next")
-        count = len(x)
-        u, scale_of_u = self._signals("u", names.inputs, names.input_units)
-        blocks = [x, u]
-        rounding = np.append(rounding, _last_digits(u / scale_of_u) * scale_of_u)
+        names = self.game.names
+        n, m = len(names.states), len(names.inputs)
+        blocks = [self._matrix("x", n), self._matrix("u", m)]
         if "d" in self.entries:
-            blocks.append(self._disturbances())
-            rounding = np.append(rounding, _last_digits(blocks[-1]))
+            blocks.append(self._matrix("d", 0))
+            k = blocks[-1].shape[1]
+            if math.isfinite(self.game.delta) and k != self.game.E.shape[1]:
+                self.notes.append(f"E of the game is replaced by {k} recorded disturbances")
+        x, count = blocks[0], len(blocks[0])
         starts = self._starts(count)
-        if not ends:  # successive samples; the last of an episode has no end
-            last = count - 1 if len(u) == count - 1 else count
-            kept = np.flatnonzero(~starts[1:])
-            kept = kept[kept < last]
-            after = x[kept + 1]
-        else:
-            kept = np.arange(count)
-            after = self._matrix(ends[0], len(names.states))[:, self._places("x", names.states)]
-            after = after * scale
-        for block in (*blocks[1:], after):
-            if len(block) < len(kept):
+        # Of successive samples, the last of an episode has no end.
+        kept = np.arange(count) if end else np.flatnonzero(~starts[1:])
+        after = self._matrix(end, n) if end else x[1:]
+        for block in (*blocks, after):
+            if len(block) not in (count, count - (not end)):
                 raise BadInputError(
                     f"x has {count} rows, another matrix {len(block)}; give a row of each for each "
                     "sample"
                 )
-        begins = np.hstack([block[kept] for block in blocks])
+        begins, ends = np.hstack([block[kept] for block in blocks]), after[kept]
         follows = np.zeros(len(kept), dtype=bool)
-        if len(kept) and ends != ["x_rate"]:
-            follows[1:] = (after[:-1] == x[kept][1:]).all(axis=1)
-        hold = None if ends == ["x_rate"] else self._hold(starts, bool(ends))
-        return Transitions(begins, after, follows, rounding, hold, tuple(self.notes))
+        if end != "x_rate":
+            follows[1:] = (ends[:-1] == x[kept][1:]).all(axis=1)
+        factors = np.ones(begins.shape[1])
+        factors[: n + m] /= np.concatenate(self._scales())
+        return Transitions(
+            begins=begins * factors,
+            ends=ends * factors[:n],
+            follows=follows,
+            rounding=_last_digits(begins) * factors,
+            hold=None if end == "x_rate" else self._hold(starts, bool(end)),
+            notes=tuple(self.notes),
+        )
 
     def _matrix(self, key: str, columns: int) -> np.ndarray:
-        """Return a matrix (N, columns) of finite numbers, of episodes (e, N, columns) too."""
+        """Return a matrix (N, columns) of finite numbers."""
         if key not in self.entries:
             raise BadInputError(f"there is no {key}{entries_found(self.entries)}; add it")
         values = checked_matrix(key, self.entries[key], LARGEST, None)
         if values.ndim < 2:
             values = values.reshape(-1, 1)
-        if values.ndim > 3 or not values.size or columns not in (0, values.shape[-1]):
+        if values.ndim > 2 or not values.size or columns not in (0, values.shape[1]):
             raise BadInputError(
                 f"{key} is {shape_text(values.shape)}; give a row for each sample, with"
                 f" {columns or 'its'} columns"
             )
-        return values.reshape(-1, values.shape[-1])
+        return values
 
-    def _signals(
-        self, key: str, names: tuple[str, ...], units: tuple[str, ...]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return x or u in the order and the units of the game, and the factors of the units."""
-        values = self._matrix(key, len(names))
-        places = self._places(key, names)
-        of_file = words(self.entries, "state_units" if key == "x" else "input_units")
-        factors = np.ones(len(names))
-        if any(of_file):
-            if len(of_file) != len(names):
-                raise BadInputError(
-                    f"there are {len(of_file)} units of {key}; give {len(names)}, one for each"
-                )
-            for place, (source, unit) in enumerate(zip(places, units, strict=True)):
-                factor = conversion_factor(of_file[source], unit)
-                if factor is None and of_file[source] and unit:
-                    raise BadInputError(
-                        f"{names[place]} is in {shortened(of_file[source])}, which is not converted"
-                        f" to {unit}; give {unit}"
-                    )
-                factors[place] = factor or 1.0
-        elif any(units):
-            self.notes.append(f"{key} without units, taken in {', '.join(units)}")
-        return values[:, places] * factors, factors
-
-    def _places(self, key: str, names: tuple[str, ...]) -> list[int]:
-        """Return the columns of a matrix that are the signals of these names."""
-        of_file = words(self.entries, "states" if key == "x" else "inputs")
-        if set(of_file) == set(names):
-            return [of_file.index(name) for name in names]
-        if of_file and of_file != names:
-            wanted = ", ".join(names)
-            self.notes.append(f"{', '.join(of_file)} of the data, taken as {wanted}")
-            if set(of_file) & set(names):
-                raise BadInputError(
-                    f"the data have {', '.join(of_file)}, the game has {wanted}; name all signals "
-                    "as the game does"
-                )
-        return list(range(len(names)))
-
-    def _disturbances(self) -> np.ndarray:
-        """Return the recorded disturbances, (N, k)."""
-        d = self._matrix("d", 0)
-        if math.isfinite(self.game.delta) and d.shape[1] != self.game.E.shape[1]:
-            self.notes.append(f"E of the game is replaced by {d.shape[1]} recorded disturbances")
-        return d
+    def _scales(self) -> FileScales:
+        """Return the factors from the game's units to those of the data, and note what is taken."""
+        for matrix, signal in (("x", "state"), ("u", "input")):
+            names = getattr(self.game.names, f"{signal}s")
+            units = getattr(self.game.names, f"{signal}_units")
+            of_data = words(self.entries, f"{signal}s")
+            if of_data not in ((), names):
+                self.notes.append(f"{', '.join(of_data)} of the data, taken as {', '.join(names)}")
+            if any(units) and not any(words(self.entries, f"{signal}_units")):
+                self.notes.append(f"{matrix} without units, taken in {', '.join(units)}")
+        return file_scales(self.entries, self.game.names)
 
     def _starts(self, count: int) -> np.ndarray:
-        """Return whether a row is the first of an episode, (N,), by `episode` or by 3-D arrays."""
-        starts = np.zeros(count, dtype=bool)
-        starts[0] = True
-        shape = np.shape(self.entries["x"])
-        if len(shape) == 3:
-            starts[:: shape[1]] = True
+        """Return whether a row is the first of an episode, (N,)."""
+        starts = np.arange(count) == 0
         if "episode" in self.entries:
             labels = np.ravel(numbers_in("episode", self.entries["episode"]))
             if len(labels) != count:
@@ -512,18 +508,23 @@ class _Source:
 
         Raises BadInputError if it is not known, or is not that of a game in discrete time.
         """
-        dt = sample_time(self.entries)
+        stated = dt = sample_time(self.entries)
         accuracy = 0.0
-        if isinstance(self.entries.get("time"), str) or "time" not in self.entries:
-            times = None
-        else:
+        if "time" in self.entries and not words(self.entries, "time") and not are_apart:
             times = np.ravel(numbers_in("time", self.entries["time"]))
-            of_times, accuracy = self._step_of(times, starts, are_apart)
-            if of_times is not None:
-                _refuse_other_dt("their dt", dt, of_times, accuracy)
-                dt = of_times
+            if len(times) != len(starts):
+                raise BadInputError(f"time has {len(times)} entries, x has {len(starts)} rows")
+            if not starts.all():  # some rows follow others
+                dt, accuracy = _step_of(times, starts)
+        for whose, other in (("their dt", stated), ("the game", self.game.dt)):
+            if not (isinstance(dt, float) and isinstance(other, float)):
+                continue
+            if not math.isclose(dt, other, rel_tol=1e-6, abs_tol=accuracy):
+                raise BadInputError(
+                    f"the sample time of the data is {dt:g} s, but that of {whose} is {other:g} s; "
+                    "give data of this sample time, or correct dt"
+                )
         if self.game.is_discrete:
-            _refuse_other_dt("the game", self.game.dt, dt, accuracy)
             return None
         if dt is None or dt is True:
             raise BadInputError(
@@ -532,55 +533,33 @@ class _Source:
             )
         return dt
 
-    def _step_of(
-        self, times: np.ndarray, starts: np.ndarray, are_apart: bool
-    ) -> tuple[float | None, float]:
-        """Return the step of the times of successive samples, s, and its accuracy.
 
-        Raises BadInputError if times go back, or if steps differ by more than their rounding.
-        """
-        if len(times) != len(starts):
-            raise BadInputError(f"time has {len(times)} entries, x has {len(starts)} rows")
-        steps = np.where(starts[1:], np.nan, np.diff(times))
-        for place in np.flatnonzero(~(steps > 0.0) & ~starts[1:])[:1]:
-            raise BadInputError(
-                f"time goes back at row {place + 2} ({times[place + 1]:g} s after "
-                f"{times[place]:g} s); sort the rows, or give episode, a number for each row"
-            )
-        if are_apart or np.isnan(steps).all():
-            return None, 0.0
-        mean = float(np.nanmean(steps))
-        # Two times, each rounded to half a unit of their last digit, if it is not that of the step.
-        (rounding,) = _last_digits(times[:, None])
-        if 2.0 * rounding > mean:
-            rounding = 8.0 * float(np.spacing(np.abs(times).max()))
-        for place in np.flatnonzero(np.abs(steps - mean) > rounding)[:1]:
-            raise BadInputError(
-                f"the samples are not equally spaced: {steps[place]:g} s at row {place + 2}, "
-                f"{mean:g} s on average; give x_next for each row, with dt, or the rows of equal "
-                "steps"
-            )
-        return mean, rounding
+def _step_of(times: np.ndarray, starts: np.ndarray) -> tuple[float, float]:
+    """Return the step of the times of successive samples, s, and its accuracy.
+
+    Raises BadInputError if steps differ by more than their rounding.
+    """
+    steps = np.where(starts[1:], np.nan, np.diff(times))
+    mean = float(np.nanmean(steps))
+    # Two times, each rounded to half a unit of their last digit, if it is not that of the step.
+    (rounding,) = _last_digits(times[:, None])
+    if 2.0 * rounding > mean:
+        rounding = 8.0 * float(np.spacing(np.abs(times).max()))
+    place = int(np.nanargmax(np.abs(steps - np.nanmedian(steps))))
+    if abs(steps[place] - mean) > rounding:
+        raise BadInputError(
+            f"the samples are not equally spaced: {steps[place]:g} s at row {place + 2}, {mean:g} "
+            "s on average; sort the rows, give episode, a number for each row, or x_next for each "
+            "row, with dt"
+        )
+    return mean, rounding
 
 
 def _last_digits(columns: np.ndarray) -> np.ndarray:
     """Return the unit of the last decimal of each column (N, k), (k,), as of a printed record."""
-    largest = np.abs(columns).max(axis=0)
+    largest = np.abs(columns).max(axis=0, initial=0.0)
     precision = 4.0 * np.spacing(largest)
     for place in range(16, -1, -1):
         is_rounded = (np.abs(np.round(columns, place) - columns) <= precision).all(axis=0)
         precision = np.where(is_rounded, np.maximum(precision, 10.0**-place), precision)
     return precision
-
-
-def _refuse_other_dt(whose: str, one: Any, other: Any, accuracy: float) -> None:
-    """Raise BadInputError if two known sample times differ by more than the accuracy."""
-    if (
-        isinstance(one, float)
-        and isinstance(other, float)
-        and not math.isclose(one, other, rel_tol=1e-6, abs_tol=accuracy)
-    ):
-        raise BadInputError(
-            f"the sample time of the data is {other:g} s, but that of {whose} is {one:g} s; give "
-            "data of this sample time, or correct dt"
-        )

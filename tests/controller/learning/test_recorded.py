@@ -93,14 +93,14 @@ def trajectory(game, count, seed=0, probing=1.0):
 
 
 def test_successive_samples_of_several_episodes_are_read():
-    """By 3-D arrays, by a number for each row, and by several sources."""
+    """By a number for each row, with and without times, and by several sources."""
     parts = [trajectory(STEPS, 30, seed) for seed in range(3)]
     x, u = (np.array(each) for each in zip(*parts, strict=True))
     u = np.concatenate([u, np.zeros((3, 1, 2))], axis=1)
     time = np.tile(np.round(0.1 * np.arange(31), 1), 3)
     flat = {"x": x.reshape(-1, 3), "u": u.reshape(-1, 2), "episode": np.repeat([7, 8, 9], 31)}
     separate = [{"x": x, "u": u} for x, u in parts]
-    for data in ({"x": x, "u": u}, flat | {"time": time}, separate):
+    for data in (flat, flat | {"time": time}, separate):
         run = learn(blind(STEPS), data=data)
         assert_exact(STEPS, run)
         assert (run.data.rows, run.data.episodes) == (90, 3)
@@ -146,11 +146,9 @@ def test_columns_are_told_by_name_and_unit():
         assert_exact(NAMED, learn(blind(NAMED), data=data))
 
 
-def test_a_mat_file_states_names_in_its_own_order():
-    data = recorded(STEPS)
-    stored = {"u": data["u"], "states": np.array(["h", "alpha", "q"], dtype=object)}
-    stored |= {key: data[key][:, [2, 0, 1]] for key in ("x", "x_next")}
-    scipy.io.savemat("data.mat", stored)
+def test_a_mat_file_is_read():
+    data = recorded(STEPS) | {"states": np.array(["alpha", "q", "h"], dtype=object)}
+    scipy.io.savemat("data.mat", data)
     assert_exact(NAMED, learn(blind(NAMED), data="data.mat"))
 
 
@@ -223,22 +221,26 @@ REFUSED = {
     "the columns differ in length": {"a": np.ones(3), "b": np.ones(4)},
     "have 1 transitions; record at least 6": recorded(STEPS, 1),
     "have 0 transitions": {"x": np.ones((1, 3)), "u": np.ones((1, 2))},
-    "time goes back at row 4": TIMES | {"time": 0.1 * np.r_[:3, 2:60]},
-    "not equally spaced": TIMES | {"time": 0.1 * np.r_[:30, 31:62]},
+    "not equally spaced: 0 s at row 4": TIMES | {"time": 0.1 * np.r_[:3, 2:60]},
+    "not equally spaced: 0.2 s at row 31": TIMES | {"time": 0.1 * np.r_[:30, 31:62]},
     "data is 0.2 s, but that of the game is 0.1": recorded(STEPS) | {"dt": 0.2},
     "data is 0.05 s, but": {"x": PROBED[0], "u": PROBED[1], "time": 0.05 * np.arange(61)},
     "sample time of the data is not known": (RATES, recorded(STEPS)),
     "x_rate is of continuous time": recorded(RATES),
     "u1, u2 is a policy u = -K x": TIMES,
     "u2 is 0 in every row": spoiled("u", [[1.0, 0.0]] * 80, slice(None)),
-    "rank of the states is 1 of 3": recorded(STEPS) | {"x": RNG.normal(size=(80, 1)) * [1.0, 2, 3]},
+    "is 3 of 5: some are combinations": recorded(STEPS)
+    | {"x": RNG.normal(size=(80, 1)) * [1.0, 2, 3]},
     "there is no u": {"x": X, "x_next": X},
-    "is in furlong, which is not converted to rad": (
+    "state 1 is in furlong in the file but in rad": (
         NAMED,
         recorded(STEPS) | {"state_units": ["furlong", "rad/s", "m"]},
     ),
-    "the data have alpha, beta, h": (NAMED, recorded(STEPS) | {"states": ["alpha", "beta", "h"]}),
-    "q_next is in deg, q in deg/s": (
+    "the states are h, alpha, q in the file": (
+        NAMED,
+        recorded(STEPS) | {"states": ["h", "alpha", "q"]},
+    ),
+    "there is no column q_next [deg/s]": (
         NAMED,
         {
             name.replace("q_next [deg/s]", "q_next [deg]"): each
