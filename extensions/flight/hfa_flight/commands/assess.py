@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 from controller.critic.critic_file import critic_suffixes
 from hfa.options.advice import trimmed
@@ -13,7 +14,7 @@ from hfa.options.argument_types import each_of, input_file, linear_state, number
 from hfa.options.command import Outcome, ProgressLine, Request, command
 from hfa.options.parser import is_given, option
 from hfa.options.plants import aircraft_help
-from hfa.options.trims import GivenTrim, SeveralTrims, at_name, given_trims
+from hfa.options.trims import GivenTrims, SeveralTrims, at_name, given_trims
 from hfa_aircraft.model import Model
 from hfa_flight.needs import ALL, SAMPLES, SHARE, needed_share
 from hfa_support.errors import BadInputError, choice_of
@@ -113,35 +114,8 @@ class AssessRequest(Request, SeveralTrims):
     )
 
 
-class _Given(NamedTuple):
-    """What the options of `hfa assess` define of the aircraft.
-
-    trims: the trims to assess
-    source: entries of the provenance
-    """
-
-    trims: list[GivenTrim]
-    source: Mapping[str, Any]
-
-    @property
-    def model(self) -> Model:
-        """The aircraft, with the parameters that the options set."""
-        return self.trims[0].model
-
-
-def _given(request: AssessRequest) -> _Given:
-    """Return the trims of the options."""
-    return _Given(*given_trims(request, _MOST_POINTS))
-
-
 def _deployment(request: AssessRequest, model: Model) -> Deployment:
-    """Load the deployment.
-
-    Raises BadInputError without a file, for a policy without a sample time, for one with two, and
-    as `sampled_policy` and `Deployment.load` do.
-
-    model: aircraft of a policy u(x)
-    """
+    """Load the deployment, or the policy u(x) of an aircraft with the sample time of the option."""
     from hfa_flight.policies.deployment.deployment import Deployment, sampled_policy
 
     file = request.file
@@ -172,8 +146,8 @@ def _assumed_trim(request: AssessRequest, point: OperatingPoint) -> str:
     )
 
 
-@command(AssessRequest, _given)
-def assess(request: AssessRequest, given: _Given) -> Outcome:
+@command(AssessRequest, partial(given_trims, most=_MOST_POINTS))
+def assess(request: AssessRequest, given: GivenTrims) -> Outcome:
     """Assess a policy as deployed: with a zero-order hold, normalizer and delay.
 
     For each trim, the report contains the equilibrium, the spectral radius of the sampled loop with
@@ -189,8 +163,9 @@ def assess(request: AssessRequest, given: _Given) -> Outcome:
     from hfa_flight.judge.assessor import Assessor
     from hfa_flight.policies.deployment.deployed import Deployed
 
-    deployed = Deployed(_deployment(request, given.model), given.model)
-    box = each_of("--box", given.model, request.box, _half_width)
+    model = given.trims[0].model
+    deployed = Deployed(_deployment(request, model), model)
+    box = each_of("--box", model, request.box, _half_width)
     points = tuple(map(trimmed, given.trims))
     share = request.need.get(SHARE, ALL)
     assessor = Assessor(deployed, points, request.samples, request.seed, box, share)

@@ -101,10 +101,7 @@ class ExportRequest(Request, PolicyOptions):
 
 
 def _given_trim(request: ExportRequest) -> GivenTrim:
-    """Return the trim of the options, which of the paper's aircraft is at `_DIHEDRAL` by default.
-
-    All options are checked, also those of the trim that the output does not use.
-    """
+    """Return the trim of the options, by default of the paper's aircraft at `_DIHEDRAL`."""
     asked = trim_input(request)
     if asked.at is None and not asked.rows and request.aircraft is None:
         return asked.trim(_DIHEDRAL, asked.held())

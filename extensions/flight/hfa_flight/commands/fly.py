@@ -317,10 +317,7 @@ def _refuse_contradictions(request: FlyRequest) -> None:
 
 
 def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> PlannedFlight:
-    """Return the flight to be simulated, as specified by the options.
-
-    point: the trim
-    """
+    """Return the flight to be simulated, as specified by the options."""
     scenario = scenario_of(request, point, given.hold, drawn=request.members is not None)
     commands = each_of("--command", given.model, request.command, _command)
     for name, steps in commands.items():
@@ -350,11 +347,7 @@ def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> Pl
 
 
 class _Steering(NamedTuple):
-    """What moves the inputs of a flight.
-
-    reference: reference x_d that the policy follows, or None
-    tracking: feedback and feedforward of --reference, or None
-    """
+    """What moves the inputs of a flight, with the reference x_d and its tracking, if any."""
 
     policy: Policy
     reference: TimeVector | None = None
@@ -368,11 +361,7 @@ def _steering(
     commands: Mapping[str, list[tuple[float, float]]],
     limits: Mapping[str, tuple[float, float]],
 ) -> _Steering:
-    """Return the policy that the options specify, with its reference and tracking.
-
-    commands: signal -> steps of --command
-    limits: state -> limits of --envelope
-    """
+    """Return the policy that the options specify, with its reference and tracking."""
     model = given.model
     steps = command_steps(commands)
     flown = request.flown

@@ -98,10 +98,7 @@ class OptimizeRequest(Request, TrimOptions, WeightOptions):
 
 
 def _end(request: OptimizeRequest, asked: TrimInput, begin: GivenTrim) -> GivenTrim:
-    """Return the trim at which flights end: the given trim, changed by --to.
-
-    Raises BadInputError if --to contains a parameter.
-    """
+    """Return the trim at which flights end: the given trim, changed by --to."""
     model = asked.model
     held = each_of("--to", model, request.to, quantity)
     for name in held:
@@ -111,16 +108,6 @@ def _end(request: OptimizeRequest, asked: TrimInput, begin: GivenTrim) -> GivenT
             )
     at = held.pop(model.schedule, begin.at)
     return asked.trim(at, {**begin.hold, **held})
-
-
-def _policies(
-    request: OptimizeRequest, game: Game, point: OperatingPoint, limits: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Return the policies of --policy, by name.
-
-    Raises NoSolutionError if the game has no solution. Raises BadInputError if a file is invalid.
-    """
-    return dict(_policy(what, game, point, limits) for what in request.policy)
 
 
 def _policy(
@@ -180,7 +167,7 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     game = weighted_game(given_weights(request, model), linearize(model, point)).game
     game.refuse_cross_weights("the cost of hfa optimize")
     problem = flight_problem(model, point, game.Q, game.R, limits=limits)
-    judged = _policies(request, game, point, limits)
+    judged = dict(_policy(what, game, point, limits) for what in request.policy)
     policies = {_EXACT: exact_policy(game), **judged} if np.isfinite(game.delta) else judged
     if request.starts is not None:
         progress = ProgressLine("optimize")

@@ -75,10 +75,7 @@ def lqr_at(deployed: Deployed, at: Equilibrium) -> Game:
 
 
 def _above(game: Game, optimum: np.ndarray, loop: Chain) -> CostAboveOptimum:
-    """Return the cost of a sampled loop above the optimum, 0 if no deviation has a cost.
-
-    optimum: P of the least cost x'Px, (k, k)
-    """
+    """Return the cost of a sampled loop above the optimum, 0 if no deviation has a cost."""
     if loop.radius >= 1.0:
         return CostAboveOptimum(math.inf, math.inf)
     values, vectors = np.linalg.eigh(optimum)
@@ -93,11 +90,9 @@ def _above(game: Game, optimum: np.ndarray, loop: Chain) -> CostAboveOptimum:
 
 
 def _cost_of(loop: Chain, game: Game) -> np.ndarray:
-    """Return X of the cost x'Xx of a stable sampled loop from deviations x, (k, k).
-
-    At the first sample, delayed commands have their equilibrium values, and earlier observations
-    equal the present ones.
-    """
+    """Return X of the cost x'Xx of a stable sampled loop from deviations x, (k, k)."""
+    # At the first sample, delayed commands have their equilibrium values, and earlier
+    # observations equal the present ones.
     from scipy.linalg import solve_discrete_lyapunov
 
     of_states = np.eye(loop.states, len(loop.F))  # from s at the sample to x now

@@ -95,11 +95,9 @@ class Endings:
         )
 
     def _mark_departures(self, flown: History) -> np.ndarray:
-        """Return a mask of the flights that left their limits, and store when and with what.
-
-        A flight leaves with the first step whose extremes are not all within its limits, or whose
-        last states are not all finite.
-        """
+        """Return a mask of the flights that left their limits, and store when and with what."""
+        # A flight leaves with the first step whose extremes are not all within its limits, or
+        # whose last states are not all finite.
         states = flown.states[:, :, : self._least.shape[1]]  # the first ones have limits
         lows, highs = self._extremes(flown.states)
         least, most = self._least[flown.flights, None], self._most[flown.flights, None]

@@ -103,10 +103,7 @@ def training_trims(model: Model, points: Iterable[Any] | None) -> tuple[Operatin
 
 
 def _refuse_given_twice(arguments: Mapping[str, Any]) -> None:
-    """Raise BadInputError if an argument is given that a deployment contains.
-
-    arguments: entry of a deployment -> value of the argument, or None
-    """
+    """Raise BadInputError if an argument is given that a deployment contains."""
     for entry, value in arguments.items():
         if value is not None:
             raise BadInputError(

@@ -113,13 +113,7 @@ def surviving_boxes(
 def _surviving_shares(
     samples: CompiledSamples, point: OperatingPoint, box: np.ndarray, directions: np.ndarray
 ) -> np.ndarray:
-    """Return the largest of the `_SHARES` of a box up to which flights stay, by direction, (D,).
-
-    If none stays, the share is the smallest.
-
-    box: half-widths about the trim, (k,)
-    directions: (D, k), in half-widths
-    """
+    """Return the largest of the `_SHARES` of a box up to which flights stay, by direction, (D,)."""
     model, flight = point.model, samples.flight
     rows = model.state_places(model.linear)
     count = len(directions) * len(_SHARES)
@@ -234,10 +228,7 @@ class Episode:
         return self._flight.dt * rate if math.isfinite(rate) else _DEAREST
 
     def _allocate(self) -> None:
-        """Allocate the rows of an episode, name their parts, and bind the compiled code to them.
-
-        The code advances the episode by one sample in place.
-        """
+        """Allocate the rows of an episode, name their parts, and bind the compiled code to them."""
         # The row of the states contains state, memory, extremes, and the number of remaining
         # samples. The row of the held values contains actions, trim, push, the limits of the state,
         # and the penalty of leaving them.
@@ -412,10 +403,8 @@ class Episode:
         return _departure_at(self.envelope, after, time)
 
     def _next_states(self) -> np.ndarray:
-        """Return the states after a further sample, (n,), which may be no numbers.
-
-        An episode keeps its states if the next are no numbers, so these are computed again.
-        """
+        """Return the states after a further sample, (n,), which may be no numbers."""
+        # An episode keeps its states if the next are no numbers, so these are computed again.
         held = self._held[0, : sum(self._flight.held_sizes)]
         after = np.array(self._flight.tick()(self._state[0, :-1], held)).ravel()
         return after[: len(self._X)]
@@ -480,19 +469,11 @@ def _departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
 
 
 def _outcome(size: int, n: int) -> ca.Function:
-    """Return (before, after, cost, remaining, limits, penalty) -> (kept state, later, outcome).
-
-    before, after: state before and after the sample, (size,), with the lowest and the highest X of
-        the sample at its end; kept is `after` if all its entries are finite, else `before`
-    cost: cost of the sample, replaced by `_DEAREST` if it is not finite
-    remaining, later: number of remaining samples with and without this one
-    limits: lowest X and highest X, (2 n,); an entry of `after` that is not finite is outside
-    penalty: what a sample at the limits costs
-    outcome: reward, whether the aircraft left the limits, whether no samples remain
-
-    The reward is -cost. If the aircraft leaves the limits, cost and penalty also count for each
-    later sample.
-    """
+    """Return (before, after, cost, remaining, limits, penalty) -> (kept state, later, outcome)."""
+    # `before` and `after` the sample, (size,), end with the lowest and the highest X of the
+    # sample; `kept` is `after` if all its entries are finite. The reward is -cost; outside the
+    # `limits` (2 n,), cost and `penalty` also count for each later sample. The outcome is the
+    # reward, whether the aircraft left the limits, and whether no samples remain.
     before, after = ca.SX.sym("before", size), ca.SX.sym("after", size)
     cost, remaining, penalty = map(ca.SX.sym, ("cost", "remaining", "penalty"))
     limits = ca.SX.sym("limits", 2 * n)
@@ -533,10 +514,7 @@ def _commands_of_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) 
 def _bound(
     code: RowCode | RowFunction, tables: Sequence[np.ndarray], results: Sequence[np.ndarray]
 ) -> Callable[[], Any]:
-    """Return a function without arguments that evaluates all rows of the tables into `results`.
-
-    A result may be one of the tables.
-    """
+    """Return a function without arguments that evaluates all rows of the tables into `results`."""
     if isinstance(code, RowCode):
         return code.bound(tables, results)
 

@@ -136,12 +136,7 @@ def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndar
 
 
 def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
-    """Return the lengths of intervals, rounded to multiples of the simulation step, s, (N,).
-
-    Each length is at least one step. The simulation can then apply the proposed inputs exactly.
-
-    ends: boundaries of the intervals, s, (N + 1,)
-    """
+    """Return the lengths of intervals, rounded to multiples of the simulation step, s, (N,)."""
     end_steps = np.round(ends / step).astype(int)
     number = np.arange(len(end_steps))
     # At least one step after the boundary before, and early enough for those that follow.
@@ -320,11 +315,9 @@ class Transcription:
 
     @cached_property
     def _solver(self) -> ca.Function:
-        """IPOPT solver of the nonlinear program.
-
-        The equations at collocation point i are s_i - h_i f(r_i) = 0, with states and inputs r_i,
-        slopes s_i of the polynomial of the states, and length h_i of the interval.
-        """
+        """IPOPT solver of the nonlinear program."""
+        # The equations at collocation point i are s_i - h_i f(r_i) = 0, with states and inputs r_i,
+        # slopes s_i of the polynomial of the states, and length h_i of the interval.
         problem, intervals = self.problem, self.intervals
         k, m = len(problem.followed), len(problem.inputs)
         points = intervals * DEGREE
@@ -351,11 +344,7 @@ class Transcription:
         return ca.nlpsol("flight", "ipopt", parts, {**OPTIONS, "ipopt.mu_strategy": strategy})
 
     def _slopes(self, z: ca.MX, start: ca.MX) -> ca.MX:
-        """Return the slopes of the states' polynomials at the points, per length of an interval.
-
-        z: states at the points, (k, N DEGREE)
-        start: state at the start, (k,)
-        """
+        """Return the slopes of the states' polynomials at the points, per length of an interval."""
         ends = z[:, DEGREE - 1 : self.intervals * DEGREE - 1 : DEGREE]
         derivatives, _, _ = ca.collocation_coeff(collocation_points()[1:].tolist())
         unit = ca.DM.eye(self.intervals)

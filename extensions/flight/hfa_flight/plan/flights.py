@@ -137,11 +137,7 @@ def tracking_gains(problem: FlightProblem, candidate: Candidate) -> np.ndarray:
 
 
 def _slopes(problem: FlightProblem, candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
-    """Return A, (N, k, k), and B, (N, k, m), at the middle of each interval.
-
-    They relate deviations of the k linear states and the inputs. The followed states after the
-    linear ones are left out.
-    """
+    """Return A, (N, k, k), and B, (N, k, m), at the middle of each interval."""
     nominal_states, nominal_inputs = problem.sizes
     z, v = candidate.at(candidate.ends[:-1] + 0.5 * candidate.lengths)
     middles = np.hstack([z / nominal_states, v / nominal_inputs])

@@ -70,9 +70,8 @@ class HeldModel:
 
     @cached_property
     def _step_slopes(self) -> ca.Function:
-        """Function ([z, S], v, h) -> [z, S] after one Runge-Kutta step, with the derivatives S
-        (n, n + m) of z by the states and inputs at the start of the hold.
-        """
+        """Function ([z, S], v, h) -> [z, S] after one Runge-Kutta step."""
+        # S (n, n + m) are the derivatives of z by the states and inputs at the start of the hold.
         _, v, h = self._symbols()
         _, n, m = self.scaled.sizes
         columns = ca.MX.sym("columns", n, 1 + n + m)
@@ -87,11 +86,7 @@ class HeldModel:
         return ca.Function("step_slopes", [columns, v, h], [after])
 
     def _held(self, step: ca.Function, count: int) -> ca.Function:
-        """Return the function (z or [z, S], v, seconds) -> z or [z, S] after a hold.
-
-        step: a Runge-Kutta step
-        count: number of the steps
-        """
+        """Return the function (z or [z, S], v, seconds) -> z or [z, S] after a hold."""
         begin = ca.MX.sym("begin", *step.size_in(0))
         _, v, seconds = self._symbols()
         repeated = (ca.repmat(column, 1, count) for column in (v, seconds / count))
@@ -120,9 +115,7 @@ class HeldModel:
 
     @cached_property
     def _slopes(self) -> BoundFunction:
-        """Machine code of (z (n, N), v (m, N), seconds) -> [z, S] after each hold,
-        (n, N (1 + n + m)).
-        """
+        """Machine code of (z (n, N), v (m, N), seconds) -> [z, S] after each hold, side by side."""
         _, n, m = self.scaled.sizes
         count = len(self.holds)
         before = ca.MX.sym("before", n, count)

@@ -173,23 +173,19 @@ class PlanProgram:
 
 
 class _Numbers(NamedTuple):
-    """Matrices H and A of a program, with the number of a value in place of each entry.
+    """Matrices H and A of a program, with the number of a value in place of each entry."""
 
-    The values of H are those of W of each hold, of the curvatures of the slacks, and of P. Those of
-    A are 1, -1, and the derivatives of the states at the ends and at the middles of the holds.
-    Numbers begin with 1, and 0 is no entry.
-    """
+    # Of H: W of each hold, the curvatures of the slacks, P. Of A: 1, -1, the derivatives of the
+    # states at the ends and at the middles of the holds. Numbers begin with 1; 0 is no entry.
 
     H: np.ndarray
     A: np.ndarray
 
 
 def _numbers_of_values(count: int, n: int, m: int, soft: np.ndarray, fast: np.ndarray) -> _Numbers:
-    """Return the matrices of the program of `PlanProgram` with N holds, with its arguments.
-
-    The rows of A of a hold are the n equations, then for the limits at its end and for those at its
-    middle first the upper sides, x - slack, then the lower ones, x + slack.
-    """
+    """Return the matrices of the program of `PlanProgram` with N holds, with its arguments."""
+    # The rows of A of a hold are the n equations, then for the limits at its end and for those
+    # at its middle first the upper sides, x - slack, then the lower ones, x + slack.
     both, slacks, middles = n + m, len(soft), len(fast)
     unknowns, rows_of_hold = both + slacks, n + 2 * (slacks + middles)
     H = np.zeros((count * unknowns + n, count * unknowns + n), dtype=int)
@@ -246,9 +242,7 @@ def _limits_of_unknowns(room: Room, n: int) -> Range:
 
 
 def _sparse(numbers: np.ndarray) -> tuple[ca.Sparsity, np.ndarray]:
-    """Return the sparsity of a matrix whose entries are numbers of values, beginning with 1, and
-    the indices of the values in the order of CasADi, by columns.
-    """
+    """Return the sparsity of a matrix of numbers of values, and their indices by columns."""
     height, width = numbers.shape
     columns, rows = np.nonzero(np.ascontiguousarray(numbers.T))
     sparsity = ca.Sparsity.triplet(height, width, rows.tolist(), columns.tolist())

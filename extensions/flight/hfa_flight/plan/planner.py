@@ -200,11 +200,8 @@ class Planner:
         return cost if cost < _INFINITE else np.inf
 
     def _flight_of_gain(self) -> BoundFunction:
-        """Return the machine code of ([z, cost, excess], K by rows) -> [z, cost,
-        largest excess over the limits] after four horizons.
-
-        K acts on the first k of the n states z.
-        """
+        """Return the machine code of ([z, cost, excess], K by rows) -> them after four horizons."""
+        # K acts on the first k of the n states z; the excess is the largest over the limits.
         k, n, m = self.scaled.sizes
         begin, K = ca.MX.sym("begin", n + 2), ca.MX.sym("K", m * k)
         arguments = [begin, K]
@@ -251,14 +248,10 @@ class Planner:
         return Improved(plan, False, unsolved)
 
     def _step(self, plan: Plan, until: float) -> tuple[Plan | None, int]:
-        """Return a cheaper plan by a step of the quadratic program, or None, and the number of
-        unsolved programs.
-
-        The plan itself is returned where the solved program promises less than _SMALL of its cost.
-
-        If the full step is not cheaper, a second program has limits that are corrected by the
-        difference of the flight from its linear prediction. The step then bends towards it.
-        """
+        """Return a cheaper plan by a step of the program, or None, and the unsolved programs."""
+        # The plan itself is returned where the program promises less than _SMALL of its cost. If
+        # the full step is not cheaper, a second program has limits that are corrected by the
+        # difference of the flight from its linear prediction. The step then bends towards it.
         slopes = self._slopes_along(plan)
         none = np.zeros(plan.middle.shape)
         first = self._proposed(plan, slopes, AlongHolds(none, none))
@@ -291,13 +284,7 @@ class Planner:
         return self.flown(plan.z[0], v, plan.room, plan.age)
 
     def _proposed(self, plan: Plan, slopes: AlongHolds, correction: AlongHolds) -> ProgramSolution:
-        """Return the result of the quadratic program: changes of inputs, states and cost.
-
-        It knows at least the limits of the states that the plan brings beyond half of their room.
-
-        slopes: derivatives of the states
-        correction: differences of the states from their linear prediction
-        """
+        """Return the result of the quadratic program: changes of inputs, states and cost."""
         limited, program = self._program_for(plan)
         fast = limited[program.fast]
         states, fast_states = self.soft[limited], self.soft[fast]
@@ -325,9 +312,7 @@ class Planner:
         return program.step(cost, AlongHolds(slopes.ends, of_fast), room)
 
     def _program_for(self, plan: Plan) -> tuple[np.ndarray, PlanProgram]:
-        """Return the smallest program with the limits of all states that are near them, and the
-        places of its limited states in `soft`.
-        """
+        """Return the smallest program with all limits that are near, and their places in `soft`."""
         lows, highs = plan.room
         states = plan.z[1:, self.soft]
         near = (states > _NEAR * highs) | (states < _NEAR * lows)
@@ -337,11 +322,9 @@ class Planner:
         return np.array(sorted(smallest.places), dtype=int), smallest.program
 
     def _all_programs(self) -> list[_KnownLimits]:
-        """Return the quadratic programs with the limits of some states, the smallest first.
-
-        None is built in a flight: they know no limits, those of the fast states, those of one other
-        state too, or all.
-        """
+        """Return the quadratic programs with the limits of some states, the smallest first."""
+        # None is built in a flight: they know no limits, those of the fast states, those of one
+        # other state too, or all.
         fast = set(self._fast.tolist())
         every = set(range(len(self.soft)))
         known = [set[int](), fast, *(fast | {one} for one in sorted(every - fast)), every]
@@ -407,11 +390,7 @@ class Planner:
         return self.flown(z, v, room, plan.age + 1)
 
     def _last_input(self, plan: Plan, hold: Hold, room: Range) -> np.ndarray:
-        """Return the cheapest input of a hold after the end of a plan, (m,).
-
-        It is the linear optimum, the last input of the plan, or that of the trim, changed least
-        such that fast states stay within their limits.
-        """
+        """Return the cheapest input of a hold after the end of a plan, (m,)."""
         z = plan.z[-1]
         gain, _ = hold.back(self.P)
         linear = np.clip(-gain @ z, *self.scaled.input_limits)

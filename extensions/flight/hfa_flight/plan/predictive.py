@@ -276,11 +276,9 @@ def _end_of(scaled: ScaledProblem, dt: float, end_game: Game) -> tuple[np.ndarra
 
 
 def _sampled_game(continuous: Game, dt: float) -> Game:
-    """Return the game whose inputs and disturbance are held dt, with the exact cost of the inputs.
-
-    The cost of the disturbance alone is exact. Its effect on the states within a hold costs nothing
-    before the end of the hold.
-    """
+    """Return the game with a zero-order hold dt, with the exact cost of the inputs."""
+    # The cost of the disturbance alone is exact. Its effect on the states within a hold costs
+    # nothing before the end of the hold.
     k = len(continuous.A)
     W = hold_of(continuous.A, continuous.B, continuous.Q, continuous.R, dt).W
     return replace(continuous.sampled(dt), Q=W[:k, :k], N=W[:k, k:], R=W[k:, k:])

@@ -61,20 +61,13 @@ class Samples:
 
 @dataclass
 class _Memory:
-    """What the samples of a flight leave for the next one.
+    """What the samples of a flight leave for the next one."""
 
-    room: soft limits of the states of a plan at this sample
-    plan: last plan, or None where none is to be continued
-    waits: whether the plan was made before the flight, and waits for its first sample
-    linear_agrees: whether the linear policy takes over at the next sample in its region
-    spent: cost since the plan began
-    """
-
-    room: Range
-    plan: Plan | None = None
-    waits: bool = False
-    linear_agrees: bool = False
-    spent: float = 0.0
+    room: Range  # soft limits of the states of a plan at this sample
+    plan: Plan | None = None  # None where none is to be continued
+    waits: bool = False  # whether the plan was made before the flight's first sample
+    linear_agrees: bool = False  # whether the linear policy takes over in its region
+    spent: float = 0.0  # cost since the plan began
     samples: Samples = field(default_factory=Samples)
 
 
@@ -162,14 +155,9 @@ class RecedingHorizon:
         return v
 
     def _input(self, z: np.ndarray, until: float) -> np.ndarray:
-        """Return the inputs from the states at the time at which they act, (m,).
-
-        They are those of the linear policy once it agreed and z is in its region, and otherwise
-        the first inputs of a plan. The linear policy agrees if z is in its region, and the plan,
-        the flight of the linear policy and z'Pz cost the same within the share _LINEAR.
-
-        until: processor time after which no further program begins, s
-        """
+        """Return the inputs from the states at the time at which they act, (m,)."""
+        # The linear policy acts once it agreed and z is in its region. It agrees if z is in its
+        # region, and the plan, the flight of the linear policy and z'Pz cost the same.
         memory = self._memory
         inside = self.end.contains(z)
         if memory.linear_agrees and inside:
@@ -201,10 +189,7 @@ class RecedingHorizon:
         return self._one_sample_later(last, z, until)
 
     def _continued(self, plan: Plan, promised: float, until: float) -> Plan:
-        """Return a plan improved, or a new one if it is far dearer than promised and time is left.
-
-        promised: cost so far plus that of the plan from the states that were predicted
-        """
+        """Return a plan improved, or a new one if it is far dearer than was promised before."""
         improved = self._improved(plan, until)
         is_over = np.isfinite(improved.cost) and time.thread_time() >= until
         if is_over or self._memory.spent + improved.cost <= _DEARER * promised:
@@ -213,11 +198,7 @@ class RecedingHorizon:
         return min(self._improved(guess, until), improved, key=_cost)
 
     def _begin_plan(self, z: np.ndarray, until: float = np.inf) -> Plan:
-        """Return the better of two new plans from the states z.
-
-        until: processor time after which no further program begins, s. The first plan of a flight
-            has no such limit
-        """
+        """Return the better of two new plans from the states z."""
         memory = self._memory
         began = time.thread_time()
         if memory.samples.first is None:
@@ -234,10 +215,7 @@ class RecedingHorizon:
         return plan
 
     def _one_sample_later(self, last: Plan, z: np.ndarray, until: float) -> Plan:
-        """Return the last plan from the states z one sample later, improved.
-
-        A new guess replaces it where the flight has become far dearer than the plan promised.
-        """
+        """Return the last plan from the states z one sample later, improved."""
         memory = self._memory
         promised = memory.spent + last.cost
         memory.spent += self.planner.cost_of_sample(last)

@@ -155,10 +155,7 @@ class BestFlights:
         return ""
 
     def _coarse(self, start: np.ndarray, seconds: float, linear: SimulatedFlight) -> Candidate:
-        """Return the candidate on the coarse mesh, from the flight of the linear optimum.
-
-        If this flight does not converge, the guess is the linear loop without limits.
-        """
+        """Return the candidate on the coarse mesh, from the flight of the linear optimum."""
         guess = self._guess_of_flight(linear) if linear.converges else self._linear_guess(start)
         lengths = self._mesh(seconds, _COARSE)
         program = self._transcription(_COARSE)
@@ -169,11 +166,9 @@ class BestFlights:
         return candidate
 
     def _confirmed(self, seconds: float, linear: SimulatedFlight, coarse: Candidate) -> Found:
-        """Return the flight that confirms a candidate on whose cost two meshes agree.
-
-        The margin is the least with which the flight stays within the limits. Near the trim, the
-        linear policy may be cheaper by the errors of the meshes.
-        """
+        """Return the flight that confirms a candidate on whose cost two meshes agree."""
+        # The margin is the least with which the flight stays within the limits. Near the trim, the
+        # linear policy may be cheaper by the errors of the meshes.
         candidate, meshes = self._agreed(coarse)
         simulated: list[SimulatedFlight] = []
         for factor in _MARGINS:
@@ -205,10 +200,7 @@ class BestFlights:
         raise _Unconfirmed(f"two meshes differ by {change}")
 
     def _finer(self, intervals: int, guess: Candidate, margin: float) -> Candidate:
-        """Return a candidate solved again on a mesh of `intervals` intervals, adapted to it.
-
-        If the result is infeasible, it is solved on a geometric mesh, and may be infeasible too.
-        """
+        """Return a candidate solved again on a mesh of `intervals` intervals, adapted to it."""
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
             z, v = sampled(guess.at, lengths)

@@ -116,12 +116,9 @@ class _Blend:
         return _Blend(width)
 
     def step(self, argument: ca.SX, sharp: ca.SX) -> _Value:
-        """Return the smoothed result of a comparison of an argument with 0.
-
-        - With a blend, it is 1 above the width, 0 below -width, and smooth between.
-        - For two levels of opposite signs, it is linear between the levels.
-        - Otherwise it is the sharp result.
-        """
+        """Return the smoothed result of a comparison of an argument with 0."""
+        # 1 above the width, 0 below -width, and smooth between; of two levels of opposite signs,
+        # linear between the levels.
         if self.levels is not None:
             low, high = self.levels
             if low < 0.0 < high:
@@ -153,9 +150,7 @@ class _Replay:
     # smoothing of each nonsmooth point, in the order of the instructions; None smooths none
     blends: list[_Blend] | None = None
     arguments: list[ca.SX] = field(default_factory=list)  # of the nonsmooth points found so far
-    work: dict[int, ca.SX] = field(default_factory=dict)  # work vector, index -> value
-    # indices in the work vector of smooth values between 0 and 1, which replace truth values
-    soft: set[int] = field(default_factory=set)
+    work: dict[int, _Value] = field(default_factory=dict)  # work vector, index -> value
 
     def run(self) -> ca.SX:
         """Evaluate all instructions of the function and return its result as a dense expression."""
@@ -166,13 +161,9 @@ class _Replay:
             out = function.instruction_output(number)
             places = function.instruction_input(number)
             if code == ca.OP_OUTPUT:
-                result[out[1]] = self.work[places[0]]
-                continue
-            value, is_soft = self._value(number, code, places)
-            self.work[out[0]] = value
-            self.soft.discard(out[0])
-            if is_soft:
-                self.soft.add(out[0])
+                result[out[1]] = self.work[places[0]].value
+            else:
+                self.work[out[0]] = self._value(number, code, places)
         return result
 
     def arguments_of_blends(self) -> ca.SX:
@@ -180,11 +171,7 @@ class _Replay:
         return ca.densify(ca.vertcat(ca.SX(0, 1), *self.arguments))
 
     def _value(self, number: int, code: int, places: list[int]) -> _Value:
-        """Return the value of an instruction.
-
-        code: its operation
-        places: indices of its operands in the work vector
-        """
+        """Return the value of an instruction from its operation and the places of its operands."""
         if code == ca.OP_CONST:
             return _Value(ca.SX(self.function.instruction_constant(number)))
         if code == ca.OP_INPUT:
@@ -194,13 +181,14 @@ class _Replay:
                 "the equations call a compiled function, such as an FMU, which the search for best "
                 "flights does not support; use an aircraft with equations"
             )
-        operands = [self.work[place] for place in places]
+        values = [self.work[place] for place in places]
+        if code in _LOGIC:
+            return _chosen(code, values)
+        operands = [operand.value for operand in values]
         if code in _COMPARISONS:
             return self._compared(code, *operands)
         if code in _NONSMOOTH:
             return _Value(self._blended(code, *operands))
-        if code in _LOGIC:
-            return self._chosen(code, places, operands)
         return _Value(_applied(code, operands))
 
     def _compared(self, code: int, low: ca.SX, high: ca.SX) -> _Value:
@@ -218,28 +206,6 @@ class _Replay:
         middle = 0.5 * (one + other)
         return middle + half if code == ca.OP_FMAX else middle - half
 
-    def _chosen(self, code: int, places: list[int], operands: list[ca.SX]) -> _Value:
-        """Return the value of a logical operation.
-
-        With smooth operands a and b:
-        - not a is 1 - a
-        - a and b is a b
-        - a or b is a + b - a b
-        - a branch b that a selects, and 0 otherwise, is a b: a truth value if b is the constant 1
-        - a branch of inf or nan is switched at a = 1/2, because 0 inf is not 0
-        """
-        is_soft = [place in self.soft for place in places]
-        if not any(is_soft) or (code == ca.OP_IF_ELSE_ZERO and not is_soft[0]):
-            return _Value(_applied(code, operands))
-        if code == ca.OP_NOT:
-            return _Value(1.0 - operands[0], is_soft=True)
-        a, b = operands
-        if code == ca.OP_IF_ELSE_ZERO:
-            if b.is_constant() and not np.isfinite(float(b)):
-                return _Value(ca.SX.binary(code, a >= 0.5, b))
-            return _Value(a * b, is_soft=b.is_constant() and float(b) == 1.0)
-        return _Value(a * b if code == ca.OP_AND else a + b - a * b, is_soft=True)
-
     def _next_blend(self, argument: ca.SX) -> _Blend:
         """Store the argument of a further nonsmooth point, and return its smoothing."""
         self.arguments.append(argument)
@@ -251,3 +217,19 @@ def _applied(code: int, operands: list[ca.SX]) -> ca.SX:
     if len(operands) == 1:
         return ca.SX.unary(code, operands[0])
     return ca.SX.binary(code, *operands)
+
+
+def _chosen(code: int, values: list[_Value]) -> _Value:
+    """Return the value of a logical operation, of truth values that may be smooth."""
+    operands = [operand.value for operand in values]
+    is_soft = [operand.is_soft for operand in values]
+    if not any(is_soft) or (code == ca.OP_IF_ELSE_ZERO and not is_soft[0]):
+        return _Value(_applied(code, operands))
+    if code == ca.OP_NOT:
+        return _Value(1.0 - operands[0], is_soft=True)
+    a, b = operands
+    if code == ca.OP_IF_ELSE_ZERO:  # the branch b that a selects, 0 otherwise
+        if b.is_constant() and not np.isfinite(float(b)):  # 0 inf is not 0
+            return _Value(ca.SX.binary(code, a >= 0.5, b))
+        return _Value(a * b, is_soft=b.is_constant() and float(b) == 1.0)
+    return _Value(a * b if code == ca.OP_AND else a + b - a * b, is_soft=True)

@@ -230,10 +230,7 @@ def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:
 
 
 def _scenario_of(model: Model, given: Scenario, duration: float | None, initial: Any) -> Scenario:
-    """Return the scenario for a flight of a model, with its duration and initial condition.
-
-    duration, initial: arguments of `hfa.fly`; with None, those of the given scenario remain
-    """
+    """Return the scenario for a flight of a model, with its duration and initial condition."""
     if duration is not None:
         refuse_unless_positive("fly: duration", duration, " s")
     scenario = given if duration is None else replace(given, duration=float(duration))

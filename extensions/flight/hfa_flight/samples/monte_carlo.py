@@ -231,9 +231,15 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     errors = deviations.errors[:end]
     inputs = deviations.inputs[:end]
     angles = deviations.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
+    left = cycle = -1
+    if result.departure is not None:
+        limited = limited_names(plan.model, scenario.moving_air)
+        left = limited.index(result.departure.state)
+    if result.cycle is not None:
+        cycle = [*plan.model.inputs, *states].index(result.cycle.name)
     return {
-        "left": _index_of_departure(result),
-        "cycle": _index_of_cycle(result),
+        "left": left,
+        "cycle": cycle,
         "factors": [scenario.errors[name] for name in plan.scenario.uncertainty.errors],
         "flown": time_flown,
         "rms_error": _rms(errors[begin:]),
@@ -245,21 +251,6 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
         "highest_input": inputs.max(axis=0, initial=-np.inf) + trim,
         "final": result.states[end],
     }
-
-
-def _index_of_departure(result: Flight) -> int:
-    """Return the index of the state that left, among `limited_names`, or -1 for a flight inside."""
-    if result.departure is None:
-        return -1
-    limited = limited_names(result.model, result.loop.scenario.moving_air)
-    return limited.index(result.departure.state)
-
-
-def _index_of_cycle(result: Flight) -> int:
-    """Return the index of the signal in a limit cycle, among inputs and states, or -1 for none."""
-    if result.cycle is None:
-        return -1
-    return [*result.model.inputs, *result.model.states].index(result.cycle.name)
 
 
 def _rms(rows: np.ndarray) -> np.ndarray:

@@ -105,10 +105,7 @@ def _verdict(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> str:
 
 
 def _far_text(far: Mapping[str, Mapping[str, float]]) -> str:
-    """Return which rms of a state is far above its prediction or that of no control, or "".
-
-    far: as returned by `_far_above`
-    """
+    """Return which rms of a state is far above its prediction or that of no control, or ""."""
     names = {"linear": "the linear prediction", "no_control": "that without control"}
     text = ""
     for reference, name in names.items():
@@ -120,13 +117,7 @@ def _far_text(far: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def _far_above(plan: MonteCarlo, figures: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """Return state -> "linear" or "no_control" -> ratio of its rms to that one, if above `_FAR`.
-
-    "linear" is the linear prediction. "no_control" is compared in moving air only, if no flight
-    without control leaves.
-
-    figures: as returned by `_rms_figures`
-    """
+    """Return state -> "linear" or "no_control" -> ratio of its rms to that one, if above `_FAR`."""
     references = {"linear": figures.get("linear_rms", {})}
     if plan.scenario.moving_air and not figures["uncontrolled_left"]:
         references["no_control"] = figures["uncontrolled_rms"]
@@ -156,10 +147,7 @@ def _air_text(scenario: Scenario) -> str:
 def _rms_figures(
     plan: MonteCarlo, policy: FilteredPolicy, flown: Flown, uncontrolled: Flown
 ) -> dict[str, Any]:
-    """Return the root mean squares of flights with a filter, without control, and linear ones.
-
-    They are over all flights inside the envelope.
-    """
+    """Return the root mean squares of flights with a filter, without control, and linear ones."""
     names = (*plan.model.linear, *plan.model.inputs)
     figures: dict[str, Any] = {
         "rms": dict(zip(names, _rms_of_all(flown), strict=True)),

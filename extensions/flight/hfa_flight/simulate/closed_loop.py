@@ -369,11 +369,8 @@ class ClosedLoop:
         return max([self.scenario.driven_until, *self.breaks.tolist()])
 
     def _arriving(self, t: ca.SX, command: ca.SX, inputs: HeldParts) -> ca.SX:
-        """Return the command that the plant or its actuators receive at t, (m,).
-
-        With a delay, it is interpolated between two earlier commands (`HeldParts.delay`), and
-        `command` arrives in a later tick.
-        """
+        """Return the command that the plant or its actuators receive at t, (m,)."""
+        # A delayed command is interpolated between two earlier ones (`HeldParts.delay`).
         if not inputs.delay.numel():
             return command
         m = command.numel()
@@ -381,10 +378,8 @@ class ClosedLoop:
         return early + (late - early) * (t - begin) / (end - begin)
 
     def _reference(self, t: ca.SX, inputs: HeldParts) -> Any:
-        """Return the reference x_d(t) of the states of the linear model, (k,).
-
-        A reference that steps keeps the value that it has at the beginning of the held inputs.
-        """
+        """Return the reference x_d(t) of the states of the linear model, (k,)."""
+        # A reference that steps keeps the value that it has at the beginning of the held inputs.
         reference = self.scenario.reference
         if reference is None:
             return ca.SX.zeros(len(self.plant.linear_places))

@@ -520,10 +520,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, notes, Entries(self), self._record_table())
 
     def _state_table(self, through_air: bool) -> Table:
-        """Return a table of the states, one row each: deviations, errors, envelope, prediction.
-
-        through_air: whether the angle of attack relative to the air has a row below alpha
-        """
+        """Return a table of the states, one row each: deviations, errors, envelope, prediction."""
         model = self.model
         differences = self.largest_difference_from_linear
         header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]

@@ -111,15 +111,11 @@ def _step_factor(ratio: float) -> float:
 
 
 class _Steps:
-    """Steps of an integration: the first `count` rows of arrays, which grow when they are full.
+    """Steps of an integration: the first `count` rows of arrays, which grow when they are full."""
 
-    Stored as objects, a step would take 1 µs more, a tenth of the time of a flight in turbulence.
-
-    count: number of steps
-    begins, seconds: time at which each begins, and its duration, s
-    states: state at which it begins, (n,)
-    slopes: coefficients of its polynomial, (4 n,), those of θ first
-    """
+    # Stored as objects, a step would take 1 µs more, a tenth of the time of a flight in turbulence.
+    # begins, seconds: time at which each begins, and its duration; states: state at which it
+    # begins, (n,); slopes: coefficients of its polynomial, (4 n,), those of θ first.
 
     def __init__(self, n: int) -> None:
         self.count = 0
@@ -210,13 +206,7 @@ class RungeKutta:
         return time, now.copy()
 
     def _shorter_step(self, seconds: float, ratio: float, error: float) -> float | None:
-        """Return the length, s, of the next trial of a step whose error is too large.
-
-        None for a short step over a jump of the rates, whose error hardly decreases with the step.
-
-        ratio: error / allowed
-        error: in nominal values
-        """
+        """Return the length, s, of the next trial of a step, None for a short one over a jump."""
         if seconds > self._shortest:
             return _step_factor(ratio) * seconds
         if error < _AT_A_JUMP * self._error_of_short_step:
@@ -360,10 +350,7 @@ class CompiledLoop:
         return replace(flight, integration_error=flying.integration.error)
 
     def _flight(self, times: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Deviations:
-        """Return the time history of some rows.
-
-        rows, columns: states y and observed values at these times
-        """
+        """Return the time history of some rows."""
         parts = StateParts(*(rows[:, place] for place in self.loop.state_slices))
         errors, inputs, winds, angle = (columns[:, place] for place in self._places)
         limited = parts.plant
@@ -394,11 +381,7 @@ class _Rows(NamedTuple):
 
 
 class _Commands(NamedTuple):
-    """Commands of a policy between two times, between which they are interpolated linearly.
-
-    begin, end: s
-    first, last: commands at these times, (m,)
-    """
+    """Commands of a policy between two times, between which they are interpolated linearly."""
 
     begin: float
     end: float
@@ -407,13 +390,7 @@ class _Commands(NamedTuple):
 
 
 class _Flying:
-    """One flight of a closed loop under way: its state, and the inputs that are held.
-
-    Held inputs are computed at the start of each tick if they change with it, and at each break.
-
-    ticks: number of ticks
-    window: number of ticks after which rows are returned
-    """
+    """One flight of a closed loop under way: its state, and the inputs that are held."""
 
     def __init__(
         self,
@@ -454,12 +431,7 @@ class _Flying:
         return np.unique(np.concatenate([times[:: ticks * self._per_tick], times[-1:], breaks]))
 
     def rows(self, first: int, last: int, over_at: Callable[[_Rows], np.ndarray]) -> _Rows:
-        """Fly some ticks and return their rows. The last row is that at their end.
-
-        A flight that requires many steps, as one that left its envelope may, ends where it is over.
-
-        over_at: function from rows to a mask of these, True where the flight is over
-        """
+        """Fly some ticks and return their rows. The last row is that at their end."""
         times = self._times[first * self._per_tick : last * self._per_tick + 1]
         begin, end = np.searchsorted(self._changes, times[[0, -1]])
         changes = self._changes[begin : end + 1]
@@ -506,10 +478,7 @@ class _Flying:
             held[loop.held_slices.delay] = self._delayed(time)
 
     def _delayed(self, time: float) -> np.ndarray:
-        """Return the part `delay` of the held inputs (`HeldParts`) from a time on.
-
-        Until the first command arrives, the commands are 0.
-        """
+        """Return the part `delay` of the held inputs (`HeldParts`) from a time on."""
         due = time - self._delay + SAME_TIME
         while self._commands and self._commands[0].end <= due:
             self._commands.pop(0)

@@ -231,15 +231,12 @@ def smallest_gusts(
 
 @dataclass
 class _Search:
-    """Search for the threshold of gusts of one length.
-
-    flights: number of gusts flown
-    """
+    """Search for the threshold of gusts of one length."""
 
     loop: CompiledLoop
     envelope: Limits
     gust: OneMinusCosine
-    flights: int = 0
+    flights: int = 0  # number of gusts flown
 
     def threshold(self, sign: float) -> GustThreshold:
         """Return the threshold of updrafts (1) or downdrafts (-1)."""
