@@ -33,11 +33,14 @@ from hfa_support.errors import (
     shortened,
     shown,
 )
+from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
 from hfa_support.units import conversion_factor, split_unit, units_like
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from hfa_support.reporting.report import Report
 
 
@@ -106,6 +109,8 @@ class Model(Reported):
         for kind in ("steady", "linear"):
             names = _names(f"{self.name}: {kind}", getattr(self, kind))
             vars(self)[kind] = names or tuple(self.states)
+        for part in (self, self.domain, self.trimming, self.about, self.source):
+            check_fields(part)
         if not self.modes:
             vars(self)["modes"] = usual_modes(self.states)
         vars(self)["trim"] = dict(self.trim)
@@ -364,10 +369,7 @@ class Model(Reported):
 
     @cached_property
     def time_unit(self) -> str:
-        """Unit of time of the model: "s", "min", "h" or "day".
-
-        The result is the first of these that a declared unit contains, and "s" if none does.
-        """
+        """Unit of time: the first of "s", "min", "h" and "day" in a declared unit, else "s"."""
         return self._stated_time_unit or "s"
 
     @cached_property
@@ -520,12 +522,15 @@ class Model(Reported):
         """Return the factor from a signal's unit in the original model to its unit in this one."""
         return conversion_factor(self.native.unit(name), self.unit(name)) or 1.0
 
-    def native_values(self, names: Sequence[str], values: Any) -> np.ndarray:
+    def native_values(self, names: Sequence[str], values: ArrayLike) -> np.ndarray:
         """Return values of signals in the units that the original model declares.
 
         values: values in the units of this model, (..., names)
         """
-        return np.asarray(values, dtype=float) / [self.native_factor(name) for name in names]
+        given = np.asarray(values, dtype=float)
+        if given.shape[-1:] != (len(names),):
+            raise BadInputError(f"values has shape {given.shape}; give {len(names)} in each row")
+        return given / [self.native_factor(name) for name in names]
 
     # Parameters.
 
@@ -537,8 +542,6 @@ class Model(Reported):
         Raises BadInputError for an unknown parameter or a value beyond its limits.
         """
         changed = dict(self.parameters)
-        native = self.source.native
-        native_values = {}
         for name, given in values.items():
             refuse_unknown(f"{self.name} has no parameter", name, tuple(self.parameters))
             signal = self.parameters[name]
@@ -553,10 +556,10 @@ class Model(Reported):
                     f"{self.describe(name, limit)}{angle}"
                 )
             changed[name] = signal._replace(start=float(value))
-            if native is not None:
-                native_values[name] = float(value) / self.native_factor(name)
+        native = self.source.native
         if native is not None:
-            native = native.with_parameters(**native_values)
+            of_native = {name: changed[name].start / self.native_factor(name) for name in values}
+            native = native.with_parameters(**of_native)
         declared = {name: self.parameters[name].start for name in values} | {**self.source.declared}
         source = replace(self.source, native=native, declared=declared)
         return replace(self, parameters=changed, source=source)
@@ -607,7 +610,7 @@ class Model(Reported):
         n, m, k, d = len(self.states), len(self.inputs), len(outputs), len(disturbances)
         if not np.isfinite(flat).all():
             values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
-            raise NotFiniteError(self.message_of_not_finite(flat[:n], values, list(self.states)))
+            raise NotFiniteError(self.message_of_not_finite(flat[:n], values))
         shapes = ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d))
         ends = np.cumsum([math.prod(shape) for shape in shapes])
         parts = np.split(flat, ends[:-1])
@@ -615,18 +618,16 @@ class Model(Reported):
             *(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
         )
 
-    def message_of_not_finite(
-        self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]
-    ) -> str:
+    def message_of_not_finite(self, rates: np.ndarray, values: Mapping[str, float]) -> str:
         """Return the error message for a rate or derivative that is not finite.
 
         The message contains the values at the point, unless the equations contain the constant NaN.
 
         rates: rates at the point, (n,)
         values: state or input -> value at the point
-        names: names of the states with these rates
         """
-        wrong = [name for name, rate in zip(names, rates, strict=True) if not math.isfinite(rate)]
+        rated = zip(self.states, rates, strict=True)
+        wrong = [name for name, rate in rated if not math.isfinite(rate)]
         what = f"the rate of {wrong[0]}" if wrong else "a derivative"
         if self.layout.has_nan:
             return f"{self.name}: {what} contains NaN; use CasADi's functions (ca.sin), not math's"

@@ -8,6 +8,7 @@ import pytest
 from cli import refused
 
 from hfa import BadInputError, Model, Signal, trim
+from hfa.extend import About
 
 
 def cart(**declared):
@@ -53,6 +54,12 @@ def cart(**declared):
         ({"linear": "x"}, "linear is 'x'; give a tuple"),
         ({"steady": ("w",)}, "steady names the unknown state 'w'"),
         ({"states": {"x": Signal(3)}}, "x: the unit is 3; give the unit as text"),
+        ({"modes": 3.0}, "Model: modes is of type float; give a dictionary"),
+        ({"domain": None}, "Model: domain is of type NoneType; give a Domain"),
+        (
+            {"about": About(notes=(3,))},
+            "About: notes is of type tuple of int; give a list of texts",
+        ),
     ],
 )
 def test_wrong_declarations_are_refused(declared, message):

@@ -132,7 +132,7 @@ def _leave_out_without_slopes(system: TrimSystem, points: Points) -> None:
         names = (*model.states, *model.inputs)
         values = dict(zip(names, (*points.states[i], *points.inputs[i]), strict=True))
         balanced = np.zeros(len(model.states))  # no rate is wrong
-        points.failures[i] = model.message_of_not_finite(balanced, values, [*model.states])
+        points.failures[i] = model.message_of_not_finite(balanced, values)
         points.status[i] = NO_TRIM
 
 
