@@ -195,10 +195,7 @@ def reloaded(text: str, digest: str, parameters: dict[str, float]) -> Model:
 
 
 def _of_data(text: str, kind: str, changed_by: tuple[str, ...] = ()) -> Model:
-    """Return the aircraft in a data file or of a scheme, with its source.
-
-    changed_by: the files of parameters that led to it, the first one first
-    """
+    """Return the aircraft in a data file or of a scheme, with its source."""
     with file_faults(text):
         if kind == ".toml" and "aircraft" in read_toml(text):
             model = _of_parameter_file(text, changed_by)
@@ -217,15 +214,9 @@ def _of_data(text: str, kind: str, changed_by: tuple[str, ...] = ()) -> Model:
 
 
 def _of_parameter_file(path: str, changed_by: tuple[str, ...]) -> Model:
-    """Return the aircraft of a file that names another aircraft and new values of its parameters.
-
-    The other aircraft may be described by such a file too. Its path is relative to the folder of
-    the file that names it.
-
-    Raises BadInputError if a file cannot be read or belongs to an aircraft with another hash, if
-    files name each other, or if the other aircraft is code (Python or an FMU), which a data file
-    never executes.
-    """
+    """Return the aircraft of a file that names another one and new values of its parameters."""
+    # The other aircraft may be described by such a file too. Its path is relative to the folder of
+    # the file that names it. Code (Python or an FMU) is never executed.
     file = ParameterFile.read(path)
     base = _with_files(file.aircraft, lambda name: str(Path(Path(path).parent, name)))
     kind = _format_of(base)
@@ -285,10 +276,8 @@ def relative_to(text: str, folder: Path) -> str:
 
 
 def _with_files(text: str, change: Callable[[str], str]) -> str:
-    """Return an argument of --aircraft with changed paths. Schemes and modules have no path.
-
-    Each of the three paths of aero.dml+engine.dml?mass=mass.toml is changed.
-    """
+    """Return an argument of --aircraft with changed paths. Schemes and modules have no path."""
+    # Each of the three paths of aero.dml+engine.dml?mass=mass.toml is changed.
     where, _, name = text.rpartition(":")
     if where.endswith(".py"):
         return f"{change(where)}:{name}"

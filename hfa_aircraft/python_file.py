@@ -110,10 +110,8 @@ def local_file(name: str, folder: Path) -> Path | None:
 
 
 def _imported_names(text: bytes, package: str) -> set[str]:
-    """Return the names of all modules that the import statements in a file may refer to.
-
-    The packages that contain the modules are included.
-    """
+    """Return the names of all modules that the import statements in a file may refer to."""
+    # The packages that contain the modules are included.
     names: set[str] = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):

@@ -61,10 +61,7 @@ def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
 
 
 def _named(states: Mapping[str, Signal], names: Sequence[str], units: Sequence[str]) -> list[str]:
-    """Return the states with one of the names and units, or else the only one of a part.
-
-    The state of a part has the name of the part before one of the names: body_speed.
-    """
+    """Return the states with one of the names and units, or else the only one of a part."""
     with_unit = [name for name, signal in states.items() if signal.unit in units]
     named = [name for name in with_unit if name.lower() in names]
     ends = tuple(f"_{name}" for name in names if len(name) > 1)

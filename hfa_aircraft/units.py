@@ -107,11 +107,7 @@ def coherent(model: Model) -> Model:
 
 
 def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model], Model]) -> Model:
-    """Return a model with all signals in some units, and with rates per second.
-
-    units: signal -> its unit
-    reload: function that converts the model again
-    """
+    """Return a model with all signals in some units, and with rates per second."""
     signals = model.signals
     if all(units[name] == signal.unit for name, signal in signals.items()):
         return model
@@ -156,10 +152,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
 
 
 def _signal_in(unit: str, factor: float, signal: Signal) -> Signal:
-    """Return a signal in another unit.
-
-    factor: from the unit of the signal to the other unit
-    """
+    """Return a signal in another unit."""
     return signal._replace(
         unit=unit,
         nominal=signal.nominal * factor,
@@ -242,10 +235,7 @@ class _Equations:
     equations: Callable[..., Any]
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return state -> rate and output -> value, all in converted units.
-
-        x, u, p, w: state, input, parameters and disturbances
-        """
+        """Return state -> rate and output -> value, all in converted units."""
         factors = dict(self.factors)
         rates, outputs = self.equations(*(_declared(factors, vector) for vector in (x, u, p, w)))
         return _scaled(dict(self.rates), rates), _scaled(factors, outputs)

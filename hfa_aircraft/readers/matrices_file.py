@@ -105,13 +105,8 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> FileScales:
 
 
 def _refuse_other_order(key: str, in_file: tuple[str, ...], of_plant: tuple[str, ...]) -> None:
-    """Raise BadInputError if a file has a state or an input of a plant at another place.
-
-    Other names are those of the file's author, for signals in the order of the plant.
-
-    key: "states" or "inputs"
-    in_file, of_plant: names
-    """
+    """Raise BadInputError if a file has a state or an input of a plant at another place."""
+    # Other names are those of the file's author, for signals in the order of the plant.
     if in_file == of_plant or len(in_file) != len(of_plant):
         return
     place_in_plant = {name.lower(): i for i, name in enumerate(of_plant)}
@@ -125,10 +120,7 @@ def _refuse_other_order(key: str, in_file: tuple[str, ...], of_plant: tuple[str,
 
 
 def _scales_of(signal: str, stored: Mapping[str, Any], of_plant: tuple[str, ...]) -> np.ndarray:
-    """Return the factors from the plant's units of all states or inputs to those of a file.
-
-    signal: "state" or "input"
-    """
+    """Return the factors from the plant's units of all states or inputs to those of a file."""
     key = f"{signal}_units"
     scales = np.ones(len(of_plant))
     units = words(stored, key)
@@ -186,10 +178,8 @@ def entries_of(contents: dict[str, Any], needed: set[str]) -> tuple[dict[str, An
 
 
 def _refuse_other_conventions(stored: Mapping[str, Any]) -> None:
-    """Raise BadInputError for B1, B2, C1, D12 of COMPleib, and for a descriptor matrix of MATLAB.
-
-    A file of this program, which has the entry `schema`, and one with delta have this program's E.
-    """
+    """Raise BadInputError for B1, B2, C1, D12 of COMPleib and a descriptor matrix of MATLAB."""
+    # A file of this program, with the entry `schema`, and one with delta have this program's E.
     if "schema" in stored:
         return
     generalized = [key for key in ("B1", "B2", "C1", "C2", "D11", "D12", "D21") if key in stored]

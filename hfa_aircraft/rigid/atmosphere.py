@@ -226,11 +226,9 @@ def with_airspeed(model: Model, imposed: Mapping[str, Any]) -> Model:
 
 @lru_cache(maxsize=16)
 def _with_output(equations: Any, name: str, speed: str, factors: tuple[float, ...]) -> Any:
-    """Return equations whose outputs have an airspeed in kt, too.
-
-    speed: name of the true airspeed
-    factors: from lbf/ft^2, 1 and kt to the units of dynamic pressure, Mach number and speed
-    """
+    """Return equations whose outputs have an airspeed in kt, too."""
+    # speed: name of the true airspeed
+    # factors: from lbf/ft^2, 1 and kt to the units of dynamic pressure, Mach number and speed
 
     def with_output(x: Any, u: Any, p: Any, w: Any) -> tuple[Any, dict[str, Any]]:
         """Return rates by state, and outputs by name."""
@@ -293,10 +291,7 @@ def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
 def _with_crossover(
     model: Model, names: Sequence[str], speed: str, altitude: str, imposed: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the imposed values with the altitude at which two airspeeds agree, for the second one.
-
-    Raises BadInputError unless two airspeeds and no speed are imposed.
-    """
+    """Return the imposed values with the altitude of two airspeeds in place of the second."""
     if len(names) != 2 or speed in imposed:
         raise BadInputError(f"{names[0]} is imposed without an altitude; impose {altitude} too")
     first, second = names
@@ -308,13 +303,9 @@ def _with_crossover(
 def _crossover(
     model: Model, first: str, second: str, altitude: str, imposed: Mapping[str, Any]
 ) -> Any:
-    """Return the altitude at which two airspeeds are one true airspeed, a number or an array.
-
-    The true airspeed of a lower Mach number or of a higher kcas, keas and ktas grows with altitude:
-    two different kinds agree at one altitude at most.
-
-    Raises BadInputError if they agree at no altitude of the atmosphere.
-    """
+    """Return the altitude at which two airspeeds are one true airspeed, a number or an array."""
+    # The true airspeed of a lower Mach number or of a higher kcas, keas and ktas grows with
+    # altitude: two different kinds agree at one altitude at most.
     from scipy.optimize import brentq
 
     lowest, highest = (height * _factor_to_model(model, altitude, "ft") for height in ALTITUDES)
@@ -347,12 +338,7 @@ def _crossover(
 
 
 def _true_airspeed_of(model: Model, name: str, altitude: str, imposed: Mapping[str, Any]) -> Any:
-    """Return the true airspeed of an imposed airspeed, ft/s, as a number or an array.
-
-    name: the airspeed, such as kcas
-    altitude: name of the altitude
-    imposed: airspeed, altitude or parameter -> value in the units of the model
-    """
+    """Return the true airspeed of an imposed airspeed, ft/s, as a number or an array."""
     start = {parameter: signal.start for parameter, signal in model.parameters.items()}
     if ISA in model.parameters or not {*_OF_AIR} <= {*model.outputs}:
         height = imposed[altitude] / _factor_to_model(model, altitude, "ft")

@@ -95,10 +95,8 @@ def _middle(points: np.ndarray) -> float:
 
 
 def _value_of_lines(lines: ca.SX, cells: Sequence[Interval]) -> ca.SX:
-    """Return the interpolated value of a table, given as a flat array (2, n1 - 1, 2, n2 - 1, ...).
-
-    Levels and slopes along the first argument are themselves tables of the other arguments.
-    """
+    """Return the interpolated value of a table, a flat array (2, n1 - 1, 2, n2 - 1, ...)."""
+    # Levels and slopes along the first argument are themselves tables of the other arguments.
     if not cells:
         return lines
     first, *others = cells

@@ -222,11 +222,7 @@ class _Reader:
         )
 
     def document(self) -> Document:
-        """Return the content of the file.
-
-        Raises BadInputError for a faulty element, a function of undefined variables, and a variable
-        with both a table and a formula.
-        """
+        """Return the content of the file."""
         header = self._root.find("fileHeader")
         functions = [self._function(element) for element in self._root.iter("function")]
         variables = [self._variable(element) for element in self._root.iter("variableDef")]
@@ -259,10 +255,7 @@ class _Reader:
     def _by_key(
         self, kind: str, definitions: Iterable[tuple[str, _Definition]]
     ) -> dict[str, _Definition]:
-        """Return ID -> definition. Raises BadInputError for an ID with two definitions.
-
-        kind: what is defined, for the message
-        """
+        """Return ID -> definition. Raises BadInputError for an ID with two definitions."""
         by_key: dict[str, _Definition] = {}
         for key, definition in definitions:
             if key in by_key:
@@ -339,10 +332,8 @@ class _Reader:
     def _function_of_points(
         self, points: list[ElementTree.Element], values: ElementTree.Element | None, name: str
     ) -> Function:
-        """Return the function whose breakpoints and values its own elements contain.
-
-        The values are in the order of a gridded table: the last argument varies fastest.
-        """
+        """Return the function whose breakpoints and values its own elements contain."""
+        # The values are in the order of a gridded table: the last argument varies fastest.
         if values is None or not points:
             tag = "independentVarPts" if values is not None else "dependentVarPts"
             raise self._error(f"function {name}", f"<{tag}> is missing; add <{tag}>")
@@ -376,9 +367,7 @@ class _Reader:
         )
 
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
-        """Return the table element of a function, a child or one that it refers to by its ID, or
-        None.
-        """
+        """Return the table element of a function, a child or one that it names by ID, or None."""
         for tag in ("griddedTableDef", "griddedTable"):  # in version 2 and in version 1
             child = definition.find(tag)
             if child is not None:
@@ -405,10 +394,7 @@ class _Reader:
     def _table_on_grid(
         self, breakpoints: Sequence[_Breakpoints], values: np.ndarray, place: str
     ) -> GriddedTable:
-        """Return a table of values (N,), of which the last argument varies fastest.
-
-        Raises BadInputError unless the breakpoints increase and there is a value for each point.
-        """
+        """Return a table of values (N,), of which the last argument varies fastest."""
         for key, points in breakpoints:
             if points.size < 2 or not (np.diff(points) > 0.0).all():
                 raise self._error(
@@ -460,10 +446,7 @@ class _Reader:
         return self._numbers_in(child, place)
 
     def _numbers_in(self, child: ElementTree.Element, place: str) -> np.ndarray:
-        """Return the numbers in an element, separated by commas or blanks, (N,).
-
-        Raises BadInputError for a word that is not a finite number.
-        """
+        """Return the numbers in an element, separated by commas or blanks, (N,)."""
         words = [word for word in re.split(r"[,\s]+", "".join(child.itertext())) if word]
         try:
             values = np.array([float(word) for word in words])

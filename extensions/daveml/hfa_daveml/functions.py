@@ -90,10 +90,7 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
 
 
 def _finite(element: ElementTree.Element, arguments: list[Any]) -> Any:
-    """Return the result of an operator (`_applied`), and refuse one of numbers that is not finite.
-
-    element: element that names the operator
-    """
+    """Return the result of an operator, and refuse one of numbers that is not finite."""
     try:
         result = _applied(element, arguments)
         is_finite = not isinstance(result, complex)
@@ -150,10 +147,7 @@ def _number(element: ElementTree.Element) -> float:
 
 
 def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
-    """Return the value of the first piece whose condition is true, else that of <otherwise>.
-
-    Raises BadInputError if <otherwise>, or the value or condition of a piece, is missing.
-    """
+    """Return the value of the first piece whose condition is true, else that of <otherwise>."""
     otherwise = element.find("otherwise")
     if otherwise is None or len(otherwise) != 1:
         raise BadInputError(

@@ -97,11 +97,7 @@ class _FileVariable(NamedTuple):
 
     @property
     def unit(self) -> names.ModelUnit:
-        """The model's unit for the variable, and the factor to it.
-
-        Raises BadInputError for an unknown unit, and for one of another quantity than the standard
-        name says.
-        """
+        """The model's unit for the variable, and the factor to it."""
         units, name = self.variable.units, self.variable.name
         known = names.model_unit(units)
         if known is None:
@@ -120,12 +116,10 @@ class _FileVariable(NamedTuple):
         return self.unit.factor * (self.variable.initial or 0.0)
 
     def signal(self) -> Signal:
-        """Return unit, nominal value, limits and initial value in the model's units.
-
-        The limits are the narrower of the variable's own and the ranges of the tables that depend
-        on it. The nominal value is 0.1 for an angle or a number without unit, and otherwise
-        max(|initial value|, 1).
-        """
+        """Return unit, nominal value, limits and initial value in the model's units."""
+        # The limits are the narrower of the variable's own and the ranges of the tables that depend
+        # on it. The nominal value is 0.1 for an angle or a number without unit, and otherwise
+        # max(|initial value|, 1).
         unit, factor = self.unit
         variable = self.variable
         least, most = self.document.range_of_tables(variable)
@@ -253,9 +247,7 @@ class _Files:
         return math.sqrt(2.0 * weight / (SEA_LEVEL.density * area * upward))
 
     def _range(self, name: str, widest: float) -> tuple[float, float]:
-        """Return the range of a variable within ± widest and every table that depends on it, in the
-        unit of the model.
-        """
+        """Return the range, in the model's unit, within ± widest and all tables of a variable."""
         low = -widest
         high = widest
         for document in self._documents:
@@ -308,10 +300,8 @@ class _Files:
         return rates, outputs | forces
 
     def _configuration(self, x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
-        """Return mass, center of gravity, inertias and sizes, name -> (value, unit).
-
-        x, u, p: values of the states, of the inputs, and of the parameters followed by `ISA`
-        """
+        """Return mass, center of gravity, inertias and sizes, name -> (value, unit)."""
+        # x, u, p: values of the states, of the inputs, and of the parameters followed by `ISA`
         state, inputs, parameters = (
             SimpleNamespace(**dict(zip(known, vector, strict=True)))
             for known, vector in ((STATES, x), (self.inputs, u), ((*self.parameters, ISA), p))
@@ -336,10 +326,8 @@ class _Files:
         }
 
     def _coefficients(self, value: Callable[[str], Any], alpha: Any) -> Any:
-        """Return the coefficients (C_X, C_Y, C_Z) of the aerodynamic force in body axes, (3,).
-
-        If no file defines C_X, C_X and C_Z are those of lift and drag.
-        """
+        """Return the coefficients (C_X, C_Y, C_Z) of the aerodynamic force in body axes, (3,)."""
+        # If no file defines C_X, C_X and C_Z are those of lift and drag.
         side = value(names.FORCES[1])
         if names.FORCES[0] in self._outputs:
             return ca.vertcat(value(names.FORCES[0]), side, value(names.FORCES[2]))
@@ -351,14 +339,9 @@ class _Files:
         return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in outputs))
 
     def _values(self, motion: Mapping[str, Any], u: Any, p: Any) -> Callable[[str], Any]:
-        """Return a function from the name of an output to its value in the units of the model.
-
-        A file is built when its first output is needed: its inputs may be outputs of other files,
-        which are then built first.
-
-        motion: values of the motion by the names of `names.MOTION`
-        u, p: inputs and parameters, as attributes
-        """
+        """Return a function from the name of an output to its value in the units of the model."""
+        # A file is built when its first output is needed: its inputs may be outputs of other files,
+        # which are then built first.
         table = Interpolator()
         built: dict[str, Expressions] = {}  # path of a file -> its variables
 
@@ -390,11 +373,7 @@ class _Files:
 
 
 def _common_signal(declarations: Sequence[_FileVariable]) -> Signal:
-    """Return the signal of an input that one or several variables declare, with the narrowest
-    limits.
-
-    Raises BadInputError if their units are of different quantities, or their initial values differ.
-    """
+    """Return the signal of an input that several variables declare, with the narrowest limits."""
     first, *others = declarations
     signals = [declaration.signal() for declaration in declarations]
     for other, signal in zip(others, signals[1:], strict=True):
@@ -433,8 +412,6 @@ def _number(expression: Any) -> float:
 
 
 def _nominal_motion() -> dict[str, float]:
-    """Return the motion at which outputs that are constant, such as the mass, are evaluated: that
-    of 300 ft/s at sea level and `_ALPHA`, with 0 for all other quantities.
-    """
+    """Return the motion, 300 ft/s at sea level and `_ALPHA`, at which constants are evaluated."""
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
     return motion | {"alpha": _ALPHA, "speed": 300.0, "density": float(SEA_LEVEL.density)}

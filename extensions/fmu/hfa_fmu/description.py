@@ -252,12 +252,10 @@ def _sentences(
     left_out: list[Variable],
     unlisted: list[Variable],
 ) -> Iterator[str]:
-    """Yield sentences on the variables that the model has and does not have.
-
-    in_model: variables of the model, of which `states` are states
-    names: name in the FMU -> name in the model
-    left_out, unlisted: variables, and states of unlisted derivatives, that the model does not have
-    """
+    """Yield sentences on the variables that the model has and does not have."""
+    # in_model: variables of the model, of which `states` are states
+    # names: name in the FMU -> name in the model
+    # left_out, unlisted: variables, and states of unlisted derivatives, that it does not have
     constants = [variable for variable in in_model if variable.is_constant]
     inputs = [
         variable for variable in in_model if variable.causality == "input" and variable.is_real
@@ -283,11 +281,9 @@ def _sentences(
 
 
 def _names_in_model(names: list[str], states: list[str]) -> dict[str, str]:
-    """Return name in the FMU -> name in the model.
-
-    A part that contains all states is left out: `body.speed` is `speed`, unless that is the name of
-    another variable.
-    """
+    """Return name in the FMU -> name in the model."""
+    # A part that contains all states is left out: `body.speed` is `speed`, unless that is the name
+    # of another variable.
     part = states[0].rpartition(".")[0]
     while part and not all(name.startswith(f"{part}.") for name in states):
         part = part.rpartition(".")[0]
@@ -324,11 +320,7 @@ def _variable(
     declared: ElementTree.Element | None,
     version: int,
 ) -> Variable:
-    """Return a variable.
-
-    typed: the element with the attributes of the type, a child in FMI 2.0
-    declared: definition of its type, or None
-    """
+    """Return a variable."""
     enumerated = [] if declared is None else declared.findall(".//Item")
     if declared is not None and version == 2:
         declared = next(iter(declared), None)

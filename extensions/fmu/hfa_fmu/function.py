@@ -187,12 +187,7 @@ class _Callback(ca.Callback):
         rows: list[int],
         forward: _Callback | None = None,
     ) -> None:
-        """Make a function.
-
-        compute: function of the memory of the arguments and of the result
-        rows: numbers of entries of the arguments and of the result
-        forward: derivative along one direction, of (v, f, direction)
-        """
+        """Make a function."""
         ca.Callback.__init__(self)
         self._compute, self._rows, self._forward = compute, rows, forward
         self.construct(name, {})

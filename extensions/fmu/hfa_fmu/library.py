@@ -176,11 +176,9 @@ class Instance:
         return (which, count, place, *([count] if self._interface.version == 3 else []))
 
     def _set(self, v: Any, time: float) -> None:
-        """Set time and all variables, with an event where an input changes at events only.
-
-        Other parameters require another instance, because most are set only while it is made, and
-        so do other signs of the event indicators, because an instance may remember its events.
-        """
+        """Set time and all variables, with an event where an input changes at events only."""
+        # Other parameters require another instance, because most are set only while it is made, and
+        # so do other signs of the event indicators, because an instance may remember its events.
         self._v_bytes[:] = v
         if not isfinite(sum(self._v)):
             raise FmuError("an argument is not a finite number")

@@ -229,9 +229,7 @@ def _note_on_similar_names(names: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _about(evaluator: Evaluator, description: Description, start: np.ndarray) -> About:
-    """Return what reports say about an FMU, and let the evaluator use its derivatives if it gives
-    them at the start values.
-    """
+    """Return what reports say about an FMU; its own derivatives are used if it gives them."""
     warnings: tuple[str, ...] = ()
     why_none = _why_no_derivatives(evaluator, description, start)
     evaluator.gives_slopes = not why_none
@@ -308,10 +306,8 @@ def _one_sided(
 
 
 def _largest_error(error: np.ndarray, slopes: np.ndarray, nominals: np.ndarray) -> float:
-    """Return the largest error of a Jacobian (m, n), relative to the largest entry of its row.
-
-    The entries are multiplied by the nominal values of the arguments.
-    """
+    """Return the largest error of a Jacobian (m, n), relative to the largest entry of its row."""
+    # The entries are multiplied by the nominal values of the arguments.
     sizes = np.abs(slopes * nominals).max(axis=1, keepdims=True)
     apart = np.abs(error) * nominals
     return float(np.max(np.divide(apart, sizes, out=np.zeros_like(apart), where=sizes > 0.0)))

@@ -141,10 +141,7 @@ def _as_records(
 
 
 def _as_record(model: Model, given: Any, held: Mapping[str, float], name: str) -> Record:
-    """Return the `Record` of a path, flight, table, dictionary or record.
-
-    name: name of a record that is no file, for messages
-    """
+    """Return the `Record` of a path, flight, table, dictionary or record."""
     from hfa_flight.simulate.flight import Flight
 
     if isinstance(given, Record):
@@ -203,11 +200,9 @@ def _free_names(
 
 
 def _initial_state(model: Model, record: Record, held: Mapping[str, float]) -> np.ndarray:
-    """Return the guess of a record's initial state, (n,), to which `held` gives values by name.
-
-    Each component is the first finite measured value, the held value, the value in the
-    model's trim, or the declared start of the state, in this order of precedence.
-    """
+    """Return the guess of a record's initial state, (n,), to which `held` gives values by name."""
+    # Each component is the first finite measured value, the held value, the value in the model's
+    # trim, or the declared start of the state, in this order of precedence.
     start = []
     for name, signal in model.states.items():
         values = record.measured.get(name)
@@ -274,10 +269,7 @@ def _largest_widening(corrected: np.ndarray, white: np.ndarray) -> float:
 
 
 def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str, float]]:
-    """Yield (name, name, coefficient) of the pairs of estimates with a coefficient > `_CORRELATED`.
-
-    C: covariance of the estimates, (p, p)
-    """
+    """Yield (name, name, coefficient) of the pairs of estimates beyond `_CORRELATED`."""
     coefficients = correlations(C)
     for (i, one), (j, other) in combinations(enumerate(names), 2):
         if abs(coefficients[i, j]) > _CORRELATED:

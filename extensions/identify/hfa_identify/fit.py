@@ -241,14 +241,8 @@ class OutputError:
     def _first_lower(
         self, current: Fit, undamped: Step, first: int, number: int
     ) -> tuple[int, Fit | None]:
-        """Return the index of the first trial whose step does not raise L, and the fit after it.
-
-        The fit is None if the step of every trial raises L or fails.
-
-        undamped: Gauss-Newton step from the current fit
-        first: index of the first entry of `_TRIALS` that is tried
-        number: number of the step
-        """
+        """Return the index of the first trial whose step does not raise L, and the fit after it."""
+        # The fit is None if the step of every trial raises L or fails.
         low, high = self.bounds.T
         for trial in range(first, len(_TRIALS)):
             damping, part = _TRIALS[trial]
@@ -327,10 +321,7 @@ class OutputError:
         return tuple(self._normal(fit, number) for number in range(len(self.records)))
 
     def _normal(self, fit: Fit, number: int) -> Normal:
-        """Return the normal equations of record `number`, with the noise variances of the fit.
-
-        Raises FloatingPointError if they are not finite.
-        """
+        """Return the normal equations of record `number`, with the noise variances of the fit."""
         p = len(self.responses.free)
         slopes = fit.responses[number].slopes
         weights = np.where(self.present[number], 1.0 / np.sqrt(fit.noise), 0.0)
@@ -351,14 +342,11 @@ class OutputError:
         )
 
     def _step(self, current: Fit, damping: float) -> Step:
-        """Return the Gauss-Newton step from a fit, damped by Levenberg's rule.
-
-        The initial states are eliminated: (Σ M - B A⁻¹ B') Δθ = Σ g - B A⁻¹ h, and then
-        Δx₀ = A⁻¹ (h - B' Δθ) of each record. A parameter keeps its value in two cases:
-
-        - The parameter is at a bound and the step points outward.
-        - The records do not determine the parameter within its bounds.
-        """
+        """Return the Gauss-Newton step from a fit, damped by Levenberg's rule."""
+        # The initial states are eliminated: (Σ M - B A⁻¹ B') Δθ = Σ g - B A⁻¹ h, and then
+        # Δx₀ = A⁻¹ (h - B' Δθ) of each record. A parameter keeps its value in two cases:
+        # - The parameter is at a bound and the step points outward.
+        # - The records do not determine the parameter within its bounds.
         p = len(current.theta)
         total = np.zeros((p, p))
         right = np.zeros(p)

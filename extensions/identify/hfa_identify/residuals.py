@@ -46,10 +46,8 @@ def white_covariance(fit: Fit) -> np.ndarray:
 
 
 def _variance_ratio(fit: Fit) -> float:
-    """Return the ratio of noise variance to residual variance, N / (N - number of unknowns).
-
-    N is the number of measured samples of all quantities and records.
-    """
+    """Return the ratio of noise variance to residual variance, N / (N - number of unknowns)."""
+    # N is the number of measured samples of all quantities and records.
     samples = int(fit.search.samples.sum())
     return samples / max(samples - _unknowns(fit), 1)
 
@@ -191,12 +189,8 @@ def contradicts_records(fit: Fit) -> np.ndarray:
 
 
 def _samples(fit: Fit, place: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the measured samples and the residuals of one quantity, without missing samples.
-
-    Both are lists with an array for each record.
-
-    place: index of the quantity
-    """
+    """Return the measured samples and the residuals of one quantity, without missing samples."""
+    # Both are lists with an array for each record.
     measured, residuals = [], []
     for simulated, residual, present in zip(fit.simulated, fit.residuals, fit.present, strict=True):
         seen = present[:, place]
@@ -281,10 +275,7 @@ class _Candidate(NamedTuple):
 
 
 def _candidate(fit: Fit, number: int, place: int) -> _Candidate:
-    """Return the largest residual of a quantity, and the probability that chance causes it.
-
-    number, place: indices of the record and of the quantity
-    """
+    """Return the largest residual of a quantity, and the probability that chance causes it."""
     record, name = fit.search.records[number], fit.search.responses.measured[place]
     residuals, present = fit.residuals[number][:, place], fit.present[number][:, place]
     alone = _standing_alone(residuals, present)
@@ -307,13 +298,8 @@ def _candidate(fit: Fit, number: int, place: int) -> _Candidate:
 
 
 def _standing_alone(residuals: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Return the indices of samples of a quantity that are far from the mean of their neighbors.
-
-    Without any if there are more than a single one, or than one sample in 50.
-
-    residuals: (N,)
-    present: whether each sample was measured, (N,)
-    """
+    """Return the indices of samples of a quantity that are far from the mean of their neighbors."""
+    # Without any if there are more than a single one, or than one sample in 50.
     rows = np.flatnonzero(present)
     v = residuals[rows]
     distances = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))
@@ -338,10 +324,7 @@ class _Beyond(NamedTuple):
 
 
 def _beyond_unknowns(fit: Fit, number: int, F: np.ndarray) -> _Beyond:
-    """Return the part of changes F (N, k, c) of a record that no unknown explains.
-
-    number: index of the record
-    """
+    """Return the part of changes F (N, k, c) of a record that no unknown explains."""
     beyond_start, projected = fit.beyond_start(number, F), fit.projected[number]
     weighted = F * fit.weights(number)[:, :, None]
     by_parameters = _products(projected, weighted)
@@ -359,13 +342,9 @@ def _products(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _driven(fit: Fit, number: int, place: int) -> np.ndarray:
-    """Return changes of a quantity that follow the inputs, and that no unknown explains, (N, d).
-
-    They are combinations of the delayed inputs, without those of which the unknowns explain all but
-    the fraction `_CONFOUNDED`.
-
-    number, place: indices of the record and of the quantity
-    """
+    """Return changes of a quantity that follow the inputs, and that no unknown explains, (N, d)."""
+    # They are combinations of the delayed inputs, without those of which the unknowns explain all
+    # but the fraction `_CONFOUNDED`.
     inputs = _delayed_inputs(fit, number)
     changes = np.zeros((*fit.residuals[number].shape, inputs.shape[1]))
     changes[:, place] = inputs
@@ -377,10 +356,8 @@ def _driven(fit: Fit, number: int, place: int) -> np.ndarray:
 
 
 def _delayed_inputs(fit: Fit, number: int) -> np.ndarray:
-    """Return a constant and the inputs of a record at several delays, (N, c).
-
-    Inputs that are constant in all records are left out.
-    """
+    """Return a constant and the inputs of a record at several delays, (N, c)."""
+    # Inputs that are constant in all records are left out.
     records = fit.search.records
     varies = np.any([np.ptp(record.inputs, axis=0) > 0.0 for record in records], axis=0)
     time, moving = records[number].time, records[number].inputs[:, varies].T
@@ -392,15 +369,10 @@ def _delayed_inputs(fit: Fit, number: int) -> np.ndarray:
 
 
 def _granger_p_value(residuals: np.ndarray, driven: np.ndarray) -> float:
-    """Return the probability that noise seems to depend on the inputs as much as the residuals.
-
-    Changes that follow the inputs do not help to predict noise from its own past. The sum of
-    squared prediction errors without them, less that with them, is then F-distributed relative to
-    the latter.
-
-    residuals: (N,)
-    driven: changes that follow the inputs, (N, d)
-    """
+    """Return the probability that noise seems to depend on the inputs as much as the residuals."""
+    # Changes that follow the inputs do not help to predict noise from its own past. The sum of
+    # squared prediction errors without them, less that with them, is then F-distributed relative to
+    # the latter.
     from scipy.special import fdtrc
 
     N, d = driven.shape

@@ -177,10 +177,8 @@ class Responses:
         return int(np.clip(steps, 1, _MOST_STEPS))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
-        """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s.
-
-        0 if the Jacobian is not finite.
-        """
+        """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s."""
+        # 0 if the Jacobian is not finite.
         _, slopes = self._rates_at(start[None], record.inputs[:1], theta[None])
         slope = slopes[0, :, : len(start)]
         if not np.isfinite(slope).all():
@@ -230,10 +228,7 @@ class Responses:
         return total
 
     def _states(self, start: np.ndarray, grid: Grid, theta: np.ndarray) -> np.ndarray:
-        """Return the states before the first and after each integration step, (steps + 1, n).
-
-        Raises FloatingPointError if a state is not finite.
-        """
+        """Return the states before the first and after each integration step, (steps + 1, n)."""
         count = len(grid.durations)
         before, after, unknowns = grid.before.ravel(), grid.after.ravel(), np.tile(theta, count)
         (ends,) = self._advance(count).at(start, before, after, unknowns, grid.durations)
@@ -249,13 +244,9 @@ class Responses:
         return self._advances[steps]
 
     def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
-        """Return the derivatives of x⁺ with respect to (x, θ) of steps x -> x⁺, (steps, n, n + p).
-
-        The steps are x⁺ = x + Δt (k₁ + 2 k₂ + 2 k₃ + k₄) / 6 with k = f(x + c Δt k₋), where k₋ is
-        the stage before and c is 0, 1/2, 1/2, 1. Each stage has k' = f_x (I + c Δt k₋') + f_θ.
-
-        part: steps of the simulation
-        """
+        """Return the derivatives with respect to (x, θ) of steps x -> x⁺, (steps, n, n + p)."""
+        # The steps are x⁺ = x + Δt (k₁ + 2 k₂ + 2 k₃ + k₄) / 6 with k = f(x + c Δt k₋), where k₋ is
+        # the stage before and c is 0, 1/2, 1/2, 1. Each stage has k' = f_x (I + c Δt k₋') + f_θ.
         n, _, _ = self.sizes
         before, after, durations = (columns[part] for columns in simulated.grid)
         states = simulated.begins[part]
@@ -280,10 +271,8 @@ class Responses:
     def _rates_at(
         self, states: np.ndarray, inputs: np.ndarray, thetas: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state derivatives x' (N, n), and dx'/d(x, θ) (N, n, n + p).
-
-        states, inputs, thetas: (N, n), (N, m) and (N, p)
-        """
+        """Return the state derivatives x' (N, n), and dx'/d(x, θ) (N, n, n + p)."""
+        # states, inputs, thetas: (N, n), (N, m) and (N, p)
         n, p, _ = self.sizes
         rates, slopes = self._rates(states, inputs, thetas)
         return rates, slopes.reshape(-1, n, n + p)

@@ -153,11 +153,9 @@ def of_engine_files(parts: Parts) -> Iterator[str]:
 
 
 def _of_engine(file: EngineFile) -> Iterator[str]:
-    """Yield sentences on facts in an engine's file that may explain missing power.
-
-    The facts are an empty tank, a turbine engine on a propeller, and an implausible
-    propeller diameter.
-    """
+    """Yield sentences on facts in an engine's file that may explain missing power."""
+    # The facts are an empty tank, a turbine engine on a propeller, and an implausible propeller
+    # diameter.
     name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
     if file.dry_of:
         yield (
@@ -250,10 +248,7 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
 
 
 def _notes_on_constants(parts: Parts, equations: Equations) -> list[Note]:
-    """Return notes on the properties that nothing sets and on which a force or an output depends.
-
-    Raises BadInputError for one that JSBSim itself would compute.
-    """
+    """Return notes on properties that nothing sets and on which a force or an output depends."""
     properties, used, notes = equations.properties, equations.used_symbols(), []
     for full_name, (symbol, start, where) in properties.constants.items():
         if full_name in properties.frozen:
@@ -294,10 +289,7 @@ def _omitted(root: Element) -> Iterator[tuple[Element, str]]:
 
 
 def _reason_to_omit(parent: Element, child: Element) -> str:
-    """Return the reason why a child element that was not read may be omitted, "" for comments.
-
-    Raises BadInputError if it may not be omitted.
-    """
+    """Return the reason why a child element that was not read may be omitted, "" for comments."""
     name = child.name
     if name in _TEXT:
         return ""
@@ -338,11 +330,8 @@ def _refuse_unsupported_attributes(element: Element) -> None:
 
 
 def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
-    """Return notes on built-in JSBSim properties that the files set.
-
-    The notes concern pilot commands that the files also set, and settings without effect. Raises
-    BadInputError for a property that cannot be set.
-    """
+    """Return notes on built-in JSBSim properties that the files set."""
+    # The notes concern pilot commands that the files also set, and settings without effect.
     properties = equations.properties
     notes = []
     for name, writers in properties.writers.items():

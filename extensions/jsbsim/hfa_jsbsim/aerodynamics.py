@@ -100,10 +100,7 @@ class Aerodynamics:
         return {name: element.need(name).number() * factor for name in ("min", "max")}
 
     def _sum(self, component: int, at_center: bool) -> ca.SX:
-        """Return one component of the aerodynamic force or moment, as the sum of its functions.
-
-        at_center: whether of the functions that act at the center of gravity, or of all others
-        """
+        """Return one component of the aerodynamic force or moment, as the sum of its functions."""
         total = ca.SX(0.0)
         for function in self._functions.get(component, ()):
             if _acts_at_center(function) == at_center:
@@ -153,18 +150,14 @@ def _acts_at_center(function: Element) -> bool:
 
 
 def _frames(element: Element | None) -> tuple[str, str]:
-    """Return the frame of the forces and the frame of the moments.
-
-    The first force axis that defines a frame determines the frame of the forces, by default WIND:
-
-    - DRAG, LIFT: WIND
-    - AXIAL, NORMAL: AXIAL
-    - X, Y, Z: attribute `frame`, by default BODY
-    - SIDE: no frame
-
-    The attribute `frame` of the first moment axis determines the frame of the moments, by default
-    BODY.
-    """
+    """Return the frame of the forces and the frame of the moments."""
+    # The first force axis that defines a frame determines the frame of the forces, by default WIND:
+    # - DRAG, LIFT: WIND
+    # - AXIAL, NORMAL: AXIAL
+    # - X, Y, Z: attribute `frame`, by default BODY
+    # - SIDE: no frame
+    # The attribute `frame` of the first moment axis determines the frame of the moments, by default
+    # BODY.
     chosen = {"force": "", "moment": ""}
     for axis in element.children if element else ():
         if axis.name != "axis":
@@ -183,11 +176,9 @@ def _frames(element: Element | None) -> tuple[str, str]:
 
 
 def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
-    """Return index of a component (forces 0 to 2, moments 3 to 5) -> its functions.
-
-    JSBSim ignores all but the last axis of a component, and moments with apply_at_cg. Both are
-    marked here as not read.
-    """
+    """Return index of a component (forces 0 to 2, moments 3 to 5) -> its functions."""
+    # JSBSim ignores all but the last axis of a component, and moments with apply_at_cg. Both are
+    # marked here as not read.
     functions: dict[int, list[Element]] = {}
     if element is None:
         return functions
@@ -226,10 +217,8 @@ class Reactions:
             self._define(moment, "lmn")
 
     def _set_initial(self, names: list[str], vector: np.ndarray | None) -> None:
-        """Set the initial values of three properties to the components of a vector (3,).
-
-        Without a vector, a property that has no value is set to 0.
-        """
+        """Set the initial values of three properties to the components of a vector (3,)."""
+        # Without a vector, a property that has no value is set to 0.
         values = np.zeros(3) if vector is None else vector
         for name, value in zip(names, values, strict=True):
             self._initial[name] = value
@@ -315,10 +304,7 @@ def _direction(element: Element) -> np.ndarray | None:
 
 
 def _to_body(element: Element, motion: Motion) -> ca.SX:
-    """Return the rotation matrix (3, 3) from the frame of a force to body axes.
-
-    Raises BadInputError for the frame INERTIAL.
-    """
+    """Return the rotation matrix (3, 3) from the frame of a force to body axes."""
     frame = element.attributes.get("frame", "BODY")
     if frame == "LOCAL":
         return motion.to_body

@@ -388,15 +388,11 @@ class Equations:
                     self._define_function(part, number)
 
     def _define_property(self, element: Element, overrides: bool) -> None:
-        """Set the property of a <property> element.
-
-        - A writable built-in property is set if the element has a value, with two exceptions. Pilot
-          commands keep their symbols. A parameter keeps its symbol, and the value becomes its value
-          at the start, except for the levers mixture and advance.
-        - Another property is set if it has no value yet, or if the element overrides it.
-
-        overrides: whether the element is in another file than the start of its section
-        """
+        """Set the property of a <property> element."""
+        # - A writable built-in property is set if the element has a value, with two exceptions.
+        #   Pilot commands keep their symbols. A parameter keeps its symbol, and the value becomes
+        #   its value at the start, except for the levers mixture and advance.
+        # - Another property is set if it has no value yet, or if the element overrides it.
         value = element.as_number(element.attributes.get("value", "0"))
         full_name = canonical(element.text)
         rights = access(full_name, self.parts.thrusters)
@@ -535,9 +531,7 @@ class Equations:
         self._substitute(symbols, angle_rates)
 
     def _name_constants(self) -> None:
-        """Make properties that nothing sets parameters, and inputs where they are the only commands
-        about an axis.
-        """
+        """Make what nothing sets a parameter, or an input where it alone commands an axis."""
         constants, used = self.properties.constants, self.used_inputs()
         axes = [axis for axis, command in _TURNED_BY.items() if command not in used]
         turning = ca.vertcat(*(self.rates[axis] for axis in axes))
@@ -566,10 +560,7 @@ class Equations:
                 )
 
     def _remove_time(self) -> None:
-        """Set the simulation time to 0, with a note if rates depend on it except in steady flight.
-
-        Raises BadInputError if they depend on it in steady flight.
-        """
+        """Set the simulation time to 0, with a note if rates depend on it in unsteady flight."""
         rates = ca.vertcat(*self.rates.values())
         if ca.depends_on(rates, self._time):
             symbols = [*self.states.values(), *(given.symbol for given in self.inputs.values())]

@@ -370,10 +370,8 @@ def _refuse_zero(component: Element, name: str, coefficient: Any, consequence: s
 
 
 def _lead_lag(component: Element, properties: Properties) -> Any:
-    """Return the output of the filter (c1 s + c2) / (c3 s + c4).
-
-    It is c2 / c4 times the input unless filters are states.
-    """
+    """Return the output of the filter (c1 s + c2) / (c3 s + c4)."""
+    # It is c2 / c4 times the input unless filters are states.
     value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     _refuse_zero(component, "c4", c4, _NO_STEADY_STATE)

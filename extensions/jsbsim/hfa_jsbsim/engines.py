@@ -381,13 +381,9 @@ def lag_rates(mounted: MountedEngine) -> dict[str, Any]:
 
 
 def _generator_rate(mounted: MountedEngine, speed: ca.SX) -> Any:
-    """Return the acceleration of a turboprop's gas generator, %/s (`FGTurboProp`).
-
-    It is the error of the speed divided by a time that depends on its sign and on whether the
-    engine runs.
-
-    speed: speed of the gas generator, %
-    """
+    """Return the acceleration of a turboprop's gas generator, %/s (`FGTurboProp`)."""
+    # It is the error of the speed divided by a time that depends on its sign and on whether the
+    # engine runs.
     delay = mounted.engine.value_of("n1idle_max_delay", 1.0)
     is_on = running(mounted)
     on = _generator_speed(mounted)
@@ -446,11 +442,9 @@ def turbine_thrust(mounted: MountedEngine) -> Any:
 
 
 def _with_afterburner(mounted: MountedEngine, dry: Any, bled: Any, strongest: Any) -> Any:
-    """Return the thrust of a running turbine, lb, with its afterburner if the throttle lights it.
-
-    dry, bled: thrust without afterburner, before and after the bleed, lb
-    strongest: thrust with full afterburner, lb
-    """
+    """Return the thrust of a running turbine, lb, whose afterburner the throttle may light."""
+    # dry, bled: thrust without afterburner, before and after the bleed, lb
+    # strongest: thrust with full afterburner, lb
     engine = mounted.engine
     position = mounted.throttle
     method = int(engine.value_of("augmethod", 0.0))
@@ -471,10 +465,7 @@ def _with_afterburner(mounted: MountedEngine, dry: Any, bled: Any, strongest: An
 
 
 def _value_of_function(mounted: MountedEngine, name: str, default: Any = 0.0) -> Any:
-    """Return the value of a function of the engine's file (`OF_ENGINES`), or `default` without it.
-
-    Raises BadInputError if the function IdleThrust or MilThrust is missing.
-    """
+    """Return the value of a function of the engine's file, or `default` without it."""
     names = (name, f"propulsion/engine[#]/{name}", mounted.full_name(name))
     for function in mounted.engine.all("function"):
         if function.attributes.get("name", "") in names:

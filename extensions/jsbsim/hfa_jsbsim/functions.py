@@ -267,10 +267,8 @@ def read_table(element: Element) -> Table:
 
 
 def _stacked(nested: list[Element]) -> Table:
-    """Return the table that several <tableData> elements form along an additional axis.
-
-    The attribute breakPoint of an element is its breakpoint on this axis.
-    """
+    """Return the table that several <tableData> elements form along an additional axis."""
+    # The attribute breakPoint of an element is its breakpoint on this axis.
     tables = tuple(read_table(child) for child in nested)
     points = np.array([child.as_number(child.attributes.get("breakPoint", "")) for child in nested])
     first = tables[0]
@@ -295,12 +293,10 @@ def _stacked(nested: list[Element]) -> Table:
 
 
 def _rows(data: Element) -> Table:
-    """Return the table in the text of an element.
-
-    - If all rows have two numbers, each is a pair (breakpoint, value).
-    - Otherwise the first row contains the breakpoints of the columns. Each further row contains a
-      breakpoint and the values.
-    """
+    """Return the table in the text of an element."""
+    # - If all rows have two numbers, each is a pair (breakpoint, value).
+    # - Otherwise the first row contains the breakpoints of the columns. Each further row contains a
+    #   breakpoint and the values.
     rows = []
     for line, text in data.lines:
         # As in C++, a number ends where the next character cannot continue it: 0.870.87 are two.

@@ -199,14 +199,11 @@ def _mixture_efficiency(mounted: MountedEngine, fuel_share: Any) -> Any:
 
 
 def _boosted(mounted: MountedEngine, throttled: Any, ambient: Any, speed: Any) -> Any:
-    """Return the manifold pressure behind the supercharger, Pa, `throttled` without one.
-
-    The gear of the supercharger depends on the ambient pressure, or on the boost lever if
-    boostmanual is 1.
-
-    throttled, ambient: pressures behind the throttle and of the air, Pa
-    speed: speed of the engine, rpm
-    """
+    """Return the manifold pressure behind the supercharger, Pa, `throttled` without one."""
+    # The gear of the supercharger depends on the ambient pressure, or on the boost lever if
+    # boostmanual is 1.
+    # throttled, ambient: pressures behind the throttle and of the air, Pa
+    # speed: speed of the engine, rpm
     gears = _gears(mounted.engine)
     if not gears:
         return throttled
@@ -254,10 +251,8 @@ _INVALID_GEAR = _Gear(1.0, 2500.0, 100000.0, 0.0)
 
 
 def _gears(engine: Element) -> list[_Gear]:
-    """Return the gears of a supercharger, or an empty list without one.
-
-    From an invalid gear on, all are `_INVALID_GEAR`, and their number is reduced by one.
-    """
+    """Return the gears of a supercharger, or an empty list without one."""
+    # From an invalid gear on, all are `_INVALID_GEAR`, and their number is reduced by one.
     count = int(engine.value_of("numboostspeeds", 0.0))
     gears: list[_Gear] = []
     last_altitude = 0.0
@@ -375,12 +370,11 @@ def _flow(mounted: MountedEngine, axes: ca.SX, location: ca.SX, diameter: float)
 
 
 def _blade(mounted: MountedEngine) -> tuple[Any, dict[str, Any]]:
-    """Return the blade angle of a propeller, deg, and {state: its derivative}, empty without one.
-
-    A governor changes the angle by 1 deg/s for each rpm above the commanded speed. If the propeller
-    is feathered, the angle approaches `maxpitch`, by the share `_FEATHERING` of the remaining
-    difference in each frame. A step that would exceed a limit of the angle ends at the limit.
-    """
+    """Return the blade angle of a propeller, deg, and {state: rate}, empty without a governor."""
+    # A governor changes the angle by 1 deg/s for each rpm above the commanded speed. If the
+    # propeller is feathered, the angle approaches `maxpitch`, by the share `_FEATHERING` of the
+    # remaining difference in each frame. A step that would exceed a limit of the angle ends at the
+    # limit.
     prop = mounted.thruster
     lowest = prop.value_of("minpitch", 0.0)
     highest = prop.value_of("maxpitch", 0.0)
@@ -427,10 +421,8 @@ def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) ->
 def _acting_location(
     mounted: MountedEngine, location: ca.SX, local: Any, induced: Any, sense: float
 ) -> Any:
-    """Return the point where the thrust acts, inches, which the P-factor moves with the flow angle.
-
-    local: velocity of the propeller in the air, in the thruster's axes, (3,)
-    """
+    """Return the point where the thrust acts, inches, moved with the flow angle by the P-factor."""
+    # local: velocity of the propeller in the air, in the thruster's axes, (3,)
     factor = mounted.thruster_mount.value_of("p_factor", 0.0)
     if factor <= 0.0001:
         return location
@@ -518,10 +510,8 @@ def add_engine(mounted: MountedEngine) -> Writer:
 
 
 def _add_shafts(mounted: MountedEngine) -> None:
-    """Define the properties n1 and n2, the speeds of a turbine's shafts, %.
-
-    Reading n1 raises BadInputError if the speed n2 is a state.
-    """
+    """Define the properties n1 and n2, the speeds of a turbine's shafts, %."""
+    # Reading n1 raises BadInputError if the speed n2 is a state.
     for name in ("n1", "n2"):
 
         def speed(name: str = name) -> Any:

@@ -230,9 +230,7 @@ class _Declaration:
         yield from filter(None, (inertia_warning(inertia), self._warning_of_throttle(x, p)))
 
     def _warning_of_throttle(self, x: list[float], p: list[float]) -> str:
-        """Return a sentence if no rate changes with the throttles at the states x and parameters p,
-        with the constant of the files, or the parameter of the engine, that stops the engines.
-        """
+        """Return a sentence with what stops the engines, if no throttle changes a rate."""
         throttles = self._throttles()
 
         def is_moved(values: list[float]) -> bool:
@@ -338,10 +336,7 @@ class _Declaration:
         return ordered | dict.fromkeys(filters, Signal())
 
     def _rpm(self, file: EngineFile, is_alone: bool) -> Signal:
-        """Return the signal of a propeller's speed, without a highest speed.
-
-        is_alone: whether it is the only engine, whose propeller does not stand still in a trim
-        """
+        """Return the signal of a propeller's speed, without a highest speed."""
         lowest = 10.0 if is_alone else 0.0
         if is_alone and file.kind == "piston_engine":
             lowest = 0.8 * file.engine.value_of("idlerpm", 600.0) / file.gear_ratio
@@ -361,11 +356,7 @@ class _Declaration:
         return signals
 
     def _note_on_kinematics(self, name: str) -> str:
-        """Return a note that the travel times of the <kinematic>s that follow an input are omitted,
-        or "" if there are none.
-
-        name: name of the input
-        """
+        """Return a note that an input moves <kinematic>s without their travel times, or ""."""
         symbol = self.inputs[name].symbol
         components = [
             component
@@ -417,9 +408,7 @@ class _Declaration:
         return signals
 
     def _angle_at_full(self, lever: str) -> float:
-        """Return the position of what a lever moves at its value 1, deg, or 0 if the files have no
-        position in degrees that is proportional to the lever alone.
-        """
+        """Return the position, deg, of what a lever moves at 1, if proportional to it, else 0."""
         properties, symbol = self.equations.properties, self.parameters[lever]
         name = f"fcs/{lever}-pos-deg"
         if properties.writer(name) is None:
@@ -453,13 +442,9 @@ class _Declaration:
         return {name: signals.get(name, power) for name in self.equations.outputs}
 
     def _start_of_stopped_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
-        """Return initial values of propeller speeds and blade angles of engines that do not run.
-
-        An engine does not run if it is off or without fuel. The initial speed is the windmilling
-        speed, or 0. The result is empty for an array of several airspeeds.
-
-        values: name -> imposed or initial value
-        """
+        """Return initial values of propeller speeds and blade angles of engines that do not run."""
+        # An engine does not run if it is off or without fuel. The initial speed is the windmilling
+        # speed, or 0. The result is empty for an array of several airspeeds.
         if np.size(values["speed"]) > 1:
             return {}
         stopped = [
@@ -478,11 +463,9 @@ class _Declaration:
         return initial
 
     def _equilibrium_speed(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists.
-
-        Speeds up to `_FASTEST` times the initial speed are searched. If the propeller does not slow
-        down at this limit, the limit is returned.
-        """
+        """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists."""
+        # Speeds up to `_FASTEST` times the initial speed are searched. If the propeller does not
+        # slow down at this limit, the limit is returned.
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
         columns = [[values.get(key, named[key].start) for key in named] for named in signals]
@@ -560,12 +543,10 @@ class _Declaration:
         return _Arguments(vectors, column(left_out), ca.SX(constants))
 
     def _trim(self) -> dict[str, float]:
-        """Return the default trim condition, straight level flight, as name -> imposed value.
-
-        - The flight path angle is free if there is no throttle or no engine has fuel.
-        - Without fuel, all throttles are 0. Otherwise all are equal.
-        - The sideslip is free unless both aileron and rudder are inputs.
-        """
+        """Return the default trim condition, straight level flight, as name -> imposed value."""
+        # - The flight path angle is free if there is no throttle or no engine has fuel.
+        # - Without fuel, all throttles are 0. Otherwise all are equal.
+        # - The sideslip is free unless both aileron and rudder are inputs.
         imposed = {"speed": self.usual_speed, "altitude": 5000.0, "yaw": 0.0, "turn_rate": 0.0}
         throttles = self._throttles()
         if all(file.dry_of for file in self.parts.engines):
@@ -618,11 +599,9 @@ class _Declaration:
         return modes
 
     def _start_of_search(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-        """Return the function (imposed values by name) -> initial values of a trim search by name.
-
-        The angle of attack follows from the lift coefficient of level flight, and bank and body
-        rates from a turn to the right. Propellers begin at a typical advance ratio.
-        """
+        """Return the function imposed values -> initial values of a trim search, by name."""
+        # The angle of attack follows from the lift coefficient of level flight, and bank and body
+        # rates from a turn to the right. Propellers begin at a typical advance ratio.
         usual_speed = self.usual_speed
         propellers = [
             file for file in self.parts.engines if file.has_propeller and not file.governed
@@ -653,10 +632,7 @@ class _Declaration:
 
 
 def _density(altitude: Any, warmer: Any) -> Any:
-    """Return the air density, slug/ft³, a number or an array (N,).
-
-    altitude, warmer: altitude, ft, and deviation of the temperature, K, numbers or arrays (N,)
-    """
+    """Return the air density, slug/ft³, a number or an array (N,)."""
     columns = [column.reshape(-1, 1) for column in np.broadcast_arrays(altitude, warmer)]
     (densities,) = _density_function()(*columns)
     return float(densities[0, 0]) if len(densities) == 1 else densities[:, 0]

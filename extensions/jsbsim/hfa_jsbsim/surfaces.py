@@ -89,12 +89,8 @@ def _loop_of(name: str, properties: Properties) -> LoopError | None:
 
 
 def _limits(name: str, surface: str, properties: Properties, sign: float) -> tuple[float, float]:
-    """Return the limits of a surface input, as given by the component that sets the surface.
-
-    Unknown limits are infinite. The limits of an angle are in rad.
-
-    sign: 1, or -1 for a surface that moves against the input
-    """
+    """Return the limits of a surface input, as given by the component that sets the surface."""
+    # Unknown limits are infinite. The limits of an angle are in rad.
     for source in (name, f"fcs/{surface}-pos-rad", f"fcs/{surface}-pos-deg"):
         writer = properties.writer(source)
         if writer is not None and writer.component is not None:

@@ -236,10 +236,8 @@ class _Value(NamedTuple):
 
 
 def _printed(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
-    """Yield the values in the lines of a printed file.
-
-    The deflections stand between the line of CYff, the last of the total forces, and a rule.
-    """
+    """Yield the values in the lines of a printed file."""
+    # The deflections stand between the line of CYff, the last of the total forces, and a rule.
     shows_deflections = False
     for place, line in lines:
         if line.strip().startswith("---"):
@@ -257,19 +255,17 @@ def _printed(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
 
 
 def _machine_readable(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
-    """Yield the values in the lines of a machine-readable file, such as
-
-    9.0 0.75 12.0 | Sref, Cref, Bref
-    CONTROL
-    2
-    -1.5 elevator
-    0.0 rudder
-    DESIGN
-    5.1 0.02 | z' force CL : CLa, CLb
-    0.007 0.001 | z' force CL : CLd*
-
-    CLd* are CLd1, CLd2, ..., of the controls in the order of CONTROL.
-    """
+    """Yield the values in the lines of a machine-readable file."""
+    # Its lines are such as
+    # 9.0 0.75 12.0 | Sref, Cref, Bref
+    # CONTROL
+    # 2
+    # -1.5 elevator
+    # 0.0 rudder
+    # DESIGN
+    # 5.1 0.02 | z' force CL : CLa, CLb
+    # 0.007 0.001 | z' force CL : CLd*
+    # CLd* are CLd1, CLd2, ..., of the controls in the order of CONTROL.
     shows_deflections = False
     for place, line in lines:
         text = line.strip()
@@ -345,13 +341,10 @@ def _name_in_model(name: str, file: StabilityFile) -> str:
 def _of_coefficient(
     coefficient: str, file: StabilityFile, fixed: Mapping[str, float]
 ) -> dict[str, Entry]:
-    """Return the entries of a coefficient: its value without deflections, and its derivatives.
-
-    The file has the total at the deflections δ of its run case. A control without limits stays at
-    the deflection δ_f of the table: C_0 = C_tot + Σ C_d (δ_f - δ), with δ_f = 0 for the others.
-
-    fixed: control variable -> deflection in deg, for those without limits
-    """
+    """Return the entries of a coefficient: its value without deflections, and its derivatives."""
+    # The file has the total at the deflections δ of its run case. A control without limits stays at
+    # the deflection δ_f of the table: C_0 = C_tot + Σ C_d (δ_f - δ), with δ_f = 0 for the others.
+    # fixed: control variable -> deflection in deg, for those without limits
     value = file.total(coefficient)
     entries: dict[str, Entry] = {}
     for suffix, argument in _ARGUMENTS.items():

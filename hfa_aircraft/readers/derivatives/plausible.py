@@ -57,10 +57,8 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
 
 
 def _unusual(table: DerivativeTable, of: Values) -> Iterator[str]:
-    """Yield a sentence for each figure outside those of published aircraft, with its entries.
-
-    Those of entries that are named already, or that the table declares as checked, are left out.
-    """
+    """Yield a sentence for each figure outside those of published aircraft, with its entries."""
+    # Those of entries that are named already, or that the table declares as checked, are left out.
     named = {*table.checked}
     for figure, number in FIGURES.items():
         entries = [name for name in re.findall(r"\w+", figure) if not math.isnan(of(name))]
@@ -91,11 +89,9 @@ def _of_angles(table: DerivativeTable) -> Iterator[str]:
 
 
 def _of_weight(table: DerivativeTable, of: Values) -> Iterator[str]:
-    """Yield a sentence if lift, weight and alpha at the stated condition contradict each other.
-
-    The lift is far above the weight, the largest lift is below it, or level flight has another
-    alpha.
-    """
+    """Yield a sentence if lift, weight and alpha at the stated condition contradict each other."""
+    # The lift is far above the weight, the largest lift is below it, or level flight has another
+    # alpha.
     air = air_at(table.values.get("altitude", 0.0), table.system)
     pressure = 0.5 * float(air.density) * of("speed") ** 2
     weight_coefficient = of("mass") * of("gravity") / (pressure * of("wing_area"))
@@ -118,12 +114,8 @@ def _of_weight(table: DerivativeTable, of: Values) -> Iterator[str]:
 
 
 def _of_alpha(of: Values, missing: float) -> Iterator[str]:
-    """Yield a sentence if level flight needs another alpha than the stated one.
-
-    A table without alpha has no warning, nor one whose slope of the lift is reported.
-
-    missing: lift coefficient that is missing to carry the weight at the stated alpha
-    """
+    """Yield a sentence if level flight needs another alpha than the stated one."""
+    # A table without alpha has no warning, nor one whose slope of the lift is reported.
     stated, slope = of("alpha"), of("CL_alpha")
     change = missing / slope if slope else 0.0
     if math.isfinite(stated) and abs(change) > _OFF_ALPHA and not unusual("CL_alpha", slope):

@@ -30,10 +30,8 @@ def _ratio(one: str, other: str) -> Callable[[Values], float]:
 
 
 def _radius(moment: str) -> Callable[[Values], float]:
-    """Return the function from entries to the radius of gyration of a moment of inertia, in spans.
-
-    The radius is nan for a moment that is not positive, which `inertia_warning` names.
-    """
+    """Return the function from entries to a radius of gyration, in spans."""
+    # The radius is nan for a moment that is not positive, which `inertia_warning` names.
     return lambda of: math.sqrt(max(of(moment), 0.0) / of("mass")) / of("span") or math.nan
 
 

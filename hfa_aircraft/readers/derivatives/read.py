@@ -387,10 +387,8 @@ class _Equations:
         return total
 
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific_force: Any) -> Any:
-        """Return the rate of alpha, rad/s, of which the lift C_L,alphadot is a part.
-
-        specific_force: force without that of alphadot, divided by mass, in body axes, (3,)
-        """
+        """Return the rate of alpha, rad/s, of which the lift C_L,alphadot is a part."""
+        # specific_force: force without that of alphadot, divided by mass, in body axes, (3,)
         values = self._table.values
         _, rate, _ = flow_rates(motion.velocity, motion.acceleration(specific_force))
         lag = motion.pressure * values["wing_area"] * values["chord"] / (2.0 * x.speed * p.mass)

@@ -148,10 +148,7 @@ def _stability_file(
 def _completed_table(
     entries: dict[str, Entry], file: StabilityFile | None, source: Source, name: str
 ) -> DerivativeTable:
-    """Return the checked table of entries, completed by a stability file if there is one.
-
-    name: name of an aircraft whose table states none
-    """
+    """Return the checked table of entries, completed by a stability file if there is one."""
     if file is None:
         return _checked_table(entries, source, name)
     length = entries["length"].value if "length" in entries else ""
@@ -220,10 +217,7 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
 
 
 def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> DerivativeTable:
-    """Return the table of the entries after checks of names, units, limits and required entries.
-
-    name: name of an aircraft whose table states none
-    """
+    """Return the table of the entries after checks of names, units, limits and required entries."""
     pairs = {key: entry for key, entry in entries.items() if isinstance(entry.value, list | tuple)}
     words_that_are_surfaces = {*pairs} & {*WORDS}  # flap = ["0 deg", "30 deg"]
     texts = {key: "" if key in words_that_are_surfaces else _text(key, entries) for key in _TEXTS}
@@ -294,11 +288,7 @@ def _numbers_of(
     texts: Mapping[str, str],
     system: str,
 ) -> _Numbers:
-    """Return the numbers in entries, in the table's system of units and per rad.
-
-    surfaces: names of the control surfaces
-    texts: name -> text of the entries that are texts
-    """
+    """Return the numbers in entries, in the table's system of units and per rad."""
     by_kind = _Numbers({}, {}, {}, {})
     per_angle = 1.0 / _ANGLES[texts["per"] or "rad"]
     for name, entry in entries.items():
@@ -320,10 +310,7 @@ def _numbers_of(
 def _add_dimensional(
     by_kind: _Numbers, entries: Mapping[str, Entry], divided: str, axes: str, system: str
 ) -> None:
-    """Add the derivatives of coefficients that the dimensional derivatives determine.
-
-    divided: definition of the dimensional derivatives, one of `DIVIDED`
-    """
+    """Add the derivatives of coefficients that the dimensional derivatives determine."""
     steady = {name: by_kind.derivatives.get(name, 0.0) for name in ("CL_0", "CD_0", "Cm_0")}
     for derivative, value in by_kind.dimensional.items():
         name, coefficient = derivative.name, derivative.coefficient
@@ -370,10 +357,8 @@ def _divided(name: str, entry: Entry, stated: str) -> str:
 
 
 def _refuse_two_forms(entries: Mapping[str, Entry], determined: Mapping[str, str]) -> None:
-    """Raise BadInputError if two entries state the same derivative.
-
-    determined: derivative of a coefficient -> dimensional derivative that determines it
-    """
+    """Raise BadInputError if two entries state the same derivative."""
+    # determined: derivative of a coefficient -> dimensional derivative that determines it
     same_effect = [*determined.items(), (THRUST_BY_SPEED, "thrust_slope")]
     for coefficient in COEFFICIENTS:
         by_speed, by_mach = f"{coefficient}_u", f"{coefficient}_mach"
