@@ -21,40 +21,28 @@ def trim_at(value, lowest, highest):
     )
 
 
+NAN, INF = math.nan, math.inf
+
+
 @pytest.mark.parametrize(
-    ("value", "lowest", "highest"),
+    ("value", "lowest", "highest", "nearer", "distance", "share", "used"),
     [
-        (3.0, -2.0, 10.0),
-        (-1.5, -2.0, 10.0),
-        (9.0, -2.0, 10.0),
-        (2.5, 2.0, 6.0),
-        (-2.5, -6.0, -2.0),
-        (1.0, 0.0, math.inf),
-        (-1.0, -math.inf, 5.0),
-        (2.0, -math.inf, math.inf),
+        (3.0, -2.0, 10.0, "lowest", 5.0, 5.0 / 12.0, 0.3),
+        (-1.5, -2.0, 10.0, "lowest", 0.5, 0.5 / 12.0, 0.75),
+        (9.0, -2.0, 10.0, "highest", 1.0, 1.0 / 12.0, 0.9),
+        (2.5, 2.0, 6.0, "lowest", 0.5, 0.125, 0.125),
+        (-2.5, -6.0, -2.0, "highest", 0.5, 0.125, 0.125),
+        (1.0, 0.0, INF, "lowest", 1.0, 0.0, NAN),
+        (-1.0, -INF, 5.0, "highest", 6.0, 0.0, NAN),
+        (2.0, -INF, INF, "", INF, NAN, NAN),
     ],
 )
-def test_margins_follow_from_the_limits(value, lowest, highest):
-    """The nearer limit is `distance` away, `share` is this distance over the range, and `used` the
-    share of the travel from rest.
-    """
+def test_margins_follow_from_the_limits(value, lowest, highest, nearer, distance, share, used):
+    """The share is that of the range, and `used` that of the travel from rest."""
     margin = trim_at(value, lowest, highest).margins["u"]
-    distances = {"lowest": value - lowest, "highest": highest - value}
-    assert margin.distance == pytest.approx(min(distances.values()))
-    if math.isinf(margin.distance):
-        assert (margin.nearer, margin.at_limit) == ("", False)
-        assert math.isnan(margin.share)
-        return
-    assert distances[margin.nearer] == pytest.approx(margin.distance)
-    assert margin.nearer_limit == {"lowest": lowest, "highest": highest}[margin.nearer]
-    span = highest - lowest
-    assert margin.share == (0.0 if math.isinf(span) else pytest.approx(margin.distance / span))
-    rest = sorted((lowest, 0.0, highest))[1]
-    end = highest if value >= rest else lowest
-    if math.isinf(end) or end == rest:
-        assert math.isnan(margin.used)
-    else:
-        assert rest + margin.used * (end - rest) == pytest.approx(value, abs=1e-9)
+    assert (margin.nearer, margin.at_limit) == (nearer, False)
+    found = margin.distance, margin.share, margin.used
+    assert found == pytest.approx((distance, share, used), nan_ok=True)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -65,6 +53,7 @@ def test_a_variable_is_at_its_limit_within_a_tolerance(side):
         margin = trim_at(side * (40.0 - inward), -40.0, 40.0).margins["u"]
         assert margin.at_limit == expected
         assert margin.nearer == ("highest" if side > 0.0 else "lowest")
+        assert margin.nearer_limit == side * 40.0
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

@@ -9,11 +9,7 @@ from random_points import INPUT_SCALES, RATE_SCALES
 
 import hfa
 import hfa_model
-from hfa import (
-    NoSolutionError,
-    TrimCondition,
-    trim,
-)
+from hfa import NoSolutionError, TrimCondition, trim
 from hfa.paper import level_flight
 from hfa_model import STATES
 from trim import TrimError, release
@@ -44,7 +40,7 @@ def effort(point):
 
 @pytest.mark.parametrize(("degrees", "climb"), [(0.0, 0.0), (15.0, 1.0)])
 def test_the_papers_trims_are_found(published_aircraft, degrees, climb):
-    """The paper's trims are found in level flight and in a climb, from two initial points."""
+    """The paper's trims are found in level flight and in a climb."""
     condition = level_flight(float(np.radians(degrees)), gamma=float(np.radians(climb)))
     point = trim(published_aircraft, condition)
     assert_meets(published_aircraft, condition, point)
@@ -54,10 +50,6 @@ def test_the_papers_trims_are_found(published_aircraft, degrees, climb):
     rates = published_aircraft.at(point.states, point.inputs).f
     climbing = rates[STATES.index("altitude")]
     assert climbing == pytest.approx(68.0 * np.sin(np.radians(climb)), rel=1e-12, abs=1e-12)
-    neighbor = trim(published_aircraft, level_flight(0.25))
-    warm = trim(published_aircraft, condition, start=neighbor)
-    np.testing.assert_allclose(warm.states, point.states, rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(warm.inputs, point.inputs, rtol=1e-10, atol=1e-12)
 
 
 # More unknowns than equations.

@@ -43,26 +43,15 @@ def crossing(shapes, turn=0.0):
 
 
 @pytest.mark.parametrize(
-    ("shapes", "turn"),
-    [(SHAPES, 0.0), (NEARLY_PARALLEL, 0.0), (TURNING, TURN)],
-    ids=["apart", "2 degrees apart", "turning"],
+    ("shapes", "turn", "grid"),
+    [(SHAPES, 0.0, [0.0, 0.15, 0.3]), (NEARLY_PARALLEL, 0.0, [0.0]), (TURNING, TURN, [0.0])],
+    ids=["over a grid", "2 degrees apart", "turning"],
 )
-def test_eigenvalues_that_cross_keep_their_columns(shapes, turn):
+def test_eigenvalues_that_cross_keep_their_columns(shapes, turn, grid):
     """Modes keep their columns through a crossing, although another eigenvalue is nearer."""
-    s = np.linspace(0.0, 2.0, 8)
-    expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
-    nearest = np.abs(expected[3, 0] - expected[4, 1]) < np.abs(expected[3, 0] - expected[4, 0])
-    assert nearest
-    swept = sweep(crossing(shapes, turn), s=s)
-    np.testing.assert_allclose(swept.eigenvalues, expected, atol=1e-11)
-
-
-def test_modes_keep_their_columns_over_a_grid():
-    """On a grid of two variables, crossings along both keep the columns."""
-    s, t = np.linspace(0.0, 2.0, 8), np.array([0.0, 0.15, 0.3])
-    swept = sweep(crossing(SHAPES), s=s, t=t)
-    at = swept.values
-    expected = np.stack([-3.0 + at[:, 0], -1.0 - at[:, 0] + at[:, 1], np.full(24, -0.1)], axis=1)
+    swept = sweep(crossing(shapes, turn), s=np.linspace(0.0, 2.0, 8), t=grid)
+    s, t = swept.values.T
+    expected = np.stack([-3.0 + s, -1.0 - s + t, np.full_like(s, -0.1)], axis=1)
     np.testing.assert_allclose(swept.eigenvalues, expected, atol=1e-11)
 
 
