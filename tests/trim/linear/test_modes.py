@@ -54,21 +54,6 @@ def test_an_eigenvalue_zero_by_rounding_is_zero(block, seed):
         assert math.isinf(mode.time_to_double)
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e-9])
-@pytest.mark.parametrize("seed", range(2))
-def test_two_masses_and_a_spring_never_decay(seed, damping):
-    """The modes of two masses and a spring do not decay. With a damper of 1e-9, one mode decays."""
-    basis = np.random.default_rng(seed).normal(size=(4, 4))
-    spring = np.array([[-7.0, 7.0], [14.0, -14.0]])
-    A = np.block([[np.zeros((2, 2)), np.eye(2)], [spring, damping * spring]])
-    modes = modes_of(basis @ A @ np.linalg.inv(basis), ("a", "b", "c", "d"))
-    assert modes[0].frequency == pytest.approx(21.0**0.5)
-    assert [mode.stable for mode in modes] == [damping > 0.0, False, False]
-    # The relative motion is x'' = -21 x - 21 damping x'.
-    expected = math.log(2) / (10.5 * damping) if damping else math.inf
-    assert modes[0].time_to_half == pytest.approx(expected, rel=1e-3)
-
-
 def test_participation_is_the_sensitivity_of_the_eigenvalue():
     """The participation of a state in a mode is |∂λ_i/∂a_kk|, normalized to the sum 1.
 

@@ -146,13 +146,11 @@ def test_the_cheaper_of_two_minima_is_found(published_aircraft, point):
 
 def test_a_control_without_effect_is_named(published_aircraft):
     """A failed trim names an aileron without effect, and no aileron with an effect."""
-    without = hfa_model.parameters_of(published_aircraft)._replace(
-        aileron_lift=0.0, aileron_moment=0.0
-    )
+    without = published_aircraft.with_parameters(aileron_lift=0.0, aileron_moment=0.0)
     with pytest.raises(
         TrimError, match=r"no trim: .*; no effect of aileron_outer; free another variable\)"
     ):
-        trim(hfa.aircraft(hfa_model.variant_of(published_aircraft), without), BASE)
+        trim(without, BASE)
     with pytest.raises(TrimError) as refusal:
         trim(published_aircraft, release(BASE, hold={"aileron_outer": 0.3}))
     assert "no effect" not in str(refusal.value)
@@ -165,8 +163,9 @@ def test_controls_with_proportional_effects_are_named(published_aircraft):
     them held, a trim exists.
     """
     p = hfa_model.parameters_of(published_aircraft)
-    far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)
-    alike = hfa.aircraft(hfa_model.variant_of(published_aircraft), far)
+    alike = published_aircraft.with_parameters(
+        tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14
+    )
     same = "elevator_outer has no effect independent of elevator_center; free another variable"
     with pytest.raises(
         TrimError, match=rf"^no trim: .*; {same}\); 8 other initial points failed too$"
@@ -178,19 +177,15 @@ def test_controls_with_proportional_effects_are_named(published_aircraft):
 # Limits of the pitch angle, alpha + gamma, in single trims and in sweeps.
 
 
-@pytest.fixture(scope="module")
-def strong_aircraft(published_aircraft):
-    """Return a light aircraft with 100 times the thrust. The aircraft can climb at any angle."""
-    parameters = hfa_model.parameters_of(published_aircraft)
-    thrust = 100 * parameters.thrust_per_throttle
-    mass = 0.9 * parameters.panel_mass
-    return hfa.aircraft(parameters=parameters._replace(thrust_per_throttle=thrust, panel_mass=mass))
-
-
-def test_the_pitch_limit_is_checked_with_free_angles(strong_aircraft):
+def test_the_pitch_limit_is_checked_with_free_angles(published_aircraft):
     """If alpha and gamma are free and within their limits, the limit of pitch, alpha + gamma, is
     checked: a search that begins at a trim beyond it names the pitch there.
     """
+    # A light aircraft with 100 times the thrust can climb at any angle.
+    p = hfa_model.parameters_of(published_aircraft)
+    strong_aircraft = published_aircraft.with_parameters(
+        thrust_per_throttle=100 * p.thrust_per_throttle, panel_mass=0.9 * p.panel_mass
+    )
     steep = level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
     beyond = trim(strong_aircraft, steep)
     held = {name: getattr(beyond.inputs, name) for name in ("throttle", "aileron_outer")}

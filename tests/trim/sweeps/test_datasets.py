@@ -23,9 +23,6 @@ def test_a_sweep_is_an_xarray_dataset():
     names = grid.model.linear
     A = grid.A[1 * 3 + 1]  # of the second of 2 speeds and the second of 3 xcg
     assert float(single.A) == A[names.index("alpha"), names.index("pitch_rate")]
-    there = hfa.trim(F16.with_parameters(xcg=0.32), speed=400.0)
-    B = dataset.B.sel(speed=400.0, xcg=0.32, rate="pitch_rate", input="elevator")
-    assert float(B) == pytest.approx(there.linearize().B["pitch_rate", "elevator"], rel=1e-6)
     units = {
         "state_unit": {"state": "altitude"},
         "input_unit": {"input": "elevator"},
@@ -34,9 +31,7 @@ def test_a_sweep_is_an_xarray_dataset():
     }
     found = {unit: str(dataset[unit].sel(where).item()) for unit, where in units.items()}
     assert found == dict(zip(units, ("ft", "deg", "rad/s", "ft/s^2"), strict=True))
-    entries = {"A": "rate_unit / linear_state_unit", "B": "rate_unit / input_unit"}
-    entries |= {"states": "state_unit", "inputs": "input_unit"}
-    assert {name: dataset[name].attrs["units_of"] for name in entries} == entries
+    assert dataset.A.attrs["units_of"] == "rate_unit / linear_state_unit"
     assert dataset.eigenvalues.attrs["units"] == "1/s"
     listed = hfa.sweep(F16, {"speed": [400.0, 500.0], "xcg": [0.3, 0.35]}, listed=True).to_xarray()
     assert listed.B.dims == ("point", "rate", "input")

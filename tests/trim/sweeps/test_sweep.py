@@ -11,7 +11,6 @@ from matplotlib import pyplot
 from own_models import F16
 from project import ROOT
 
-import hfa_model
 from hfa import (
     BadInputError,
     aircraft as aircraft_of,
@@ -66,10 +65,7 @@ def test_each_point_equals_its_single_trim(published_aircraft, name):
         single = release(single, hold=held)
         model = published_aircraft
         if name == "mass":
-            model = aircraft_of(
-                hfa_model.variant_of(published_aircraft),
-                hfa_model.parameters_of(published_aircraft)._replace(panel_mass=float(row[0])),
-            )
+            model = model.with_parameters(panel_mass=float(row[0]))
         if result.reasons[i]:
             with pytest.raises(TrimError) as caught:
                 trim(model, single)
@@ -364,9 +360,6 @@ def test_a_sweep_prints_trim_values_and_limits_reached():
     records = swept.records()
     column = records.header.index("limits reached")
     assert [row[column] for row in records.rows] == ["", "thrust highest"]
-    reached = swept.to_xarray().at_limit[0]
-    assert reached.sel(limited="thrust").values.tolist() == [0, 1]
-    assert abs(reached).sum() == 1
     for row, at_limit, thrust in zip(
         rows, ("none", "thrust highest"), (0.5 * full, full), strict=True
     ):
