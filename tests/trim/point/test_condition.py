@@ -5,6 +5,7 @@ import pytest
 import hfa
 from hfa import Model, Signal
 from hfa.extend import Trimming
+from trim.point.condition import stated_values
 
 
 def equations(x, u, p, w):
@@ -41,3 +42,10 @@ def test_a_held_alternative_frees_the_speed(held, speed):
     """Held knots, a held Mach number, or both, replace the speed of the usual condition."""
     point = hfa.trim(MODEL, hold=held)
     assert (point["speed"], point["thrust"]) == pytest.approx((speed, speed))
+
+
+def test_a_rate_of_0_that_the_model_does_not_balance_is_stated():
+    """A file of conditions has the imposed climb rate, from which the same gamma follows."""
+    point = hfa.trim(hfa.aircraft(), altitude_dot=0.0, free="gamma")
+    assert stated_values(point.trim_problem.asked).held == {"altitude_dot": 0.0}
+    assert point["gamma"] == pytest.approx(0.0, abs=1e-12)

@@ -127,23 +127,6 @@ def test_too_few_unknowns_name_the_equations(published_aircraft):
     assert f" and {len(failing) - 2} more (" in str(error)
 
 
-def test_the_cheaper_of_two_minima_is_found(published_aircraft, point):
-    """From two initial points, the trim with the smaller of two local minima of effort is found.
-
-    At this minimum the dihedral is at its upper limit. At eight angles below it, which span the
-    other minimum, the least effort is larger.
-    """
-    condition = release(level_flight(float(np.radians(10.0))), free=("speed", "dihedral", "gamma"))
-    others = [
-        effort(trim(published_aircraft, release(condition, hold={"dihedral": float(angle)})))
-        for angle in np.radians([-20.0, -10.0, -5.0, 0.0, 10.0, 30.0, 50.0, 58.0])
-    ]
-    for start in (None, point):
-        cheaper = trim(published_aircraft, condition, start=start)
-        assert effort(cheaper) < min(others)
-        assert np.degrees(cheaper.states.dihedral) == pytest.approx(60.0, abs=0.01)
-
-
 def test_a_control_without_effect_is_named(published_aircraft):
     """A failed trim names an aileron without effect, and no aileron with an effect."""
     without = published_aircraft.with_parameters(aileron_lift=0.0, aileron_moment=0.0)
