@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hfa_aircraft.model import Model
     from hfa_support.reporting.rows import Row
 
 
@@ -141,7 +140,7 @@ class Source:
     text: str = ""
     digest: str = ""
     declared: Mapping[str, float] = field(default_factory=dict)
-    native: Model | None = None
+    native: Any = None
     reload: Callable[..., Any] | None = None
 
     def reduced(self, parameters: Mapping[str, float]) -> tuple[Any, ...]:
