@@ -140,8 +140,7 @@ class Balls:
     def __matmul__(self, other: Balls) -> Balls:
         return type(self)(self.matrix * other.matrix)
 
-    def times(self, factor: arb) -> Balls:
-        """Return the product with a ball."""
+    def __mul__(self, factor: arb | float) -> Balls:
         return type(self)(self.matrix * factor)
 
     def solve(self, right: Balls) -> Balls:
@@ -243,8 +242,7 @@ class DoubleBalls:
             spread = self.radius @ (right + other.radius)
             return type(self)(self.midpoint @ other.midpoint, UP * (rounding + spread) + UNDERFLOW)
 
-    def times(self, factor: arb) -> DoubleBalls:
-        """Return the product with a ball."""
+    def __mul__(self, factor: arb) -> DoubleBalls:
         in_doubles = DoubleBalls.of(ball_matrix([[factor]]))
         value, spread = in_doubles.midpoint[0, 0], in_doubles.radius[0, 0]
         middle = self.midpoint * value
@@ -292,7 +290,6 @@ class DoubleBalls:
         (Rump 2010, Section 10.8).
         """
         from flint import arb
-        from scipy.linalg.lapack import dpotrf
 
         diagonal = np.diag(self.midpoint)
         if not (diagonal > 0.0).all():
@@ -300,14 +297,17 @@ class DoubleBalls:
         units = np.exp2(-np.round(0.5 * np.log2(diagonal)))
         scales = np.outer(units, units)
         scaled = self.midpoint * scales
-        spread = np.maximum(self.radius, self.radius.T) * scales  # Cholesky reads one triangle
+        spread = np.maximum(self.radius, self.radius.T) * scales  # either triangle is read
         rounding = 8.0 * (len(scaled) + 2) * ROUNDOFF * np.trace(scaled)
         shift = arb(float(rounding)) + DoubleBalls(0.0 * spread, spread).norm() + arb(UNDERFLOW)
         if not shift.is_finite():
             return False
         scaled[np.diag_indices_from(scaled)] -= float(shift) * UP
-        _, failed = dpotrf(scaled, lower=1)
-        return bool(np.isfinite(scaled).all() and not failed)
+        try:
+            np.linalg.cholesky(scaled)  # of one triangle
+        except np.linalg.LinAlgError:
+            return False
+        return bool(np.isfinite(scaled).all())
 
 
 #: Matrix of balls of one of the arithmetics.

@@ -16,9 +16,11 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
+    BITS,
     Balls,
     DoubleBalls,
     ball_matrix,
+    bits,
     identity,
     part,
     symmetric,
@@ -35,11 +37,11 @@ from controller.riccati.equation import (
 from controller.riccati.lyapunov import (
     NEWTON_STEPS,
     FailedError,
+    Lyapunov,
+    Middle,
+    SignFunction,
     half_the_bits,
     lyapunov_in_bits,
-    lyapunov_of,
-    shape_in_doubles,
-    sign_function,
 )
 from controller.riccati.rationals import states_without_cost
 from hfa_support.matrices import balanced
@@ -63,7 +65,7 @@ NOISE = 1e-14
 RESOLVED = 1e-7
 #: Largest number of corrections of a candidate in doubles.
 CORRECTIONS = 8
-#: A relative correction of X that is far below its last digit in doubles.
+#: A relative correction of X that is far below its last digit in doubles, for 128 bits.
 SMALL = 1e-25
 #: A relative correction after which LAPACK solves the equation anew, and one after which the loop
 #: is computed anew.
@@ -104,7 +106,7 @@ def failures() -> Iterator[None]:
 
 
 def value_in_doubles(game: Game) -> np.ndarray:
-    """Return P, (n, n), by LAPACK, which nothing corrects or proves.
+    """Return P, (n, n), in doubles, which nothing corrects or proves.
 
     Raises FailedError.
     """
@@ -223,7 +225,10 @@ def _corrected(solved: Solved) -> Candidate:
     for number in range(CORRECTIONS):
         if lyapunov is None:
             F = loop_in_doubles(in_doubles, corrected.midpoint)
-            lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
+            lyapunov = Lyapunov(F, is_discrete=equation.is_discrete)
+            if number == 0 and not lyapunov.is_stable:
+                corrected, lyapunov = Balls.of(stabilizing_in_doubles(in_doubles)).symmetric(), None
+                continue
         _, residual = equation.gains_and_residual(corrected)
         correction = lyapunov.solve(-residual.midpoint)
         correction[has_no_cost] = correction[:, has_no_cost] = 0.0
@@ -231,30 +236,29 @@ def _corrected(solved: Solved) -> Candidate:
         if number == 0 and not largest < LARGE:
             corrected, lyapunov = Balls.of(stabilizing_in_doubles(in_doubles)).symmetric(), None
             continue
-        if not largest > SMALL:
+        if not largest > SMALL ** (bits() / BITS):
             break
         corrected = (corrected + Balls.of(correction)).mid()
         if largest > NEAR:
             lyapunov = None
-    F = loop_in_doubles(in_doubles, corrected.midpoint)
-    Y = shape_in_doubles(F, lyapunov, is_discrete=equation.is_discrete)
-    return Candidate(equation, corrected, Y)
+    if lyapunov is None:
+        F = loop_in_doubles(in_doubles, corrected.midpoint)
+        lyapunov = Lyapunov(F, is_discrete=equation.is_discrete)
+    return Candidate(equation, corrected, lyapunov.shape())
 
 
 def stabilizing_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
-    """Return the stabilizing X, (n, n), by LAPACK, in doubles that nothing proves.
+    """Return the stabilizing X, (n, n), in doubles that nothing proves.
 
-    [1; X] spans the stable subspace of the `half_plane_matrix`.
+    [1; X], in discrete time [1; X; -gains], spans the stable subspace of the `half_plane_matrix` M:
+    (1 + sign(M)) [1; X] = 0.
 
     Raises FailedError, LinAlgError or ValueError.
     """
-    from scipy.linalg.lapack import dgees
-
-    n, matrix = equation.n, np.asarray_chkfinite(half_plane_in_doubles(equation))
-    _, stable, _, _, basis, _, _ = dgees(_is_stable, matrix, sort_t=1)
-    if stable != n:
-        raise FailedError(f"there are {stable} stable eigenvalues instead of {n}")
-    X = np.linalg.solve(basis[:n, :n].T, basis[n : 2 * n, :n].T)
+    n, sign = equation.n, _sign_of(half_plane_in_doubles(equation), equation.n)
+    to_zero = sign + np.eye(len(sign))
+    basis, triangle = np.linalg.qr(to_zero[:, n:])
+    X = -np.linalg.solve(triangle, basis.T @ to_zero[:, :n])[:n]
     X = (X + X.T) / 2.0
     if not np.isfinite(X).all():
         raise FailedError("the candidate is not finite")
@@ -263,9 +267,15 @@ def stabilizing_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
     return X
 
 
-def _is_stable(real: float, imaginary: float) -> bool:
-    """Return whether an eigenvalue comes first in a Schur form."""
-    return real < 0.0
+def _sign_of(matrix: Middle, n: int) -> Middle:
+    """Return the sign of a `half_plane_matrix`.
+
+    Raises FailedError unless it has n stable eigenvalues.
+    """
+    found = SignFunction(matrix)
+    if found.stable != n:
+        raise FailedError(f"there are {found.stable} stable eigenvalues instead of {n}")
+    return found.sign
 
 
 def half_plane_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
@@ -342,7 +352,7 @@ def corrected_in_bits(candidate: Candidate) -> Candidate:
     with failures():
         gains, residual = equation.gains_and_residual(X)
         F = equation.loop(X, gains).midpoint
-        solver = lyapunov_of(F, is_discrete=equation.is_discrete)
+        solver = Lyapunov(F, is_discrete=equation.is_discrete)
         size_before = None
         for _ in range(NEWTON_STEPS):
             size = residual.mid().norm()
@@ -405,12 +415,9 @@ def _of_stable_subspace(equation: Equation[Balls]) -> arb_mat:
     Raises FailedError or ZeroDivisionError.
     """
     n = equation.n
-    matrix = equation.half_plane_matrix()
-    size = matrix.nrows()
-    stable = (identity(size) - sign_function(matrix)).mid()
-    dimension = sum((stable[i, i] for i in range(size)), 0 * stable[0, 0]) / 2
-    if not abs(dimension - n) < 0.5:
-        raise FailedError(f"{float(dimension):.0f} stable eigenvalues instead of {n}")
+    sign = _sign_of(Balls(equation.half_plane_matrix()), n).matrix
+    size = sign.nrows()
+    stable = (identity(size) - sign).mid()
     columns = np.random.default_rng(1).normal(size=(size, n))
     basis = (stable * ball_matrix(columns)).mid()
     X1, X2 = part(basis, slice(n), slice(None)), part(basis, slice(n, 2 * n), slice(None))

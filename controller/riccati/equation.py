@@ -213,7 +213,7 @@ class Equation(ABC, Generic[Matrix]):
 
         exact = self.arithmetic.of(matrix)
         discount = self.game.discount
-        return exact if discount == 1.0 else exact.times(arb(discount).sqrt())
+        return exact if discount == 1.0 else exact * arb(discount).sqrt()
 
     def with_arithmetic(self, arithmetic: type[Other]) -> Equation[Other]:
         """Return the same equation in another arithmetic, each made once."""
@@ -328,7 +328,7 @@ class ContinuousEquation(Equation[Matrix]):
     @cached_property
     def of_disturbance(self) -> Matrix:
         """w E E', (n, n)."""
-        return (self.E @ self.E.T).times(self.w)
+        return self.E @ self.E.T * self.w
 
     @cached_property
     def S(self) -> Matrix:
@@ -360,7 +360,7 @@ class ContinuousEquation(Equation[Matrix]):
         residual = driven + driven.T + self.Q - priced.T @ gain
         if self.is_disturbed:
             worst = self.E.T @ X
-            residual = residual + worst.T @ worst.times(self.w)
+            residual = residual + worst.T @ worst * self.w
         return gain, residual
 
     def loop(self, X: Matrix, gains: Matrix) -> Matrix:
@@ -416,7 +416,7 @@ class StepEquation(Equation[Matrix]):
             return self.R
         m, k = self.R.rows, self.game.E.shape[1]
         d = self.units.disturbances
-        weight = self.arithmetic.of(np.ldexp(np.eye(k), np.add.outer(d, d))).times(-1 / self.w)
+        weight = self.arithmetic.of(np.ldexp(np.eye(k), np.add.outer(d, d))) * (-1 / self.w)
         zeros = self.arithmetic.of(np.zeros((m, k)))
         upper, lower = self.R.beside(zeros), zeros.T.beside(weight)
         return upper.T.beside(lower.T).T

@@ -5,7 +5,9 @@ Candidate solutions are computed in doubles or in many bits; balls prove what fo
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Self
+import math
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
@@ -17,13 +19,10 @@ from controller.riccati.balls import (
     Matrix,
     ball_matrix,
     bits,
-    identity,
     is_positive_definite,
     midpoints,
-    norm,
     precision,
     scaled_balls,
-    symmetric,
 )
 from hfa_support.matrices import balanced
 
@@ -33,8 +32,8 @@ if TYPE_CHECKING:
 
 #: Largest number of steps of Newton's method.
 NEWTON_STEPS = 150
-#: Relative shift of a loop that is sought to be unstable with poles s and -s.
-SLOWER = 2.0**-10
+#: After such a relative change in doubles, the next step is exact up to the last digits.
+HALF_THE_DIGITS = 2.0**-22
 
 
 class FailedError(Exception):
@@ -45,45 +44,122 @@ class NotProvedError(Exception):
     """Raised if a candidate does not prove what is asked, with the step that fails."""
 
 
-class Lyapunov:
-    """Solver of F'Z + Z F = C for one F (n, n) and symmetric C (n, n), by the Schur form of F.
+#: Matrix of which only midpoints are computed, in doubles or in the bits of `precision`.
+Middle = TypeVar("Middle", Balls, np.ndarray)
 
-    Raises LinAlgError if the Schur form does not converge, and ValueError for infinite entries.
-    Source: Bartels and Stewart, Communications of the ACM 15 (1972), 820-826.
+
+class SignFunction(Generic[Middle]):
+    """Sign of a matrix M, by Newton's method, (c M + (c M)⁻¹)/2 in each step, without radii.
+
+    sign: -1 on the stable subspace of M, and 1 on the unstable one
+    stable: number of eigenvalues with Re λ < 0
+
+    Raises FailedError if it does not converge.
+    Source: Roberts, International Journal of Control 32 (1980), 677-687.
     """
 
-    def __init__(self, F: np.ndarray) -> None:
-        from scipy.linalg.lapack import dgees
+    sign: Middle
+    stable: int
 
-        self._T, _, _, _, self._U, _, failed = dgees(_unsorted, np.asarray_chkfinite(F))
-        if failed:
-            raise np.linalg.LinAlgError("the Schur form does not converge")
-        self._into = np.eye(len(F))  # the right side is into'C into, see `of_steps`
+    def __init__(self, matrix: Middle) -> None:
+        self._steps: list[tuple[float, Middle]] = []
+        accuracy = float(half_the_bits()) if isinstance(matrix, Balls) else HALF_THE_DIGITS
+        for step in range(NEWTON_STEPS):
+            inverse = _inverse(matrix)
+            # This factor brings the eigenvalues near ±1 soon.
+            c = math.sqrt(_size(inverse) / _size(matrix))
+            if not math.isfinite(c):
+                raise FailedError("the sign is not finite")
+            is_near = 0.9 < c < 1.1 or step > NEWTON_STEPS // 2
+            c = 1.0 if is_near else c
+            self._steps.append((c, inverse))
+            before, matrix = matrix, _middle((matrix * c + inverse * (1.0 / c)) * 0.5)
+            if is_near and _size(matrix - before) <= accuracy * _size(matrix):
+                break
+        else:
+            raise FailedError("an eigenvalue may be on the axis")
+        self.sign = matrix
+        in_doubles = _in_doubles(matrix)
+        self.stable = round((len(in_doubles) - float(np.trace(in_doubles))) / 2.0)
 
-    @classmethod
-    def of_steps(cls, F: np.ndarray) -> Self:
-        """Return the solver of F'Z F - Z = C, whose F must not have the eigenvalue -1.
+    def lyapunov(self, C: Middle) -> Middle:
+        """Return D with M'D + D M = C sign + sign'C, (n, n), for a symmetric C.
 
-        With W = (F + 1)⁻¹, it has the solution of F₁'Z + Z F₁ = 2 W'C W with F₁ = (F - 1) W.
+        The sign of [[M, 0], [C, -M']] is [[sign, 0], [D, -sign']].
         """
-        one = np.eye(len(F))
-        W = np.linalg.inv(F + one)
-        solver = cls((F - one) @ W)
-        solver._into = np.sqrt(2.0) * W
-        return solver
-
-    def solve(self, C: np.ndarray) -> np.ndarray:
-        """Return Z, (n, n), symmetric."""
-        from scipy.linalg.lapack import dtrsyl
-
-        into = self._into @ self._U
-        Z, scale, _ = dtrsyl(self._T, self._T, into.T @ C @ into, trana="T")
-        Z = self._U @ (Z / scale) @ self._U.T
-        return (Z + Z.T) / 2.0
+        D = C
+        for c, inverse in self._steps:
+            D = _middle((D * c + inverse.T @ D @ inverse * (1.0 / c)) * 0.5)
+        return _middle((D + D.T) * 0.5)
 
 
-def _unsorted(real: float, imaginary: float) -> None:
-    """Leave the eigenvalues of a Schur form in any order."""
+def _in_doubles(matrix: Any) -> np.ndarray:
+    """Return a matrix in doubles."""
+    return matrix if isinstance(matrix, np.ndarray) else matrix.midpoint
+
+
+def _middle(matrix: Any) -> Any:
+    """Return a matrix without radii."""
+    return matrix if isinstance(matrix, np.ndarray) else matrix.mid()
+
+
+def _size(matrix: Any) -> float:
+    """Return the Frobenius norm."""
+    return float(np.linalg.norm(_in_doubles(matrix)))
+
+
+def _inverse(matrix: Any) -> Any:
+    """Return the inverse without radii.
+
+    Raises FailedError if the matrix may be singular.
+    """
+    try:
+        if isinstance(matrix, np.ndarray):
+            return np.linalg.inv(matrix)
+        return Balls(matrix.matrix.inv().mid())
+    except (ZeroDivisionError, np.linalg.LinAlgError):
+        raise FailedError("a matrix is singular") from None
+
+
+class Lyapunov(Generic[Middle]):
+    """Solver of F'Z + Z F = C, in discrete time of F'Z F - Z = C, for one loop F, (n, n).
+
+    In discrete time, with W = (F + 1)⁻¹, it is the equation of (F - 1) W and 2 W'C W.
+
+    Raises FailedError if an eigenvalue of F may be on the boundary of stability.
+    """
+
+    def __init__(self, F: Middle, *, is_discrete: bool) -> None:
+        one: Any = np.eye(len(_in_doubles(F)))
+        self._one: Any = one if isinstance(F, np.ndarray) else Balls.of(one)
+        self._W: Any = _inverse(F + self._one) if is_discrete else None
+        of_rates = _middle((F - self._one) @ self._W) if is_discrete else F
+        self.sign_function: SignFunction[Middle] = SignFunction(of_rates)
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether the eigenvalues of F are stable, up to rounding."""
+        return self.sign_function.stable == len(_in_doubles(self._one))
+
+    def _right(self, C: Middle) -> Middle:
+        """Return C, in discrete time 2 W'C W."""
+        return C if self._W is None else self._W.T @ C @ self._W * 2.0
+
+    def solve(self, C: Middle) -> Middle:
+        """Return Z, (n, n), symmetric.
+
+        Raises FailedError if F is not stable.
+        """
+        if not self.is_stable:
+            raise FailedError("the loop is not stable")
+        return self.sign_function.lyapunov(self._right(C)) * -0.5
+
+    def shape(self) -> Middle:
+        """Return Y, (n, n), symmetric, of F'Y + Y F = -(1 + sign'sign)/2, in discrete time of
+        F'Y F - Y. The sign of a stable loop is -1.
+        """
+        product = self._right(self._one * -0.25) @ self.sign_function.sign
+        return self.sign_function.lyapunov(_middle(product + product.T))
 
 
 def change_along(loop: Matrix, Y: Matrix, *, is_discrete: bool) -> Matrix:
@@ -94,32 +170,11 @@ def change_along(loop: Matrix, Y: Matrix, *, is_discrete: bool) -> Matrix:
     return product + product.T
 
 
-def lyapunov_of(F: np.ndarray, *, is_discrete: bool) -> Lyapunov:
-    """Return the solver of F'Z + Z F = C, in discrete time of F'Z F - Z = C."""
-    return Lyapunov.of_steps(F) if is_discrete else Lyapunov(F)
-
-
 def discounted(loop: arb_mat, game: Game) -> arb_mat:
     """Return √α times a loop, (n, n), on which the cost depends."""
     from flint import arb
 
     return loop if game.discount == 1.0 else loop * arb(game.discount).sqrt()
-
-
-def shape_in_doubles(
-    F: np.ndarray, solver: Lyapunov | None = None, *, is_discrete: bool
-) -> np.ndarray:
-    """Return Y of F'Y + Y F = -1, in discrete time of F'Y F - Y = -1, (n, n), corrected once.
-
-    solver: of nearly the same loop
-
-    Raises LinAlgError or ValueError where LAPACK fails.
-    """
-    solver = solver or lyapunov_of(F, is_discrete=is_discrete)
-    one = np.eye(len(F))
-    Y = solver.solve(-one)
-    change = F.T @ Y @ F - Y if is_discrete else F.T @ Y + Y @ F
-    return np.asarray(Y - solver.solve(change + one))
 
 
 def loop_units(F: np.ndarray) -> np.ndarray:
@@ -130,100 +185,34 @@ def loop_units(F: np.ndarray) -> np.ndarray:
 def lyapunov_in_bits(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat:
     """Return a candidate for the solution of F'D + D F + C = 0, (n, n), in as many bits.
 
-    By LAPACK, corrected by residuals in balls; by the matrix sign function if they do not shrink.
-    In discrete time, the equation is F'D F - D + C = 0.
+    In doubles, corrected by residuals in balls; in bits if they do not shrink. In discrete time,
+    the equation is F'D F - D + C = 0.
 
     Raises FailedError.
     """
-    try:
-        D = _refined_lyapunov(loop, C, is_discrete=is_discrete)
-    except (np.linalg.LinAlgError, ValueError):
-        D = None
-    if D is not None:
-        return D
-    return lyapunov_by_sign_function(loop.mid(), C.mid(), is_discrete=is_discrete)
+    F, C_middle = Balls(loop.mid()), Balls(C.mid())
+    with suppress(FailedError):
+        D = _refined(F, C_middle, is_discrete=is_discrete)
+        if D is not None:
+            return D.matrix
+    return Lyapunov(F, is_discrete=is_discrete).solve(-C_middle).matrix
 
 
-def _refined_lyapunov(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat | None:
-    """Return D by LAPACK, corrected by residuals in balls as long as each is a tenth of the last,
+def _refined(F: Balls, C: Balls, *, is_discrete: bool) -> Balls | None:
+    """Return D in doubles, corrected by residuals in balls as long as each is a tenth of the last,
     or None if the last one is not small.
 
-    Raises LinAlgError or ValueError where LAPACK fails.
+    Raises FailedError.
     """
-    from flint import arb
-
-    solver = lyapunov_of(midpoints(loop), is_discrete=is_discrete)
-    F, D, size_before = Balls(loop.mid()), Balls.of(solver.solve(-midpoints(C))), arb("inf")
+    solver, size_before = Lyapunov(F.midpoint, is_discrete=is_discrete), math.inf
+    D = Balls.of(solver.solve(-C.midpoint))
     while True:
-        residual = change_along(F, D, is_discrete=is_discrete) + Balls(C.mid())
-        size = residual.mid().norm()
+        residual = change_along(F, D, is_discrete=is_discrete) + C
+        size = float(residual.mid().norm())
         if not size < size_before * 0.1:
-            is_small = size <= norm(C) * half_the_bits() or size == 0
-            return D.matrix if is_small else None
+            return D if size <= C.norm() * half_the_bits() else None
         size_before = size
         D = (D + Balls.of(solver.solve(-residual.midpoint))).mid()
-
-
-def lyapunov_by_sign_function(F: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat:
-    """Return D of F'D + D F + C = 0, (n, n), in discrete time of F'D F - D + C = 0.
-
-    By Newton's method for the sign of [[F, 0], [C, -F']], which is [[-1, 0], [2 D, 1]]. In discrete
-    time, D is the solution for (F - 1) W and 2 W'C W with W = (F + 1)⁻¹.
-
-    Source: Roberts, International Journal of Control 32 (1980), 677-687.
-    Raises FailedError if it does not converge.
-    """
-    D = C
-    if is_discrete:
-        one = identity(F.nrows())
-        W = _inverse(F + one)
-        F, D = ((F - one) * W).mid(), (W.transpose() * C * W * 2).mid()
-    for step in range(NEWTON_STEPS):
-        inverse = _inverse(F)
-        scale = _newton_scale(F, inverse, step)
-        D = ((D * scale + inverse.transpose() * D * inverse * (1 / scale)) * 0.5).mid()
-        next_F = ((F * scale + inverse * (1 / scale)) * 0.5).mid()
-        if scale == 1 and norm(next_F - F) <= norm(next_F) * half_the_bits():
-            return (D * 0.5).mid()
-        F = next_F
-    raise FailedError("the loop may be on the axis")
-
-
-def sign_function(matrix: arb_mat) -> arb_mat:
-    """Return the matrix sign function, the limit of (M + M⁻¹)/2 in each step (Newton).
-
-    Raises FailedError if it does not converge.
-    """
-    for step in range(NEWTON_STEPS):
-        inverse = _inverse(matrix)
-        scale = _newton_scale(matrix, inverse, step)
-        next_matrix = ((matrix * scale + inverse * (1 / scale)) * 0.5).mid()
-        if scale == 1 and norm(next_matrix - matrix) <= norm(next_matrix) * half_the_bits():
-            return ((next_matrix + _inverse(next_matrix)) * 0.5).mid()
-        matrix = next_matrix
-    raise FailedError("an eigenvalue may be on the axis")
-
-
-def _inverse(matrix: arb_mat) -> arb_mat:
-    """Return the inverse without radii.
-
-    Raises FailedError if the matrix may be singular.
-    """
-    try:
-        return matrix.inv().mid()
-    except ZeroDivisionError:
-        raise FailedError("a matrix is singular with these bits") from None
-
-
-def _newton_scale(matrix: arb_mat, inverse: arb_mat, step: int) -> arb:
-    """Return the factor c of a Newton step (c M + (c M)⁻¹)/2 that brings the eigenvalues near ±1
-    soon; 1 where they are near, and in late steps.
-    """
-    from flint import arb
-
-    factor = (norm(inverse) / norm(matrix)).sqrt().mid()
-    is_near = bool(factor > 0.9) and bool(factor < 1.1)
-    return arb(1) if is_near or step > NEWTON_STEPS // 2 else factor
 
 
 def half_the_bits() -> arb:
@@ -251,40 +240,32 @@ def symmetric_in(arithmetic: type[Matrix], Y: Balls | np.ndarray) -> Matrix:
 def stability_of(loop: arb_mat, *, is_discrete: bool) -> bool | None:
     """Return whether a loop F is stable, or None if the bits of `precision` do not prove it.
 
-    Let |F'Y + Y F + 1| < 1, in discrete time |F'Y F - Y + 1| < 1. F is stable if Y > 0, and not if
-    Y is not, because Y would be positive definite if F were stable. The equation of Y is singular
-    for poles s and -s: F is not stable, too, if F - c, in discrete time F (1 - c), is not for a
-    small c > 0.
+    Let F'Y + Y F < 0, in discrete time F'Y F - Y < 0. F is stable if Y > 0, and not if Y is not,
+    because Y would be positive definite if F were stable.
 
     loop: F, (n, n), balls
     """
-    from flint import arb
-
     units = loop_units(midpoints(loop))
-    F, one = scaled_balls(loop, -units, units), identity(loop.nrows())
-    in_doubles = DoubleBalls.of(F)
-    try:
-        Y = shape_in_doubles(in_doubles.midpoint, is_discrete=is_discrete)
-    except (np.linalg.LinAlgError, ValueError):
-        Y = np.zeros(in_doubles.midpoint.shape)
-    if proves_stable(in_doubles, symmetric_in(DoubleBalls, Y), is_discrete=is_discrete):
-        return True
-    is_stable = _by_shape(F, is_discrete=is_discrete)
-    if is_stable is not None:
-        return is_stable
-    slower = F * (1 - arb(SLOWER)) if is_discrete else F - one * norm(F).mid() * SLOWER
-    return False if _by_shape(slower, is_discrete=is_discrete) is False else None
+    F = Balls(scaled_balls(loop, -units, units))
+    is_stable = None
+    with suppress(FailedError):
+        in_doubles = DoubleBalls.of(F)
+        is_stable = _by_shape(in_doubles, in_doubles.midpoint, is_discrete=is_discrete)
+    if is_stable is None:
+        with suppress(FailedError):
+            is_stable = _by_shape(F, F.mid(), is_discrete=is_discrete)
+    return is_stable
 
 
-def _by_shape(F: arb_mat, *, is_discrete: bool) -> bool | None:
-    """Return whether a loop is stable by its own Y, or None."""
-    one = identity(F.nrows())
-    try:
-        Y = symmetric(lyapunov_in_bits(F, one, is_discrete=is_discrete))
-    except FailedError:
+def _by_shape(F: Matrix, middle: Any, *, is_discrete: bool) -> bool | None:
+    """Return whether a loop is stable by its Y, or None.
+
+    Raises FailedError.
+    """
+    Y = symmetric_in(type(F), Lyapunov(middle, is_discrete=is_discrete).shape())
+    if not (-change_along(F, Y, is_discrete=is_discrete)).is_positive_definite():
         return None
-    defect = change_along(Balls(F), Balls(Y), is_discrete=is_discrete).matrix + one
-    return is_positive_definite(Y) if norm(defect) < 1 else None
+    return True if Y.is_positive_definite() else is_positive_definite(Balls.of(Y.midpoint).matrix)
 
 
 def loop_with(game: Game, K: arb_mat) -> arb_mat:

@@ -602,10 +602,14 @@ def _stable_subspace(loop: arb_mat, game: Game) -> arb_mat | None:
 
 def _far_from_dependent(basis: np.ndarray) -> list[int]:
     """Return the numbers of d rows of a basis (n, d) that are far from dependent, (d,)."""
-    from scipy.linalg import qr
-
-    order = qr(basis.T, pivoting=True, mode="r")[1]
-    return sorted(order[: basis.shape[1]].tolist())
+    chosen: list[int] = []
+    rest = basis.copy()
+    for _ in range(basis.shape[1]):
+        farthest = int(np.linalg.norm(rest, axis=1).argmax())
+        direction = rest[farthest] / np.linalg.norm(rest[farthest])
+        chosen.append(farthest)
+        rest = rest - np.outer(rest @ direction.conj(), direction)
+    return sorted(chosen)
 
 
 def _balls(matrix: fmpq_mat) -> arb_mat:

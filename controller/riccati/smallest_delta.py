@@ -17,7 +17,7 @@ from controller.riccati.candidate import (
 )
 from controller.riccati.enclosure import Enclosure, UndecidedError, decided_at
 from controller.riccati.equation import Equation, Units, equation_of
-from controller.riccati.lyapunov import FailedError, lyapunov_of
+from controller.riccati.lyapunov import FailedError, Lyapunov
 from controller.riccati.rationals import disturbance_costs_nothing
 from controller.riccati.refusal import ModeError, why_never
 from hfa_support.errors import NoSolutionError
@@ -281,10 +281,9 @@ class _Search:
             try:
                 F, E = loop_in_doubles(equation, self.P), equation.E.midpoint
                 push = F.T @ self.P @ E if equation.is_discrete else self.P @ E
-                lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
-                growth = lyapunov.solve(-push @ push.T)
+                growth = Lyapunov(F, is_discrete=equation.is_discrete).solve(-push @ push.T)
                 rate = float(np.linalg.eigvalsh(growth)[-1])
-            except (np.linalg.LinAlgError, ValueError):
+            except (np.linalg.LinAlgError, FailedError):
                 rate = math.nan
         return 0.5 / rate if rate > 0.0 else 1.0
 

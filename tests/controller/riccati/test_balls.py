@@ -25,7 +25,7 @@ OPERATIONS = {
     "difference": lambda left, right: left - right,
     "product": lambda left, right: left @ right,
     "transpose": lambda left, right: left.T @ right.T,
-    "multiple": lambda left, right: left.times(arb(1) / 3),
+    "multiple": lambda left, right: left * (arb(1) / 3),
     "beside": lambda left, right: left.beside(right),
     "block": lambda left, right: (-left).block(slice(1, 3), slice(2)),
 }
