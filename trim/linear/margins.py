@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_support.matrices import balanced
-from trim.linear.frequency_response import System, in_continuous_time, level_crossings, responses
+from trim.linear.frequency_response import System, in_continuous_time, level_crossings
 
 #: Frequencies per decade of the grid where a search begins.
 PER_DECADE = 20
@@ -63,13 +63,12 @@ ABOVE = 1e-8
 MANY = 120
 #: Rounds of balancing for the initial scaling, which the search at each frequency improves.
 SWEEPS = 20
-#: The search ends where the relative slope of σ_max(D M D⁻¹) over log D is below this: then so is
-#: its relative distance from the least one nearby.
+#: Relative distance of σ_max(D M D⁻¹) from its least value, up to a factor of m.
 SETTLED = 1e-10
-#: The response at up to this number of frequencies is computed without the Schur form.
-FEW = 4
-#: Number of states that are solved for with one product of matrices.
-BLOCK = 16
+#: Change of A, relative to its norm, that parts equal eigenvectors.
+CHANGE = 1e-13
+#: Number of times in which a response is computed from the modes and corrected.
+ROUNDS = 3
 #: Interval of frequencies, rad/s.
 Piece = tuple[float, float]
 
@@ -93,6 +92,14 @@ class DiskMargin(NamedTuple):
     frequency: float
 
 
+class Modes(NamedTuple):
+    """Eigenvalues, (n,), and eigenvectors, (n, n), with the inverse of their matrix."""
+
+    values: np.ndarray
+    vectors: np.ndarray
+    inverse: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
     """Stable closed loop M(s) = D + C (s I - A)⁻¹ B, (m, m).
@@ -114,44 +121,37 @@ class ClosedLoop:
         """Return M of loop i alone, with the other loops closed."""
         one = slice(i, i + 1)
         loop = replace(self, B=self.B[:, one], C=self.C[one], D=self.D[one, one])
-        vars(loop)["schur_form"] = self.schur_form  # of the same A
+        vars(loop)["modes"] = self.modes  # of the same A
         return loop
 
     @cached_property
-    def schur_form(self) -> tuple[np.ndarray, np.ndarray]:
-        """Complex Schur form T and U of A = U T U*, (n, n)."""
-        from scipy.linalg import schur
-
-        return schur(self.A, output="complex")
+    def modes(self) -> Modes:
+        """Modes of A, which is changed by rounding: then its eigenvectors are independent."""
+        change = (
+            np.random.default_rng(1).normal(size=self.A.shape) * CHANGE * np.linalg.norm(self.A)
+        )
+        values, vectors = np.linalg.eig(self.A + change)
+        return Modes(values, vectors, np.linalg.inv(vectors))
 
     @property
     def poles(self) -> np.ndarray:
-        """Eigenvalues of A, (n,)."""
-        return np.diag(self.schur_form[0])
+        """Eigenvalues of A, (n,), up to rounding."""
+        return self.modes.values
 
     def at(self, frequencies: np.ndarray) -> np.ndarray:
         """Return M(jω), (N, m, m), at finite frequencies ω, (N,).
 
-        With the Schur form of A, each of many frequencies takes n² operations instead of n³.
+        By the modes of A, corrected by residuals: each frequency takes n² operations.
         """
-        if len(frequencies) <= FEW:
-            return self.D + self.C @ responses(self.A, self.B, frequencies)
-        T, U = self.schur_form
-        n, m = self.B.shape
-        s = 1j * frequencies
-        driven = U.conj().T @ self.B
-        # (s - T) x = driven from the last row up, for all s; blocks of rows are one product.
-        x = np.empty((n, m, len(s)), dtype=complex)
-        rows_of_x = x.reshape(n, -1)
-        for high in range(n, 0, -BLOCK):
-            low = max(high - BLOCK, 0)
-            of_later_blocks = T[low:high, high:] @ rows_of_x[high:]
-            for row in reversed(range(low, high)):
-                of_this_block = T[row, row + 1 : high] @ rows_of_x[row + 1 : high]
-                of_later_rows = (of_later_blocks[row - low] + of_this_block).reshape(m, len(s))
-                x[row] = (driven[row, :, None] + of_later_rows) / (s - T[row, row])
-        outputs = (self.C @ U @ rows_of_x).reshape(*self.D.shape, len(s))
-        return self.D + np.moveaxis(outputs, -1, 0)
+        values, vectors, inverse = self.modes
+        s = 1j * np.repeat(frequencies, self.B.shape[1])
+        right = np.tile(self.B, len(frequencies))
+        x = np.zeros(right.shape, dtype=complex)
+        for _ in range(ROUNDS):
+            residual = right - s * x + self.A @ x
+            x += vectors @ (inverse @ residual / (s - values[:, None]))
+        outputs = (self.C @ x).reshape(len(self.C), len(frequencies), self.B.shape[1])
+        return self.D + np.moveaxis(outputs, 1, 0)
 
     def rate(self, frequencies: np.ndarray) -> np.ndarray:
         """Return the physical frequencies, rad/s, that belong to frequencies ω of s = jω.
@@ -196,7 +196,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     pieces = list(pairwise([*ends.tolist(), math.inf]))
     # The search begins at the largest bound of a grid: at a level next to σ_max(D), rounding hides
     # the crossings.
-    grid = np.append(frequency_grid(loop.poles), near)
+    grid = np.append(ends, near) if near else frequency_grid(loop.poles)
     M_at_grid = loop.at(grid)
     scalings = _osborne_scaling(M_at_grid)
     largest = scaled_norm(M_at_grid, scalings).argmax()
@@ -264,49 +264,44 @@ def _pieces_above(
 def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
     """Return the scaling D > 0, as log D, (m,), that minimizes σ_max(D M D⁻¹).
 
-    D is diagonal. The minimum is an upper bound of μ(M), exact for m <= 3. For m > 2 it is found by
-    BFGS: at the minimum the two largest singular values are often equal, where BFGS still descends.
+    D is diagonal. The minimum is an upper bound of μ(M), exact for m <= 3. For m > 2 it is found
+    with Newton's method, also where singular values are equal: (log D², log γ²) is moved towards
+    the least t log γ² - log det(1 - S'S), S = D M D⁻¹/γ, which is convex; t grows.
 
     M: (m, m), complex
     start: initial log D, (m,); by default `_osborne_scaling`
 
-    Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton, Mathematical
-    Programming 141 (2013), 135-163.
+    Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Boyd and El Ghaoui, Linear Algebra and
+    its Applications 188 (1993), 63-111.
     """
-    if len(M) == 1:
+    m = len(M)
+    if m == 1:
         return np.zeros(1)
-    if len(M) == 2:
-        # σ_max grows with the Frobenius norm, as |det M| is the product of both singular values.
-        # The norm is least where |M12| D1/D2 = |M21| D2/D1; an entry counts at least as rounding.
-        rounding = np.finfo(float).eps * float(np.abs(M).max()) or 1.0
-        above, below = (max(abs(M[place]), rounding) for place in ((0, 1), (1, 0)))
-        return np.array([0.5 * math.log(below / above), 0.0])
-    from scipy.optimize import minimize  # here: loops with one or two inputs do without it
-
-    start = _osborne_scaling(M) if start is None else start
-    unit = float(scaled_norm(M, start)) or 1.0
-
-    def relative_norm(others: np.ndarray) -> tuple[float, np.ndarray]:
-        size, slope = _norm_and_slope(np.append(others, 0.0), M)  # D_m is fixed
-        return size / unit, slope[:-1] / unit
-
-    found = minimize(
-        relative_norm, (start - start[-1])[:-1], jac=True, method="BFGS", options={"gtol": SETTLED}
-    )
-    return np.append(found.x, 0.0)
-
-
-def _norm_and_slope(log_D: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²) at log D, (m,)."""
-    # u and v are the singular vectors of σ.
-    scaled = np.exp(log_D[:, None] - log_D) * M
-    squares, vectors = np.linalg.eigh(scaled @ scaled.conj().T)
-    squared = max(float(squares[-1]), 0.0)
-    size = math.sqrt(squared)
-    u = vectors[:, -1]
-    of_rows = squared * np.abs(u) ** 2  # σ² |u_i|²
-    of_columns = np.abs(u.conj() @ scaled) ** 2  # σ² |v_i|²
-    return size, (of_rows - of_columns) / (size or 1.0)
+    log_D = _osborne_scaling(M) if start is None or m == 2 else start
+    if m == 2:  # σ_max is least where |M12| D1/D2 = |M21| D2/D1, as |det M| is that of D M D⁻¹
+        return log_D - log_D[-1]
+    gamma = 2.0 * float(scaled_norm(M, log_D)) or math.inf
+    # D² - S'D² S grows by these parts of D² and S'D² S with log D² and log γ².
+    growth = np.block([[np.eye(m), np.ones((m, 1))], [-np.eye(m), np.zeros((m, 1))]])
+    while True:
+        U, sizes, V = np.linalg.svd(np.exp(log_D[:, None] - log_D) * M)
+        ratios = sizes / gamma
+        weights = 1.0 / ((1.0 - ratios) * (1.0 + ratios))  # of 1 / (1 - S'S)
+        if not 1.0 <= weights[0] < 1.0 / SETTLED or math.isinf(gamma):
+            return log_D - log_D[-1]
+        roots = np.sqrt(weights)[:, None] * np.hstack([V, ratios[:, None] * U.conj().T])
+        products = roots.conj().T @ roots
+        slope = np.append((np.abs(U) ** 2 - np.abs(V.T) ** 2) @ weights, weights.sum())
+        curvature = growth.T @ np.abs(products) ** 2 @ growth - np.diag(slope)
+        curvature[m, :m] -= products.diagonal().real[:m]
+        curvature[:m, m] -= products.diagonal().real[:m]
+        curvature[:m, :m] += np.diag(2.0 * slope[:m] - 1.0) + 1.0  # the mean of log D is free
+        curvature += 1e-15 * curvature.max() * np.eye(m + 1)
+        step = np.linalg.solve(curvature, -slope)
+        decrement = math.sqrt(max(-float(slope @ step), 0.0))
+        step /= max(1.0 + decrement, float(np.abs(step).max()))
+        log_D = log_D + 0.5 * step[:m]
+        gamma *= math.exp(0.5 * step[m])
 
 
 def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
@@ -319,15 +314,17 @@ def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
 
 
 def _osborne_scaling(M: np.ndarray) -> np.ndarray:
-    """Return log D, (..., m), for which row i and column i of D M D⁻¹ have about equal norms."""
-    off = np.abs(M) ** 2 * (1.0 - np.eye(M.shape[-1]))
+    """Return log D, (..., m), for which row i and column i of D M D⁻¹ have about equal norms.
+
+    An entry counts at least as rounding.
+    """
+    squares = np.abs(M) ** 2
+    rounding = np.finfo(float).eps ** 2 * squares.max((-2, -1), keepdims=True)
+    off = np.maximum(squares, rounding) * (1.0 - np.eye(M.shape[-1])) + np.finfo(float).tiny
     log_D = np.zeros(M.shape[:-1])
     for _ in range(SWEEPS):
         scaled = off * np.exp(2.0 * (log_D[..., :, None] - log_D[..., None, :]))
-        row = scaled.sum(axis=-1)
-        column = scaled.sum(axis=-2)
-        ratio = np.divide(column, row, out=np.ones_like(row), where=(row > 0.0) & (column > 0.0))
-        log_D += 0.125 * np.log(np.where(ratio > 0.0, ratio, 1.0))
+        log_D += 0.125 * np.log(scaled.sum(axis=-2) / scaled.sum(axis=-1))
     return log_D
 
 
@@ -462,8 +459,6 @@ def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
 
     sign: 1 for Re M, -1 for Im M
     """
-    from scipy.linalg import eig
-
     n = len(loop.A)
     unit = float(np.linalg.norm(loop.A)) or 1.0  # of frequencies
     size_of_B = float(np.linalg.norm(loop.B)) or 1.0
@@ -472,8 +467,10 @@ def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
     A = loop.A / unit
     system = np.block([[A, zero, B], [zero, -A, -sign * B], [C, C, loop.D * (1.0 + sign)]])
     mass = np.diag(np.repeat([1.0, 0.0], [2 * n, 1]))
-    zeros = eig(system, mass, right=False)
-    return unit * np.abs(zeros[np.isfinite(zeros)].imag)
+    # The eigenvalues λ of the pencil are those 1 / (λ - shift) of an inverse; 0 for infinite ones.
+    shift = 0.37  # is no eigenvalue
+    inverses = np.linalg.eigvals(np.linalg.solve(system - shift * mass, mass))
+    return unit * np.abs((1.0 / inverses[inverses != 0.0]).imag)
 
 
 def _is_rounding(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
