@@ -84,7 +84,7 @@ BREACHES = {
         f"{PROVE}/statements/schedule.py": "hfa_prove.check.schedule",
         f"{PROVE}/certificate.py": "hfa_prove.check.trims",
     },
-    "Doors:": {"hfa_aircraft/units.py": "hfa_support.entry_points"},
+    "Entry points of others": {"hfa_aircraft/units.py": "hfa_support.entry_points"},
     "What learns never imports": {
         "controller/learning/recording.py": "controller.riccati.gare",
         "controller/learning/q_learning.py": "controller.riccati.refusal",
