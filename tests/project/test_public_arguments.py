@@ -9,14 +9,12 @@ import pytest
 import controller
 import hfa
 
-FUNCTIONS = [name for name in dir(hfa) if inspect.isfunction(getattr(hfa, name))]
-
-
+MODEL = hfa.aircraft()
 GAME = hfa.Game(np.eye(2), np.eye(2), Q=np.eye(2), R=np.eye(2))
-
-
 #: A point of the paper's aircraft.
-POINT = (hfa.trim(hfa.aircraft()).x, hfa.trim(hfa.aircraft()).u)
+POINT = (hfa.trim(MODEL).x, hfa.trim(MODEL).u)
+#: Results whose methods are public.
+RESULTS = (MODEL, hfa.trim(MODEL), hfa.trim(MODEL).linearize(), GAME, hfa.solve(GAME))
 
 
 class Other:
@@ -24,46 +22,25 @@ class Other:
 
 
 def parameters():
-    """Yield every public function with each of its parameters that does not accept anything."""
-    for name in FUNCTIONS:
-        for parameter in inspect.signature(getattr(hfa, name)).parameters.values():
-            if parameter.annotation != "Any":
-                yield name, parameter.name
-
-
-@pytest.mark.parametrize(("function", "parameter"), parameters())
-def test_an_argument_of_another_kind_is_refused_by_name(function, parameter):
-    """Every public function refuses an object of another kind, and names the parameter."""
-    with pytest.raises(hfa.BadInputError, match=f"^{function}: {parameter} is of type Other; give"):
-        getattr(hfa, function)(**{parameter: Other()})
-
-
-#: Results whose methods are public.
-MODEL = hfa.aircraft()
-RESULTS = (MODEL, hfa.trim(MODEL), hfa.trim(MODEL).linearize(), GAME, hfa.solve(GAME))
-
-
-def methods():
-    """Yield the methods of results with each of their parameters that does not accept anything."""
-    for result in RESULTS:
-        for name in dir(type(result)):
-            method = inspect.getattr_static(result, name)
-            if name.startswith("_") or not inspect.isfunction(method):
+    """Yield public functions, and methods of results, with each parameter that does not accept
+    anything.
+    """
+    for owner, names in ((hfa, hfa), *((result, type(result)) for result in RESULTS)):
+        for name in dir(names):
+            if name.startswith("_") or not inspect.isfunction(getattr(names, name)):
                 continue
-            for parameter in [*inspect.signature(method).parameters.values()][1:]:
-                if parameter.kind != parameter.VAR_KEYWORD and parameter.annotation != "Any":
-                    yield pytest.param(getattr(result, name), parameter, id=f"{name}-{parameter}")
+            call = getattr(owner, name)
+            for parameter, value in inspect.signature(call).parameters.items():
+                if value.annotation != "Any" and (owner is hfa or value.kind != value.VAR_KEYWORD):
+                    yield pytest.param(call, parameter, id=f"{call.__qualname__}-{parameter}")
 
 
-@pytest.mark.parametrize(("method", "parameter"), methods())
-def test_an_argument_of_another_kind_is_refused_by_methods(method, parameter):
-    """Every method of a public class refuses an object of another kind by the parameter's name."""
-    of_others = {
-        name: other.default if other.default is not other.empty else Other()
-        for name, other in inspect.signature(method).parameters.items()
-    }
-    with pytest.raises(hfa.BadInputError, match=f"^{method.__name__}: .* is of type Other; give"):
-        method(**of_others | {parameter.name: Other()})
+@pytest.mark.parametrize(("call", "parameter"), parameters())
+def test_an_argument_of_another_kind_is_refused_by_name(call, parameter):
+    """An object of another kind is refused, and the parameter is named."""
+    refusal = f"^{call.__name__}: {parameter} is of type Other; give"
+    with pytest.raises(hfa.BadInputError, match=refusal):
+        call(**{parameter: Other()})
 
 
 def flown_with(weights):
