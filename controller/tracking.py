@@ -397,10 +397,7 @@ def tracked(
 
 
 def _steady(states: Sequence[str], reference: Waveform, duration: float) -> dict[str, float]:
-    """Return the commands that are constant or a ramp, state -> deviation after `duration`.
-
-    Commands that are then 0, and those with sines, are left out.
-    """
+    """Return the commands that are constant or a ramp and not 0, state -> deviation at the end."""
     values = (reference.constant + reference.slope * duration).tolist()
     rows = zip(states, values, reference.oscillates, strict=True)
     return {name: value for name, value, waves in rows if value != 0.0 and not waves}

@@ -223,9 +223,7 @@ class BoxFlights(Result):
 
 
 class _Costs(NamedTuple):
-    """Costs of the flights of the judged and the exact policy, (N,), inf or nan if they diverge or
-    are not decided.
-    """
+    """Costs of flights of both policies, (N,): inf if they diverge, nan if they are not decided."""
 
     judged: np.ndarray
     exact: np.ndarray

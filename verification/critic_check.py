@@ -194,10 +194,7 @@ def _on_nonlinear_game(
     flights: int,
     progress: Progress | None,
 ) -> tuple[NonlinearComparison | None, Part]:
-    """Return the comparison with the nonlinear game and its part of the report.
-
-    There is none in discrete time, or if the game or the critic has no power series.
-    """
+    """Return the comparison with the nonlinear game, if there is one, and its part of a report."""
     from verification.nonlinear_game import compare_with_nonlinear
 
     if exact.game.is_discrete:
@@ -210,10 +207,7 @@ def _on_nonlinear_game(
 
 
 def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
-    """Return the critic that is judged: itself, read from a file, or of an array or a result.
-
-    Raises BadInputError for anything else, and for a critic of a game in the other kind of time.
-    """
+    """Return the critic that is judged: itself, read from a file, or of an array or a result."""
     if isinstance(given, (str, Path)):
         return critic_in(given, game, Reading(linear=linear))
     if isinstance(given, (list, tuple)) or hasattr(given, "__array__"):
@@ -233,10 +227,7 @@ def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
 
 
 def _refuse_other_time(game: Game, is_discrete: bool | None) -> None:
-    """Raise BadInputError if a critic was made with a game in the other kind of time.
-
-    is_discrete: whether it was made in discrete time, None if this is not known
-    """
+    """Raise BadInputError if a critic is known to be of a game in the other kind of time."""
     if is_discrete is not None and is_discrete != game.is_discrete:
         kinds = {False: "continuous", True: "discrete"}
         raise BadInputError(
@@ -257,11 +248,7 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
 
 
 def _reason_of_network(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> str:
-    """Return what a network does in the box, and the mistake in K or P, or "".
-
-    box: half-widths, (n,)
-    limit: largest relative error of a right critic
-    """
+    """Return what a network does in the box |z_i| <= box_i, and the mistake in K or P, or ""."""
     from verification.network.search import finding_of_policy
     from verification.reasons import reason_for
 

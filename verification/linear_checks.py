@@ -23,9 +23,7 @@ from verification.verdict import NEAR
 
 
 class _Robustness(NamedTuple):
-    """L2 gain of a loop, smallest change of A - B K that gives an undamped mode, relative to the
-    norm of A - B K in balanced units, and disk margin at all inputs, None for an unstable loop.
-    """
+    """L2 gain, distance to instability, and disk margin at all inputs, None of an unstable loop."""
 
     gain: float
     distance: float

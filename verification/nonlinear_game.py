@@ -248,15 +248,7 @@ def _by_value(critic: Critic, expansion: Expansion) -> ca.Function:
 def _degree_error(
     of: str, degree: int, learned: np.ndarray, expansion: Expansion, widths: np.ndarray
 ) -> DegreeError:
-    """Return the largest relative error of the weights (k, M) of one degree.
-
-    A weight far below the largest of all rows, both at typical deviations, is compared with the
-    fraction `_SMALL` of the largest. Inputs u_i are compared as √R_ii u_i, without units.
-
-    of: "V" or "u"
-    learned: the critic's weights, (k, M)
-    widths: typical deviations, (n,)
-    """
+    """Return the largest relative error of a critic's weights (k, M) of one degree."""
     names = expansion.game.names
     exact = _exact_terms(expansion, of).get(degree, np.zeros_like(learned))
     exponents = homogeneous(expansion.states, degree).exponents
@@ -282,10 +274,7 @@ def _degree_error(
 
 
 def _exact_terms(expansion: Expansion, of: str) -> dict[int, np.ndarray]:
-    """Return the exact weights of V or u, degree -> those of all monomials of the degree, (k, M).
-
-    of: "V" or "u"
-    """
+    """Return the exact weights of "V" or "u", degree -> those of all monomials, (k, M)."""
     weights = expansion.weights[None] if of == "V" else expansion.policy_weights
     degree = LOWEST if of == "V" else 1
     terms = {}
@@ -299,12 +288,7 @@ def _exact_terms(expansion: Expansion, of: str) -> dict[int, np.ndarray]:
 
 
 def _terms(critic: Critic, widths: np.ndarray) -> dict[str, dict[int, np.ndarray]]:
-    """Return the critic's weights of V and u, as far as they are compared.
-
-    The result is "V" or "u" -> degree -> weights of all monomials of the degree, (k, M).
-
-    widths: typical deviations, (n,)
-    """
+    """Return the critic's weights, "V" or "u" -> degree -> those of all monomials, (k, M)."""
     terms = {}
     last = ORDER
     if critic.weights is not None and critic.basis is not None:
@@ -335,14 +319,7 @@ def _terms_of_weights(critic: Critic) -> dict[int, np.ndarray]:
 def _terms_of_function(
     function: ca.Function, degrees: range, widths: np.ndarray
 ) -> dict[int, np.ndarray]:
-    """Return the Taylor coefficients of a function at 0, degree -> (k, M) of all monomials.
-
-    The terms of degree d at a state z are d^d/dt^d function(t z) / d! at t = 0.
-
-    widths: scales of the states, in which the coefficients are computed, (n,)
-
-    Raises BadInputError for a function that is too wide for symbols.
-    """
+    """Return the Taylor coefficients at 0, degree d -> of d^d/dt^d function(t z) / d!, (k, M)."""
     if not function.is_a("SXFunction"):
         raise BadInputError("the network is too wide for its power series")
     n = function.numel_in(0)
@@ -362,10 +339,7 @@ def _terms_of_function(
 
 
 def _fitted(polynomial: ca.Function, degree: int) -> np.ndarray:
-    """Return the coefficients of a homogeneous polynomial z (n,) -> (k,), (k, M).
-
-    They fit its values in random directions by least squares.
-    """
+    """Return the coefficients (k, M) of a homogeneous polynomial, fitted in random directions."""
     n = polynomial.numel_in(0)
     basis = homogeneous(n, degree)
     rays = directions(n, math.ceil(_RAYS * basis.size) + n, _SEED)

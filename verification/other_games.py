@@ -84,10 +84,7 @@ def other_games(
 
 
 def _families(exact: Solution, plant: Game | None) -> Iterator[Family]:
-    """Yield the families of a game: other delta, R, sample time and discount.
-
-    plant: the game in continuous time of which the game is sampled, or None
-    """
+    """Yield the families of a game: other delta, R, sample time and discount."""
     game = exact.game
     if game.E.any():
         has_delta = math.isfinite(game.delta)
@@ -151,13 +148,7 @@ def continuous(game: Game) -> Game | None:
 
 
 def _nearest(family: Family, of: str, given: np.ndarray, sizes: np.ndarray) -> OtherGame | None:
-    """Return the game of a family of which P or K is nearest to a given one.
-
-    It is found by the method of Gauss and Newton, from the best game of a grid. None if it is at an
-    end of the searched range, as a gain of 0 is for an infinite R.
-
-    sizes: of the entries, to which their errors are relative
-    """
+    """Return the game of a family of which P or K is nearest a given one, by Gauss and Newton."""
 
     def game_at(logarithm: float) -> Game:
         return family.game(family.middle * math.exp(logarithm))
@@ -193,9 +184,6 @@ def _nearest(family: Family, of: str, given: np.ndarray, sizes: np.ndarray) -> O
 
 
 def _candidate(game: Game, of: str) -> np.ndarray:
-    """Return P or K of a game in doubles, which nothing proves.
-
-    Raises FailedError.
-    """
+    """Return P or K of a game in doubles, which nothing proves."""
     P = value_in_doubles(game)
     return P if of == "P" else game.gain(P)

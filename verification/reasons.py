@@ -197,11 +197,7 @@ def _sizes_of_states(exact: Solution) -> np.ndarray:
 
 
 def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
-    """Return K compared with the exact one.
-
-    The sizes of entries are r_i c_j, with c_j = |K_:j| and r_i = |K_i: / c| in units of inputs and
-    states in which costs are 1.
-    """
+    """Return K compared with the exact one, in sizes r_i c_j that change with the units."""
     states = _sizes_of_states(exact)
     weights = np.diag(exact.suboptimality_weight)
     inputs = np.sqrt(np.where(weights > 0.0, weights, 1.0))
@@ -239,10 +235,7 @@ def _of_value(game: Game, values: Compared) -> Iterator[Mistake]:
 
 
 def _order_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
-    """Return the order of the states in P for which the sorted entries of the rows fit best, (n,).
-
-    A change of order permutes the entries of a row.
-    """
+    """Return the order of the states in P for which the sorted entries of rows fit best, (n,)."""
     rows = np.sort(P)[:, None]
     exact_rows = np.sort(exact)[None]
     with np.errstate(all="ignore"):
@@ -251,11 +244,8 @@ def _order_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
 
 
 def _factors_of_states(values: Compared) -> np.ndarray:
-    """Return the factor on each state that the diagonal of P and its signs suggest, (n,).
-
-    P determines only products of two signs, the largest entries best, and none between states
-    that it does not couple. Most of the states have the right sign.
-    """
+    """Return the factor on each state that the diagonal of P and its signs suggest, (n,)."""
+    # P tells only products of two signs, the largest best; most states have the right sign.
     products = values.given * values.exact / values.sizes**2
     signs = np.zeros(len(products))
     while not signs.all():
@@ -308,10 +298,7 @@ def _unmoved(game: Game, gains: Compared) -> Iterator[Mistake]:
 
 
 def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
-    """Yield that each row of K, or each column, is a multiple of the exact one.
-
-    Actions that are not mapped to the inputs give rows, and a normalized state gives columns.
-    """
+    """Yield that each row of K (unmapped actions) or column (a normalized state) is a multiple."""
     K, exact = gains.given, gains.exact
     in_sizes, exact_in_sizes = K / gains.sizes, exact / gains.sizes
     columns, strengths, rows = np.linalg.svd(exact_in_sizes)
@@ -335,11 +322,7 @@ def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
 def _of_rows(
     noun: str, units: Mapping[str, float], given: np.ndarray, exact: np.ndarray
 ) -> Iterator[Mistake]:
-    """Yield that the rows of K are in another order, or that some have a wrong sign or unit.
-
-    noun: what the rows belong to
-    units: name of a wrong unit -> factor on a row
-    """
+    """Yield that the rows of K are in another order, or that some have a wrong sign or unit."""
     columns = floored(np.abs(exact).max(axis=0))
     rows, exact_rows = given / columns, exact / columns
     order = _assigned(np.sum((rows[:, None] - exact_rows) ** 2, axis=-1))
@@ -351,11 +334,7 @@ def _of_rows(
 
 
 def _factors(noun: str, meant: str, compared: Compared) -> Iterator[Mistake]:
-    """Yield that all entries have a wrong sign, half or twice the size, or another common factor.
-
-    noun: what the matrix stands for, the value or the gain
-    meant: the right convention, as in "V is z'P z"
-    """
+    """Yield that all entries have a wrong sign, half or twice the size, or another factor."""
     kind, given, exact, sizes, _ = compared
     for factor, wrong in FACTORS.items():
         yield Mistake(f"the {noun} {wrong}: {meant}", given / factor)
@@ -376,12 +355,7 @@ class _WrongUnit(NamedTuple):
 def _wrong_units(
     noun: str, factors: np.ndarray, units: Mapping[str, float]
 ) -> Iterator[_WrongUnit]:
-    """Yield that some states or inputs have the wrong sign, or are in a wrong unit.
-
-    noun: "state" or "input"
-    factors: (n,) or (m,), factor of each state or input that the errors suggest
-    units: wrong unit -> its factor
-    """
+    """Yield that some states or inputs have the wrong sign or unit, by the factors on them."""
     for wrong, factor in {"the wrong sign": -1.0, **units}.items():
         has_factor = np.abs(factors / factor - 1.0) < NEAR
         if has_factor.any() and not has_factor.all():  # a factor of all is a common one
@@ -427,9 +401,7 @@ def _one_entry(compared: Compared) -> Iterator[Mistake]:
 
 
 def _of_weights(critic: Critic) -> Iterator[Mistake]:
-    """Yield that weights are in another order, lack the factor 2 or are of half the cost, or that
-    two weights are interchanged.
-    """
+    """Yield that weights are in another order, lack a factor, or that two are interchanged."""
     if critic.weights is None or critic.basis is None:
         return
     psi: Basis = critic.basis

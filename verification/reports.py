@@ -110,14 +110,7 @@ def solution_words(game: Game) -> str:
 
 
 def _first_lines(verdict: Verdict, limit_cost: float | None) -> list[str]:
-    """Return the first lines of the report.
-
-    - the headline of both games and the findings on the nonlinear game, if it was judged
-    - the headline: grade, game, box, number of simulations, and the first finding; also the second
-      if the line then has at most `_FIRST_LINE` columns
-    - a limit of the cost, if one decides
-    - a line for each further finding
-    """
+    """Return the headline, a limit of the cost that decides, and a line for further findings."""
     game = game_words(verdict.exact.game)
     scope = f"on the {game}, {verdict.box.name}"
     if verdict.nonlinear is not None:
@@ -140,16 +133,7 @@ def _first_lines(verdict: Verdict, limit_cost: float | None) -> list[str]:
 
 
 def _facts(verdict: Verdict) -> list[str]:
-    """Return at least two findings, the most important one first.
-
-    - exactness, here only if a critic with a nonsmooth point fails
-    - a failed check that no other finding mentions
-    - the cost; of a simulated critic also the equilibrium and K
-    - not stabilizing
-    - exactness
-    - stabilizing
-    - the L2 gain
-    """
+    """Return at least two findings, the most important one first."""
     failed = [check for check in verdict.checks if not check.ok]
     exactness = _exactness(verdict, failed)
     is_nonsmooth = verdict.critic.is_nonsmooth and bool(failed)
@@ -216,10 +200,7 @@ def _cost_text(verdict: Verdict) -> str:
 
 
 def _network_facts(verdict: Verdict) -> list[str]:
-    """Return the cost, the equilibrium and the gain K of a simulated critic, as text.
-
-    An equilibrium off the trim comes first: the cost counts from it.
-    """
+    """Return the cost, the equilibrium (first, if off the trim) and K of a simulated critic."""
     cost = [_cost_text(verdict)]
     equilibrium = [
         "equilibrium at the trim" if check.ok else check.reason
@@ -255,9 +236,7 @@ def _grade_word(grade: str) -> str:
 
 
 def _exactness(verdict: Verdict, failed: Sequence[Check]) -> str:
-    """Return whether the critic is exact, as text; the errors of K of a simulated critic are among
-    its other findings.
-    """
+    """Return whether the critic is exact, as text; K of a simulated one is another finding."""
     others = () if verdict.flights is None else _OF_K
     errors = (check for check in failed if check.kind == "error" and check.name not in others)
     wrong = next(errors, None)
@@ -271,9 +250,7 @@ def _exactness(verdict: Verdict, failed: Sequence[Check]) -> str:
 
 
 def _is_unexplained(verdict: Verdict) -> bool:
-    """True if it helps to compare the game with that of the training; of a network, if K is
-    wrong.
-    """
+    """Return whether it helps to compare the game with that of the training."""
     if verdict.critic.network:
         is_wrong = any(check.name in _OF_K and not check.ok for check in verdict.checks)
         return is_wrong and verdict.grade == "fail" and not verdict.reason
@@ -284,12 +261,7 @@ def _is_unexplained(verdict: Verdict) -> bool:
 def _farthest_entries(
     verdict: Verdict, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
 ) -> Part:
-    """Return a table of the entries of P and K with the largest errors, relative to the largest
-    entry of the matrix.
-
-    entries: (matrix, row, column, learned, exact, unit) of each entry of P and K
-    states: names of the states
-    """
+    """Return a table of the entries of P and K with the largest errors."""
     largest = {
         "P": float(np.abs(verdict.exact.P).max()) or 1.0,
         "K": float(np.abs(verdict.exact.K).max()) or 1.0,
@@ -494,10 +466,7 @@ def verdicts_figure(verdicts: Mapping[str, Verdict]) -> Figure:
 
 
 def _draw_errors(axes: Axes, positions: np.ndarray, curves: Mapping[str, np.ndarray]) -> None:
-    """Draw the curves that have a number on a logarithmic scale, with a legend.
-
-    curves: label -> value of each critic
-    """
+    """Draw the curves that have a number, label -> value of each critic, on a logarithmic scale."""
     shown = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
     for (label, values), style in zip(shown.items(), ("-", "--", "-.", ":"), strict=False):
         axes.semilogy(positions, np.maximum(values, _ROUNDED), style, label=label)
@@ -512,10 +481,7 @@ def _draw_errors(axes: Axes, positions: np.ndarray, curves: Mapping[str, np.ndar
 def _heat_map(
     figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
 ) -> None:
-    """Draw a matrix as a heat map with a color bar.
-
-    size: largest magnitude on the color scale; None for relative differences, whose own is taken
-    """
+    """Draw a matrix as a heat map with a color bar; without a size, of relative differences."""
     from matplotlib.colors import SymLogNorm
 
     axes.set_title(title)

@@ -393,12 +393,7 @@ def _slope_gain(game: Game) -> np.ndarray | None:
 
 
 def _with_one_step_policy(game: Game, critic: Critic) -> Critic:
-    """Return the critic of a value in discrete time with the policy that is optimal for one step.
-
-    V, ∂V/∂x and the policy become CasADi functions in `network`. The critic is unchanged in
-    continuous time, if its value is quadratic (its policy is the K that it has), and if K or P is
-    not finite.
-    """
+    """Return the critic of a value in discrete time with the policy optimal for one step."""
     if not game.is_discrete or critic.is_quadratic or not critic.is_finite:
         return critic
     from controller.critic.features import policy_of_next
@@ -444,11 +439,9 @@ class _Sizes(NamedTuple):
 
 
 def _sizes(game: Game) -> _Sizes:
-    """Return the box of the states, and the inputs that cost 1.
-
-    Without a box, the states have the ratios of those that cost 1, and are nearly 0.
-    """
+    """Return the box of the states, without one nearly 0, and the inputs that cost 1."""
     costs = np.diag(game.Q)
+    # Without a box, the states have the ratios of those that cost 1.
     states = _WITHOUT_BOX * np.where(costs > 0.0, costs, 1.0) ** -0.5
     if game.half_widths is not None:
         states = game.half_widths
@@ -456,10 +449,7 @@ def _sizes(game: Game) -> _Sizes:
 
 
 def _gain_at_0(game: Game, u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
-    """Return K = -∂u/∂z at z = 0, (m, n), and whether u has a nonsmooth point there.
-
-    At a nonsmooth point, K is the mean of both sides.
-    """
+    """Return K = -∂u/∂z at z = 0, the mean of both sides if nonsmooth, and whether it is."""
     sizes = _sizes(game)
     without_units = sizes.states / sizes.inputs[:, None]
 
@@ -477,10 +467,7 @@ def _gain_at_0(game: Game, u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
 
 
 def _gains_beside_0(u: ca.SX, z: ca.SX, distances: np.ndarray) -> np.ndarray:
-    """Return K = -∂u/∂z at two opposite states beside z = 0, (2, m, n).
-
-    distances: of each state, (n,)
-    """
+    """Return K = -∂u/∂z at two opposite states at distances (n,) from z = 0, (2, m, n)."""
     direction = 1.0 + np.arange(z.numel()) * 0.618 % 1.0  # on no common switching plane
     return np.array([-_derivative_at(u, z, side * distances * direction) for side in (1.0, -1.0)])
 

@@ -172,10 +172,7 @@ def _critic_of_q_function(
 
 
 def _in_order_of(game: Game, H: np.ndarray, signals: tuple[str, ...]) -> np.ndarray:
-    """Return H over (x, u) or (x, u, w), of a file whose H may be in another order.
-
-    signals: signals or blocks of H in the file, such as u, x; () for the order x, u, w
-    """
+    """Return H over (x, u) or (x, u, w) of a file that states the order of signals or blocks."""
     if not signals:
         return H
     disturbances = numbered("w", game.E.shape[1])

@@ -219,20 +219,13 @@ def _root_of_value_at_edge(problem: Game, P: np.ndarray) -> float:
 
 
 class _Actions(NamedTuple):
-    """The actions a = (u, δ w) of a step, or u alone without disturbance: x⁺ = A x + columns a.
+    """Actions a = (u, δ w) of a step, or u alone without disturbance: x⁺ = A x + columns a."""
 
-    columns: [B E/δ], (n, k)
-    weight: weights of a in the cost, (k, k)
-    cross: weights of a with x in the cost, (k, n)
-    gains: policy a = gains x of the quadratic part of V, (k, n)
-    sizes: sizes of the actions at states with the value 1, (k,)
-    """
-
-    columns: np.ndarray
-    weight: np.ndarray
-    cross: np.ndarray
-    gains: np.ndarray
-    sizes: np.ndarray
+    columns: np.ndarray  # [B E/δ], (n, k)
+    weight: np.ndarray  # of a in the cost, (k, k)
+    cross: np.ndarray  # of a with x, (k, n)
+    gains: np.ndarray  # policy a = gains x of the quadratic part of V, (k, n)
+    sizes: np.ndarray  # of a at states with the value 1, (k,)
 
 
 def _actions(problem: Game, P: np.ndarray) -> _Actions:

@@ -249,11 +249,7 @@ class _Search:
         return agreeing
 
     def _guess(self, degree: int) -> float:
-        """Return the size s at which the next term has the permitted share of V2.
-
-        The term of degree d is at most largest[d] s^(d-2) V2. Without a further known term, the
-        last known one counts; without any, s is 1.
-        """
+        """Return the size s at which the next term of V has the permitted share of V2."""
         nonzero = {d: largest for d, largest in self._largest_terms.items() if largest > 0.0}
         if not nonzero:
             return 1.0
@@ -261,29 +257,18 @@ class _Search:
         return (SHARE / nonzero[d]) ** (1.0 / (d - 2))
 
     def _agrees(self, y: np.ndarray, degree: int) -> bool:
-        """Return whether the value differs from the cost by at most `SHARE` on all flights.
-
-        y: (N, n), initial states, z'Pz = |y|²
-        """
+        """Return whether the value agrees with the cost of all flights from y, z'Pz = |y|²."""
         return bool(np.all(self._errors(y, degree) <= SHARE))
 
     def _errors(self, y: np.ndarray, degree: int) -> np.ndarray:
-        """Return the difference of the value from the cost of flights, relative to the cost, (N,).
-
-        A flight that does not converge has the error inf.
-
-        y: (N, n), initial states, z'Pz = |y|²
-        """
+        """Return the errors of the value, relative to the cost of flights, inf if they diverge."""
         z = np.linalg.solve(self.expansion.root.T, y.T).T
         costs = self.flights.costs(z)
         values = np.array(self.expansion.value_to(degree)(z.T))[0]
         return _relative_errors(values, costs)
 
     def _agrees_at_random(self, size: float, degree: int) -> bool:
-        """Return whether flights from random states of a size agree, and from ever worse ones.
-
-        Worse ones are states of this size ever closer to those with the largest errors.
-        """
+        """Return whether flights from random states of a size agree, and from ever worse ones."""
         n = self.expansion.states
         unit_y = directions(n, _CONFIRMING, _SEED + degree)
         errors = self._errors(size * unit_y, degree)

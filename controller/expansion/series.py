@@ -290,11 +290,7 @@ def gradient(y: np.ndarray, degree: int, weights: np.ndarray) -> np.ndarray:
 
 
 def _slopes(y: np.ndarray, degree: int, moved: np.ndarray) -> np.ndarray:
-    """Return the derivatives of all scaled monomials of a degree in given directions, (N, M).
-
-    y: (N, n), points
-    moved: (N, n), direction at each point
-    """
+    """Return the derivatives (N, M) of all scaled monomials of a degree at y along `moved`."""
     basis = homogeneous(y.shape[1], degree)
     blocks = zip(_blocks(y), _blocks(moved), strict=True)
     slopes = [(basis.gradient(points) @ motion[..., None])[..., 0] for points, motion in blocks]

@@ -93,10 +93,7 @@ def learn(
 
 
 def _learned(fit: PlantFit, law: str, seed: int, progress: Progress | None) -> TrainingRun:
-    """Return the training run of a law on the fit of transitions.
-
-    The basis of the published law is the paper's for six states, that of all others is quadratic.
-    """
+    """Return the training run of a law on the fit of transitions."""
     game = fit.game
     if game.is_discrete:
         return learn_steps(game, fit.begins_of_laws(seed), seed, progress)

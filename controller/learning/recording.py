@@ -502,12 +502,7 @@ class _Source:
         return starts
 
     def _hold(self, starts: np.ndarray, are_apart: bool) -> float | None:
-        """Return the time for which inputs are constant, s, of a game in continuous time.
-
-        are_apart: whether the rows are transitions that need not follow each other
-
-        Raises BadInputError if it is not known, or is not that of a game in discrete time.
-        """
+        """Return the time for which inputs are constant, s, or None of a game in discrete time."""
         stated = dt = sample_time(self.entries)
         accuracy = 0.0
         if "time" in self.entries and not words(self.entries, "time") and not are_apart:
@@ -535,10 +530,7 @@ class _Source:
 
 
 def _step_of(times: np.ndarray, starts: np.ndarray) -> tuple[float, float]:
-    """Return the step of the times of successive samples, s, and its accuracy.
-
-    Raises BadInputError if steps differ by more than their rounding.
-    """
+    """Return the step of the times of successive samples, s, and its accuracy."""
     steps = np.where(starts[1:], np.nan, np.diff(times))
     mean = float(np.nanmean(steps))
     # Two times, each rounded to half a unit of their last digit, if it is not that of the step.

@@ -290,11 +290,7 @@ def _linear_loop(
     b: np.ndarray,
     disturbance_gain: np.ndarray | None = None,
 ) -> Loop:
-    """Return the loop z' = A z + B u, in discrete time z⁺ = A z + B u, of a critic's policy.
-
-    A: matrix of the game, with the policy of the disturbance if there is one, (n, n)
-    disturbance_gain: of the worst disturbance above the exact one, (k, n), or None without cost
-    """
+    """Return the loop z' = A z + B u of a policy, its cost with the gain of a disturbance."""
     game, z = exact.game, critic.symbols
     u = critic.policy(z)
     change = ca.DM(A) @ z + ca.DM(game.B) @ u
@@ -321,11 +317,7 @@ def _linear_loop(
 def _flow_loop(
     exact: Solution, closed: Closed, tick: float, b: np.ndarray, most_steps: int
 ) -> Loop:
-    """Return a closed loop in continuous time.
-
-    tick: duration of a tick, s
-    b: half-widths of the box of states, (n,)
-    """
+    """Return a closed loop in continuous time, with ticks of `tick` s."""
     z = closed.z
     value = ca.bilin(ca.DM(exact.P), z, z)
     both = ca.vertcat(z, type(z).sym("cost"))
@@ -347,11 +339,7 @@ def _far(exact: Solution, b: np.ndarray) -> float:
 
 
 def _tick(exact: Solution, *loops: np.ndarray) -> float:
-    """Return the duration of a tick in continuous time, s, in which the exact loop and linear loops
-    decay. Loops count as at most `SLOWEST` times slower than the exact one.
-
-    loops: stable matrices, (n, n)
-    """
+    """Return the time, s, in which the exact loop and other linear loops (n, n) decay."""
     game = exact.game
     of_exact, *rates = (
         abs(spectral_abscissa(loop)) for loop in (game.A - game.B @ exact.K, *loops)
@@ -552,13 +540,7 @@ def costs_above_optimum(
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
-    """Return the largest tested multiple of the box from which all simulations converge, or 0.
-
-    The multiples are the powers of two from 2^-`DOUBLINGS` to 2^`DOUBLINGS`.
-
-    b: half widths of the box |z| <= b, (n,)
-    few: number of simulations from each multiple
-    """
+    """Return the largest tested multiple of the box from which all simulations converge, or 0."""
 
     def converges(size: float) -> bool:
         """Return whether all flights from a multiple of the box converge."""

@@ -102,10 +102,7 @@ def finding_of_policy(
 
 
 def _squashed(critic: Critic, exact: Solution, box: np.ndarray, limit: float) -> Finding | None:
-    """Return that inputs with right slopes stay below the exact ones, or None.
-
-    Each input is compared at the corner of the box where the exact one is largest.
-    """
+    """Return that inputs with right slopes stay below the exact ones where these are largest."""
     if not is_gain_right(critic.K, exact, limit):
         return None
     corners = -box * np.where(exact.K < 0.0, -1.0, 1.0)
@@ -338,9 +335,7 @@ def _sizes(errors: ca.DM | np.ndarray) -> np.ndarray:
 def _climber(
     errors: ca.SX, z: ca.SX, half_widths: np.ndarray
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return the function that finds a local maximizer y = z / half_widths of a weighted sum of
-    errors (k,), which are expressions of z (n,), in the box |y| <= 1.
-    """
+    """Return the function (weights, y) -> local maximizer y of weighted errors, |y| <= 1."""
     from scipy.optimize import minimize
 
     w = type(z).sym("w", errors.numel())

@@ -464,11 +464,7 @@ def _number(entries: Mapping[str, Any], name: str, usual: float | None = None) -
 
 
 class _Box(NamedTuple):
-    """Box of actions or observations.
-
-    low, high: lowest and highest values, (k,) each
-    names: names of the entries, if it is a dictionary of Boxes, else ()
-    """
+    """Box of actions or observations, with the names of the entries of a dictionary of Boxes."""
 
     low: np.ndarray
     high: np.ndarray

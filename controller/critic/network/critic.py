@@ -197,11 +197,7 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
 def _outputs_by_kind(
     functions: Mapping[str, ca.Function], kinds: Mapping[str, str], x: Any
 ) -> dict[str, Any]:
-    """Return the expressions "V", "gradient", "policy" of a network, as far as it has them.
-
-    functions: name -> function of the inputs x of the network
-    kinds: name -> kind of its output
-    """
+    """Return the expressions "V", "gradient", "policy" of a network, as far as it has them."""
     outputs = {}
     for name, function in functions.items():
         output = ca.vec(function(x))
@@ -257,12 +253,7 @@ def is_taken_as_policy(name: str, size: int, m: int) -> bool:
 
 
 def _fitting_kinds(name: str, size: int, counts: Mapping[str, int]) -> list[str]:
-    """Return the kinds that an output of a network may have, by its name and its size.
-
-    counts: kind -> number of entries for this plant
-
-    Raises BadInputError if no kind fits.
-    """
+    """Return the kinds that an output of a network may have, by its name and its size."""
     m = counts["policy"]
     if is_taken_as_policy(name, size, m):
         return ["policy"]
@@ -281,11 +272,7 @@ def _fitting_kinds(name: str, size: int, counts: Mapping[str, int]) -> list[str]
 
 
 def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
-    """Return the kind of each output of a network, by name of the output.
-
-    sizes: name of an output, or requested kind -> number of its entries
-    n, m: numbers of states and of inputs of the plant
-    """
+    """Return the kind of each output of a network, by name of the output."""
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}
     for name, size in sizes.items():

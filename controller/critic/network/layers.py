@@ -257,11 +257,7 @@ def _with_selection(error: BadInputError, tensors: Tensors, words: str) -> BadIn
 
 
 def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
-    """Yield words that may select one network: single names, then neighbors.
-
-    Names of policies come first, and those of critics last, for "V" first. Neighbors are those of
-    the policy, for "V" of the critic, and of the file.
-    """
+    """Yield words that may select a network of a kind, likely ones first: names, neighbors."""
     names = roots(tensors)
 
     def rank(name: str) -> int:
@@ -282,10 +278,7 @@ def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
 
 
 def _chain(tensors: Tensors, part: str, is_ordered: bool) -> list[Layer]:
-    """Return the layers of a state dict in order of evaluation.
-
-    Raises BadInputError if the tensors are not the layers of one network.
-    """
+    """Return the layers of a state dict in order of evaluation."""
     layers = []
     for name, array in tensors.items():
         if name.rpartition(".")[2] == "bias" and name.removesuffix("bias") + "weight" in tensors:

@@ -179,10 +179,7 @@ class Asked(NamedTuple):
 
 
 class _Contents(NamedTuple):
-    """Tensors by name, whether they are in the order of evaluation, and what the file states.
-
-    activations: layer -> its activation, where the file states them
-    """
+    """Tensors by name, whether they are in the order of evaluation, and what the file states."""
 
     tensors: Mapping[str, np.ndarray]
     is_ordered: bool
@@ -394,13 +391,7 @@ def _with_policy(parts: Mapping[str, str], words: str) -> dict[str, str]:
 
 
 def _layer_on_basis(networks: Mapping[str, list[Layer]], asked: Asked) -> Layer | None:
-    """Return the single layer whose inputs are the functions of the basis, or None.
-
-    With one state and one basis function, a layer of one input fits both. Only a requested "V" is
-    then a layer on the basis.
-
-    networks: kind -> layers; only the first network can act on the basis
-    """
+    """Return the single layer whose inputs are the functions of the basis, or None."""
     kind, layers = next(iter(networks.items()))
     acts_on_the_state = asked.states == asked.basis_size == 1 and kind != "V"
     if len(layers) == 1 and layers[0].inputs == asked.basis_size and not acts_on_the_state:
@@ -411,13 +402,7 @@ def _layer_on_basis(networks: Mapping[str, list[Layer]], asked: Asked) -> Layer 
 def _with_activations(
     layers: list[Layer], contents: _Contents, activation: str | None
 ) -> list[Layer]:
-    """Return the layers with their activations.
-
-    activation: activation between the layers and, after a comma, of the output, or None for that
-        of the file
-
-    Raises BadInputError if neither the file nor the caller states it, or if they differ.
-    """
+    """Return the layers with their activations: of the file, or "between,last" of the caller."""
     if contents.activations is not None:
         if activation is not None:
             raise BadInputError("the module already contains its activations; remove activation")
@@ -446,10 +431,7 @@ def _with_activations(
 
 
 def _composed(layers: list[Layer]) -> tuple[ca.Function, RowNetwork | None]:
-    """Return the function x (n,) -> output of the last layer (k,), and its version for many rows.
-
-    The version for many rows is None unless `row_network` supports all activations.
-    """
+    """Return the function x (n,) -> output (k,), and its version for many rows or None."""
     h = x = ca.MX.sym("x", layers[0].inputs)
     for layer in layers:
         h = ca.DM(layer.weight) @ h + ca.DM(layer.bias)

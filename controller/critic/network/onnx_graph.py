@@ -256,30 +256,18 @@ def _notes_on_normalizer(graph: Any, traced: _Traced) -> tuple[str, ...]:
 
 
 class _Traced(NamedTuple):
-    """Values of a graph, by name.
+    """Values of a graph, by name."""
 
-    arrays: each value at the state 0
-    rows: the values that depend on the inputs, as expressions (1, k) of the inputs
-    inputs: symbols of the inputs, (1, k) each
-    precision: lowest precision of the weights, such as "float32"
-    operators: operators that depend on the inputs, with the sizes of their results, in one line
-    size: number of entries of all weights and results
-    """
-
-    arrays: dict[str, np.ndarray]
-    rows: dict[str, ca.MX]
-    inputs: list[ca.MX]
-    precision: str
-    operators: str
-    size: int
+    arrays: dict[str, np.ndarray]  # at the state 0
+    rows: dict[str, ca.MX]  # those that depend on the inputs, (1, k)
+    inputs: list[ca.MX]  # symbols, (1, k) each
+    precision: str  # the lowest of the weights
+    operators: str  # that depend on the inputs, with the sizes of their results
+    size: int  # number of entries of all weights and results
 
 
 def _traced(onnx: Any, model: Any, states: int, inputs: int) -> _Traced:
-    """Return the values of a graph for a plant, operator by operator.
-
-    Raises BadInputError if an operator or the inputs are not supported, or if the graph is too
-    large.
-    """
+    """Return the values of a graph for a plant, operator by operator."""
     graph = model.graph
     weights = {tensor.name: _array(onnx, tensor) for tensor in graph.initializer}
     arrays, precision = checked_tensors(weights)
@@ -451,11 +439,7 @@ def _refuse_model(onnx: Any, model: Any) -> None:
 def _inputs_of(
     graph: Any, constants: set[str], state_count: int, input_count: int
 ) -> dict[str, tuple[int, ...]]:
-    """Return the shape of each input of a graph for one row, by name.
-
-    A single input is z, or [z u] of a Q function. Two inputs are z and u of a Q function. Raises
-    BadInputError for other inputs.
-    """
+    """Return the shape of each input of a graph for one row: z, [z u], or z and u of a Q."""
     shapes = {
         item.name: [axis.dim_value for axis in item.type.tensor_type.shape.dim]  # 0 if it is open
         for item in graph.input
@@ -511,10 +495,7 @@ def check_width(width: int, states: int, inputs: int) -> None:
 
 
 def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
-    """Return the requested outputs of a graph, as key -> name of the output.
-
-    Without a request, several outputs are told by their names (`_NAMES`).
-    """
+    """Return the requested outputs of a graph, key -> name; without a request, by their names."""
     names = [item.name for item in graph.output]
     by_kind = {  # of several names of one kind, the first output
         kind: name for kind, known in _NAMES.items() for name in names[::-1] if name in known

@@ -152,10 +152,7 @@ for _core in ("numpy.core", "numpy._core"):
 
 
 class _Restricted(pickle.Unpickler):
-    """Unpickler that refuses classes and functions by name, before an object is created.
-
-    content: function (key, NumPy type, count) -> numbers of a torch storage
-    """
+    """Unpickler that refuses classes and functions by name, before an object is created."""
 
     def __init__(self, stream: io.BytesIO, content: Callable[..., np.ndarray]) -> None:
         super().__init__(stream)

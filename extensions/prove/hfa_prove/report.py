@@ -157,11 +157,7 @@ def _aircraft(statement: ScheduleStatement, model: Model) -> str:
 
 
 def _rows(path: str, value: Any, model: Model) -> list[tuple[str, str]]:
-    """Return the rows (path, text) of an entry.
-
-    A number, a list of numbers, and an object of values of signals have one row. Any other list or
-    object has those of its parts, whose paths end with their number or name.
-    """
+    """Return the rows (path, text) of an entry, one for each part that is not itself a row."""
     if isinstance(value, Mapping) and value and set(value) <= set(model.signals):
         texts = (f"{name} {_in_unit(model, name, part)}" for name, part in value.items())
         return [(path, ", ".join(texts))]

@@ -75,15 +75,7 @@ def check_schedule(
 
 
 class _Loops(NamedTuple):
-    """The closed loop C = A - B K(s), K(s) = K + (s - origin) slope, as functions.
-
-    The arguments are (w, s, numbers, K, slope, origin), with the w, s and numbers of `Expressions`.
-    C is returned as its n n entries, column by column.
-
-    doubles: C in doubles
-    balls: C in balls
-    derivatives: C and its derivatives in the free variables w and in s, in balls
-    """
+    """Closed loop C = A - B K(s): functions (w, s, numbers, K, slope, origin) -> entries of C."""
 
     doubles: ca.Function
     balls: BallFunction
@@ -158,10 +150,7 @@ class ScheduleProof:
         return np.array(list(self.statement.flight.first.values()))
 
     def _guess(self, s: float, before: TrimPiece | None) -> np.ndarray:
-        """Return an estimate (f,) of the trim at s, from the piece before or the first trim.
-
-        No proof depends on it.
-        """
+        """Return an estimate (f,) of the trim at s, on which no proof depends."""
         if before is None:
             return self._first
         return before.estimate + before.slope * (s - 0.5 * (before.low + before.high))
@@ -219,10 +208,7 @@ class ScheduleProof:
         return LinearInPosition(*(arb_mat(n, n, list(column)).transpose() for column in columns))
 
     def _check_decay(self, loop: LinearInPosition, trims: TrimPiece) -> None:
-        """Raise Rejected unless the decay rate a is proved on a piece.
-
-        In the basis T of the modes, the inequality is -(S + S') - 2 a > 0 with S = T⁻¹ C T.
-        """
+        """Raise Rejected unless -(S + S') - 2 a > 0, S = T⁻¹ C T, is proved for the rate a."""
         n = loop.centre.nrows()
         values, vectors = np.linalg.eig(midpoints(loop.centre))
         largest = float(values.real.max())
@@ -241,10 +227,7 @@ class ScheduleProof:
                 raise Rejected(f"the decay rate {rate:.6g} 1/s is not proved")
 
     def _check_motion(self, loop: LinearInPosition, trims: TrimPiece, rate: float) -> None:
-        """Raise Rejected unless V = x'P x decreases on every motion within the rate on a piece.
-
-        With P = P0 + P1 t, the inequality has the further term (C1'P1 + P1 C1)(h² - t²).
-        """
+        """Raise Rejected unless V = x'P x decreases on every motion within the rate on a piece."""
         table = linear_part(self.witness.breakpoints, self.witness.P, trims.low)
         P, slope = table.at(trims.middle), table.slope
         half = trims.half_width

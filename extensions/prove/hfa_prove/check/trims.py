@@ -69,11 +69,7 @@ def _limited(flight: Flight) -> tuple[str, ...]:
 def _expressions(
     model: Model, imposed: tuple[str, ...], unknowns: tuple[str, ...], limited: tuple[str, ...]
 ) -> Expressions:
-    """Return the trim equations of steady states and imposed outputs, and the linear model.
-
-    unknowns: names of the free variables
-    limited: names of signals with limits
-    """
+    """Return the trim equations of steady states and imposed outputs, and the linear model."""
     w = ca.SX.sym("w", len(unknowns))
     s = ca.SX.sym("s")
     numbers = ca.SX.sym("numbers", len(imposed) + len(model.parameters) + 1)
@@ -278,13 +274,7 @@ class SteadyFlight:
         return proved
 
     def _krawczyk(self, piece: TrimPiece, Y: np.ndarray, box: Sequence[arb]) -> list[arb]:
-        """Return the Krawczyk step K of a box E, by the equation at the top of this module.
-
-        piece: the estimate of the trims
-        Y: approximate inverse of G_w, (f, f)
-
-        Raises Rejected if an equation that depends on no free variable is not satisfied exactly.
-        """
+        """Return the Krawczyk step K of a box E, by the equation at the top of this module."""
         f = len(box)
         at = [exact(value) for value in piece.estimate.tolist()]
         G, _ = self._balanced(at, [piece.middle], self.numbers)

@@ -126,11 +126,7 @@ _OPERATIONS: Mapping[int, Callable[..., Any]] = {
 
 
 class _Step(NamedTuple):
-    """Instruction of a function.
-
-    operation: value of a constant, or function of the values at `sources`
-    sources, targets: places of the arguments and of the results
-    """
+    """Instruction of a function: a constant, or a function of the values at `sources`."""
 
     code: int
     operation: Any
@@ -248,11 +244,7 @@ def _called(function: ca.Function, name: str) -> Callable[..., Sequence[Any]]:
 
 
 def _of_table(table: Table, values: Sequence[Any]) -> Any:
-    """Return the value of a table at balls a_d, Σ_I c_I Π_d φ_(d, I_d)(a_d).
-
-    It is summed over `Table.layers` of the last argument, whose differences of neighbors remain
-    narrow.
-    """
+    """Return the value of a table at balls a_d, Σ_I c_I Π_d φ_(d, I_d)(a_d), layer by layer."""
     if len(values) == 1:
         return _of_spline(table.spline(), values[0])
     parts = (
@@ -263,10 +255,7 @@ def _of_table(table: Table, values: Sequence[Any]) -> Any:
 
 
 def _of_spline(spline: Spline, a: Any) -> Any:
-    """Return the value of the piece of a table that contains a.
-
-    Raises Undecided unless one piece is proved to contain it, without an end with a jump.
-    """
+    """Return the value of the piece of a table that is proved to contain a."""
     ends = [-arb("inf"), *map(arb, spline.knots), arb("inf")]
     is_jump = [False, *spline.has_jumps, False]
     for k, piece in enumerate(spline.pieces):

@@ -178,11 +178,7 @@ def _tables_of(stored: str, function: ca.Function) -> tuple[Table, ...]:
 
 
 class _Entries:
-    """Entries of a function that CasADi has serialized together with their names.
-
-    data: the serialized function
-    name: name of the function, for messages
-    """
+    """Entries of a function that CasADi has serialized together with their names."""
 
     def __init__(self, data: bytes, name: str) -> None:
         self._data = data
@@ -236,10 +232,7 @@ def _nibbles(text: str) -> Iterator[int]:
 
 @lru_cache(maxsize=64)
 def _hats(grid: tuple[float, ...]) -> tuple[Spline, ...]:
-    """Return the hats of a grid, 1 at one of its points and 0 at the others.
-
-    The first and last pieces are continued linearly.
-    """
+    """Return the hats of a grid, 1 at one of its points and 0 at the others, linear beyond it."""
     hats = []
     x = list(map(Fraction, grid))
     lengths = [after - before for before, after in pairwise(x)]

@@ -278,11 +278,7 @@ def _refuse_uncovered(gains: Gains, low: float, high: float) -> None:
 def _first_proved(
     candidates: Iterable[tuple[ScheduleStatement, ScheduleWitness]], progress: Progress | None
 ) -> ScheduleFound:
-    """Return the first of some statements that is proved with its witness.
-
-    Raises NoSolutionError with the open claim of the last one if none is proved, or if the search
-    for Lyapunov functions of a moving scheduling variable found no statement.
-    """
+    """Return the first of some statements that is proved, with its witness."""
     rejected: Rejected | None = None
     for statement, witness in candidates:
         try:
@@ -329,14 +325,7 @@ def _samples(proof: ScheduleProof) -> list[Sample]:
 def _motions(
     statement: ScheduleStatement, samples: Sequence[Sample], wanted: float | None
 ) -> Iterator[tuple[ScheduleStatement, ScheduleWitness]]:
-    """Yield statements about a moving scheduling variable with P, the strongest first.
-
-    A constant P proves any rate. Otherwise P is linear between breakpoints.
-
-    statement: the claim about the decay
-    samples: samples of the closed loop
-    wanted: rate to prove, or None for any that is found
-    """
+    """Yield statements about a moving scheduling variable with P, the strongest first."""
     flight, gains, rate = statement.flight, statement.gains, statement.decay_rate
 
     def motion(speed: float, nodes: Any, P: Any) -> tuple[ScheduleStatement, ScheduleWitness]:
@@ -377,12 +366,7 @@ def _loop_near(samples: Sequence[Sample], s: float) -> np.ndarray:
 
 
 def _permitted_scheduled_rate(samples: Sequence[Sample], nodes: np.ndarray, P: np.ndarray) -> float:
-    """Return the largest |ds/dt| for which V = x'P(s) x decreases at all samples, or 0.
-
-    The rate r of a sample is the largest one with -(C'P + P C) ± r dP/ds >= 0.
-
-    nodes, P: breakpoints, and P there. P is linear between them
-    """
+    """Return the largest |ds/dt| for which V = x'P(s) x decreases at all samples, or 0."""
     permitted = math.inf
     for sample in samples:
         k = _piece_of(nodes, sample.s)
@@ -414,12 +398,7 @@ def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
 
 
 def _weight(samples: Sequence[Sample]) -> np.ndarray:
-    """Return W > 0 that permits the largest rate of the scheduling variable that was found.
-
-    P(s) solves C'P + P C = -W at every s. A rate r requires W ± r dP/ds > 0 at all samples. For the
-    first W, P is a multiple of the identity in the modes of the middle sample. W is then moved,
-    step by step, toward the p-norm of |dP/ds| over the samples, in units of W.
-    """
+    """Return W > 0 that permits the largest rate of the scheduling variable that was found."""
     W = _first_weight(samples[len(samples) // 2].C)
     best, permitted = np.eye(len(W)), 0.0
     for _ in range(_TRIES):

@@ -138,15 +138,7 @@ def digest_of(function: ca.Function, what: str) -> str:
 
 
 def _read_limits(file: Fields, name: str, known: Any) -> dict[str, tuple[float, float]]:
-    """Return signal -> (lowest, highest).
-
-    Limits of disturbances, and of signals that have no limits in the model, may be omitted;
-    airspeeds have none of their own.
-
-    Raises Malformed in these cases:
-    - A limit is wider than the model's limit.
-    - A signal with limits in the model has no limits in the certificate.
-    """
+    """Return signal -> (lowest, highest), refused if wider than those of the model, or missing."""
     model = known.model
     stated = file.fields(name)
     limits = {}
