@@ -25,7 +25,7 @@ from hfa_support.errors import (
 from hfa_support.matrices import labels_of
 from hfa_support.progress import Progress
 from hfa_support.reporting.parts import Part
-from hfa_support.reporting.report import Check, at_least
+from hfa_support.reporting.report import at_least
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, nonlinear_plant, usual_box
 from verification.critic_errors import LIMIT, critic_errors, is_gain_right
@@ -134,7 +134,6 @@ def verify(
         loop,
     ]
     if findings is not None:
-        errors = [*errors, *findings.errors]
         checks += findings.checks
         sections.append(findings.section)
     if nonlinear_part is not None:
@@ -143,19 +142,25 @@ def verify(
         sections.append(_polynomial_section(judged))
     reason = ""
     if isinstance(critic, TrainingRun):
-        checks.append(_rank_check(critic))
-        reason = checks[-1].reason
-    if not reason and not all(check.ok for check in errors):
+        rank = critic.excitation
+        reason = (
+            f"the data have rank {rank.rank} of {rank.size} and do not determine the weights, "
+            "however small the residual is"
+        )
+        checks.append(at_least("data_rank", rank.rank, rank.size, reason, kind="data"))
+        reason = checks[-1].reason  # "" if it passes
+    if not reason and any(check.kind == "error" and not check.ok for check in checks):
         reason = _reason(exact, compared, widths, limit)
+    above = 100.0 * loop.suboptimality.high
+    if findings is not None:
+        above = findings.flown.cost_above_optimum_flown_percent
     return Verdict(
         critic=judged,
         exact=exact,
         checks=explained(checks, reason),
         limit=limit,
         reason=reason,
-        cost_above_optimum_percent=100.0 * loop.suboptimality.high
-        if findings is None
-        else findings.cost_above_optimum_percent,
+        cost_above_optimum_percent=above,
         box=in_box,
         flights=None if findings is None else findings.flown.flights,
         searched=0 if findings is None else findings.states,
@@ -163,16 +168,6 @@ def verify(
         nonlinear=nonlinear,
         suboptimality=loop.suboptimality if findings is None else None,
     )
-
-
-def _rank_check(run: TrainingRun) -> Check:
-    """Return the check that the data of a training run have full rank: they determine weights."""
-    rank = run.excitation
-    reason = (
-        f"the data have rank {rank.rank} of {rank.size} and do not determine the weights, "
-        "however small the residual is"
-    )
-    return at_least("data_rank", rank.rank, rank.size, reason, kind="data")
 
 
 def _given_box(box: ArrayLike, game: Game) -> Box:
@@ -237,20 +232,14 @@ def _refuse_other_time(game: Game, is_discrete: bool | None) -> None:
 
 
 def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> str:
-    """Return the mistake that explains a wrong critic, or "" if none is recognized."""
+    """Return the mistake in a wrong critic, and what a network does in the box, or ""."""
     from verification.reasons import reason_for
 
     if not critic.is_finite:
         return ""
-    if critic.network and critic.weights is None:
-        return _reason_of_network(exact, critic, box, limit)
-    return reason_for(exact, critic, limit)
-
-
-def _reason_of_network(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> str:
-    """Return what a network does in the box |z_i| <= box_i, and the mistake in K or P, or ""."""
+    if not critic.network or critic.weights is not None:
+        return reason_for(exact, critic, limit)
     from verification.network.search import finding_of_policy
-    from verification.reasons import reason_for
 
     if critic.P is not None:
         if not critic.P.any():

@@ -121,7 +121,12 @@ class NonlinearComparison(Result):
             return f"every coefficient of {compared} to degree {last} within {self.limit:g}"
         worst = max(wrong, key=lambda error: error.error)
         degrees = ", ".join(str(error.degree) for error in wrong if error.of == worst.of)
-        return f"{worst.of} wrong in degree {degrees} (worst: {worst.worst}, {_share(worst)})"
+        off = f"off by {percent(100.0 * worst.error)}"
+        if math.isfinite(worst.learned) and worst.exact == 0.0:
+            off = f"{worst.learned:.3g} in place of 0"
+        elif not math.isfinite(worst.error):
+            off = "not finite"
+        return f"{worst.of} wrong in degree {degrees} (worst: {worst.worst}, {off})"
 
     def part(self) -> Part:
         """Return the part of a report: where the value is known, and the error of each degree."""
@@ -134,23 +139,17 @@ class NonlinearComparison(Result):
                 where = f"agrees with flights where z'Pz <= {radius.c:.3g}"
             share = f"within {100 * radius.share:g} %"
             about = f": its value to degree {radius.degree} {where}, {share}"
-        return (f"Nonlinear game about the trim{about}", *self._flight_lines(), self._table())
-
-    def _flight_lines(self) -> tuple[str, ...]:
-        """Return lines on the flights and the initial states, () without flights."""
-        if self.flown is None or not self.flown.flights:
-            return ()
-        names = self.expansion.game.names.states
-        widths = ", ".join(
-            f"{name} {width:.3g}" for name, width in zip(names, self.flown.half_widths, strict=True)
-        )
-        return (
-            f"Flown with the input limits of the aircraft, without disturbance, from ±({widths}): "
-            f"{self.flown.sentence}",
-            self.flown.integration,
-        )
-
-    def _table(self) -> Table:
+        lines = [f"Nonlinear game about the trim{about}"]
+        if self.flown is not None and self.flown.flights:
+            names, widths = self.expansion.game.names.states, self.flown.half_widths
+            box = ", ".join(
+                f"{name} {width:.3g}" for name, width in zip(names, widths, strict=True)
+            )
+            lines += [
+                "Flown with the input limits of the aircraft, without disturbance, from "
+                f"±({box}): {self.flown.sentence}",
+                self.flown.integration,
+            ]
         rows = [
             (
                 f"{error.of}, {error.degree}",
@@ -161,22 +160,13 @@ class NonlinearComparison(Result):
             )
             for error in self.errors
         ]
-        return Table(("degree", "error", "worst term", "learned", "exact"), rows)
+        return (*lines, Table(("degree", "error", "worst term", "learned", "exact"), rows))
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {"errors": self.errors, "limit": self.limit, "ok": self.ok} | without_empty(
             radius=self.radius, flown=self.flown
         )
-
-
-def _share(error: DegreeError) -> str:
-    """Return how far the worst coefficient of a degree is off, as text."""
-    if math.isfinite(error.learned) and error.exact == 0.0:
-        return f"{error.learned:.3g} in place of 0"
-    if not math.isfinite(error.error):
-        return "not finite"
-    return f"off by {percent(100.0 * error.error)}"
 
 
 def compare_with_nonlinear(
@@ -216,8 +206,11 @@ def compare_with_nonlinear(
     report(1, 3, "flights from the box")
     flown = None
     if flights:
-        by_value = not _is_policy_given(critic)
-        exact = _by_value(critic, expansion) if by_value else expansion.policy
+        exact = expansion.policy
+        if not _is_policy_given(critic):  # the policy that follows from the exact value
+            weights, basis, K, P = expansion.weights, expansion.basis, solution.K, solution.P
+            by_value = replace(critic, K=K, P=P, network={}, weights=weights, basis=basis)
+            exact = by_value.policy
         plant = nonlinear_plant(linear)
         flown = box_flights(critic.policy, exact, expansion, plant, box, flights)
     report(2, 3, "flights within the radius of the series")
@@ -232,26 +225,18 @@ def _is_policy_given(critic: Critic) -> bool:
     return critic.value is None or critic.slope_gain is None
 
 
-def _by_value(critic: Critic, expansion: Expansion) -> ca.Function:
-    """Return the policy that follows from the exact value as a critic's policy from its value."""
-    value = replace(
-        critic,
-        K=expansion.solution.K,
-        P=expansion.solution.P,
-        network={},
-        weights=expansion.weights,
-        basis=expansion.basis,
-    )
-    return value.policy
-
-
 def _degree_error(
     of: str, degree: int, learned: np.ndarray, expansion: Expansion, widths: np.ndarray
 ) -> DegreeError:
     """Return the largest relative error of a critic's weights (k, M) of one degree."""
     names = expansion.game.names
-    exact = _exact_terms(expansion, of).get(degree, np.zeros_like(learned))
     exponents = homogeneous(expansion.states, degree).exponents
+    weights = expansion.weights[None] if of == "V" else expansion.policy_weights
+    lowest = LOWEST if of == "V" else 1
+    begin = sum(homogeneous(expansion.states, each).size for each in range(lowest, degree))
+    exact = weights[:, begin : begin + len(exponents)]
+    if degree < lowest or not exact.size:  # the expansion has no terms of this degree
+        exact = np.zeros_like(learned)
     monomials = np.prod(widths**exponents, axis=1)  # at typical deviations
     input_weights = np.sqrt(np.diag(expansion.game.R))
     terms = monomials if of == "V" else np.outer(input_weights, monomials)  # of weights of 1
@@ -271,20 +256,6 @@ def _degree_error(
         learned=float(learned[row, column]),
         exact=float(exact[row, column]),
     )
-
-
-def _exact_terms(expansion: Expansion, of: str) -> dict[int, np.ndarray]:
-    """Return the exact weights of "V" or "u", degree -> those of all monomials, (k, M)."""
-    weights = expansion.weights[None] if of == "V" else expansion.policy_weights
-    degree = LOWEST if of == "V" else 1
-    terms = {}
-    begin = 0
-    while begin < weights.shape[1]:
-        size = homogeneous(expansion.states, degree).size
-        terms[degree] = weights[:, begin : begin + size]
-        begin += size
-        degree += 1
-    return terms
 
 
 def _terms(critic: Critic, widths: np.ndarray) -> dict[str, dict[int, np.ndarray]]:
@@ -333,15 +304,8 @@ def _terms_of_function(
             continue
         along_ray = ca.substitute(derivative, t, 0) / math.factorial(degree)
         of_degree = ca.Function("terms", [z], [ca.densify(along_ray)])
-        exponents = homogeneous(n, degree).exponents
-        terms[degree] = _fitted(of_degree, degree) / np.prod(widths**exponents, axis=1)
+        basis = homogeneous(n, degree)  # its weights are fitted in random directions
+        rays = directions(n, math.ceil(_RAYS * basis.size) + n, _SEED)
+        fitted = least_squares(basis.psi(rays), np.array(of_degree(rays.T)).T)
+        terms[degree] = fitted.T / np.prod(widths**basis.exponents, axis=1)
     return terms
-
-
-def _fitted(polynomial: ca.Function, degree: int) -> np.ndarray:
-    """Return the coefficients (k, M) of a homogeneous polynomial, fitted in random directions."""
-    n = polynomial.numel_in(0)
-    basis = homogeneous(n, degree)
-    rays = directions(n, math.ceil(_RAYS * basis.size) + n, _SEED)
-    values = np.array(polynomial(rays.T)).T
-    return np.asarray(least_squares(basis.psi(rays), values).T)

@@ -264,23 +264,8 @@ def plant_loop(
     game, judged = exact.game, critic or Critic(exact.K)
     z = judged.symbols
     rates = plant.closed(z, judged.policy(z))
-    closed = Closed(z, rates, type(z)(0.0), newton_equilibrium(z, rates, b))
-    return _flow_loop(exact, closed, _tick(exact, game.A - game.B @ judged.K), b, FEW_STEPS)
-
-
-class Closed(NamedTuple):
-    """Equations of a closed loop.
-
-    z: symbols, (n,)
-    change: z', in discrete time z⁺, (n,)
-    cost: rate of the cost, or cost of a step
-    equilibrium: near z = 0, (n,), or None if none is found
-    """
-
-    z: ca.SX
-    change: ca.SX
-    cost: ca.SX
-    equilibrium: np.ndarray | None
+    tick, equilibrium = _tick(exact, game.A - game.B @ judged.K), newton_equilibrium(z, rates, b)
+    return _flow_loop(exact, z, ca.vertcat(rates, 0.0), equilibrium, tick, b, FEW_STEPS)
 
 
 def _linear_loop(
@@ -299,7 +284,6 @@ def _linear_loop(
     if disturbance_gain is not None and equilibrium is not None:
         at_rest = ca.DM(critic.u(equilibrium))
         cost = running_suboptimality(exact, disturbance_gain, z - ca.DM(equilibrium), u - at_rest)
-    closed = Closed(z, change, cost, equilibrium)
     is_slow = not isinstance(z, ca.SX)
     if game.is_discrete:
         step = ca.Function("step", [z], [ca.densify(change), ca.densify(cost)], {"cse": True})
@@ -311,26 +295,27 @@ def _linear_loop(
             by_exact=A - game.B @ exact.K,
         )
     tick = _tick(exact, *(open_loop - game.B @ critic.K for open_loop in (game.A, A)))
-    return _flow_loop(exact, closed, tick, b, FEW_STEPS if is_slow else STEPS)
+    rates, most_steps = ca.vertcat(change, cost), FEW_STEPS if is_slow else STEPS
+    return _flow_loop(exact, z, rates, equilibrium, tick, b, most_steps)
 
 
 def _flow_loop(
-    exact: Solution, closed: Closed, tick: float, b: np.ndarray, most_steps: int
+    exact: Solution,
+    z: ca.SX,
+    rates: ca.SX,
+    equilibrium: np.ndarray | None,
+    tick: float,
+    b: np.ndarray,
+    most_steps: int,
 ) -> Loop:
-    """Return a closed loop in continuous time, with ticks of `tick` s."""
-    z = closed.z
+    """Return a closed loop in continuous time, of the rates of z and of the cost."""
     value = ca.bilin(ca.DM(exact.P), z, z)
     both = ca.vertcat(z, type(z).sym("cost"))
-    rates = ca.vertcat(closed.change, closed.cost)
     function = ca.Function("closed", [both], [ca.densify(rates), value], {"cse": True})
     far = _far(exact, b)
     sizes = np.append(b, far / FAR_OF_VALUE)
-    return Loop(
-        Rates(function, far, sizes, tick, most_steps),
-        P=exact.P,
-        equilibrium=closed.equilibrium,
-        largest=far,
-    )
+    changes = Rates(function, far, sizes, tick, most_steps)
+    return Loop(changes, P=exact.P, equilibrium=equilibrium, largest=far)
 
 
 def _far(exact: Solution, b: np.ndarray) -> float:
@@ -479,14 +464,12 @@ def fly(
     plant: nonlinear plant of a critic in continuous time, or None
     """
     game = exact.game
-    if not flights or not critic.is_finite:
-        return FlightResults()
-    if not suboptimality.is_stable:
+    if not (flights and critic.is_finite and suboptimality.is_stable):
         return FlightResults()
     if critic.is_wide:
         flights = min(flights, _WIDE_FLIGHTS)
     above, undecided_at = costs_above_optimum(exact, critic, suboptimality, b, flights)
-    loop = _linear_loop(exact, exact.game.A, critic, b)  # without disturbance and cost
+    loop = _linear_loop(exact, game.A, critic, b)  # without disturbance and cost
     equilibrium_cost = 0.0
     if loop.equilibrium is not None:
         z_and_u = np.append(loop.equilibrium, critic.u(loop.equilibrium))

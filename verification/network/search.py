@@ -157,34 +157,21 @@ class LargestError(NamedTuple):
     at: np.ndarray
 
 
-class Searched(NamedTuple):
-    """Largest error at the origin, and the largest errors that a search found in the box."""
-
-    at_origin: float
-    largest: tuple[LargestError, ...]
-
-
 class Findings(NamedTuple):
     """Findings on a critic that is not quadratic.
 
-    errors: checks of the errors of a network at the origin and in the box.
-    checks: `errors`, and the check of the equilibrium if the critic was simulated.
+    checks: checks of the errors of a network at the origin and in the box, and of the equilibrium
+        and the costs if the critic was simulated.
     flown: results of simulations.
     section: section of the report.
     states: number of states at which the search begins, or 0 for a polynomial, whose errors are
         bounded without a search.
     """
 
-    errors: list[Check]
     checks: list[Check]
     flown: FlightResults
     section: Section
     states: int
-
-    @property
-    def cost_above_optimum_percent(self) -> float:
-        """Largest cost above the optimum, percent."""
-        return self.flown.cost_above_optimum_flown_percent
 
 
 def findings_of(
@@ -203,42 +190,41 @@ def findings_of(
     flights: number of initial conditions of simulations
     plant: nonlinear plant in continuous time, or None
     """
-    searched = search(exact, critic, b)
+    at_origin, largest = search(exact, critic, b)
     # The errors of a polynomial are bounded, and its bounds are checked instead.
-    errors = search_checks(critic, exact, searched, limit) if critic.network else []
-    checks = list(errors)
+    checks = search_checks(critic, exact, at_origin, largest, limit) if critic.network else []
     flown = fly(exact, critic, suboptimality, b, flights, plant)
+    is_discrete = exact.game.is_discrete
     if flown.flights:
-        checks.append(equilibrium_check(flown.rest_point, exact.P, b, limit))
+        why = "not all flights from the box converge"
+        if flown.undecided_at is not None:
+            clock = f"{flown.undecided_at:.3g} {'steps' if is_discrete else 's'}"
+            why = f"a flight from the box is not decided within {clock}"
         costs = flown.cost_above_optimum_flown_percent
-        why = _not_converged(flown, is_discrete=exact.game.is_discrete)
+        checks.append(equilibrium_check(flown.rest_point, exact.P, b, limit))
         checks.append(below("cost_above_optimum_flown_percent", costs, math.inf, why, kind="cost"))
-    period = "step" if exact.game.is_discrete else "second"
-    section = nonlinear_section(critic, b, searched.largest, flown, period)
-    states = starts_of(critic) if critic.network else 0
-    return Findings(errors, checks, flown, section, states)
+    section = nonlinear_section(critic, b, largest, flown, "step" if is_discrete else "second")
+    return Findings(checks, flown, section, starts_of(critic) if critic.network else 0)
 
 
-def _not_converged(flown: FlightResults, *, is_discrete: bool) -> str:
-    """Return the reason of a check that fails because not all flights of a critic converge."""
-    if flown.undecided_at is None:
-        return "not all flights from the box converge"
-    unit = "steps" if is_discrete else "s"
-    return f"a flight from the box is not decided within {flown.undecided_at:.3g} {unit}"
-
-
-def search_checks(critic: Critic, exact: Solution, searched: Searched, limit: float) -> list[Check]:
+def search_checks(
+    critic: Critic,
+    exact: Solution,
+    at_origin: float,
+    largest: tuple[LargestError, ...],
+    limit: float,
+) -> list[Check]:
     """Return the checks of the errors that `search` found.
 
     limit: largest relative error that passes
     """
-    says = f"the slope of V at the origin is off by {searched.at_origin:.2g}"
+    says = f"the slope of V at the origin is off by {at_origin:.2g}"
     if critic.gradient is None:
         says = bias_text(critic, exact)
-    checks = [at_most("origin_error", searched.at_origin, limit, says, kind="error")]
-    for largest in searched.largest:
-        what = f"{_NOUNS[largest.name]} in the box"
-        checks.append(error_check(f"searched_{largest.name}_error", largest.error, limit, what))
+    checks = [at_most("origin_error", at_origin, limit, says, kind="error")]
+    for found in largest:
+        what = f"{_NOUNS[found.name]} in the box"
+        checks.append(error_check(f"searched_{found.name}_error", found.error, limit, what))
     return checks
 
 
@@ -247,50 +233,34 @@ def starts_of(critic: Critic) -> int:
     return STARTS_OF_WIDE if critic.is_wide else STARTS
 
 
-class Errors(NamedTuple):
-    """Errors of a critic (k,), as expressions of the state, and the kind of each."""
-
-    kinds: list[str]
-    expressions: ca.SX
-
-
-def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> Errors:
-    """Return the errors of a critic as expressions of the symbols z.
+def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple[list[str], ca.SX]:
+    """Return the kind of each error of a critic, and the errors as expressions of the symbols z.
 
     The kinds are "value", "gradient" and "policy", as far as the critic has them. Errors of V are
     relative to b'|P| b, an upper bound on the exact V in the box. Other errors are relative to the
     largest exact dV/dz_i or u_i in the box, bounded below (`floored`), those of u by the weights
     of the inputs. The constant of V is subtracted, because no policy depends on it.
     """
+    P, K = exact.P, exact.K
     weights = np.sqrt(np.diag(exact.suboptimality_weight))
-    sizes_of = {
-        "value": np.atleast_1d(b @ np.abs(exact.P) @ b),
-        "gradient": floored(2.0 * np.abs(exact.P) @ b),
-        "policy": floored(weights * (np.abs(exact.K) @ b)) / weights,
-    }
-    functions = {"value": critic.value, "gradient": critic.gradient, "policy": critic.policy}
-    kinds = []
-    errors = []
-    for kind, function in functions.items():
-        if function is None:
-            continue
-        constant = critic.constant if kind == "value" else 0.0
-        kinds += [kind] * len(sizes_of[kind])
-        error = function(z) - constant - quadratic_at(exact, kind, z)
-        errors.append(error / ca.DM(sizes_of[kind]))
-    return Errors(kinds, ca.vertcat(*errors))
+    of_policy = floored(weights * (np.abs(K) @ b)) / weights
+    table = (
+        ("value", critic.value, ca.bilin(ca.DM(P), z, z), np.atleast_1d(b @ np.abs(P) @ b)),
+        ("gradient", critic.gradient, 2.0 * ca.DM(P) @ z, floored(2.0 * np.abs(P) @ b)),
+        ("policy", critic.policy, -ca.DM(K) @ z, of_policy),
+    )
+    kinds, errors = [], []
+    for kind, function, right, sizes in table:
+        if function is not None:
+            constant = critic.constant if kind == "value" else 0.0
+            kinds += [kind] * len(sizes)
+            errors.append((function(z) - constant - right) / ca.DM(sizes))
+    return kinds, ca.vertcat(*errors)
 
 
-def quadratic_at(exact: Solution, kind: str, z: ca.SX) -> ca.SX:
-    """Return z'Pz ("value"), 2 P z ("gradient") or -K z ("policy") of an exact solution."""
-    if kind == "value":
-        return ca.bilin(ca.DM(exact.P), z, z)
-    if kind == "gradient":
-        return 2.0 * ca.DM(exact.P) @ z
-    return -ca.DM(exact.K) @ z
-
-
-def search(exact: Solution, critic: Critic, box: np.ndarray) -> Searched:
+def search(
+    exact: Solution, critic: Critic, box: np.ndarray
+) -> tuple[float, tuple[LargestError, ...]]:
     """Return the largest error at the origin, and the largest errors found in the box |z_i| <= b_i.
 
     The errors are computed at many states (`starts_of`). Each error is maximized by L-BFGS-B from
@@ -323,7 +293,7 @@ def search(exact: Solution, critic: Critic, box: np.ndarray) -> Searched:
         if name not in largest or sizes[worst] > largest[name].error:
             largest[name] = LargestError(name, float(sizes[worst]), states[worst])
     at_origin = float(_sizes(errors_at(np.zeros(len(box)))).max())
-    return Searched(at_origin, tuple(largest.values()))
+    return at_origin, tuple(largest.values())
 
 
 def _sizes(errors: ca.DM | np.ndarray) -> np.ndarray:
