@@ -6,12 +6,21 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from hfa_support.public_arguments import check_fields
+
 if TYPE_CHECKING:
     from hfa_support.reporting.rows import Row
 
 
+class _Declared:
+    """Base of what a model says about itself: its fields are of the kinds that they state."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
 @dataclass(frozen=True, eq=False)
-class About:
+class About(_Declared):
     """Texts and names of a model in reports, options and files.
 
     title: name in reports, or "" for the name of the model
@@ -64,7 +73,7 @@ class About:
 
 
 @dataclass(frozen=True, eq=False)
-class Domain:
+class Domain(_Declared):
     """States at which the equations of a model are valid, beside the limits of its signals.
 
     range: state, input or output -> (lowest, highest, source of this range). Values beyond the
@@ -99,7 +108,7 @@ class Domain:
 
 
 @dataclass(frozen=True, eq=False)
-class Trimming:
+class Trimming(_Declared):
     """What a model knows about its own trims.
 
     alternatives: groups of names, of which a trim imposes one, beside speed and airspeeds. Imposing
@@ -126,7 +135,7 @@ class Trimming:
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class Source(_Declared):
     """The file of a model, and how another process makes the model again.
 
     text: argument of --aircraft from which the model was loaded, or ""

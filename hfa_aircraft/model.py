@@ -109,8 +109,7 @@ class Model(Reported):
         for kind in ("steady", "linear"):
             names = _names(f"{self.name}: {kind}", getattr(self, kind))
             vars(self)[kind] = names or tuple(self.states)
-        for part in (self, self.domain, self.trimming, self.about, self.source):
-            check_fields(part)
+        check_fields(self)
         if not self.modes:
             vars(self)["modes"] = usual_modes(self.states)
         vars(self)["trim"] = dict(self.trim)
