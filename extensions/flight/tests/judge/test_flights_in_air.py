@@ -47,23 +47,6 @@ def test_flights_in_python_are_those_of_the_command(capsys):
     assert commanded["within_limits"] == 1
 
 
-def test_rms_of_many_flights_equals_that_of_each():
-    """The largest root mean squares are those of `fly` with the drawn scenario of each member."""
-    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
-    policy = stored_deployment("ppo_gtm")
-    ticks = hfa.Scenario(duration=0.5, tick=0.02, step=0.02, uncertainty=NOISE).on(model)
-    found = hfa.fly(model, point, policy, scenario=ticks, samples=2, seed=3).report().data
-    assert (found["members"], found["held"]) == (2, 2)
-    flights = [
-        hfa.fly(model, point, policy, scenario=ticks.drawn(3, member, point)) for member in range(2)
-    ]
-    for name, of in (("alpha", "rms_error"), ("elevator", "effort")):
-        # Deviations at each sample of 0.02 s but the end.
-        off = [(flight[name] - point[name])[: -1 : round(0.02 / flight.step)] for flight in flights]
-        largest = np.sqrt(np.mean(np.square(off), axis=1)).max()
-        assert found[of][name][-1] == pytest.approx(largest, rel=1e-5)
-
-
 def test_a_deployment_flies_behind_its_filter_and_is_assessed_without_it():
     """Its sensors are those of [filter], and `assess` names the command that flies behind it."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]

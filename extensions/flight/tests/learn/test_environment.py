@@ -35,21 +35,6 @@ def test_the_checker_of_gymnasium_passes():
     check_env(environment(aircraft(name), stored_deployment(name), trims(name)[:1]))
 
 
-def test_environments_accept_points_in_four_forms():
-    """The points of an environment may be given in four forms.
-
-    The forms are a list of operating points, one point, values of the scheduling variable, or None.
-    """
-    model, deployment = aircraft("ppo_gtm"), stored_deployment("ppo_gtm")
-    for points, speed in (
-        (trims("ppo_gtm")[2:3], 52.0), (trims("ppo_gtm")[2], 52.0), ([52.0], 52.0), (None, 45.0),
-    ):  # fmt: skip
-        env = environment(model, deployment, points)
-        _, info = env.reset(seed=1)
-        assert env.point["speed"] == pytest.approx(speed)
-        assert info["X"][0] == pytest.approx(speed, abs=env.start_box["speed"])
-
-
 def test_an_environment_needs_no_deployment():
     """Without a deployment, all linear states are observed and all inputs are actions.
 
@@ -119,8 +104,9 @@ def test_the_reward_is_the_negative_cost():
     assert (reward, terminated, truncated) == (pytest.approx(-paid, rel=SAME_FORMULA), False, False)
     edge = model.states["alpha"].max - 1e-3
     env.reset(options={"state": {"alpha": edge, "pitch_rate": 3.0}})
-    _, reward, terminated, _, _ = env.step(np.array([0.0]))
+    _, reward, terminated, _, info = env.step(np.array([0.0]))
     assert terminated
+    assert info["left"].startswith("alpha above ")
     farthest = {}
     for name in ("speed", "alpha"):
         signal = model.states[name]
@@ -176,26 +162,13 @@ def test_fly_and_environments_give_equal_flights():
 
 def test_actions_act_within_their_box():
     """An action beyond the box [-1, 1] has the effect of its nearer end, and costs as much."""
-    model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
-    env = environment(model, gtm_deployment({}, action=ACTION), points)
+    env = environment(aircraft("ppo_gtm"), gtm_deployment({}, action=ACTION), trims("ppo_gtm")[1])
     effects = {}
     for action in (-7.0, -1.0, 1.0, 7.0):
         env.reset(seed=1)
         _, reward, _, _, info = env.step(np.array([action]))
         effects[action] = [reward, *info["X"], *info["U"]]
     assert effects[-7.0] == effects[-1.0] != effects[1.0] == effects[7.0]
-
-
-@pytest.mark.parametrize("side", ["above", "below"])
-def test_the_limit_that_is_left_is_named(side):
-    model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
-    env = environment(model, gtm_deployment({}, action=ACTION), points)
-    limits = model.states["alpha"]
-    edge, rate = (limits.max - 1e-3, 3.0) if side == "above" else (limits.min + 1e-3, -3.0)
-    env.reset(options={"state": {"alpha": edge, "pitch_rate": rate}})
-    *_, terminated, _, info = env.step(np.array([0.0]))
-    assert terminated
-    assert info["left"].startswith(f"alpha {side} ")
 
 
 def test_a_limit_passed_between_two_samples_is_named():
@@ -255,8 +228,6 @@ def test_wrong_actions_and_steps_out_of_turn_are_refused():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"points": []}, "empty"),
-        ({"points": ["45"]}, "points contains"),
         ({"points": trims("ppo_hfa")}, "was trimmed with"),
         ({"dt": 0.05}, r"timing\.dt"),
         ({"R": [1.0]}, r"R cannot be combined with a deployment; change cost\.R"),

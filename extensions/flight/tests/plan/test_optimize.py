@@ -13,7 +13,6 @@ import hfa
 from hfa.main import main
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
-GTM = f"{EXAMPLES / 'gtm.py'}:GTM"
 PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 
 
@@ -126,22 +125,6 @@ def test_optimize_counts_and_summarizes_initial_conditions(folder, capsys):
         assert policy["median"] == pytest.approx(np.median(ratios))
         assert policy["worst"] == pytest.approx(max(ratios))
         assert min(ratios) >= 1.0
-
-
-@pytest.mark.slow
-def test_flights_order_two_policies_opposite_to_their_linear_costs():
-    """The late policy has the higher linear cost, and the lower cost of flights: the steady-state
-    error of the other one costs 0.001 a second.
-    """
-    model = hfa.load_model(GTM)
-    point = hfa.trim(model, at=48.0)
-    files = {name: str(EXAMPLES / "gtm_policy" / f"{name}.toml") for name in ("on_time", "late")}
-    told = {name: hfa.assess(model, file, [point], samples=1) for name, file in files.items()}
-    linear = {name: assessment.points[0].cost.worst for name, assessment in told.items()}
-    assert linear["on_time"] < linear["late"]
-    assert told["on_time"].points[0].costs.offset_rate == pytest.approx(0.001, rel=0.1)
-    flown = {name: assessment.points[0].costs.ratios.median for name, assessment in told.items()}
-    assert flown["on_time"] > flown["late"] > 1.0
 
 
 @pytest.mark.parametrize(

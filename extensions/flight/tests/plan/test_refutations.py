@@ -92,7 +92,7 @@ def test_initial_conditions_without_a_flight_count_in_the_share(folder, monkeypa
 def test_without_a_flight_of_either_the_start_is_refused(monkeypatch):
     """If IPOPT finds nothing (planted) and the saturated LQR leaves the limits, the start is refused.
 
-    The cart needs 18 m to stop, of which 5 m are left; test_best_flight.py asks IPOPT itself.
+    The cart needs 18 m to stop, of which 5 m are left.
     """
     monkeypatch.setattr(ca, "nlpsol", Failing)
     with pytest.raises(hfa.NoSolutionError, match="finds no flight within the limits"):
