@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -28,6 +27,7 @@ from hfa.options.games import deviation_signals, given_weights, reference_option
 from hfa.options.parser import option, refuse
 from hfa.options.plants import parameter_spread
 from hfa.options.trims import GivenTrim, given_trim
+from hfa_aircraft.batch_simulation import Cost
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform, stacked
@@ -57,7 +57,7 @@ from hfa_flight.policies.laws import LAWS
 from hfa_flight.policies.policy import GainPolicy, Policy, open_loop
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import flight_envelope
-from hfa_flight.simulate.flight import Flight, lengthened
+from hfa_flight.simulate.flight import Flight, lengthened, simulated
 from hfa_support.errors import BadInputError, refuse_unknown, warn
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Entries
@@ -133,18 +133,11 @@ class PlannedFlight(NamedTuple):
     tracking: feedback and feedforward of --reference, or None
     """
 
-    model: Model
     point: OperatingPoint
     policy: Policy
     scenario: Scenario
     envelope: Limits
     tracking: Tracking | None = None
-
-    def lengthened(self) -> PlannedFlight:
-        """Return the flight, longer if limit cycles of growing modes require it."""
-        plant = NonlinearPlant(with_errors(self.model, self.scenario), self.point)
-        loop = ClosedLoop(plant, self.policy, self.scenario)
-        return self._replace(scenario=lengthened(loop))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -218,7 +211,6 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
 def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
     """Return the outcome of a single flight."""
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
-    from hfa_flight.samples.fly import fly
     from trim.linear.linearize import linearize
 
     only_many = "applies only to --samples or --draws; remove this option"
@@ -229,37 +221,31 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
             f"{file} is a store for the flights of --samples or --draws; add --samples N"
         )
     _refuse_contradictions(request)
-    planned = _planned(request, given, trimmed(given))
-    model, point = planned.model, planned.point
-    if request.duration is None:
-        planned = planned.lengthened()
-    if given.at is None and model.about.names_schedule:
-        warn(f"no --{model.schedule} is given: the flight is {point.at_scheduled}")
-    # With scheduled gains, the linear model at the first trim does not apply to other trims.
-    predict = not isinstance(planned.policy, ScheduledGainPolicy)
+    point, policy, scenario, envelope, tracking = _planned(request, given, trimmed(given))
+    model = point.model
     weights = None
     plans = request.kind in LAWS
     if plans or request.Q is not None or request.R is not None or request.sizes:
         game = weighted_game(given_weights(request, model), linearize(model, point)).game
-        weights = (game.Q, game.R)
-    flight_of = partial(
-        fly,
-        model,
-        point,
-        scenario=planned.scenario,
-        envelope=planned.envelope,
-        predict=predict,
-        weights=weights,
-        progress=ProgressLine("simulate"),
-    )
-    result = flight_of(planned.policy)
+        weights = Cost(game.Q, game.R)
+    plant = NonlinearPlant(with_errors(model, scenario), point)
+    loop = ClosedLoop(plant, policy, scenario, weights)
+    if request.duration is None:
+        loop = replace(loop, scenario=lengthened(loop))
+    if given.at is None and model.about.names_schedule:
+        warn(f"no --{model.schedule} is given: the flight is {point.at_scheduled}")
+    # With scheduled gains, the linear model at the first trim does not apply to other trims.
+    predict = not isinstance(policy, ScheduledGainPolicy)
+    progress = ProgressLine("simulate")
+    result = simulated(loop, envelope, predict=predict, progress=progress)
     report = result.report()
     if plans:
         first, *rest = report.title.split("\n")
         report = replace(report, title="\n".join([f"{first}; {_end_of(result)}", *rest]))
-    if planned.tracking is not None:
-        without_feedforward = flight_of(GainPolicy(planned.policy.name, planned.tracking.K))
-        report = with_tracking(report, planned.tracking, result, without_feedforward)
+    if tracking is not None:
+        loop = replace(loop, policy=GainPolicy(policy.name, tracking.K))
+        without_feedforward = simulated(loop, envelope, predict=predict, progress=progress)
+        report = with_tracking(report, tracking, result, without_feedforward)
     return Outcome(
         report=report,
         ok=result.ok,
@@ -283,7 +269,7 @@ def _smallest_gusts(request: FlyRequest, given: GivenTrim, asked: SmallestGust) 
     check_policy(request)  # without a cost of the flight, --Q and --R are those of the policy alone
     planned = _planned(request, given, trimmed(given))
     gusts = smallest_gusts(
-        planned.model,
+        given.model,
         planned.point,
         planned.policy,
         asked.lengths,
@@ -343,7 +329,7 @@ def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> Pl
     if request.members is None:
         scenario = scenario.drawn(request.seed, 0, point)
     envelope = flight_envelope(given.model, point, limits)
-    return PlannedFlight(given.model, point, policy, scenario, envelope, tracking)
+    return PlannedFlight(point, policy, scenario, envelope, tracking)
 
 
 class _Steering(NamedTuple):
@@ -415,11 +401,11 @@ def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome
     if request.draws is not None:
         held = given.hold if given.at is None else (*given.hold, given.model.schedule)
         spread = parameter_spread(request, given.common.model, held)
-    model, point, policy, scenario, envelope, _ = _planned(request, given, trimmed(given))
+    point, policy, scenario, envelope, _ = _planned(request, given, trimmed(given))
     plan = MonteCarlo(
         members,
         request.seed,
-        model,
+        point.model,
         point,
         policy,
         scenario,

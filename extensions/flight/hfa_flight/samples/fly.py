@@ -19,9 +19,8 @@ from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.samples.monte_carlo import MonteCarlo, run_monte_carlo
 from hfa_flight.samples.report import member_report
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.simulate.envelope import flight_envelope, refuse_start
-from hfa_flight.simulate.flight import Flight, fly_within, lengthened
-from hfa_flight.simulate.simulation import CompiledLoop
+from hfa_flight.simulate.envelope import flight_envelope
+from hfa_flight.simulate.flight import Flight, lengthened, simulated
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, refuse_unless_positive
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.progress import Progress
@@ -210,9 +209,7 @@ def fly(
     loop = ClosedLoop(plant, flown_policy, own_scenario, cost)
     if duration is None and scenario is None:
         loop = replace(loop, scenario=lengthened(loop))
-    result = fly_within(CompiledLoop(loop), limits, progress=progress or ProgressLine("fly"))
-    refuse_start(limits, result.deviations.limited[0] + point.x, own_scenario.moving_air)
-    return replace(result, predicts=predict and flown_policy.predicts)
+    return simulated(loop, limits, predict=predict, progress=progress or ProgressLine("fly"))
 
 
 def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:

@@ -40,6 +40,7 @@ from hfa_flight.simulate.envelope import (
     is_limited,
     limits_text,
     outside,
+    refuse_start,
     share_at_limits,
 )
 from hfa_flight.simulate.flight_figure import Curve, flight_figure, histories_of
@@ -105,6 +106,17 @@ def lengthened(loop: ClosedLoop) -> Scenario:
         f"rad/s): the flight takes {needed:g} s in place of {scenario.duration:g} s"
     )
     return replace(scenario, duration=round(needed / scenario.tick) * scenario.tick)
+
+
+def simulated(loop: ClosedLoop, envelope: Limits, *, predict: bool, progress: Progress) -> Flight:
+    """Return the flight of a nonlinear loop, which must begin inside the envelope.
+
+    predict: whether the flight is compared with that of the linear model, if the policy permits it
+    """
+    flight = fly_within(CompiledLoop(loop), envelope, progress=progress)
+    start = flight.deviations.limited[0] + flight.point.x
+    refuse_start(envelope, start, loop.scenario.moving_air)
+    return replace(flight, predicts=predict and loop.policy.predicts)
 
 
 def fly_within(
