@@ -98,7 +98,7 @@ def _of_conditions(request: LinearizeRequest, given: TrimInput) -> Outcome:
     )
     source = given.source(given.condition, {})
     origin = provenance(request, source).to_dict()
-    report = book.report()
+    report = book.summary
     return Outcome(
         report=replace(report, notes=()),
         source=source,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
 from pathlib import Path
@@ -19,7 +19,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, imported, refuse_
 from hfa_support.files import write_text
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result, Stack, json_text, save_data, storable
+from hfa_support.reporting.results import Entries, Result, Stack, json_text, save_data, storable
 from hfa_support.reporting.rows import with_names
 from hfa_support.reporting.text import Table, eigenvalue_text, shown_values, with_shown_unit
 from trim.linear.linear_model import MATRICES, OFFSETS, LinearModel
@@ -145,7 +145,7 @@ class Conditions(StatesAndInputs, Result, Reported):
         """Mode -> its worst level by MIL-F-8785C at each condition: 4 for none of the three, None
         without a limit. The class is the usual one, and the category B.
         """
-        return tuple({} if point is None else _levels(point) for point in self.points)
+        return tuple({} if linear is None else _levels(linear) for linear in self.linear)
 
     @property
     def warnings(self) -> list[str]:
@@ -220,11 +220,11 @@ class Conditions(StatesAndInputs, Result, Reported):
         """Return a report with the status and the eigenvalues of the modes of each condition, and
         the reason of each that has no trim.
         """
-        return self._report
+        return replace(self.summary, records=self.records())
 
     @cached_property
-    def _report(self) -> Report:
-        """The report, which is printed and whose data are written."""
+    def summary(self) -> Report:
+        """The report without records. Its data are computed when they are read."""
         reasons = dict(zip(self.names, self.reasons, strict=True))
         failed = [f"{name}: {reason}" for name, reason in reasons.items() if reason]
         words = [f"linear models of {len(self) - len(failed)} of {len(self)} conditions"]
@@ -234,8 +234,7 @@ class Conditions(StatesAndInputs, Result, Reported):
         return Report(
             title=f"{self.model.title}: {', '.join(words)}",
             parts=(self._mode_table(), *failed),
-            data=storable(self),
-            records=self.records(),
+            data=Entries(self),
             notes=self.warnings,
             failure=f"{len(failed)} of {len(self)} conditions have no trim" if failed else "",
         )
@@ -370,7 +369,8 @@ class Conditions(StatesAndInputs, Result, Reported):
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
             save_data(path, storable(head) | arrays | origin, Table((), ()))
         else:
-            self.report().with_data(origin).save(path)
+            report = self.report() if suffix == ".csv" else self.summary
+            report.with_data(origin).save(path)
 
     def _file(self, row: int) -> dict[str, Any]:
         """Return the content of the file of a condition: a linear model, nan without a trim."""
@@ -399,11 +399,14 @@ def _stacked(
     return arrays
 
 
-def _levels(point: OperatingPoint) -> dict[str, int | None]:
+def _levels(linear: LinearModel) -> dict[str, int | None]:
     """Return mode -> the worst level of its qualities, or None if the standard has no limit."""
+    trimmed = Trimmed(linear.point)
+    if trimmed.coherent is linear.point and linear.states == linear.model.linear:
+        trimmed.modes = linear.modes  # those of the same A
     return {
         mode.name: max((row.level for row in qualities if row.level is not None), default=None)
-        for mode, qualities in graded_modes(Trimmed(point), DEFAULT_AIRPLANE)
+        for mode, qualities in graded_modes(trimmed, DEFAULT_AIRPLANE)
     }
 
 
