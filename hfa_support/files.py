@@ -8,6 +8,7 @@ import json
 import math
 import os
 import re
+import shutil
 import stat
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -78,27 +79,47 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
     if target.exists() and not target.is_file():
         raise BadInputError(f"{target} is not a regular file; name another file")
     refuse_read(target)
-    temporary = target.with_name(f".hfa-{os.urandom(8).hex()}")
-    try:
-        stream = temporary.open("xb")
-    except OSError as error:
-        raise BadInputError(
-            f"cannot write {target}: {error.strerror}; choose a writable folder"
-        ) from error
-    try:
-        with stream:
+    with _moved_whole(target) as temporary:
+        with temporary.open("xb") as stream:
             yield stream
         if target.exists():
             temporary.chmod(stat.S_IMODE(target.stat().st_mode))
+
+
+@contextmanager
+def folder_written_whole(path: str | Path) -> Iterator[Path]:
+    """Yield a new folder that becomes the folder `path` if the `with` block ends without an error.
+
+    Raises BadInputError if `path` is a folder with files, or if it cannot be written.
+    """
+    target = Path(path)
+    if target.exists() and any(target.iterdir()):
+        raise BadInputError(f"{target} has files; delete it, or choose another name")
+    with _moved_whole(target) as temporary:
+        temporary.mkdir()
+        yield temporary
+        if target.exists():
+            target.rmdir()
+
+
+@contextmanager
+def _moved_whole(target: Path) -> Iterator[Path]:
+    """Yield a path beside a file or folder, which takes its place after the `with` block."""
+    temporary = target.with_name(f".hfa-{os.urandom(8).hex()}")
+    try:
+        yield temporary
         temporary.replace(target)
     except OSError as error:
         own_names = (str(target), str(temporary))
         if error.filename is not None and str(error.filename) not in own_names:
             raise  # an error of another file, in the `with` block
+        which = "another" if temporary.exists() else "a writable"
         raise BadInputError(
-            f"cannot write {target}: {error.strerror}; choose another folder"
+            f"cannot write {target}: {error.strerror}; choose {which} folder"
         ) from error
     finally:
+        if temporary.is_dir():
+            shutil.rmtree(temporary)
         temporary.unlink(missing_ok=True)
 
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from hfa.options.trims import GivenTrim, at_name
-from hfa_aircraft.model import Model
 from hfa_aircraft.recognition import recognized
 from hfa_support.errors import BadInputError, NoSolutionError, warn
 from hfa_support.reporting.text import shown_value
@@ -102,8 +101,9 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
         found = recognized(model.states)["speed"] if is_airspeed else name
         if is_rate:
             options.append(option)
-        elif not (
-            point._large_angles or _is_printed_alike(model, found, usual.get(name), point[found])
+        elif not point._large_angles and (  # advice need not free what is printed as by default
+            not isinstance(before := usual.get(name), float)
+            or model.describe(found, before) != model.describe(found, point[found])
         ):
             held = "".join(
                 f"--hold {weak_input}={shown_value(value, model.unit(weak_input))} "
@@ -160,18 +160,10 @@ def _weak_input(given: GivenTrim, failure: TrimError) -> dict[str, float]:
 
     The result is {} if none or several are at a limit.
     """
-    margins = failure.attempt.margins.values()
-    at_limits = [margin for margin in margins if margin.at_limit and margin.role == "free"]
-    is_balanced_beyond_limits = bool(failure.required)
-    if (
-        not is_balanced_beyond_limits
-        or len(at_limits) != 1
-        or at_limits[0].name not in given.model.inputs
-    ):
-        return {}
-    return {at_limits[0].name: at_limits[0].nearer_limit}
-
-
-def _is_printed_alike(model: Model, name: str, usual: object, value: float) -> bool:
-    """Return whether a value is printed as that of the default trim, which advice need not free."""
-    return isinstance(usual, float) and model.describe(name, usual) == model.describe(name, value)
+    at_limits = {
+        name: margin.nearer_limit
+        for name, margin in failure.attempt.margins.items()
+        if margin.at_limit and margin.role == "free"
+    }
+    is_one_input = len(at_limits) == 1 and {*at_limits} <= {*given.model.inputs}
+    return at_limits if failure.required and is_one_input else {}

@@ -204,12 +204,15 @@ def given_weights(request: WeightOptions, model: Model | None) -> dict[str, Any]
         raise BadInputError(f"--sizes and --{replaced[0]} both define weights; remove one of them")
     if model is None:
         return given | {"sizes": partial(_sizes_of_file, request.sizes)}
-    return given | {"sizes": each_of("--sizes", model, request.sizes, _size)}
-
-
-def _size(model: Model, name: str, text: str) -> float:
-    """Return the size typed for a state or an input of the linear model, in the model's units."""
-    return _positive(among((*model.linear, *model.inputs), model, name, text), text)
+    names = (*model.linear, *model.inputs)
+    return given | {
+        "sizes": each_of(
+            "--sizes",
+            model,
+            request.sizes,
+            lambda model, name, text: _positive(among(names, model, name, text), text),
+        )
+    }
 
 
 def _positive(size: float, text: str) -> float:
@@ -402,37 +405,31 @@ class NamedGame(Result):
         """
         try:
             yield
-        except ModeError:
-            raise
         except NoSolutionError as failure:
-            if self.has_time or not _is_solvable_in_steps(self.game):
+            if self.has_time or isinstance(failure, ModeError):
                 raise
+            from controller.riccati.gare import solve
+
+            try:
+                solve(replace(self.game, dt=True))
+            except NoSolutionError:
+                raise failure from None
             raise NoSolutionError(
                 f'{failure}; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'
             ) from failure
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
+        names = self.game.names
         return {
-            "plant": self.game.names.origin,
-            "states": self.game.names.states,
-            "inputs": self.game.names.inputs,
-            "state_units": self.game.names.state_units,
-            "input_units": self.game.names.input_units,
+            "plant": names.origin,
+            "states": names.states,
+            "inputs": names.inputs,
+            "state_units": names.state_units,
+            "input_units": names.input_units,
             "delta": self.game.delta,
             "warnings": self.warnings,
         } | without_empty(plant_provenance=dict(self.plant_provenance) or None)
-
-
-def _is_solvable_in_steps(game: Game) -> bool:
-    """Return whether the game x⁺ = A x + B u has a solution."""
-    from controller.riccati.gare import solve
-
-    try:
-        solve(replace(game, dt=True))
-    except NoSolutionError:
-        return False
-    return True
 
 
 def _signal(model: Model, name: str, text: str) -> Waveform:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -13,7 +13,6 @@ from hfa.options.argument_types import Range, array_of
 from hfa.options.conditions import ListedCondition
 from hfa.options.parser import option
 from hfa.options.trims import SeveralTrims, TrimInput
-from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import TrimCondition
 
@@ -48,14 +47,6 @@ class GivenPoints(NamedTuple):
     axes: Mapping[str, Range]
     listed: bool
 
-    @property
-    def size(self) -> int:
-        """Number of points."""
-        if self.trims.rows:
-            return len(self.trims.rows)
-        lengths = [len(values) for values in self.axes.values()]
-        return lengths[0] if self.listed else math.prod(lengths)
-
     def condition(self) -> TrimCondition:
         """Return the condition of all points, without the values of the axes.
 
@@ -76,14 +67,15 @@ class GivenPoints(NamedTuple):
 
         Raises BadInputError for more than `most` points.
         """
-        if self.size > most:
-            raise BadInputError(f"{self.size:,} points are asked for (maximum {most}); give fewer")
-        if self.trims.rows:
-            yield from self.trims.rows
+        rows = self.trims.rows
+        size = len(rows) if rows else math.prod(len(values) for values in self.axes.values())
+        if size > most:
+            raise BadInputError(f"{size:,} points are asked for (maximum {most}); give fewer")
+        if rows:
+            yield from rows
             return
         columns = [array_of(name, values, most).tolist() for name, values in self.axes.items()]
-        points = zip(*columns, strict=True) if self.listed else product(*columns)
-        for point in points:
+        for point in product(*columns):
             values = {**self.constants, **dict(zip(self.axes, point, strict=True))}
             yield ListedCondition("", values, (), {})
 
@@ -95,51 +87,32 @@ def given_points(request: PointOptions, given: TrimInput) -> GivenPoints:
 
     Raises BadInputError for a variable that two of them give, and as `conditions` does.
     """
-    schedule = given.model.schedule
-    of_options = given.hold if given.at is None else {schedule: given.at, **given.hold}
-    for row in given.rows:
+    model, rows = given.model, given.rows
+    of_options = given.hold if given.at is None else {model.schedule: given.at, **given.hold}
+    for row in rows:
         given.for_row(row)  # raises where an option gives the same variable
     several = [name for name, values in of_options.items() if len(values) > 1]
-    if given.rows and several:
+    if rows and several:
         raise BadInputError(
             f"give {several[0]} either as a column of {request.conditions} or by an option with "
             "one value"
         )
     constants = {name: values[0] for name, values in given.hold.items() if len(values) == 1}
-    columns = _columns(given.rows)
-    if given.rows and not columns:
+    names = [*rows[0].values] if rows else []
+    is_mixed = any(row.free or row.limits or {*row.values} != {*names} for row in rows)
+    if rows and (is_mixed or not names):
         if given.at is not None:
-            constants[schedule] = given.at[0]
+            constants[model.schedule] = given.at[0]
         return GivenPoints(given, constants, {}, listed=True)
-    axis_names = _axis_names(given.model, {*of_options, *columns} - {*constants})
+    columns = {name: tuple(row.values[name] for row in rows) for name in names}
+    swept = {*of_options, *columns} - {*constants}
+    # A speed in the condition of all points would silently give way to a swept Mach number.
+    alternatives = {name for group in model.alternatives if swept & {*group} for name in group}
+    # A condition of all points does not contain parameters.
+    axis_names = {*swept, *alternatives, *model.parameters}
     axes = {name: values for name, values in of_options.items() if name in axis_names}
-    if not columns:
+    if not rows:
         single_first = dict(sorted(axes.items(), key=lambda axis: len(axis[1]) > 1))
         return GivenPoints(given, constants, single_first, listed=False)
-    repeated = {name: (values[0],) * len(given.rows) for name, values in axes.items()}
+    repeated = {name: (values[0],) * len(rows) for name, values in axes.items()}
     return GivenPoints(given, constants, columns | repeated, listed=True)
-
-
-def _axis_names(model: Model, swept: set[str]) -> set[str]:
-    """Return the names whose values are axes, also values that are the same at all points.
-
-    Axes are what is swept, the parameters, which a condition of all points does not contain, and
-    alternatives to what is swept: a speed in the condition of all points would silently give way to
-    a swept Mach number.
-    """
-    alternatives = {
-        name for group in model.alternatives if swept.intersection(group) for name in group
-    }
-    return {*swept, *alternatives, *model.parameters}
-
-
-def _columns(rows: Sequence[ListedCondition]) -> dict[str, Range]:
-    """Return name -> value of each condition, or {} unless all conditions hold the same names, and
-    have neither free variables nor limits.
-    """
-    if not rows or any(row.free or row.limits for row in rows):
-        return {}
-    names = [*rows[0].values]
-    if any({*row.values} != {*names} for row in rows):
-        return {}
-    return {name: tuple(row.values[name] for row in rows) for name in names}

@@ -14,6 +14,7 @@ from game_files import small, stored
 from project import ROOT
 
 import hfa
+from hfa_support.files import folder_written_whole
 
 pytestmark = pytest.mark.usefixtures("folder")
 AT_15 = "--dihedral 15"
@@ -171,6 +172,14 @@ def test_an_interrupted_write_keeps_the_old_file(monkeypatch):
             hfa.solve(game).save("kept.npz")
     assert Path("kept.npz").read_bytes() == before
     assert [entry.name for entry in Path().iterdir()] == ["kept.npz"]
+
+
+def test_an_interrupted_folder_is_not_written():
+    writing = folder_written_whole("models")
+    (writing.__enter__() / "a.json").write_text("half")
+    with pytest.raises(KeyboardInterrupt):
+        writing.gen.throw(KeyboardInterrupt())
+    assert os.listdir() == []
 
 
 def test_a_replaced_file_keeps_its_permissions():

@@ -13,6 +13,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import (
     WIDTH,
     Cell,
@@ -132,6 +133,11 @@ class Condition(NamedTuple):
         """Result of the trim: "trimmed", "stalled", "with a warning" or "no trim"."""
         return result_of(self.report.sheet)
 
+    @property
+    def rows(self) -> dict[str, Row]:
+        """Rows of the sheet by name."""
+        return {row.name: row for row in self.report.sheet}
+
 
 def book_of(
     overview: Report, conditions: Sequence[Condition], model: Model, head: Mapping[str, str]
@@ -143,50 +149,41 @@ def book_of(
     model: the aircraft as loaded
     head: further entries of the cover, label -> text
     """
-    count = len(conditions)
-    conditions = [
-        _numbered(number, count, condition) for number, condition in enumerate(conditions, start=1)
-    ]
-    sheets = [condition.report for condition in conditions if condition.point is not None]
-    name = subject(model)
-    loaded = [
-        {} if condition.point is None else Trimmed(condition.point).configuration
-        for condition in conditions
-    ]
+    count, name = len(conditions), subject(model)
+    numbered = []
+    loaded: list[Mapping[str, Quantity]] = []
+    for number, condition in enumerate(conditions, start=1):
+        report, point = condition.report, condition.point
+        if point is not None:
+            title = f"{number} of {count}, {report.title}"
+            report = replace(report, title=title, anchor=f"condition-{number}")
+        numbered.append(condition._replace(report=report))
+        loaded.append({} if point is None else Trimmed(point).configuration)
+    sheets = [condition.report for condition in numbered if condition.point is not None]
     drawn = partial(matrix_figure, conditions)
     figure = Picture("conditions.png", f"{name} at {count} conditions", drawn)
     has_curves = bool(_panels(conditions))
     return replace(
         overview,
         title=f"{name}, {count} conditions\n{overview.title}",
-        parts=[_matrix(conditions, loaded), *([figure] if has_curves else []), *sheets],
-        head={
-            "aircraft": name,
-            **head,
-            **_loading(conditions, loaded),
-            **_standards(conditions, model),
-            **_not_trimmed(conditions),
-        },
+        parts=[_matrix(numbered, loaded), *([figure] if has_curves else []), *sheets],
+        head={"aircraft": name, **head, **_cover(conditions, loaded, model)},
     )
 
 
-def _numbered(number: int, count: int, condition: Condition) -> Condition:
-    """Return a condition whose report has its number in the title, and a key for links."""
-    if condition.point is None:
-        return condition
-    report = condition.report
-    title = f"{number} of {count}, {report.title}"
-    return condition._replace(report=replace(report, title=title, anchor=f"condition-{number}"))
+def _called(conditions: Sequence[Condition]) -> list[str]:
+    """Return number and name of each condition."""
+    return [f"{number} {condition.name}".rstrip() for number, condition in enumerate(conditions, 1)]
 
 
 # The cover
 
 
-def _loading(
-    conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]]
+def _cover(
+    conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]], model: Model
 ) -> dict[str, str]:
-    """Return label -> text of the mass and the center of gravity: as the aircraft was loaded, and
-    over the conditions.
+    """Return label -> text of mass and center of gravity, of the class and category of the levels,
+    of the atmosphere, and of the conditions that are not plainly trimmed, by their result.
 
     loaded: configuration of each condition, {} without a trim
     """
@@ -199,7 +196,18 @@ def _loading(
         ]
         if known:
             texts[label] = _loading_text(name, known)
-    return texts
+    for name in ("airplane class", "flight phase category"):
+        rows = [condition.rows[name] for condition in conditions if name in condition.rows]
+        if rows:
+            noted = (f"{row.value} ({row.note})".removesuffix(" ()") for row in rows)
+            texts[name] = "; ".join(dict.fromkeys(noted))
+    if model.about.atmosphere:
+        texts["atmosphere"] = model.about.atmosphere
+    named: dict[str, list[str]] = {}
+    for called, condition in zip(_called(conditions), conditions, strict=True):
+        if condition.result != TRIMMED:
+            named.setdefault(condition.result, []).append(called)
+    return texts | {result: ", ".join(names) for result, names in named.items()}
 
 
 def _loading_text(name: str, known: Sequence[tuple[OperatingPoint, Quantity]]) -> str:
@@ -213,46 +221,14 @@ def _loading_text(name: str, known: Sequence[tuple[OperatingPoint, Quantity]]) -
     lowest, highest = (short_number(end, unit, 6) for end in (min(values), max(values)))
     range_text = lowest if lowest == highest else f"{lowest} to {highest}"
     in_conditions = f"{beside_unit(range_text, unit)} in the conditions"
+    parameter = PARAMETER_OF_ENTRY.get(name, name)
     for point, entry in known:
-        loaded = _as_loaded(point, name, entry.value)
-        if loaded is not None:
-            loaded_text = short_number(loaded, unit, 6)
+        changed = point.model.changed
+        if parameter in changed or parameter in point.model.parameters or not changed:
+            loaded_text = short_number(changed.get(parameter, entry.value), unit, 6)
             as_loaded = f"{beside_unit(loaded_text, unit)} as loaded"
             return as_loaded if loaded_text == range_text else f"{as_loaded}; {in_conditions}"
     return in_conditions
-
-
-def _as_loaded(point: OperatingPoint, name: str, value: float) -> float | None:
-    """Return an entry of the configuration as the aircraft was loaded, or None where it is unknown
-    because it may depend on a changed parameter.
-
-    value: the entry at the point
-    """
-    changed = point.model.changed
-    parameter = PARAMETER_OF_ENTRY.get(name, name)
-    if parameter in changed:
-        return changed[parameter]
-    return value if parameter in point.model.parameters or not changed else None
-
-
-def _standards(conditions: Sequence[Condition], model: Model) -> dict[str, str]:
-    """Return label -> text of the class and category of the levels, and of the atmosphere."""
-    texts: dict[str, dict[str, None]] = {}  # label -> texts, each once
-    for row in (row for condition in conditions for row in condition.report.sheet):
-        if row.name in ("airplane class", "flight phase category"):
-            note = f" ({row.note})" if row.note else ""
-            texts.setdefault(row.name, {})[f"{row.value}{note}"] = None
-    atmosphere = {"atmosphere": model.about.atmosphere} if model.about.atmosphere else {}
-    return {label: "; ".join(standards) for label, standards in texts.items()} | atmosphere
-
-
-def _not_trimmed(conditions: Sequence[Condition]) -> dict[str, str]:
-    """Return result -> conditions with this result, of those that are not plainly trimmed."""
-    named: dict[str, list[str]] = {}
-    for number, condition in enumerate(conditions, start=1):
-        if condition.result != TRIMMED:
-            named.setdefault(condition.result, []).append(f"{number} {condition.name}".rstrip())
-    return {result: ", ".join(names) for result, names in named.items()}
 
 
 # The matrix
@@ -299,15 +275,13 @@ def _column(cells: Sequence[Any]) -> list[str]:
 def _used_controls(conditions: Sequence[Condition]) -> list[str]:
     """Return the inputs that are not 0 in some condition."""
     points = [condition.point for condition in conditions if condition.point is not None]
-    if not points:
-        return []
-
-    def is_used(name: str) -> bool:
-        """Return whether an input is not 0 in some condition."""
-        margins = [point.margins[name] for point in points]
-        return not all(is_zero(margin.value, margin.scale) for margin in margins)
-
-    return [*filter(is_used, points[0].model.inputs)]
+    used = {
+        margin.name
+        for point in points
+        for margin in point.margins.values()
+        if not is_zero(margin.value, margin.scale)
+    }
+    return [name for point in points[:1] for name in point.model.inputs if name in used]
 
 
 def _matrix(
@@ -321,17 +295,21 @@ def _matrix(
     set_names = _configuration_names(conditions, loaded)
     entries: list[dict[str, Any]] = []
     notes = []
-    for number, condition in enumerate(conditions, start=1):
-        called = f"{number} {condition.name}".rstrip()
+    for called, condition, configuration in zip(
+        _called(conditions), conditions, loaded, strict=True
+    ):
+        result = condition.result
         entries.append(
             {
-                **_name_cells(condition, called),
-                **_configuration_cells(condition.point, loaded[number - 1], set_names),
+                "condition": Cell(called, link=condition.report.anchor),
+                "flight": condition.report.head.get("condition", ""),
+                RESULTS: Cell(result, "" if result == TRIMMED else "bad"),
+                **_configuration_cells(condition.point, configuration, set_names),
                 **_figure_cells(condition, controls),
             }
         )
-        values = {row.name: str(row.value) for row in condition.report.sheet}
-        sentences = [values[name] for name in _SAID if name in values]
+        rows = condition.rows
+        sentences = [str(rows[name].value) for name in _SAID if name in rows]
         if sentences:
             notes.append(f"{called}: {'; '.join(sentences)}")
     header = tuple(dict.fromkeys(name for entry in entries for name in entry))
@@ -375,18 +353,6 @@ def _configuration_cells(
     return cells
 
 
-def _name_cells(condition: Condition, called: str) -> dict[str, str]:
-    """Return the cells with the name, the flight and the result of a condition, by heading."""
-    tone = "" if condition.result == TRIMMED else "bad"
-    flight = condition.report.head.get("condition", "")
-    link = condition.report.anchor
-    return {
-        "condition": Cell(called, link=link),
-        "flight": flight,
-        RESULTS: Cell(condition.result, tone),
-    }
-
-
 def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, Any]:
     """Return the cells with alpha, the controls, and key figures of a trim, by heading."""
     point = condition.point
@@ -402,10 +368,8 @@ def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, An
         cells[with_shown_unit(name, margin.unit)] = _Number(
             margin.value, margin.unit, 100.0 * margin.used, "bad" if margin.at_limit else ""
         )
-    rows = {row.name: row for row in condition.report.sheet}
     for heading, name in _KEY_FIGURES.items():
-        if name in rows:
-            row = rows[name]
+        if row := condition.rows.get(name):
             if name == "worst level":
                 tone = "bad" if row.value != 1 else ""
                 cells[heading] = Cell(f"{row.value} {row.note}".rstrip(), tone)
@@ -445,11 +409,7 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
         axes.grid(axis="y", linewidth=0.4)
         if len(lines) > 1:
             axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    names = [
-        f"{number} {condition.name}".rstrip()
-        for number, condition in enumerate(conditions, start=1)
-    ]
-    all_axes[-1].set_xticks(range(count), names, rotation=90, fontsize=8)
+    all_axes[-1].set_xticks(range(count), _called(conditions), rotation=90, fontsize=8)
     all_axes[-1].set_xlim(-0.5, count - 0.5)
     return figure
 
@@ -476,18 +436,16 @@ def _panels(conditions: Sequence[Condition]) -> dict[str, dict[str, list[float]]
         ]
         for control in _used_controls(conditions)
     }
-    panels["static margin, chord"] = {"static margin": [*map(_static_margin, conditions)]}
+    margins = [
+        math.nan
+        if condition.point is None or "static margin" not in condition.rows
+        else float(condition.rows["static margin"])
+        for condition in conditions
+    ]
+    panels["static margin, chord"] = {"static margin": margins}
     drawn = {}
     for label, lines in panels.items():
         known = {name: line for name, line in lines.items() if not all(map(math.isnan, line))}
         if known:
             drawn[label] = known
     return drawn
-
-
-def _static_margin(condition: Condition) -> float:
-    """Return the static margin of a trim, or nan."""
-    rows = {row.name: row for row in condition.report.sheet}
-    if condition.point is None or "static margin" not in rows:
-        return math.nan
-    return float(rows["static margin"].value)

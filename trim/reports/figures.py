@@ -121,27 +121,23 @@ def unbalanced_rates(trimmed: Trimmed) -> Iterator[Row]:
 def distances_from_the_table(trimmed: Trimmed) -> Iterator[Row]:
     """Yield the difference of each value from that for which a table's derivatives are."""
     model = trimmed.point.model
+    same = same_as_the_table(trimmed)
     for name, stated in model.domain.reference.items():
         unit = model.unit(name)
         text = digits_with_unit(stated, unit, 4) if math.isfinite(stated) else "unknown"
         difference = trimmed.point[name] - stated
-        is_same = _is_as_in_the_table(trimmed, name)
+        is_same = name in same
         yield Row(f"{name} from the table's", difference, unit, f"table: {text}", rare=is_same)
 
 
 def same_as_the_table(trimmed: Trimmed) -> list[str]:
-    """Return a list with a sentence on the values that are those of a table's derivatives."""
-    reference = trimmed.point.model.domain.reference
-    same = [name for name in reference if _is_as_in_the_table(trimmed, name)]
-    return [f"condition of the derivatives: {', '.join(same)} as in the table"] if same else []
-
-
-def _is_as_in_the_table(trimmed: Trimmed, name: str) -> bool:
-    """Return whether a value is that of a table's derivatives, up to `NEAR`."""
-    model = trimmed.point.model
-    stated = model.domain.reference[name]
-    difference = abs(trimmed.point[name] - stated)
-    return difference <= NEAR * (model.signal(name).nominal + abs(stated))
+    """Return the names whose values are those of a table's derivatives, up to `NEAR`."""
+    model, point = trimmed.point.model, trimmed.point
+    return [
+        name
+        for name, stated in model.domain.reference.items()
+        if abs(point[name] - stated) <= NEAR * (model.signal(name).nominal + abs(stated))
+    ]
 
 
 def validity_rows(trimmed: Trimmed) -> Iterator[Row]:

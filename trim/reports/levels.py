@@ -119,7 +119,7 @@ def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
     graded_rows = []
     for row in rows:
         if row.name == "spiral time to half":  # a stable spiral never doubles
-            level, note = 1, f"level 1: stable ({rules['spiral time to double'].paragraph})"
+            level, note = 1, f"level 1: stable ({rules['spiral time to double'][0]})"
         elif row.name in rules:
             paragraph, limits = rules[row.name]
             level = level_of(float(row), limits)
@@ -146,11 +146,8 @@ def level_of(value: float, limits: Limits) -> int:
     return NO_LEVEL
 
 
-class _Rule(NamedTuple):
-    """Paragraph of the standard on a quality, and its limits."""
-
-    paragraph: str
-    limits: Limits
+#: Paragraph of the standard on a quality, and its limits.
+_Rule: TypeAlias = tuple[str, Limits]
 
 
 def _rules(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, _Rule]:
@@ -164,28 +161,28 @@ def _rules(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, _Rul
     cap_1, cap_2 = {"A": (0.28, 0.16), "B": (0.085, 0.038), "C": (0.16, 0.096)}[category]
     damping = [Span(0.3, 2.0) if is_b else Span(0.35, 1.3), Span(0.2 if is_b else 0.25, 2.0)]
     phugoid = -math.log(2.0) / (55.0 * qualities.get("phugoid frequency", math.inf))
-    coupled = _Rule("3.3.1.4", _least(*[math.inf] * 3 if category == "A" else (0.5, 0.3, 0.15)))
-    rules = {
-        "short period damping": _Rule("3.2.2.1.2", [*damping, Span(0.15)]),
-        "CAP": _Rule("3.2.2.1.1", [Span(cap_1, 3.6), Span(cap_2, 10.0), Span(cap_2)]),
-        "phugoid damping": _Rule("3.2.1.2", _least(0.04, 0.0, phugoid)),
-        "dutch roll damping": _Rule("3.3.1.1", _least(0.19 if category == "A" else 0.08, 0.02, 0)),
-        "dutch roll damping times frequency": _Rule("3.3.1.1", _products(airplane, qualities)),
-        "dutch roll frequency": _Rule("3.3.1.1", _least(1.0 if is_fast else 0.4, 0.4, 0.4)),
-        "roll time constant": _Rule(
+    coupled = ("3.3.1.4", _least(*[math.inf] * 3 if category == "A" else (0.5, 0.3, 0.15)))
+    rules: dict[str, _Rule] = {
+        "short period damping": ("3.2.2.1.2", [*damping, Span(0.15)]),
+        "CAP": ("3.2.2.1.1", [Span(cap_1, 3.6), Span(cap_2, 10.0), Span(cap_2)]),
+        "phugoid damping": ("3.2.1.2", _least(0.04, 0.0, phugoid)),
+        "dutch roll damping": ("3.3.1.1", _least(0.19 if category == "A" else 0.08, 0.02, 0)),
+        "dutch roll damping times frequency": ("3.3.1.1", _products(airplane, qualities)),
+        "dutch roll frequency": ("3.3.1.1", _least(1.0 if is_fast else 0.4, 0.4, 0.4)),
+        "roll time constant": (
             "3.3.1.2",
             [Span(most=tau) for tau in ((1.0, 1.4, 10.0) if is_fast else (1.4, 3.0, 10.0))],
         ),
-        "spiral time to double": _Rule("3.3.1.3", _least(20.0 if is_b else 12.0, 8.0, 4.0)),
+        "spiral time to double": ("3.3.1.3", _least(20.0 if is_b else 12.0, 8.0, 4.0)),
         f"roll {_COUPLED}": coupled,
         f"spiral {_COUPLED}": coupled,
     }
     frequencies = {"A": (1.0, 0.6, 0.0), "C": (0.87, 0.6, 0.0) if is_agile else (0.7, 0.4, 0.0)}
     if category in frequencies:
-        rules["short period frequency"] = _Rule("3.2.2.1.1", _least(*frequencies[category]))
+        rules["short period frequency"] = ("3.2.2.1.1", _least(*frequencies[category]))
     if category == "C":
         loads = (2.7, 1.8) if is_agile else (2.0, 1.0)
-        rules["n/alpha"] = _Rule("3.2.2.1.1", _least(*loads, -math.inf))
+        rules["n/alpha"] = ("3.2.2.1.1", _least(*loads, -math.inf))
     return rules
 
 

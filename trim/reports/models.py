@@ -15,8 +15,8 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
-from hfa_support.errors import BadInputError, NoSolutionError, imported, refuse_unknown
-from hfa_support.files import write_text
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
+from hfa_support.files import folder_written_whole, write_text
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Entries, Result, Stack, json_text, save_data, storable
@@ -291,9 +291,7 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a `pandas.DataFrame` of `records`, indexed by the names of the conditions."""
-        pandas = imported("pandas", "data frames require")
-        records = self.records()
-        return pandas.DataFrame(list(records.rows), columns=records.header).set_index(NAME)
+        return super().to_pandas().set_index(NAME)
 
     @cached_property
     def arrays(self) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
@@ -352,16 +350,16 @@ class Conditions(StatesAndInputs, Result, Reported):
         path = Path(path)
         suffix = path.suffix.lower()
         origin = {"provenance": dict(provenance)} if provenance else {}
-        if suffix in ("", STORE) and path.exists() and any(path.iterdir()):
-            raise BadInputError(f"{path} has files; delete it, or choose another name")
         if suffix == STORE:
             attributes = {name: json_text(entry) for name, entry in origin.items()}
-            self.to_xarray().assign_attrs(attributes).to_zarr(path)
+            with folder_written_whole(path) as folder:
+                self.to_xarray().assign_attrs(attributes).to_zarr(folder)
         elif not suffix:
-            path.mkdir(exist_ok=True)
-            for row, name in enumerate(self.names, start=1):
-                plain = re.sub(r"[^\w.-]+", "_", name)
-                write_text(path / f"{row:02}_{plain}.json", json_text(self._file(row - 1) | origin))
+            with folder_written_whole(path) as folder:
+                for row, name in enumerate(self.names):
+                    plain = re.sub(r"[^\w.-]+", "_", name)
+                    content = json_text(self._file(row) | origin)
+                    write_text(folder / f"{row + 1:02}_{plain}.json", content)
         elif suffix == ".npz":
             arrays = {name: array for name, (_, array) in self.arrays.items()}
             words = [name for name, array in arrays.items() if array.dtype == object]

@@ -201,11 +201,6 @@ def _distance_text(margin: Margin) -> str:
     return f"margin {distance}{share}"
 
 
-def named_nearest(limited: Sequence[Margin]) -> list[Margin]:
-    """Return the margins of the `_NEAREST` nearest limits, and of all limits that are reached."""
-    return [margin for index, margin in enumerate(limited) if index < _NEAREST or margin.at_limit]
-
-
 def result_of(sheet: Sheet) -> str:
     """Return the result of a trim by its sheet: one of the words of `trim.point.status`."""
     names = {row.name for row in sheet}
@@ -270,9 +265,11 @@ def sheet_of(point: OperatingPoint) -> Sheet:
 def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
     point = trimmed.point
+    same = ", ".join(same_as_the_table(trimmed))
+    table_lines = [f"condition of the derivatives: {same} as in the table"] if same else []
     has_assumed = any(margin.nearer and margin.assumed for margin in point.margins.values())
     groups: list[_Titled] = [
-        ("condition", [*flight_rows(trimmed), balance_row(point)], same_as_the_table(trimmed)),
+        ("condition", [*flight_rows(trimmed), balance_row(point)], table_lines),
         ("configuration", configuration_rows(trimmed), configuration_lines(trimmed)),
         (VARIABLES, variable_rows(trimmed), [ASSUMED] if has_assumed else []),
         ("limits", limit_rows(nearest_first(trimmed)), ()),
@@ -369,8 +366,8 @@ def title_with_controls(trimmed: Trimmed, rows: Iterable[Row]) -> str:
 
     rows: rows of the sheet
     """
-    controls = control_lines(trimmed, {row.name: row for row in rows}.get("L/D"))
-    return "\n".join(filter(None, [title_of(trimmed), controls]))
+    ratio = next((row for row in rows if row.name == "L/D"), None)
+    return f"{title_of(trimmed)}\n{control_lines(trimmed, ratio)}".rstrip()
 
 
 def _parts(trimmed: Trimmed, sheet: Sheet, *, full: bool) -> list[Any]:
@@ -392,7 +389,8 @@ def _parts(trimmed: Trimmed, sheet: Sheet, *, full: bool) -> list[Any]:
 def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
     """Return the entries of the file of a trim, name -> value."""
     point = trimmed.point
-    nearest = named_nearest(nearest_first(trimmed))
+    limited = nearest_first(trimmed)
+    nearest = [*limited[:_NEAREST], *(margin for margin in limited[_NEAREST:] if margin.at_limit)]
     return {
         "schema": "hfa.trim/1",
         "dynamics": point.dynamics,
