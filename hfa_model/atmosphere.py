@@ -35,8 +35,7 @@ def density(altitude: Quantity) -> Quantity:
     Raises BadInputError for a number outside this range. Source: U.S. Standard Atmosphere, 1976,
     Eqs. 18, 23, 33a, 33b, 42.
     """
-    geopotential = _geopotential(altitude)
-    kelvin = _temperature(geopotential)
+    geopotential, kelvin = _geopotential_and_temperature(altitude)
     above = ca.fmax(geopotential - _TROPOPAUSE, 0.0)
     exponent = STANDARD_GRAVITY / (_GAS_CONSTANT * _LAPSE_RATE)
     pressure = (
@@ -69,17 +68,14 @@ def speed_of_sound(altitude: Quantity) -> Quantity:
 
     Source: U.S. Standard Atmosphere, 1976, Eq. 50.
     """
-    return ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * _temperature(_geopotential(altitude))) / FOOT
+    _, kelvin = _geopotential_and_temperature(altitude)
+    return ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * kelvin) / FOOT
 
 
-def _geopotential(altitude: Quantity) -> Quantity:
-    """Return the geopotential altitude H = r h / (r + h), m, of a geometric altitude in ft."""
+def _geopotential_and_temperature(altitude: Quantity) -> tuple[Quantity, Quantity]:
+    """Return H = r h / (r + h), m, and T_0 - λ min(H, 11 km), K, at a geometric altitude in ft."""
     if not isinstance(altitude, (ca.SX, ca.MX)):
         refuse_beyond_the_atmosphere(altitude)
     height = altitude * FOOT
-    return EARTH_RADIUS * height / (EARTH_RADIUS + height)
-
-
-def _temperature(geopotential: Quantity) -> Quantity:
-    """Return the temperature T_0 - λ min(H, 11 km), K, for a geopotential altitude H in m."""
-    return _SEA_LEVEL_TEMPERATURE - _LAPSE_RATE * ca.fmin(geopotential, _TROPOPAUSE)
+    geopotential = EARTH_RADIUS * height / (EARTH_RADIUS + height)
+    return geopotential, _SEA_LEVEL_TEMPERATURE - _LAPSE_RATE * ca.fmin(geopotential, _TROPOPAUSE)

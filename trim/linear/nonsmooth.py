@@ -135,11 +135,11 @@ def near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> 
     p: (N, k), parameters
     """
     steps = difference_steps(model)
+    if _calls_functions(model.layout):
+        return NearSwitches(np.flatnonzero(np.isfinite(x).all(axis=1)), np.arange(len(steps)))
     switches = _switches(model.layout, steps)
     if switches is None:
-        if not _calls_functions(model.layout):
-            return _NOWHERE
-        return NearSwitches(np.flatnonzero(np.isfinite(x).all(axis=1)), np.arange(len(steps)))
+        return _NOWHERE
     distances, changes = switches(x, u, p)
     is_near = distances <= 0.0
     if not is_near.any():
@@ -185,9 +185,7 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
     """Return a function that shows how near points (x, u, p) are to each switch, or None."""
     # For each switch s, the function returns |s| - 2 Σ m, which is not positive near the switch,
     # and the changes m = |∂s/∂(x, u)| steps of s by a step of each state and input. The result is
-    # None if the equations have no switch, or if they call functions.
-    if _calls_functions(layout):
-        return None
+    # None if the equations have no switch.
     x, u, p = layout.symbols("x", "u", "p")
     switches = _switch_expressions(rates_of(layout), [x, u, p])
     if not switches:

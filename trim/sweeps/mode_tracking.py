@@ -72,8 +72,8 @@ def track_modes(
     paired = _paired(A, nominal, pairs)
     order = np.empty(paired.values.shape, dtype=int)  # number of the eigenvalue in each column
     order[0] = order_fastest_first(paired.values[0])
-    for link in _along_tree(pairs, paired):
-        order[link.point] = link.match[order[link.before]]
+    for before, point, match in _along_tree(pairs, paired):
+        order[point] = match[order[before]]
     return np.take_along_axis(paired.values, order, axis=1)
 
 
@@ -118,16 +118,8 @@ class _Paired(NamedTuple):
     gains: np.ndarray  # (M,), the sum that the pairing maximizes (`track_modes`)
 
 
-class _Link(NamedTuple):
-    """Link of a tree of points, from a point to the next one."""
-
-    before: int
-    point: int
-    match: np.ndarray  # (n,), index at the second point for each eigenvalue of the first one
-
-
-def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[_Link]:
-    """Yield the links of the tree of the most similar neighbors, from the first point on."""
+def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[tuple[int, int, np.ndarray]]:
+    """Yield a point, the next one in the tree of the most similar neighbors, and their pairing."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
@@ -145,7 +137,7 @@ def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[_Link]:
         match = paired.matches[pair_to[point]]
         if pairs[pair_to[point], 1] != point:  # the pair is stored in the other direction
             match = np.argsort(match)
-        yield _Link(int(predecessors[point]), point, match)
+        yield int(predecessors[point]), point, match
 
 
 def _paired(A: np.ndarray, nominal: np.ndarray, pairs: np.ndarray) -> _Paired:

@@ -103,10 +103,14 @@ def trim_points(
     refuse_other_units(condition, model)
     given_variables, given_values = variables, values
     model, variables, values, condition = _with_true_speed(model, variables, values, condition)
-    system = _system(model, condition, variables, start)
+    for name in variables:
+        model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
+    begin = None if start is None else start.values
+    system = TrimSystem(model, condition.freed_for(variables), variables, begin)
     kept = _kept_values(system, variables, values)
     if kept:
-        system = _system(model, release(condition, hold=kept), variables, start)
+        with_kept = release(condition, hold=kept).freed_for(variables)
+        system = TrimSystem(model, with_kept, variables, begin)
     points = _settled_together(system, variables, values)
     within = condition.limits_on(given_variables).within(given_values).all(axis=1)
     refused = ~within & (points.status == TRIMMED)  # `trim` says which value is beyond its limit
@@ -154,24 +158,15 @@ def _kept_values(
     return {}
 
 
-class _Imposed(NamedTuple):
-    """What the points impose: columns of values (N, v) of variables, and a common condition."""
-
-    model: Model
-    variables: tuple[str, ...]
-    values: np.ndarray
-    condition: TrimCondition
-
-
 def _with_true_speed(
     model: Model, variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
-) -> _Imposed:
+) -> tuple[Model, tuple[str, ...], np.ndarray, TrimCondition]:
     """Return what the points impose, with the speed, or an output, in place of an airspeed."""
     condition = condition.freed_for(variables)
     columns = dict(zip(variables, values.T, strict=True))
     given = {**condition.imposed, **columns}
     if model.airspeeds.keys().isdisjoint(given):
-        return _Imposed(model, variables, values, condition)
+        return model, variables, values, condition
     from hfa_aircraft.rigid.atmosphere import with_airspeed, with_speed
 
     model = with_airspeed(model, given)
@@ -179,13 +174,13 @@ def _with_true_speed(
     resolved = with_speed(model, given)
     added = set(resolved).difference(given)
     if not added:
-        return _Imposed(model, variables, values, condition)
+        return model, variables, values, condition
     columns = {name: column for name, column in columns.items() if name in resolved}
     for name in added:
         columns[name] = np.broadcast_to(resolved[name], len(values))
     imposed = {name: value for name, value in condition.imposed.items() if name in resolved}
     table = np.column_stack(list(columns.values()))
-    return _Imposed(model, tuple(columns), table, replace(condition, imposed=imposed))
+    return model, tuple(columns), table, replace(condition, imposed=imposed)
 
 
 def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:
@@ -218,19 +213,6 @@ def condition_at(
         if name in imposable
     }
     return condition.freed_for(hold).at(hold.get(condition.model.schedule), hold)
-
-
-def _system(
-    model: Model,
-    condition: TrimCondition,
-    variables: tuple[str, ...],
-    start: OperatingPoint | None,
-) -> TrimSystem:
-    """Return the equations of a trim at many points."""
-    for name in variables:
-        model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
-    begin = None if start is None else start.values
-    return TrimSystem(model, condition.freed_for(variables), variables, begin)
 
 
 def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:
