@@ -99,24 +99,19 @@ class TrimCondition:
                     f"the limits of {name} are {model.describe(name, lowest)} and "
                     f"{model.describe(name, highest)}; give two different limits, the lower first"
                 )
-        self._check_imposed()
-
-    def _check_imposed(self) -> None:
-        """Raise BadInputError for an imposed value that is not finite or outside its limits."""
         limits = self.limits_on(tuple(self.imposed))
         for index, (name, value) in enumerate(self.imposed.items()):
-            numbers = value.values.tolist() if isinstance(value, LinearTable) else [value]
-            for number in numbers:
+            for number in value.values.tolist() if isinstance(value, LinearTable) else [value]:
                 if not is_finite(number):
                     raise BadInputError(
                         f"{name} is {shown(number)}; give a finite number"
-                        f" in {self.model.unit(name)} (hfa.sweep accepts lists)"
+                        f" in {model.unit(name)} (hfa.sweep accepts lists)"
                     )
                 if not limits.least[index] <= number <= limits.most[index]:
                     advice = f"give a value between {limits.between(name)}"
                     if limits.assumed[index]:
                         advice += f" (assumed limits; --limit {name}=LOW:HIGH sets others)"
-                    raise BadInputError(f"{name} is {self.model.describe(name, number)}; {advice}")
+                    raise BadInputError(f"{name} is {model.describe(name, number)}; {advice}")
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -166,21 +161,6 @@ class TrimCondition:
         names: names that will be imposed
         """
         return replace(self, imposed=self.model.without_alternatives(self.imposed, names))
-
-    def posed(self, model: Model) -> tuple[Model, TrimCondition]:
-        """Return model and condition of the equations: an imposed airspeed, such as kcas, becomes
-        the speed where the altitude is imposed, and otherwise an output of the model.
-
-        model: the model, with the parameters of the trim
-
-        Raises BadInputError as `with_speed` does.
-        """
-        if model.airspeeds.keys().isdisjoint(self.imposed):
-            return model, self
-        from hfa_aircraft.rigid.atmosphere import with_airspeed, with_speed
-
-        model = with_airspeed(model, self.imposed)
-        return model, replace(self, model=model, imposed=with_speed(model, self.imposed))
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
         """Return the value that the condition imposes on a variable, at one or many scheduling

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -97,7 +98,13 @@ class TrimProblem:
         self.asked = condition
         if any(isinstance(value, LinearTable) for value in condition.imposed.values()):
             condition = condition.at()
-        model, condition = condition.posed(model)
+        if not model.airspeeds.keys().isdisjoint(condition.imposed):
+            from hfa_aircraft.rigid.atmosphere import with_airspeed, with_speed
+
+            # An airspeed, such as kcas, becomes the speed, or without an altitude an output.
+            model = with_airspeed(model, condition.imposed)
+            imposed = with_speed(model, condition.imposed)
+            condition = replace(condition, model=model, imposed=imposed)
         if kept:
             declared = {**declared_start(model, condition.imposed), **condition.begin}
             condition = release(condition, hold={name: declared[name] for name in kept})
