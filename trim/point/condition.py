@@ -300,7 +300,6 @@ def release(
             raise BadInputError(
                 f"{name} is both free and held; free or hold the variable, not both"
             )
-    unknowns = (*model.variables, *model.parameters)
     values = {name: value for name, value in hold.items() if name not in model.rates}
     rates = {name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free}
     held_rates: dict[str, Any] = {
@@ -318,7 +317,10 @@ def release(
         imposed=imposed,
         limits={**condition.limits, **(limits or {})},
         begin=begin,
-        freed=(*condition.freed, *(name for name in free if name in unknowns)),
+        freed=(
+            *condition.freed,
+            *(name for name in free if name in (*model.variables, *model.parameters)),
+        ),
     )
 
 

@@ -243,8 +243,11 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             return []
         system = self.found_by.system
         far = system.beyond_quarter_turn(system.scaled(self.values))
-        names = [self.found_by.free[i] for i in np.flatnonzero(far)]
-        return [f"{name} {self.model.describe(name, self.values[name])}" for name in names]
+        return [
+            f"{name} {self.model.describe(name, self.values[name])}"
+            for name, is_far in zip(self.found_by.free, far, strict=True)
+            if is_far
+        ]
 
     @property
     def _unmoved(self) -> list[str]:

@@ -53,17 +53,6 @@ class BalancedEffects(NamedTuple):
         return int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
 
 
-class SearchEnd(NamedTuple):
-    """End of one search for a trim.
-
-    z: scaled unknowns, (k,), which need not be a trim
-    initial_point: number of the initial point of the search, 0 for the default one
-    """
-
-    z: np.ndarray
-    initial_point: int
-
-
 class TrimProblem:
     """Problem of one trim: a condition with numbers, its equations, and the initial values.
 

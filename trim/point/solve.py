@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,13 +18,7 @@ from hfa_support.reporting.results import Result, without_empty
 from trim.point.condition import TrimCondition, refuse_other_units, release, usual_condition
 from trim.point.freed import freed_parameters, with_found_parameters, with_parameters_as_inputs
 from trim.point.operating_point import OperatingPoint
-from trim.point.problem import (
-    DEPENDENT,
-    SearchEnd,
-    TrimProblem,
-    keepable,
-    undetermined,
-)
+from trim.point.problem import DEPENDENT, TrimProblem, keepable, undetermined
 from trim.point.status import BALANCE, Status
 
 #: Residuals, and differences of two trims, below this fraction of the largest are not named.
@@ -340,6 +334,17 @@ def _candidates(problem: TrimProblem, points: list[np.ndarray]) -> list[str]:
     return []
 
 
+class SearchEnd(NamedTuple):
+    """End of one search for a trim.
+
+    z: scaled unknowns, (k,), which need not be a trim
+    initial_point: number of the initial point of the search, 0 for the default one
+    """
+
+    z: np.ndarray
+    initial_point: int
+
+
 def solution(problem: TrimProblem) -> SearchEnd:
     """Return the first trim that the searches find.
 
@@ -352,7 +357,7 @@ def solution(problem: TrimProblem) -> SearchEnd:
         return SearchEnd(guess, 0)
     nearest = guess  # the last unknowns that balance beyond limits, else the first search's end
     number = 0
-    far_out: SearchEnd | None = None
+    far_out = None
     for z, number in _search_ends(problem, guess):
         if problem.solved(z):
             end = SearchEnd(problem.unwound(z), number)

@@ -27,7 +27,6 @@ NEARLY = 1e-7
 #: solutions; largest number of unknowns for which this is used.
 _STEPS, _STEPS_OF_MANY = 4, 2
 FEW = 6
-_UNLIMITED = (-math.inf, math.inf)
 #: Unit of an angle -> 90 deg in this unit.
 _QUARTER_TURN = {"rad": math.pi / 2, "deg": 90.0}
 
@@ -200,7 +199,9 @@ def structure_of(
     given.update(name for name, is_nonzero in imposed if is_nonzero or name in model.outputs)
     free = [name for name in model.variables if name not in held]
     ends = model.limits | {name: (low, high) for name, low, high in limits}
-    watched = [name for name in dependent if name not in held and ends[name] != _UNLIMITED]
+    watched = [
+        name for name in dependent if name not in held and ends[name] != (-math.inf, math.inf)
+    ]
     return Structure(
         layout=model.layout,
         given=tuple(name for name in (*model.holdable, *model.rates) if name in given),
