@@ -31,8 +31,6 @@ from trim.point.operating_point import OperatingPoint
 #: hundredth of its nominal value.
 DRIFT = 0.1
 _UNMEASURED = 0.01
-#: Largest estimate of a wind, in standard deviations of the turbulence.
-_STRONGEST = 4.0
 #: Smallest singular value of [A - s I; C] of an observable mode, relative to that of A.
 _OBSERVED = 1e-7
 #: Largest relative residual of the Riccati equation.
@@ -54,7 +52,6 @@ class _Plant(NamedTuple):
     scale: np.ndarray
     winds: tuple[str, ...]
     W: np.ndarray
-    strongest: np.ndarray  # largest estimates of the winds
 
 
 class _Stationary(NamedTuple):
@@ -88,7 +85,6 @@ class KalmanFilter(Result):
     unobservable: names of decaying modes that the sensors do not observe.
     winds: names of the model's disturbances w = W x_air that the turbulence sets.
     W: (w, n - k).
-    strongest: 4 standard deviations of the winds of the turbulence, (w,).
     """
 
     point: OperatingPoint
@@ -110,7 +106,6 @@ class KalmanFilter(Result):
     unobservable: tuple[str, ...]
     winds: tuple[str, ...]
     W: np.ndarray
-    strongest: np.ndarray
 
     @classmethod
     def of(
@@ -192,7 +187,6 @@ class KalmanFilter(Result):
             unobservable=unobservable,
             winds=plant.winds,
             W=plant.W,
-            strongest=plant.strongest,
         )
 
     @property
@@ -226,9 +220,8 @@ class KalmanFilter(Result):
         return np.asarray(solve_discrete_lyapunov(self.Phi[air, air], self.air[air, air]))
 
     def winds_at(self, x: ca.SX) -> ca.SX:
-        """Return the winds of some states (n,), within 4 standard deviations, (w,)."""
-        winds, strongest = ca.mtimes(ca.DM(self.W), x[len(self.states) :]), ca.DM(self.strongest)
-        return ca.fmin(ca.fmax(winds, -strongest), strongest)
+        """Return the winds of some states (n,), (w,)."""
+        return ca.mtimes(ca.DM(self.W), x[len(self.states) :])
 
     def seen(self, x: ca.SX) -> ca.SX:
         """Return the deviations of the linear states, (k,), that a policy sees at some states
@@ -441,7 +434,6 @@ def _plant(
         scale=np.append(units, np.sqrt(np.diag(air.covariance))),
         winds=air.winds,
         W=air.W,
-        strongest=_STRONGEST * np.sqrt(np.diag(air.W @ air.covariance @ air.W.T)),
     )
 
 
