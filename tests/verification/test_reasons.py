@@ -238,14 +238,11 @@ def test_the_game_of_which_a_gain_is_exact_is_named(number):
 
 def test_other_games_are_found_in_all_units():
     """A gain for three times R is named where the states and inputs have other units."""
-    A = np.array([[-0.4, -1.1, 0.7], [-1.1, 2.0, 0.9], [-0.4, 0.6, 1.6]])
-    B, E = np.array([[2.8, -0.9], [1.1, 0.5], [-0.3, 1.1]]), np.array([[0.5], [1.1], [-0.5]])
     x, u = np.array([1e-3, 1.0, 50.0]), np.array([1e3, 0.01])
-    Q, R = np.diag(x**2), np.diag(u**2)
-    game = Game(A * x / x[:, None], B * u / x[:, None], E=E / x[:, None], Q=Q, R=R, delta=22.8)
+    A, B, E = (M / x[:, None] for M in (TWO_INPUTS.A * x, TWO_INPUTS.B * u, TWO_INPUTS.E))
+    game = Game(A, B, E=E, Q=x**2, R=TWO_INPUTS.R * np.outer(u, u), delta=22.8)
     K = gain(replace(game, R=3.0 * game.R))
-    reason = verify(game, from_gain(game, K)).reason
-    assert reason == "K is exact for R 3 times as large"
+    assert verify(game, from_gain(game, K)).reason == "K is exact for R 3 times as large"
 
 
 @pytest.mark.parametrize("number", ["delta", pytest.param("discount", marks=pytest.mark.slow)])
@@ -262,31 +259,6 @@ def test_the_nearest_of_several_games_is_named():
     game = Game(A, B, Q=np.eye(2), R=[1.0], dt=0.1, discount=0.99)
     reason = verify(game, from_gain(game, gain(replace(game, discount=1.0)))).reason
     assert reason == "K is exact without discount, not for discount 0.99"
-
-
-def test_multiples_of_rows_and_columns_are_named():
-    """The reason gives the factors of rows, as of actions not mapped to inputs, and of columns.
-
-    It names an input that never moves.
-    """
-    K = gain(TWO_INPUTS)
-    rows = verify(TWO_INPUTS, from_gain(TWO_INPUTS, K * [[0.2], [0.7]])).reason
-    assert rows.startswith("each row of K is a multiple of the exact one (u1 0.2, u2 0.7)")
-    columns = verify(TWO_INPUTS, from_gain(TWO_INPUTS, K * [0.2, 3.0, 7.0])).reason
-    assert "(x1 0.2, x2 3, x3 7), as of a state that is normalized" in columns
-    still = verify(TWO_INPUTS, from_gain(TWO_INPUTS, K * [[0.0], [1.0]])).reason
-    assert still == "u1 is never moved; the other rows of K are exact"
-
-
-def test_a_network_that_moves_nothing_is_named():
-    z = ca.SX.sym("z", 3)
-    exact = -ca.DM(gain(TWO_INPUTS)) @ z
-    for u, says in (
-        (0.0 * exact, "the policy never moves an input"),
-        (ca.vertcat(0.0, exact[1]), "u1 is never moved; otherwise the policy is exact"),
-    ):
-        critic = from_network(TWO_INPUTS, ca.Function("policy", [z], [ca.densify(u)]))
-        assert says in verify(TWO_INPUTS, critic, flights=1).reason
 
 
 @pytest.mark.parametrize("delta", [6.0, np.inf])
@@ -310,31 +282,50 @@ ONE_INPUT = Game([[-1.0, 0.4], [0.1, -2.0]], [[1.0], [0.5]], Q=np.eye(2), R=[[1.
 Z = ca.SX.sym("z", 2)
 
 
-def test_a_transposed_gain_is_named():
-    plant = Game(
-        [[-1.0, 0.4], [0.1, -2.0]],
-        np.eye(2),
-        E=np.eye(2),
-        Q=np.eye(2),
-        R=np.diag([1.0, 3.0]),
-        delta=5.0,
-    )
-    assert verify(plant, from_gain(plant, gain(plant).T)).reason == "K is transposed"
+SQUARE = Game(ONE_INPUT.A, np.eye(2), Q=np.eye(2), R=[1.0, 3.0], delta=5.0)
+SAMPLED_ONE = ONE_INPUT.sampled(0.05, 0.99)
 
 
-def test_a_value_read_as_a_policy_is_named():
-    """The one output of a network on a plant with one input is read as u, without --network."""
-    V = ca.Function("f", [Z], [ca.bilin(ca.DM(value(ONE_INPUT)), Z, Z)])
-    critic = from_network(ONE_INPUT, V)
+def scaled(factors):
+    return TWO_INPUTS, from_gain(TWO_INPUTS, gain(TWO_INPUTS) * factors)
+
+
+def function(game, name, output):
+    """Return a game and the critic of a function that is made of its exact policy and value."""
+    z = ca.SX.sym("z", len(game.A))
+    u, V = -ca.DM(gain(game)) @ z, ca.bilin(ca.DM(value(game)), z, z)
+    return game, from_network(game, ca.Function(name, [z], [ca.densify(output(z, u, V))]))
+
+
+@pytest.mark.parametrize(
+    ("case", "says"),
+    [
+        ((SQUARE, from_gain(SQUARE, gain(SQUARE).T)), "K is transposed"),
+        # of a training whose costs were not multiplied by dt
+        (
+            (SAMPLED_ONE, Critic(gain(SAMPLED_ONE), 20.0 * value(SAMPLED_ONE), "P and K")),
+            "every entry of P is 1/dt times",
+        ),
+        (scaled([[0.2], [0.7]]), "each row of K is a multiple of the exact one (u1 0.2, u2 0.7)"),
+        (scaled([0.2, 3.0, 7.0]), "(x1 0.2, x2 3, x3 7), as of a state that is normalized"),
+        (scaled([[0.0], [1.0]]), "u1 is never moved; the other rows of K are exact"),
+        (function(TWO_INPUTS, "f", lambda z, u, V: 0.0 * u), "the policy never moves an input"),
+        (
+            function(TWO_INPUTS, "f", lambda z, u, V: ca.vertcat(0.0, u[1])),
+            "u1 is never moved; otherwise the policy is exact",
+        ),
+        # the one output of a network on a plant with one input is read as u
+        (function(ONE_INPUT, "f", lambda z, u, V: V), "if it is V: --network V=NAME"),
+        (
+            function(ONE_INPUT, "V", lambda z, u, V: ca.sum1(ca.tanh(z))),
+            "V of the network has no curvature at the trim",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_policy_or_a_value_is_named(case, says):
+    game, critic = case
     assert "nonsmooth point" not in critic.origin
-    assert "if it is V: --network V=NAME" in verify(ONE_INPUT, critic).reason
-
-
-def test_a_value_without_curvature_is_named():
-    """The reason for V of an odd activation is its missing curvature, not what the output is."""
-    V = ca.Function("V", [Z], [ca.sum1(ca.tanh(Z))])
-    reason = verify(ONE_INPUT, from_network(ONE_INPUT, V)).reason
-    assert reason == "V of the network has no curvature at the trim"
+    assert says in verify(game, critic, flights=1).reason
 
 
 def test_a_kink_at_the_trim_is_the_first_finding():
@@ -346,16 +337,6 @@ def test_a_kink_at_the_trim_is_the_first_finding():
         assert ("nonsmooth point" in verdict.reason) == is_nonsmooth
         assert ("nonsmooth point" in verdict.report().title.partition("\n")[0]) == is_nonsmooth
         assert str(verdict).partition("\n\n")[0].endswith("stabilizing") != is_nonsmooth
-
-
-def test_a_value_per_second_of_a_step_is_named():
-    """The value of a training whose costs were not multiplied by dt = 0.05 is 20 times too large,
-    with the right gain.
-    """
-    continuous = Game([[-1.0, 0.4], [0.1, -2.0]], [[1.0], [0.5]], Q=np.eye(2), R=[[1.0]])
-    sampled = continuous.sampled(0.05, 0.99)
-    verdict = verify(sampled, Critic(gain(sampled), 20.0 * value(sampled), "P and K"))
-    assert "every entry of P is 1/dt times" in verdict.reason
 
 
 # A file that holds more than one of W, P and K: each is judged, none hides another.

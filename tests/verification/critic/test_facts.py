@@ -30,25 +30,25 @@ def test_a_gain_above_delta_fails_and_margins_are_of_both_policies(elevator_game
     assert data["disk_margin"] != pytest.approx(data["disk_margin_exact"], rel=1e-5)
 
 
-def test_a_positive_definite_value_below_the_exact_one_is_not_indefinite():
-    """P / 2 passes the check of the smallest eigenvalue, which -P / 2 fails."""
-    game = hfa.Game(np.diag([-1.0, -2.0]), np.eye(2), Q=np.eye(2), R=np.eye(2))
-    for size, is_ok in ((0.5, True), (-0.5, False)):
-        P = size * solve(game).P
-        checks = {check.name: check.ok for check in verify(game, hfa.from_value(game, P)).checks}
-        assert checks["P_smallest_eigenvalue"] == is_ok
+FULL = hfa.Game(np.diag([-1.0, -2.0]), np.eye(2), Q=np.eye(2), R=np.eye(2))
+#: Its P is semidefinite.
+PART = hfa.Game(FULL.A, [[1.0], [0.0]], Q=[1.0, 0.0], R=[1.0])
 
 
-def test_a_wide_limit_permits_its_error_of_a_semidefinite_value():
-    """With a limit of 1 %, P may be indefinite by as much; with the usual limit it may not."""
-    game = hfa.Game(
-        np.diag([-1.0, -2.0]), np.array([[1.0], [0.0]]), Q=np.diag([1.0, 0.0]), R=[[1.0]]
-    )
-    P = solve(game).P - np.diag([0.0, 1e-4 * solve(game).P.max()])
-    for limit, is_ok in ((1e-2, True), (1e-6, False)):
-        checks = verify(game, hfa.from_value(game, P), limit=limit).checks
-        (least,) = [check for check in checks if check.name == "P_smallest_eigenvalue"]
-        assert least.ok is is_ok
+@pytest.mark.parametrize(
+    ("game", "factor", "less", "limit", "ok"),
+    [
+        (FULL, 0.5, 0.0, 1e-6, True),  # below the exact one, and definite
+        (FULL, -0.5, 0.0, 1e-6, False),
+        (PART, 1.0, 1e-4, 1e-2, True),  # an error within the limit
+        (PART, 1.0, 1e-4, 1e-6, False),
+    ],
+)
+def test_an_indefinite_value_fails_beyond_the_permitted_error(game, factor, less, limit, ok):
+    P = factor * solve(game).P - np.diag([0.0, less * solve(game).P.max()])
+    checks = verify(game, hfa.from_value(game, P), limit=limit).checks
+    (least,) = [check for check in checks if check.name == "P_smallest_eigenvalue"]
+    assert least.ok is ok
 
 
 def test_inputs_of_the_nonlinear_plant_end_at_their_limits():

@@ -5,18 +5,15 @@ No reason names a mistake that was not made.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer
-from game_files import AT_15, stored
+from game_files import stored
 from game_samples import in_steps
-from known_models import game_at
 from network_files import torch_file
-from project import ROOT
 
 import hfa
 from controller import basis
@@ -47,7 +44,8 @@ class Case(NamedTuple):
         return hfa.solve(game.with_delta(factor * game.delta)).P
 
 
-GAMES = ("continuous", "discrete", "sampled")
+#: Time -> game in the first line.
+GAMES = {"continuous": "linear", "discrete": "discrete", "sampled": "sampled"}
 
 
 @cache
@@ -76,10 +74,11 @@ def network(case, **layers):
     return hfa.from_network(case.game, path, network="policy=", activation=activation)
 
 
-def value_function(case):
+def function(case, kind):
     z = ca.SX.sym("z", 3)
-    V = ca.Function("V", [z], [ca.bilin(ca.DM(case.P), z, z) + 3.0])
-    return hfa.from_network(case.game, V)
+    V, u = ca.bilin(ca.DM(case.P), z, z) + 3.0, -ca.DM(case.K) @ z
+    outputs = {"V": V, "gradient": ca.gradient(V, z), "V+policy": ca.vertcat(V, u)}
+    return hfa.from_network(case.game, ca.Function("f", [z], [outputs[kind]]), network=kind)
 
 
 RIGHT = {
@@ -95,8 +94,9 @@ RIGHT = {
     "file of P": lambda case: read(case, P=case.P),
     "file of W": lambda case: read(case, W=case.W),
     "network of u": lambda case: network(case, weight=-case.K),
-    "function V": value_function,
+    **{kind: partial(function, kind=kind) for kind in ("V", "gradient", "V+policy")},
 }
+FLOWN = ("network of u", "V", "gradient", "V+policy", "listed")
 #: Mistake -> critic, and words of which the reason contains one. Without words, there is no reason.
 WRONG = {
     "without factor 2": (lambda case: read(case, W=case.P[np.triu_indices(3)]), ("factor 2",)),
@@ -141,8 +141,9 @@ def test_a_right_critic_passes(way, time):
     case = case_of(time)
     verdict = hfa.verify(case.game, RIGHT[way](case), flights=FAST)
     assert verdict.ok, str(verdict)
+    assert verdict.headline.startswith(f"PASS on the {GAMES[time]} game, balanced box")
     assert verdict.reason == ""
-    assert (verdict.flights is None) == (way not in ("network of u", "function V", "listed"))
+    assert (verdict.flights is None) == (way not in FLOWN)
 
 
 @pytest.mark.parametrize(("mistake", "time"), in_each_time(WRONG))
@@ -154,35 +155,3 @@ def test_a_wrong_critic_fails_for_the_right_reason(mistake, time):
     assert not verdict.ok
     named = any(words in verdict.reason for words in reasons)
     assert named if reasons else verdict.reason == ""
-
-
-def gtm():
-    model = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
-    linear = hfa.linearize(model, hfa.trim(model, hold={"speed": 45.0}))
-    words = ["--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--hold", "speed=45"]
-    weights = ["--Q", "1,1,1,1", "--R", "1,1"]
-    return [*words, *weights], hfa.game(linear, Q=[1.0] * 4, R=[1.0] * 2)
-
-
-def games_on_the_command_line():
-    """Yield words of the command line, the same game in Python, and the names of game and box."""
-    paper = game_at(15.0)
-    words = [*AT_15, "--discount", "0.99", "--dt", "0.02"]
-    yield words, paper.sampled(0.02, 0.99), "sampled game, typical box"
-    yield *gtm(), "linear game, box of limits"
-    step = case_of("discrete").game
-    assert step.is_discrete
-    plant = {name: getattr(step, name) for name in "ABEQR"} | {"delta": step.delta}
-    path = stored("plant.json", time="discrete", discount=step.discount, **plant)
-    yield ["--model", path], step, "discrete game, balanced box"
-
-
-def test_the_box_is_the_same_on_the_command_line_and_in_python():
-    """The first line names the game and its box, which both ways of the same game share."""
-    for words, game, names in games_on_the_command_line():
-        exact = solve(game)
-        told = hfa.verify(game, hfa.from_gain(game, exact.K))
-        data = answer("verify", *words, "--weights", stored("K.npz", K=exact.K))
-        assert data["box"]["half_widths"] == pytest.approx(told.box.half_widths, rel=1e-12)
-        assert told.headline.startswith(f"PASS on the {names}: ")
-        assert names.endswith(data["box"]["name"])

@@ -43,9 +43,6 @@ def test_the_entries_of_a_report_are_the_farthest(game):
     }
 
 
-# Networks: searched states, and simulations.
-
-
 def test_several_critics_pass_together_only():
     """`hfa verify` of a right and a wrong critic fails, though the right one alone passes."""
     plant = stored("plant.json", A=[[1.0]], B=[[1.0]], Q=[[2.0]], R=[[1.0]])
@@ -112,7 +109,7 @@ def discrete_game_value(A, E, Q, delta):
 
 
 def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy():
-    """Radii of the loops and the cost above the optimum are those of NumPy, of a discounted game with N."""
+    """Radii of the loops and the cost above the optimum are those of NumPy, also with N."""
     rng = np.random.default_rng(6)
     A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
     N = 0.1 * rng.standard_normal((3, 2))
@@ -145,20 +142,8 @@ def test_a_critic_has_the_inputs_of_one_state_or_of_rows_of_states():
             critic.u(wrong)
 
 
-@pytest.mark.parametrize(
-    ("value", "up", "text"),
-    [
-        (31.23, True, "32 %"),
-        (31.23, False, "31 %"),
-        (634.2, True, "635 %"),
-        (634.2, False, "634 %"),
-        (-0.0, False, "0 %"),
-        (7.53e-5, False, "7.5e-05 %"),
-        (7.53e-5, True, "7.6e-05 %"),
-        (99.96, True, "100 %"),
-        (2.5e7, False, "2.5e+07 %"),
-    ],
-)
-def test_percentages_and_upper_bounds(value, up, text):
-    """A percentage has at least two digits, of which an upper bound is rounded up."""
-    assert percent(value, up=up) == text
+def test_an_upper_bound_in_percent_is_rounded_up():
+    """A percentage has at least two digits."""
+    shown = {31.23: "32 %", 634.2: "635 %", 7.53e-5: "7.6e-05 %", 99.96: "100 %"}
+    assert {value: percent(value, up=True) for value in shown} == shown
+    assert [percent(31.23), percent(-0.0), percent(2.5e7)] == ["31 %", "0 %", "2.5e+07 %"]
