@@ -106,10 +106,9 @@ class Model(Reported):
         vars(self).update(declared_signals(self.name, groups))
         if not self.states:
             raise BadInputError(f"{self.name} declares no states; declare at least one")
-        for kind in ("steady", "linear"):
-            names = _names(f"{self.name}: {kind}", getattr(self, kind))
-            vars(self)[kind] = names or tuple(self.states)
         check_fields(self)
+        for kind in ("steady", "linear"):
+            vars(self)[kind] = tuple(getattr(self, kind)) or tuple(self.states)
         if not self.modes:
             vars(self)["modes"] = usual_modes(self.states)
         vars(self)["trim"] = dict(self.trim)
@@ -124,14 +123,15 @@ class Model(Reported):
 
     def _refuse_undeclared(self) -> None:
         """Raise BadInputError if a field of names contains an undeclared name."""
-        in_modes, in_parts = (
-            [
-                name
-                for group, members in groups.items()
-                for name in _names(f"{self.name}: {kind} {shown(group)}", members)
-            ]
-            for kind, groups in (("modes", self.modes), ("parts", self.parts))
-        )
+        named: dict[str, list[str]] = {"modes": [], "parts": []}
+        for kind, found in named.items():
+            for group, members in getattr(self, kind).items():
+                if isinstance(members, str) or not isinstance(members, Sequence):
+                    raise BadInputError(
+                        f"{self.name}: {kind} {shown(group)} is {shown(members)}; give a tuple of "
+                        "names"
+                    )
+                found += members
         schedule = [self.schedule] if self.schedule else []
         schedulable = [*self.states, *self.inputs, *self.parameters]
         for meaning, names, declared in (
@@ -140,8 +140,8 @@ class Model(Reported):
             ("replaced names the unknown state", self.replaced, self.states),
             ("replaced names the unknown output", self.replaced.values(), self.outputs),
             ("schedule is the unknown variable", schedule, schedulable),
-            ("modes names the unknown state", in_modes, self.states),
-            ("parts names the unknown linear state", in_parts, self.linear),
+            ("modes names the unknown state", named["modes"], self.states),
+            ("parts names the unknown linear state", named["parts"], self.linear),
             ("trim imposes the unknown variable", self.trim, self.holdable),
         ):
             for name in names:
@@ -227,11 +227,19 @@ class Model(Reported):
 
     def state_places(self, names: Iterable[str]) -> list[int]:
         """Return the indices of the named states among all states."""
-        return _places("state", self.states, names)
+        places = []
+        for name in names:
+            refuse_unknown("unknown state", name, self.states)
+            places.append(self.state_names.index(name))
+        return places
 
     def input_places(self, names: Iterable[str]) -> list[int]:
         """Return the indices of the named inputs among all inputs."""
-        return _places("input", self.inputs, names)
+        places = []
+        for name in names:
+            refuse_unknown("unknown input", name, self.inputs)
+            places.append(self.input_names.index(name))
+        return places
 
     @cached_property
     def holdable(self) -> tuple[str, ...]:
@@ -681,18 +689,3 @@ class Model(Reported):
             f, y = self.functions()(*numbers)[:2]
             rates = dict(zip(self.states, ca.vertsplit(f), strict=True))
             return rates, dict(zip(self.outputs, components(y), strict=True))
-
-
-def _places(kind: str, names: Iterable[str], chosen: Iterable[str]) -> list[int]:
-    """Return the indices of chosen names. Raises BadInputError for an unknown one."""
-    place = {name: number for number, name in enumerate(names)}
-    for name in chosen:
-        refuse_unknown(f"unknown {kind}", name, place)
-    return [place[name] for name in chosen]
-
-
-def _names(what: str, names: Any) -> tuple[str, ...]:
-    """Return a sequence of names as a tuple."""
-    if isinstance(names, str) or not isinstance(names, Sequence):
-        raise BadInputError(f"{what} is {shown(names)}; give a tuple of names")
-    return tuple(names)

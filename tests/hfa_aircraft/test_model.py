@@ -51,7 +51,7 @@ def cart(**declared):
         ({"outputs": {"position": 1.0}}, "position is 1.0; give a Signal"),
         ({"outputs": ["position"]}, r"outputs is .*; give {name: Signal\(unit\)}"),
         ({"states": {}}, "cart declares no states"),
-        ({"linear": "x"}, "linear is 'x'; give a tuple"),
+        ({"linear": "x"}, "linear is of type str; give a list of texts"),
         ({"steady": ("w",)}, "steady names the unknown state 'w'"),
         ({"states": {"x": Signal(3)}}, "x: the unit is 3; give the unit as text"),
         ({"modes": 3.0}, "Model: modes is of type float; give a dictionary"),

@@ -33,23 +33,18 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
     parameters: the parameters of the model, which may differ from the table, name -> value
     """
     thrust = {"thrust": table.thrust[1]} if math.isfinite(table.thrust[1]) else {}
-    values = {**table.values, **table.derivatives, **thrust, **parameters}
-
-    def of(name: str) -> float:
-        """Return the value of an entry, nan if it is missing."""
-        return values.get(name, math.nan)
-
+    of = Values({**table.values, **table.derivatives, **thrust, **parameters})
     yield from table.warnings
     yield from _of_angles(table)
-    xx, yy, zz = (of(name) for name in ("Ixx", "Iyy", "Izz"))
-    products = (0.0, values.get("Ixz", 0.0), 0.0)
+    xx, yy, zz = (of[name] for name in ("Ixx", "Iyy", "Izz"))
+    products = (0.0, of.get("Ixz", 0.0), 0.0)
     if warning := inertia_warning(inertia_matrix((xx, yy, zz), products)):
         yield warning
     yield from _unusual(table, of)
     needed = (*_NEEDED, *(_NEEDED_OF[name] for name in table.surfaces if name in _NEEDED_OF))
-    if missing := [name for name in needed if not values.get(name)]:
+    if missing := [name for name in needed if not of.get(name)]:
         yield f"{', '.join(missing)} missing or 0; no published aircraft has 0"
-    effects = tuple(name for name, value in values.items() if value)
+    effects = tuple(name for name, value in of.items() if value)
     idle = [name for name in table.surfaces if not any(e.endswith(f"_{name}") for e in effects)]
     if idle:
         yield f"no derivative of {', '.join(idle)} is given: no effect on the aircraft"
@@ -61,14 +56,14 @@ def _unusual(table: DerivativeTable, of: Values) -> Iterator[str]:
     # Those of entries that are named already, or that the table declares as checked, are left out.
     named = {*table.checked}
     for figure, number in FIGURES.items():
-        entries = [name for name in re.findall(r"\w+", figure) if not math.isnan(of(name))]
+        entries = [name for name in re.findall(r"\w+", figure) if name in of]
         is_free = table.center is not None and any(name in figure for name in _FREE_SIGNS)
         value = number(of)
         if is_free or value == 0.0 or not named.isdisjoint(entries):
             continue
         if warning := unusual(figure, value):
             named |= {*entries}
-            given = ", ".join(f"{name} {of(name):.4g}" for name in entries if name != figure)
+            given = ", ".join(f"{name} {of[name]:.4g}" for name in entries if name != figure)
             yield f"{warning} ({given})" if given else warning
 
 
@@ -93,9 +88,9 @@ def _of_weight(table: DerivativeTable, of: Values) -> Iterator[str]:
     # The lift is far above the weight, the largest lift is below it, or level flight has another
     # alpha.
     air = air_at(table.values.get("altitude", 0.0), table.system)
-    pressure = 0.5 * float(air.density) * of("speed") ** 2
-    weight_coefficient = of("mass") * of("gravity") / (pressure * of("wing_area"))
-    stated = of("CL_0")
+    pressure = 0.5 * float(air.density) * of["speed"] ** 2
+    weight_coefficient = of["mass"] * of["gravity"] / (pressure * of["wing_area"])
+    stated = of["CL_0"]
     largest = table.values.get(LARGEST_LIFT) or max(stated, _LARGEST_LIFT)
     if stated > _RATIO * weight_coefficient:
         share, which = stated / weight_coefficient, "lift"
@@ -108,7 +103,7 @@ def _of_weight(table: DerivativeTable, of: Values) -> Iterator[str]:
         yield from _of_alpha(of, weight_coefficient - stated)
         return
     yield (
-        f"the {which} at {of('speed'):.4g} {table.unit('speed')} carries {share:.2g} times "
+        f"the {which} at {of['speed']:.4g} {table.unit('speed')} carries {share:.2g} times "
         "the weight; check the unit of the mass (1 slug = 32.17 lb), the speed and the altitude"
     )
 
@@ -116,7 +111,7 @@ def _of_weight(table: DerivativeTable, of: Values) -> Iterator[str]:
 def _of_alpha(of: Values, missing: float) -> Iterator[str]:
     """Yield a sentence if level flight needs another alpha than the stated one."""
     # A table without alpha has no warning, nor one whose slope of the lift is reported.
-    stated, slope = of("alpha"), of("CL_alpha")
+    stated, slope = of["alpha"], of["CL_alpha"]
     change = missing / slope if slope else 0.0
     if math.isfinite(stated) and abs(change) > _OFF_ALPHA and not unusual("CL_alpha", slope):
         yield (

@@ -7,46 +7,48 @@ import math
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 from importlib.resources import files
-from typing import Any, NamedTuple
+from operator import itemgetter
+from typing import NamedTuple
 
 from hfa_support.units import STANDARD_GRAVITY
 
-#: Value of an entry of a table that may be missing (nan), in consistent units.
-Values = Callable[[str], float]
 #: Factor beyond the published values. With it, 1 % of the figures of an aircraft of the table are
 #: outside those of the others.
 _BEYOND = 1.5
 _DEGREE = math.degrees(1.0)
+#: Columns of `published.csv` that are no entries.
+_WORDS = ("name", "source")
 
 
-def _entry(name: str) -> Callable[[Values], float]:
-    """Return the function from entries to one of them."""
-    return lambda of: of(name)
+class Values(dict[str, float]):
+    """Entries of a table in consistent units, nan for a missing one."""
+
+    def __missing__(self, name: str) -> float:
+        return math.nan
 
 
-def _ratio(one: str, other: str) -> Callable[[Values], float]:
-    """Return the function from entries to the ratio of two of them."""
-    return lambda of: of(one) / (of(other) or math.nan)
+def _ratio(text: str, of: Values) -> float:
+    """Return the ratio of two entries, such as "Cl_beta / Cl_p"."""
+    one, other = text.split(" / ")
+    return of[one] / (of[other] or math.nan)
 
 
-def _radius(moment: str) -> Callable[[Values], float]:
-    """Return the function from entries to a radius of gyration, in spans."""
-    # The radius is nan for a moment that is not positive, which `inertia_warning` names.
-    return lambda of: math.sqrt(max(of(moment), 0.0) / of("mass")) / of("span") or math.nan
+def _radius(moment: str, of: Values) -> float:
+    """Return a radius of gyration in spans, nan of a moment that `inertia_warning` names."""
+    return math.sqrt(max(of[moment], 0.0) / of["mass"]) / of["span"] or math.nan
 
 
 def _drag(of: Values) -> float:
     """Return the drag coefficient at the condition of the derivatives."""
-    induced = of("CD_CL2")
-    return of("CD_0") + (0.0 if math.isnan(induced) else induced) * of("CL_0") ** 2
+    return of["CD_0"] + of.get("CD_CL2", 0.0) * of["CL_0"] ** 2
 
 
 def _induced(of: Values) -> float:
     """Return 1/e of C_D = C_D0 + C_L² / (pi e aspect ratio), of CD_CL2 or of CD_alpha."""
-    slope = of("CD_CL2")
+    slope = of["CD_CL2"]
     if math.isnan(slope):
-        slope = of("CD_alpha") / (2.0 * of("CL_0") * of("CL_alpha") or math.nan)
-    return slope * math.pi * of("span") ** 2 / of("wing_area")
+        slope = of["CD_alpha"] / (2.0 * of["CL_0"] * of["CL_alpha"] or math.nan)
+    return slope * math.pi * of["span"] ** 2 / of["wing_area"]
 
 
 #: Figures that are entries themselves.
@@ -58,17 +60,17 @@ _RATIOS = ("Cn_beta / CY_beta", "Cl_beta / Cl_p", "Cn_r / Cn_beta")
 _RATIOS_OF_CONTROLS = ("Cl_aileron / Cl_p", "Cn_r / Cn_rudder")
 #: Figure -> its value from the entries; nan if it is unknown.
 FIGURES: Mapping[str, Callable[[Values], float]] = {
-    "span^2 / wing_area (aspect ratio)": lambda of: of("span") ** 2 / of("wing_area"),
-    "chord * span / wing_area": lambda of: of("chord") * of("span") / of("wing_area"),
-    **{f"sqrt({name} / mass) / span": _radius(name) for name in ("Ixx", "Iyy", "Izz")},
-    "(Izz - Iyy) / Ixx": lambda of: (of("Izz") - of("Iyy")) / (of("Ixx") or math.nan),
-    "thrust / weight": lambda of: of("thrust") / (of("mass") * of("gravity")),
+    "span^2 / wing_area (aspect ratio)": lambda of: of["span"] ** 2 / of["wing_area"],
+    "chord * span / wing_area": lambda of: of["chord"] * of["span"] / of["wing_area"],
+    **{f"sqrt({name} / mass) / span": partial(_radius, name) for name in ("Ixx", "Iyy", "Izz")},
+    "(Izz - Iyy) / Ixx": lambda of: (of["Izz"] - of["Iyy"]) / (of["Ixx"] or math.nan),
+    "thrust / weight": lambda of: of["thrust"] / (of["mass"] * of["gravity"]),
     "CD_0 + CD_CL2 CL_0^2": _drag,
-    **{name: _entry(name) for name in _ENTRIES},
-    "-Cm_alpha / CL_alpha (static margin)": lambda of: -_ratio("Cm_alpha", "CL_alpha")(of),
+    **{name: itemgetter(name) for name in _ENTRIES},
+    "-Cm_alpha / CL_alpha (static margin)": lambda of: -_ratio("Cm_alpha / CL_alpha", of),
     "CD_CL2 or CD_alpha / (2 CL_0 CL_alpha), times pi aspect ratio": _induced,
-    "CT_u / (CD_0 + CD_CL2 CL_0^2)": lambda of: of("CT_u") / (_drag(of) or math.nan),
-    **{text: _ratio(*text.split(" / ")) for text in (*_RATIOS, *_RATIOS_OF_CONTROLS)},
+    "CT_u / (CD_0 + CD_CL2 CL_0^2)": lambda of: of["CT_u"] / (_drag(of) or math.nan),
+    **{text: partial(_ratio, text) for text in (*_RATIOS, *_RATIOS_OF_CONTROLS)},
 }
 
 
@@ -98,13 +100,13 @@ def _published() -> list[Values]:
     """Return the entries of each published aircraft."""
     text = files(__package__).joinpath("published.csv").read_text("utf-8")
     lines = [line for line in text.splitlines() if not line.startswith("#")]
-    rows = [{**row, "gravity": STANDARD_GRAVITY} for row in csv.DictReader(lines)]
-    return [partial(_value_in, row) for row in rows]
-
-
-def _value_in(row: Mapping[str, Any], name: str) -> float:
-    """Return an entry of a published aircraft, or nan."""
-    return float(row.get(name) or math.nan)
+    return [
+        Values(
+            {name: float(row[name]) for name in row if name not in _WORDS and row[name]},
+            gravity=STANDARD_GRAVITY,
+        )
+        for row in csv.DictReader(lines)
+    ]
 
 
 def unusual(figure: str, value: float) -> str:
