@@ -144,11 +144,8 @@ def _run(words: list[str], find: Find) -> int:
 
 
 def _computed(command: Command, request: Request) -> int:
-    """Run a command, show its outcome and return the exit code. With --json, print what a failed
-    search found.
-
-    Raises BadInputError if an output file was read as input or is named for two outputs.
-    """
+    """Run a command, show its outcome and return the exit code."""
+    # With --json, print what a failed search found.
     from hfa.options.command import show, show_text
     from hfa_support.files import refuse_read
 

@@ -387,10 +387,7 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
 
 
 def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict[str, Any]:
-    """Return a table of a file, with each entry checked.
-
-    declared: {str: declaration} or {name: declaration}, as in the docstring of this module
-    """
+    """Return a table of a file, with each entry checked."""
     if not isinstance(value, dict):
         wanted = f"a table [{entry}]" if entry else "a table"
         raise BadInputError(f"{where}: {entry or 'file'} is {shown(value)}; give {wanted}")

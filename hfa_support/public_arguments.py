@@ -156,10 +156,7 @@ def _check(
     owner: Callable[..., Any],
     makers: Callable[[str], str] = lambda _: "",
 ) -> None:
-    """Raise BadInputError if an argument of a function or class is not of a kind of its annotation.
-
-    makers: as in `checked`
-    """
+    """Raise BadInputError if an argument is not of a kind of its annotation."""
     kinds = _alternatives(annotation)
     accepting = {kind.name for kind in kinds if kind.accepts(value, owner.__module__)}
     if accepting and accepting <= _ARRAYS and not hasattr(value, "loc"):  # of pandas
@@ -217,10 +214,8 @@ def _is_of(kind: type, name: str, module: str) -> bool:
 
 
 def _fits(kind: type, annotated: Any) -> bool:
-    """Return whether a type is of the kind of the object that an annotation names.
-
-    The object is a union, a type, or a protocol, whose public members the type must define.
-    """
+    """Return whether a type is of the kind of the object that an annotation names."""
+    # The object is a union, a type, or a protocol, whose public members the type must define.
     if isinstance(annotated, UnionType):
         return any(_fits(kind, alternative) for alternative in get_args(annotated))
     annotated = get_origin(annotated) or annotated

@@ -107,12 +107,8 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
 
 @cache
 def _origins(stub: str) -> dict[str, tuple[str, str]]:
-    """Return the origin of each public name: (module that defines it, name in this module).
-
-    The second name is "" if the public name is a module.
-
-    stub: file with imports, and with further names of imported ones, `other = known`
-    """
+    """Return the origin of each public name: (module that defines it, name in this module)."""
+    # The second name is "" if the public name is a module.
     import ast
 
     origins = {}

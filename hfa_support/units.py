@@ -189,10 +189,8 @@ def split_unit(text: str) -> tuple[str, str]:
 
 @lru_cache(maxsize=256)
 def _measured(unit: str) -> _Unit | None:
-    """Return size and powers of a product of units such as "slug ft^2", or None for "".
-
-    A word that is unknown is a base of its own, of size 1.
-    """
+    """Return size and powers of a product of units such as "slug ft^2", or None for ""."""
+    # A word that is unknown is a base of its own, of size 1.
     plain = unit.replace("²", "^2").replace("³", "^3")
     bracket_slash_exponent_or_name = r"\(|\)|/|\^-?\d+|[^\s()/^*·]+"
     factors = _product(iter(re.findall(bracket_slash_exponent_or_name, plain)))
@@ -208,10 +206,7 @@ def _measured(unit: str) -> _Unit | None:
 
 
 def _product(words: Iterator[str]) -> Counter[str]:
-    """Return name -> exponent of the units in a product, up to its closing bracket.
-
-    words: brackets, slashes, exponents "^2" and names, from which the product is taken
-    """
+    """Return name -> exponent of the units in a product, up to its closing bracket."""
     product: Counter[str] = Counter()
     factors: list[tuple[Counter[str], int]] = []
     sign = 1

@@ -130,10 +130,7 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
 
 
 def _solved_table(games: list[NamedGame], at: np.ndarray, source: Mapping[str, Any]) -> Outcome:
-    """Return the outcome of a gain table.
-
-    at: values of the scheduling variable, (G,)
-    """
+    """Return the outcome of a gain table."""
     from controller.riccati import gare
 
     solutions = [gare.solve(named.game) for named in with_progress(games, ProgressLine("solve"))]
@@ -144,11 +141,7 @@ def _solved_table(games: list[NamedGame], at: np.ndarray, source: Mapping[str, A
 def _table_report(
     breakpoints: np.ndarray, games: list[NamedGame], solutions: list[Solution]
 ) -> Report:
-    """Return the report of a gain table.
-
-    breakpoints: (G,), values of the scheduling variable, rad for angles
-    games, solutions: the game and its solution at each value
-    """
+    """Return the report of a gain table."""
     linear = games[0].linear
     assert linear is not None  # the games of a table are those of an aircraft
     model = linear.model

@@ -64,12 +64,7 @@ def sweep(request: SweepRequest, given: TrimInput) -> Outcome:
 
 
 def _plan(points: GivenPoints, stored: bool) -> SweepPlan:
-    """Return the plan of the sweep.
-
-    stored: whether the sweep is written to a store
-
-    Raises BadInputError if nothing is swept or if an axis is invalid.
-    """
+    """Return the plan of the sweep."""
     model = points.trims.model
     condition = points.condition()
     by = model.schedule

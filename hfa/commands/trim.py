@@ -147,11 +147,8 @@ def _sheet(request: TrimRequest, point: OperatingPoint) -> Report:
 
 
 def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Condition]]:
-    """Return the report of several trims, each with its sheet, of which the overview alone is
-    printed by default, or with the reason why it has none, and the conditions.
-
-    Raises the first BadInputError if each point is refused.
-    """
+    """Return the report of several trims, of which the overview is printed, and the conditions."""
+    # Each has its sheet, or the reason why it has none.
     model = points.trims.model
     is_whole = request.full or request.json or request.output is not None
     airplane = Airplane(request.class_, request.category)
@@ -240,10 +237,7 @@ def _overview(results: Sequence[str], conditions: Sequence[Condition]) -> Table:
 def _failed(
     model: Model, row: ListedCondition, error: Exception, data: Mapping[str, Any]
 ) -> Report:
-    """Return the report of one of several conditions that has no trim: its values and the reason.
-
-    data: entries of the report, of the nearest point or of the refusal
-    """
+    """Return the report of one of several conditions that has no trim: values and reason."""
     values = [f"{name} {model.describe(name, value)}" for name, value in row.values.items()]
     condition = ", ".join(filter(None, (row.name, *values)))
     title = f"{condition}: {error}"

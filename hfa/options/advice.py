@@ -36,9 +36,7 @@ def trimmed(given: GivenTrim) -> OperatingPoint:
 
 
 def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
-    """Return the error of a failed trim, its reason, warnings, options that help, and the report
-    of the nearest point.
-    """
+    """Return the error of a failed trim with advice, and the report of the nearest point."""
     error = explained(failure, given.model, given.condition)
     warnings = [f"check: {warning}" for warning in given.model.warnings]
     advice = ""
@@ -53,15 +51,12 @@ def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
 
 
 def _advice(given: GivenTrim, failure: TrimError) -> str:
-    """Return the imposed values of which one must be free, so that a trim exists, or "".
-
-    Each is tried: first the rates of lengths and masses, as of altitude in a climb and of fuel, and
-    with an imposed load factor that of pitch, as in a pull-up. Rates that need each other are tried
-    together. Values that the user imposed come last. If only one input
-    is too weak, it is held at its limit, so that the advice is the steepest climb and not a
-    glide. If the equations balance only with a free rate, and beyond a limit, the advice is
-    this rate and the limit.
-    """
+    """Return the imposed values of which one must be free, so that a trim exists, or ""."""
+    # Each is tried: first the rates of lengths and masses, as of altitude in a climb and of fuel,
+    # and with an imposed load factor that of pitch, as in a pull-up. Rates that need each other are
+    # tried together. Values that the user imposed come last. If only one input is too weak, it is
+    # held at its limit, so that the advice is the steepest climb and not a glide. If the equations
+    # balance only with a free rate, and beyond a limit, the advice is this rate and the limit.
     if failure.attempt._unmoved:
         return ""
     if advice_on_inputs := _free_inputs(given):
@@ -116,10 +111,8 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
 
 
 def _releasable(given: GivenTrim) -> list[str]:
-    """Return the rates and imposed values of a condition that advice may set free, the user's last.
-
-    The rates are those of lengths, masses and, with an imposed load factor, of pitch.
-    """
+    """Return the rates and imposed values that advice may set free, those of the user last."""
+    # The rates are those of lengths, masses and, with an imposed load factor, of pitch.
     model, condition = given.model, given.condition
     changing = [name for name in model.states if si_unit(model.unit(name)) in ("m", "kg")]
     if "load_factor" in condition.imposed:
@@ -131,9 +124,8 @@ def _releasable(given: GivenTrim) -> list[str]:
 
 
 def _free_inputs(given: GivenTrim) -> str:
-    """Return which inputs to set free if the default trim of an aircraft, as of an FMU, holds all
-    at their start values, or "": those that are not 0, else all, if a trim then exists.
-    """
+    """Return which inputs to free if the default trim holds all at their start values, or ""."""
+    # As of an FMU. Those that are not 0 are tried first, then all.
     model = given.model
     usual = usual_condition(model).imposed
     held = [name for name in model.inputs if name in usual and name not in given.hold]
@@ -156,10 +148,8 @@ def _exists(given: GivenTrim, free: Sequence[str]) -> bool:
 
 
 def _weak_input(given: GivenTrim, failure: TrimError) -> dict[str, float]:
-    """Return the only free input at a limit beyond which the equations balance, name -> limit.
-
-    The result is {} if none or several are at a limit.
-    """
+    """Return the only free input at a limit beyond which the equations balance, name -> limit."""
+    # The result is {} if none or several are at a limit.
     at_limits = {
         name: margin.nearer_limit
         for name, margin in failure.attempt.margins.items()

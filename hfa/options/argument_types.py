@@ -323,10 +323,9 @@ def value_range(model: Model, name: str, text: str) -> Range:
 
 
 def _count(start: float, stop: float, step: float) -> int:
-    """Return the number of values start, start + step, ... up to stop, of the typed decimals.
-
-    Doubles would miss the last value of 35:35.3:0.1, because (35.3 - 35) / 0.1 is below 3 in them.
-    """
+    """Return the number of values start, start + step, ... up to stop, of the typed decimals."""
+    # Doubles would miss the last value of 35:35.3:0.1, because (35.3 - 35) / 0.1 is below 3 in
+    # them.
     from fractions import Fraction
 
     first, last, width = (Fraction(repr(value)) for value in (start, stop, step))

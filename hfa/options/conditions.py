@@ -213,10 +213,8 @@ def _imposable(model: Model) -> set[str]:
 
 
 def _name_of(model: Model, typed: str) -> str:
-    """Return the name of a variable or column typed in capitals, with points or blanks: "c.g.".
-
-    An alias becomes the name that it stands for; any other word is returned unchanged.
-    """
+    """Return the name of a variable or column typed in capitals, with points or blanks: "c.g."."""
+    # An alias becomes the name that it stands for; any other word is returned unchanged.
     name = model.about.name_of(typed)
     respelled = model.about.name_of(re.sub(r"\W+", "_", name.replace(".", "")).lower())
     if name in _imposable(model):

@@ -322,10 +322,7 @@ def weight_sources(
 
 
 def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> NamedGame:
-    """Return the game on a plant file.
-
-    Raises BadInputError if an option of the aircraft or its trim is given.
-    """
+    """Return the game on a plant file."""
     from controller.game.linear_game import stored_game
     from controller.hfa_game import paper_defaults
 

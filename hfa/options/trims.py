@@ -443,10 +443,7 @@ def at_name(model: Model) -> str:
 def _scheduled(
     request: TrimOptions, model: Model, kind: Callable[[Model, str, str], Range]
 ) -> Range | None:
-    """Return the values of --at or --dihedral, or None.
-
-    Raises BadInputError if the model has no such option, and as `kind` does.
-    """
+    """Return the values of --at or --dihedral, or None."""
     if request.dihedral is not None and not model.about.names_schedule:
         raise BadInputError(f"--dihedral applies only to the HFA; {model.name} takes --at VALUE")
     given = {text for text in (request.at, request.dihedral) if text is not None}

@@ -71,9 +71,8 @@ def _full_size(value: Any) -> int:
 
 
 def _unpacked_size(file: bytes, largest: int) -> int:
-    """Return the bytes of all compressed elements of a .mat file, unpacked until they are more than
-    the largest permitted number; 0 for a file of MATLAB 4, which has none.
-    """
+    """Return the bytes of all compressed elements of a .mat file, up to the permitted number."""
+    # A file of MATLAB 4 has none.
     order = _ORDERS.get(file[_HEADER - 2 : _HEADER])
     size, place = 0, _HEADER
     while order and place + 8 <= len(file) and size <= largest:

@@ -126,10 +126,8 @@ class _Table(NamedTuple):
 
 
 def _table(name: str, path: Path) -> _Table:
-    """Return the matrix in a .csv file, with the names of its rows and columns.
-
-    A first row, or a first column, without a number contains the names.
-    """
+    """Return the matrix in a .csv file, with the names of its rows and columns."""
+    # A first row, or a first column, without a number contains the names.
     # Raises ValueError for rows of different lengths, a file without rows of numbers, and a cell
     # that is not a number.
     with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
@@ -190,14 +188,10 @@ class _Sides(NamedTuple):
 
 
 def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
-    """Return the names and units of the states and inputs that .csv files contain.
-
-    The result has the keys "states", "inputs", "state_units" and "input_units", as far as known.
-    Names of states come from the matrix A, and names of inputs from the columns of B; of a critic,
-    from P and K. Units are returned only if each state, or each input, has a unit.
-
-    Raises ValueError if another matrix names the states in another order.
-    """
+    """Return the names and units of the states and inputs that .csv files contain."""
+    # The result has the keys "states", "inputs", "state_units" and "input_units", as far as known.
+    # Names of states come from the matrix A, and names of inputs from the columns of B; of a
+    # critic, from P and K. Units are returned only if each state, or each input, has a unit.
     sides = {
         matrix: _Sides([*map(Label.of, table.rows)], [*map(Label.of, table.columns)])
         for matrix, table in tables.items()
@@ -265,10 +259,7 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _matrix_files(path: Path) -> dict[str, Path]:
-    """Return matrix name -> path, of a file named A also of the other matrices of its plant.
-
-    Raises BadInputError for a file that is named after no matrix of a plant or critic.
-    """
+    """Return matrix name -> path, of a file named A also of the other matrices of its plant."""
     if path.stem not in ("A", *CRITIC):
         raise BadInputError(
             f"{path}: a plant is read from A{path.suffix} (with B in the same folder), a critic "

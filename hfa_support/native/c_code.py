@@ -150,10 +150,7 @@ def _name_of(operation: int) -> str:
 
 
 def _call(callee: str, operands: Sequence[str], targets: Sequence[int], real: str) -> str:
-    """Return the C block that calls a function and stores its results.
-
-    targets: number of the variable w of each result, negative for a result that is not used
-    """
+    """Return the C block that calls a function and stores its results."""
     values = ", ".join(operands)
     count = len(targets)
     stores = " ".join(

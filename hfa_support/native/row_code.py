@@ -134,10 +134,8 @@ def _own_folder(folder: Path) -> Path:
 
 
 def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
-    """Return the library of a C text, `symbol-digest.so` in a folder.
-
-    It is complete when it is moved to its name. The digest is checked before a library is loaded.
-    """
+    """Return the library of a C text, `symbol-digest.so` in a folder."""
+    # It is complete when it is moved to its name. The digest is checked before a library is loaded.
     with tempfile.TemporaryDirectory(dir=folder) as temporary:
         source = Path(temporary, "generated.c")
         library = Path(temporary, "generated.so")

@@ -66,10 +66,8 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
 
 
 def _take_literally(figure: Figure) -> None:
-    """Print text between dollar signs, as in a state's name, as it is and not as a formula.
-
-    The powers of ten on logarithmic axes remain formulas.
-    """
+    """Print text between dollar signs, as in a state's name, as it is and not as a formula."""
+    # The powers of ten on logarithmic axes remain formulas.
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
 

@@ -129,10 +129,8 @@ def figure_html(picture: Picture) -> str:
 
 
 def _table(table: Table) -> str:
-    """Return a table as HTML, in a box that is scrolled by pointer or keyboard.
-
-    The class of a cell is its tone. Columns of words have the class `words` (`are_words`).
-    """
+    """Return a table as HTML, in a box that is scrolled by pointer or keyboard."""
+    # The class of a cell is its tone. Columns of words have the class `words` (`are_words`).
     columns = [
         ["words"] if are_words([row[i] for row in table.rows]) else []
         for i in range(len(table.header))

@@ -170,11 +170,7 @@ def _widths(columns: Sequence[_Column], room: float) -> list[float]:
 
 
 def _grid(rows: list[list[Any]], widths: Sequence[Any], *rules: Any) -> Rows:
-    """Return rows, of which the first is repeated on each page, as a table of ReportLab.
-
-    widths: of each column: None for that of its contents, or a share "50%" of what is left
-    rules: further style commands of ReportLab
-    """
+    """Return rows, of which the first is repeated on each page, as a table of ReportLab."""
     look = [
         ("FONT", (0, 0), (-1, -1), SANS, CELL, _SPACING * CELL),
         ("TOPPADDING", (0, 0), (-1, -1), 0.7),
@@ -325,10 +321,7 @@ class _NumberedPages(Canvas):
 
 
 def _story(report: Contents, level: int) -> Iterator[Flowable]:
-    """Yield the parts of a report in reading order.
-
-    level: depth of nesting, 0 for the document
-    """
+    """Yield the parts of a report in reading order."""
     yield from _heading(report, level)
     notes = (*(f"Note: {note}" for note in report.notes), *report.source.split("\n"))
     nested = [part for part in report.parts if isinstance(part, Contents)]
@@ -402,10 +395,7 @@ def _framed(entries: Mapping[str, str], height: float | None = None) -> Grid:
 def _book(
     head: Mapping[str, str], parts: Sequence[Any], notes: Sequence[str]
 ) -> Iterator[Flowable]:
-    """Yield the first pages of a report of reports: the cover, and the other parts on wide pages.
-
-    notes: notes and provenance, which are on the cover
-    """
+    """Yield the cover, with notes and provenance, and the other parts on wide pages."""
     if head:
         yield Spacer(0.0, 12.0)
         width = _area("portrait")[0]
@@ -450,11 +440,7 @@ def _part(part: Any, page: str) -> Iterator[Flowable]:
 
 
 def _sheet(parts: Sequence[Any], notes: Sequence[str], with_pictures: bool) -> Iterator[Flowable]:
-    """Yield a sheet: its rows and sentences in two columns, then other tables and pictures.
-
-    notes: notes and provenance
-    with_pictures: whether pictures are drawn, which sheets in a book leave out
-    """
+    """Yield a sheet: its rows and sentences in two columns, then other tables and pictures."""
     columns: list[Flowable] = []
     below = []
     for part in parts:

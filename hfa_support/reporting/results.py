@@ -87,10 +87,7 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
 
 
 def _leaves(data: Any, name: str = "") -> dict[str, np.ndarray]:
-    """Return name -> array for nested mappings and lists of mappings: "modes.0.zeta".
-
-    name: name of `data` itself
-    """
+    """Return name -> array for nested mappings and lists of mappings: "modes.0.zeta"."""
     if isinstance(data, list) and data and isinstance(data[0], Mapping):
         data = {str(index): item for index, item in enumerate(data)}
     if not isinstance(data, Mapping):
@@ -113,9 +110,8 @@ def _mat(data: Mapping[str, Any]) -> bytes:
 
 
 def _for_matlab(data: Any) -> Any:
-    """Return data as SciPy writes them to structs, arrays of structs with the same fields, cell
-    arrays, and arrays, of N matrices with N as the last axis.
-    """
+    """Return data as SciPy writes them: structs, arrays of structs, cell arrays and arrays."""
+    # The last axis of N matrices is N.
     if isinstance(data, Mapping):
         return {_field_name(key): _for_matlab(value) for key, value in data.items()}
     if isinstance(data, list) and data and isinstance(data[0], Mapping):
@@ -148,10 +144,7 @@ def _field_name(key: str) -> str:
 
 
 def _write_csv(stream: IO[bytes], records: Table, about: str) -> None:
-    """Write a table as CSV in UTF-8, row by row.
-
-    about: text in the first row of values of a last column, which is called "about"
-    """
+    """Write a table as CSV in UTF-8, row by row."""
     text = io.TextIOWrapper(stream, "utf-8", newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow((*records.header, "about"))
@@ -197,10 +190,8 @@ class Result:
     schema: ClassVar[str] = ""
 
     def _entries(self) -> dict[str, Any]:
-        """Return the entries of the file without its schema, name -> value: the fields.
-
-        A field whose default is None is left out if it has no value.
-        """
+        """Return the entries of the file without its schema, name -> value: the fields."""
+        # A field whose default is None is left out if it has no value.
         entries: dict[str, Any] = {}
         for field in fields(self):  # type: ignore[arg-type]  # a dataclass
             value = getattr(self, field.name)

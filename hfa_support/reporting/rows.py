@@ -262,10 +262,7 @@ class Group(NamedTuple):
 
 
 def _with_note(line: str, note: str, tone: str, width: int | None) -> Iterator[str]:
-    """Yield the line of a row with its note wrapped beside it, or below it if there is no room.
-
-    tone: color code of the note, or ""
-    """
+    """Yield the line of a row with its note wrapped beside it, or below it if there is no room."""
     begin = len(line) + len(_GAP)
     is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE)
     indent = begin if is_beside else len(_GAP)

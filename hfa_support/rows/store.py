@@ -303,9 +303,7 @@ def _of_the_job(metadata: dict[str, Any]) -> dict[str, Any]:
 
 
 def _differing_file(path: Path, expected: Mapping[str, Any]) -> str:
-    """Return the path of a file of a store that is not as expected, "the metadata of an array" if
-    they cannot be read, or "".
-    """
+    """Return the path of a file that is not as expected, "the metadata of an array", or ""."""
     # An unexpected file has other metadata, does not belong to the store, or is a symbolic link.
     arrays = {Path(name).parent.name for name in expected}
     for name in expected:
@@ -343,9 +341,7 @@ def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> boo
 
 
 def _missing_chunks(path: Path, job: RowJob) -> list[int]:
-    """Return the numbers of the chunks that are damaged or missing in at least one array, and warn
-    of damaged ones.
-    """
+    """Return the numbers of the chunks that are damaged, with a warning, or missing in an array."""
     group = _opened(path, "r")
     missing = []
     damaged = 0

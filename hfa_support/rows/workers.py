@@ -88,10 +88,7 @@ def _run_in(
 
 
 def _call_same_code(theirs: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what a function returns in this worker.
-
-    Raises BadInputError if the process that asks has other code.
-    """
+    """Return what a function returns in this worker."""
     if identity() != theirs:
         raise BadInputError(
             f"a worker has hfa {identity()}, but this process has {theirs}; install one of them on "
@@ -167,10 +164,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _cluster(address: str) -> Iterator[Run]:
-    """Context manager that provides an executor of the Dask cluster with this scheduler.
-
-    Raises BadInputError if Dask is missing, the scheduler does not respond or it has no workers.
-    """
+    """Context manager that provides an executor of the Dask cluster with this scheduler."""
     try:
         from dask.distributed import Client
         from distributed.comm import CommClosedError

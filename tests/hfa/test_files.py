@@ -143,25 +143,6 @@ def test_two_runs_write_the_same_bytes(tmp_path, monkeypatch, name, suffix):
     assert second.read_bytes() == first.read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("suffix", "opening"),
-    [
-        ("html", b"<!doctype html>"),
-        pytest.param("pdf", b"%PDF", marks=pytest.mark.slow),
-        ("md", b"# HFA"),
-    ],
-)
-def test_a_result_is_written_as_its_report(suffix, opening):
-    """save("FILE.html"), .pdf and .md write the sheet of a point and the report of a model."""
-    point = toolchain.trim(toolchain.aircraft(), dihedral=0.1)
-    for result in (point, point.linearize()):
-        file = Path(f"result.{suffix}")
-        result.save(str(file))
-        assert file.read_bytes().startswith(opening)
-        if suffix != "pdf":
-            assert "phugoid" in file.read_text("utf-8")
-
-
 def test_advice_and_names_with_blanks_can_be_typed_and_read(folder):
     """Paths with blanks are quoted in advice, and the name of an aircraft stands on one line."""
     Path("a b.toml").write_text("aircraft = 'my plane.py:X'")

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from cli import answer, assert_refused, hfa as command
-from project import ROOT
 from scipy.io import loadmat
 
 import hfa
@@ -26,22 +25,20 @@ MATRICES = "ABCDE"
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    path = tmp_path_factory.mktemp("models")
-    text = (ROOT / "examples/uav.toml").read_text("utf-8")
-    (path / "uav.toml").write_text(f"CL_max = 1.0\n{text}", "utf-8")
-    (path / "book.csv").write_text(CONDITIONS, "utf-8")
-    return path
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("models") / "book.csv"
+    path.write_text(CONDITIONS, "utf-8")
+    return str(path)
 
 
 @pytest.fixture(scope="module")
-def words(folder):
-    return ("--aircraft", str(folder / "uav.toml"), "--conditions", str(folder / "book.csv"))
+def words(uav, file):
+    return ("--aircraft", uav, "--conditions", file)
 
 
 @pytest.fixture(scope="module")
-def book(folder):
-    return hfa.conditions(hfa.load_model(str(folder / "uav.toml")), folder / "book.csv")
+def book(uav, file):
+    return hfa.conditions(hfa.load_model(uav), file)
 
 
 def written(words, path):

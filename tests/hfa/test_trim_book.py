@@ -2,6 +2,7 @@
 
 import math
 import re
+from pathlib import Path
 
 import pypdf
 import pytest
@@ -22,29 +23,26 @@ NAMES = ("stall", "planted", "climb")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    path = tmp_path_factory.mktemp("book")
-    text = (ROOT / "examples/uav.toml").read_text("utf-8")
-    (path / "uav.toml").write_text(f"CL_max = 1.0\n{text}", "utf-8")
-    (path / "book.csv").write_text(CONDITIONS, "utf-8")
-    return path
+def written(uav, tmp_path_factory):
+    """Return the function that writes the book of the conditions, one of which has no trim."""
+    folder = tmp_path_factory.mktemp("book")
+    (folder / "book.csv").write_text(CONDITIONS, "utf-8")
+    files = ("--aircraft", uav, "--conditions", str(folder / "book.csv"))
 
+    def write(name):
+        document = ("--document", "TR-12, revision B", "-o", str(folder / name))
+        assert command("trim", *files, "-q", *document).code == 1
+        return folder / name
 
-def written(folder, *options):
-    """Return what `hfa trim` prints for the conditions, one of which has no trim (exit code 1)."""
-    files = ("--aircraft", f"{folder}/uav.toml", "--conditions", f"{folder}/book.csv")
-    run = command("trim", *files, "-q", *options)
-    assert run.code == 1, run.err
-    return run.out
+    return write
 
 
 @pytest.fixture(scope="module")
-def pages(folder):
+def pages(written):
     """Return the texts of the pages of the PDF, without blanks."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", "1700000000")
-        written(folder, "--document", "TR-12, revision B", "-o", str(folder / "book.pdf"))
-    read = pypdf.PdfReader(folder / "book.pdf")
+        read = pypdf.PdfReader(written("book.pdf"))
     assert read.metadata.author == "TR-12, revision B"
     assert read.metadata.creation_date.date().isoformat() == "2023-11-14"
     return ["".join(page.extract_text().split()) for page in read.pages]
@@ -86,7 +84,7 @@ def lost(sheet, text):
     return [row.name for row in rows if "".join("".join(row.cells()).split()) not in text]
 
 
-def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, folder):
+def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, uav, tmp_path):
     """Each page has the rows of the sheet of its trim. A page without its mass is seen.
 
     Only the page of the stall says STALLED, and only that of the planted inertia has a warning.
@@ -94,8 +92,8 @@ def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, folder):
     assert len(pages) == 2 + len(NAMES)  # cover and matrix
     for number, text in enumerate(pages, start=1):
         assert f"{number}of{len(pages)}" in text
-    model = hfa.load_model(str(folder / "uav.toml"))
-    trims = hfa.conditions(model, folder / "book.csv")
+    (tmp_path / "book.csv").write_text(CONDITIONS, "utf-8")
+    trims = hfa.conditions(hfa.load_model(uav), tmp_path / "book.csv")
     for name, text in zip(NAMES, pages[2:], strict=True):
         sheet = trims[name].sheet
         assert not lost(sheet, text)
@@ -105,13 +103,12 @@ def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, folder):
         assert ("Check:" in text) == (name == "planted")
 
 
-def test_a_page_in_html_says_the_same(folder):
+def test_a_page_in_html_says_the_same(written):
     """The HTML has document, stall, warning and advice, and its matrix links to each sheet.
 
     Each sheet marks what is assumed.
     """
-    written(folder, "--document", "TR-12, revision B", "-o", str(folder / "book.html"))
-    html = (folder / "book.html").read_text("utf-8")
+    html = written("book.html").read_text("utf-8")
     for said in ("TR-12, revision B", "STALLED: CL", "principal moment", "a value between"):
         assert said in html
     assert html.count("assumed: no data of the aircraft") == len(NAMES)
@@ -149,11 +146,10 @@ def test_the_figure_has_the_values_of_the_sheets():
 @pytest.mark.slow
 def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder):
     """Each has its reason in the matrix, and no figure is drawn."""
-    (folder / "weak.csv").write_text("speed,limit\n45,throttle=0:5\n200,\n", "utf-8")
-    words = ("trim", "--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--conditions")
-    run = command(*words, f"{folder}/weak.csv", "-q", "-o", str(folder / "weak.html"))
-    assert run.code == 1
-    text = (folder / "weak.html").read_text("utf-8")
+    Path("weak.csv").write_text("speed,limit\n45,throttle=0:5\n200,\n", "utf-8")
+    words = ("trim", "--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--conditions", "weak.csv")
+    assert command(*words, "-q", "-o", "weak.html").code == 1
+    text = Path("weak.html").read_text("utf-8")
     assert "throttle at maximum" in text
     assert "speed is 200 m/s" in text
     assert "<figure>" not in text
@@ -163,9 +159,8 @@ def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder):
 def test_a_model_without_a_speed_has_a_book(folder):
     """The matrix of a pendulum has a column of its input, the torque."""
     words = ("trim", "--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM", "--hold", "angle=0,2")
-    run = command(*words, "-q", "-o", str(folder / "pendulum.html"))
-    assert run.code == 0, run.err
-    assert "torque [N m]" in (folder / "pendulum.html").read_text("utf-8")
+    assert command(*words, "-q", "-o", "pendulum.html").code == 0
+    assert "torque [N m]" in Path("pendulum.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize(
@@ -176,22 +171,16 @@ def test_a_model_without_a_speed_has_a_book(folder):
     ],
 )
 def test_the_cover_has_the_mass_as_loaded_and_in_the_conditions(held, said, folder):
-    options = [f"--hold={each}" for each in held]
-    path = folder / "mass.md"
-    run = command(
-        "trim", "--aircraft", f"{ROOT}/examples/uav.toml", *options, "-q", "-o", str(path)
-    )
-    assert run.code == 0, run.err
-    text = path.read_text("utf-8")
+    words = ("trim", "--aircraft", f"{ROOT}/examples/uav.toml", "-q", "-o", "mass.md")
+    assert command(*words, *(f"--hold={each}" for each in held)).code == 0
+    text = Path("mass.md").read_text("utf-8")
     assert said in text
     assert "mass [kg]" in text  # a column of the matrix, also where all conditions set it
 
 
 def test_a_single_sheet_has_its_document_too(folder):
     """A sheet that Python saves with a document has it and lines to sign."""
-    model = hfa.load_model(str(folder / "uav.toml"))
-    point = hfa.trim(model)
-    point.save(folder / "sheet.html", document="TR-12, revision B")
-    text = (folder / "sheet.html").read_text("utf-8")
+    hfa.trim(hfa.aircraft()).save("sheet.html", document="TR-12, revision B")
+    text = Path("sheet.html").read_text("utf-8")
     assert "TR-12, revision B" in text
     assert "signature" in text

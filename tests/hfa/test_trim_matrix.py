@@ -15,8 +15,7 @@ from six_dof import KNOT, SixDof, air, calibrated
 import hfa
 from hfa.options.conditions import listed_conditions
 
-#: The small aircraft with a largest lift coefficient, and conditions of every kind.
-STALLING = "CL_max = 1.0\n"
+#: Conditions of every kind.
 CONDITIONS = """# book 12, revision B
 name,speed [m/s],KCAS [KT],mach,altitude [m],gamma,load_factor,thrust,beta,mass [lbm],Ixz,free,limit
 cruise,35,,,100,0,,,,,,,
@@ -43,19 +42,34 @@ RESULTS = {
 }
 
 
+#: The aircraft as published.
+UAV = ("--aircraft", f"{ROOT}/examples/uav.toml")
+
+
 @pytest.fixture(scope="module")
-def book(tmp_path_factory):
+def trim(uav):
+    """Return the function that runs a command, `hfa trim` by default, with a file of conditions."""
+    return lambda file, *options, verb="trim": command(
+        verb, "--aircraft", uav, "--conditions", str(file), "-q", *options
+    )
+
+
+@pytest.fixture(scope="module")
+def book(trim, tmp_path_factory):
     path = tmp_path_factory.mktemp("matrix")
-    text = (ROOT / "examples/uav.toml").read_text("utf-8")
-    (path / "uav.toml").write_text(STALLING + text, "utf-8")
     (path / "conditions.csv").write_text(CONDITIONS, "utf-8")
-    words = ("trim", "--aircraft", str(path / "uav.toml"), "--conditions")
-    run = command(*words, str(path / "conditions.csv"), "-q", "-o", str(path / "matrix.csv"))
+    run = trim(path / "conditions.csv", "-o", str(path / "matrix.csv"))
     assert run.code == 1, run.err
     first = run.out.partition("\n")[0]
     assert first == "11 of 15 conditions are trimmed, 1 stalled, 1 with a warning, 2 without a trim"
     (path / "listed.txt").write_text(run.out, "utf-8")
     return path
+
+
+def few(*names):
+    """Return the text of some conditions."""
+    rows = CONDITIONS.splitlines(keepends=True)
+    return "".join(row for row in rows if row.partition(",")[0] in ("name", *names))
 
 
 def rows_of(path):
@@ -103,17 +117,7 @@ def test_each_row_balances_in_an_independent_simulation(book):
         assert figures["calibrated airspeed [kt]"] == pytest.approx(knots, rel=1e-5)
 
 
-def test_a_mach_number_and_knots_become_the_speed(book):
-    """Mach 0.1 is 10 % of the speed of sound at the altitude, and 70 kt are in m/s."""
-    by_mach = rows_of(book / "matrix.csv")["by Mach"]
-    assert float(by_mach["speed [m/s]"]) == pytest.approx(
-        0.1 * air(float(by_mach["altitude [m]"])).sound, rel=1e-5
-    )
-    in_knots = rows_of(book / "matrix.csv")["in knots"]
-    assert float(in_knots["speed [m/s]"]) == pytest.approx(70.0 * KNOT)
-
-
-def test_the_file_that_comes_out_runs_again_to_the_byte(book):
+def test_the_file_that_comes_out_runs_again_to_the_byte(book, trim):
     """The columns before `results` of a written file state the conditions, also 0.051 rad, which no
     number of degrees is; all cells are the same but that of the command.
 
@@ -122,8 +126,7 @@ def test_the_file_that_comes_out_runs_again_to_the_byte(book):
     lines = (book / "matrix.csv").read_text("utf-8").splitlines(keepends=True)
     given, written = book / "given.csv", book / "again.csv"
     given.write_text("".join(line for line in lines if not line.startswith("weak")), "utf-8")
-    words = ("trim", "--aircraft", str(book / "uav.toml"), "--conditions", str(given))
-    assert command(*words, "-q", "-o", str(written)).code == 1  # "too slow" has no trim
+    assert trim(given, "-o", str(written)).code == 1  # "too slow" has no trim
     first, again = rows_of(given), rows_of(written)
     del first["cruise"]["about"], again["cruise"]["about"]  # the command
     assert first == again
@@ -131,34 +134,27 @@ def test_the_file_that_comes_out_runs_again_to_the_byte(book):
     assert first["slip"]["hold beta [deg]"] == "0.051 rad"
 
 
-def test_two_books_are_compared_by_the_names_of_their_results(book, tmp_path):
+def test_two_books_are_compared_by_the_names_of_their_results(book, trim, uav, tmp_path):
     """A column of the trims is the same whatever a file imposes, and so is that of a sweep."""
-    words = ("trim", "--aircraft", str(book / "uav.toml"), "--conditions")
     (tmp_path / "other.csv").write_text("name,alpha,free\ncruise,0.5,speed\nb,1,speed\n", "utf-8")
-    command(*words, str(tmp_path / "other.csv"), "-q", "-o", str(tmp_path / "new.csv"))
+    trim(tmp_path / "other.csv", "-o", str(tmp_path / "new.csv"))
     old, new = rows_of(book / "matrix.csv"), rows_of(tmp_path / "new.csv")
     for heading in ("alpha [deg]", "speed [m/s]"):
         assert {bool(row[heading]) for row in (*new.values(), old["cruise"])} == {True}
     assert float(new["cruise"]["alpha [deg]"]) == float(new["cruise"]["hold alpha [deg]"]) == 0.5
     assert "hold speed [m/s]" not in new["cruise"]
-    swept = hfa.sweep(hfa.load_model(str(book / "uav.toml")), speed=[35.0]).records()
+    swept = hfa.sweep(hfa.load_model(uav), speed=[35.0]).records()
     cells = dict(zip(swept.header, swept.rows[0], strict=True))
     assert cells["alpha [deg]"] == pytest.approx(float(old["cruise"]["alpha [deg]"]), rel=1e-9)
     assert cells["hold speed [m/s]"] == cells["speed [m/s]"] == 35.0
 
 
-def test_the_terminal_shows_a_short_sheet(book):
+def test_the_terminal_shows_a_short_sheet(book, trim):
     """A trim fits in 80 x 40 without what is 0 or of level 1, and a list shows what is not plainly
     trimmed; --full prints what a file has.
     """
-    words = (
-        "trim",
-        "--aircraft",
-        str(book / "uav.toml"),
-        "--conditions",
-        str(book / "conditions.csv"),
-    )
-    short, provenance = command(*words, "--row", "cruise").out.rsplit("\n\n", 1)
+    cruise = (book / "conditions.csv", "--row", "cruise")
+    short, provenance = trim(*cruise).out.rsplit("\n\n", 1)
     assert provenance.startswith("hfa ")  # as long as the paths of the files
     short = short.splitlines()
     assert len(short) <= 38  # and two lines for the command and its prompt
@@ -166,7 +162,7 @@ def test_the_terminal_shows_a_short_sheet(book):
     names = {line.split("  ")[0] for line in short}
     assert {"elevator", "static margin", "speed / stall speed"} <= names
     assert not {"beta", "rudder margin", "Ixx", "CAP", "dutch roll damping"} & names
-    full = command(*words, "--row", "cruise", "--full").out
+    full = trim(*cruise, "--full").out
     assert all(f"\n{name} " in full for name in ("beta", "rudder margin", "Ixx", "CAP"))
     listed = (book / "listed.txt").read_text("utf-8")
     assert [line.split()[0] for line in listed.splitlines() if "STALLED" in line] == ["STALLED:"]
@@ -174,7 +170,7 @@ def test_the_terminal_shows_a_short_sheet(book):
     assert "planted: " in listed
 
 
-def test_a_stall_a_warning_and_a_failure_are_in_every_file(book):
+def test_a_stall_a_warning_and_a_failure_are_in_every_file(book, trim, uav):
     """The sentences are cells of the matrix. Stall and warning are entries of JSON, the stall in Python.
 
     The matrix has the limits reached, a level, and the L/D of Python, too.
@@ -185,30 +181,24 @@ def test_a_stall_a_warning_and_a_failure_are_in_every_file(book):
     assert "thrust at maximum" in cells["weak"]["failure"]
     assert cells["climb full thrust"]["limits reached"].split(", ")[0] == "thrust"
     assert cells["cruise"]["worst level"] in ("1", "2", "3", "> 3")
-    names = ("name", "stall", "planted")
-    text = [line for line in CONDITIONS.split("\n") if line.partition(",")[0] in names]
-    (book / "few.csv").write_text("\n".join(text), "utf-8")
-    words = ("--aircraft", str(book / "uav.toml"), "--conditions", str(book / "few.csv"))
-    run = command("trim", *words, "--json", "-q")
+    (book / "few.csv").write_text(few("stall", "planted"), "utf-8")
+    run = trim(book / "few.csv", "--json")
     sheets = {sheet["name"]: sheet for sheet in json.loads(run.out)["sheets"]}
     for name, entry in (("stall", "stalled"), ("planted", "warnings")):
         assert sheets[name]["sheet"][entry]["value"] == cells[name][entry]
         assert "results" not in sheets[name]["sheet"]
-    model = hfa.load_model(str(book / "uav.toml"))
-    trims = hfa.conditions(model, book / "few.csv")
+    trims = hfa.conditions(hfa.load_model(uav), book / "few.csv")
     for name in trims:
         sheet = trims[name].sheet
         assert ("stalled" in {each.name for each in sheet}) == (name == "stall")
         assert float(cells[name]["L/D"]) == pytest.approx(sheet["L/D"].value, rel=1e-9)
 
 
-def test_a_stall_is_said_by_linearize_too(book):
+@pytest.mark.parametrize(("row", "said"), [("stall", "STALLED: CL"), ("turn", "load_factor 1.3")])
+def test_a_stall_is_said_by_linearize_too(row, said, book, trim):
     """The first lines of `hfa linearize` have the stall, and the load factor of a turn."""
-    words = ("linearize", "--aircraft", str(book / "uav.toml"), "--conditions")
-    run = command(*words, str(book / "conditions.csv"), "--row", "stall", "-q")
-    assert "STALLED: CL" in run.out.partition("\n\n")[0]
-    run = command(*words, str(book / "conditions.csv"), "--row", "turn", "-q")
-    assert "load_factor 1.3" in run.out.partition("\n\n")[0]
+    run = trim(book / "conditions.csv", "--row", row, verb="linearize")
+    assert said in run.out.partition("\n\n")[0]
 
 
 def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
@@ -218,78 +208,53 @@ def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
     """
     path = tmp_path / "climb.csv"
     path.write_text("Name,Speed [KCAS],MACH,Free\na,60,0.1,Altitude\nb,60 KCAS,0.2,altitude\n")
-    aircraft = ("--aircraft", f"{ROOT}/examples/uav.toml")
     crossovers = []
-    own = answer("trim", *aircraft, "--hold", "kcas=60", "--hold", "speed=33", "--free", "altitude")
+    own = answer("trim", *UAV, "--hold", "kcas=60", "--hold", "speed=33", "--free", "altitude")
     around = air(own["operating_point"]["states"]["altitude"])
     assert calibrated(33.0, around) == pytest.approx(60.0, rel=1e-5)
     for name, mach in (("a", 0.1), ("b", 0.2)):
-        run = answer("trim", *aircraft, "--conditions", str(path), "--row", name)
+        run = answer("trim", *UAV, "--conditions", str(path), "--row", name)
         states = run["operating_point"]["states"]
         around = air(states["altitude"])
         assert states["speed"] == pytest.approx(mach * around.sound, rel=1e-5)
         assert calibrated(states["speed"], around) == pytest.approx(60.0, rel=1e-5)
         crossovers.append(states["altitude"])
-    at_60_kcas = (*aircraft, "--hold", "kcas=60", "--free", "altitude", "--hold")
+    at_60_kcas = (*UAV, "--hold", "kcas=60", "--free", "altitude", "--hold")
     swept = answer("sweep", *at_60_kcas, "mach=0.1,0.2")["operating_states"]
     assert [row[-1] for row in swept] == pytest.approx(crossovers, rel=1e-9)  # the last is altitude
     assert_refused(command("trim", *at_60_kcas, "mach=0.02"), 2, "no altitude between")
 
 
-def test_a_list_is_printed_alike_with_and_without_a_file(book, tmp_path):
+def test_a_list_is_printed_alike_with_and_without_a_file(trim, tmp_path):
     """Without a file, only the printed figures are computed; results and levels are the same."""
-    rows = [row for row in CONDITIONS.splitlines() if row.startswith(("name", "cru", "sta", "pla"))]
-    (tmp_path / "few.csv").write_text("\n".join(rows), "utf-8")
-    words = ("trim", "--aircraft", str(book / "uav.toml"), "--conditions")
-    run = command(*words, str(tmp_path / "few.csv"), "-q")
-    written = command(*words, str(tmp_path / "few.csv"), "-q", "-o", str(tmp_path / "few.json"))
+    (tmp_path / "few.csv").write_text(few("cruise", "stall", "planted"), "utf-8")
+    run = trim(tmp_path / "few.csv")
     assert run.out.startswith("1 of 3 conditions are trimmed, 1 stalled, 1 with a warning\n")
-    assert run.out == written.out
+    assert run.out == trim(tmp_path / "few.csv", "-o", str(tmp_path / "few.json")).out
 
 
 @pytest.mark.slow
-def test_a_sweep_of_named_conditions_counts_stalls_as_their_trims_do(book, tmp_path):
-    """Its CSV file has names, degrees and results, and runs again as conditions of `hfa trim`.
-
-    So does the file of a sweep of options, whose rows have no names.
-    """
+def test_a_sweep_of_named_conditions_counts_stalls_as_their_trims_do(trim, tmp_path):
+    """Its CSV file has names, degrees and results, and runs again as conditions of `hfa trim`."""
     (tmp_path / "slow.csv").write_text("name,KCAS [kt],altitude\na,35,100\nb,36,100\nc,60,100\n")
-    words = ("--aircraft", str(book / "uav.toml"), "--conditions")
-    swept = command("sweep", *words, str(tmp_path / "slow.csv"), "-o", str(tmp_path / "swept.csv"))
+    swept = trim(tmp_path / "slow.csv", "-o", str(tmp_path / "swept.csv"), verb="sweep")
     assert swept.out.startswith("Sweep, Aerosonde: trimmed at 1 of 3 points, STALLED at 2\n")
-    trims = command("trim", *words, str(tmp_path / "swept.csv"), "-o", str(tmp_path / "trims.csv"))
+    trims = trim(tmp_path / "swept.csv", "-o", str(tmp_path / "trims.csv"))
     assert trims.out.startswith("1 of 3 conditions are trimmed, 2 stalled\n")
     found, of_trims = (rows_of(tmp_path / name) for name in ("swept.csv", "trims.csv"))
     for name, cells in found.items():
         assert cells["results"] == of_trims[name]["results"]
         for heading in ("alpha [deg]", "elevator [deg]", "speed [m/s]"):
             assert float(cells[heading]) == pytest.approx(float(of_trims[name][heading]), rel=1e-9)
-    typed = (
-        "--hold",
-        "kcas=60",
-        "--hold",
-        "altitude=100",
-        "--free",
-        "gamma",
-        "--hold",
-        "thrust=5:9:4",
-    )
-    command("sweep", *words[:2], *typed, "-o", str(tmp_path / "glides.csv"))
-    again = command("trim", *words, str(tmp_path / "glides.csv"), "--json")
-    swept_again = list(csv.DictReader((tmp_path / "glides.csv").read_text("utf-8").splitlines()))
-    for cells, sheet in zip(swept_again, json.loads(again.out)["sheets"], strict=True):
-        pitch = sheet["operating_point"]["states"]["pitch"]
-        assert math.degrees(pitch) == pytest.approx(float(cells["pitch [deg]"]), rel=1e-9)
 
 
-def test_the_file_of_one_sheet_is_its_condition(book, tmp_path):
+def test_the_file_of_one_sheet_is_its_condition(trim, uav, tmp_path):
     """It states what was typed, has degrees, and its trim is the same; so does the file of Python."""
-    words = ("trim", "--aircraft", str(book / "uav.toml"))
-    typed = ("--hold", "load_factor=1.2", "--free", "turn_rate", "--limit", "elevator=-9:9")
+    typed = "--hold load_factor=1.2 --free turn_rate --limit elevator=-9:9 --hold mass=14 -o"
     paths = [tmp_path / name for name in ("one.csv", "again.csv", "python.csv")]
-    command(*words, *typed, "--hold", "mass=14", "-o", str(paths[0]))
-    command(*words, "--conditions", str(paths[0]), "-o", str(paths[1]))
-    model = hfa.load_model(str(book / "uav.toml")).with_parameters(mass=14.0)
+    command("trim", "--aircraft", uav, *typed.split(), str(paths[0]))
+    trim(paths[0], "-o", str(paths[1]))
+    model = hfa.load_model(uav).with_parameters(mass=14.0)
     condition = hfa.trim(model, load_factor=1.2, free="turn_rate").trim_problem.asked
     condition = dataclasses.replace(
         condition, limits={"elevator": (-math.radians(9), math.radians(9))}
@@ -343,7 +308,7 @@ def test_a_wrong_file_is_refused(verb, option, text, said, tmp_path):
     """The one line says what is wrong, and in which row, condition or column it is."""
     path = tmp_path / "conditions.csv"
     path.write_text(text, "utf-8")
-    words = (verb, "--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
+    words = (verb, *UAV, "--conditions", str(path))
     assert_refused(command(*words, *filter(None, [option])), 2, said)
 
 
@@ -361,49 +326,32 @@ def test_a_usual_word_leads_to_the_name(word, said, tmp_path):
     """As an option and as a heading, it is refused with the name or options to use."""
     path = tmp_path / "conditions.csv"
     path.write_text(f"{word}\n30\n", "utf-8")
-    words = ("trim", "--aircraft", f"{ROOT}/examples/uav.toml")
-    assert_refused(command(*words, "--hold", f"{word}=30"), 2, said)
-    assert_refused(command(*words, "--conditions", str(path)), 2, "row 1", said)
+    assert_refused(command("trim", *UAV, "--hold", f"{word}=30"), 2, said)
+    assert_refused(command("trim", *UAV, "--conditions", str(path)), 2, "row 1", said)
 
 
 @pytest.mark.parametrize("verb", ["solve", pytest.param("fly", marks=pytest.mark.slow)])
-def test_other_commands_take_a_row(verb, book):
+def test_other_commands_take_a_row(verb, book, trim, uav):
     """The output is that of the options that state it."""
-    words = (verb, "--aircraft", str(book / "uav.toml"))
-    listed = ("--conditions", str(book / "conditions.csv"), "--row", "glide")
-    typed = (
-        "--hold",
-        "speed=25",
-        "--hold",
-        "altitude=100",
-        "--hold",
-        "thrust=0",
-        "--free",
-        "gamma",
-    )
-    of_row, of_options = (command(*words, *each).out for each in (listed, typed))
+    of_row = trim(book / "conditions.csv", "--row", "glide", verb=verb).out
+    typed = "--hold speed=25 --hold altitude=100 --hold thrust=0 --free gamma -q"
+    of_options = command(verb, "--aircraft", uav, *typed.split()).out
     # The line that begins with the version contains the command.
     assert of_row.partition("\nhfa 0")[0] == of_options.partition("\nhfa 0")[0] != ""
 
 
 def test_a_cell_replaces_an_option(tmp_path):
-    """The option holds for the other rows, and a note names the row that keeps its own value."""
+    """The option holds for the other rows, and notes name the rows that keep their own value, and
+    a condition that is repeated.
+    """
     path = tmp_path / "conditions.csv"
-    path.write_text("name,speed,mass\na,30,\nb,30,20\n", "utf-8")
-    words = ("trim", "--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
-    run = command(*words, "--hold", "mass=15", "-o", str(tmp_path / "matrix.csv"))
-    masses = {
-        name: float(cells["mass [kg]"]) for name, cells in rows_of(tmp_path / "matrix.csv").items()
-    }
-    assert masses == {"a": 15.0, "b": 20.0}
-    assert "mass of b is that of the file" in " ".join((run.out + run.err).split())
-
-
-def test_a_repeated_condition_is_noted(tmp_path):
-    path = tmp_path / "conditions.csv"
-    path.write_text("name,speed\na,30\nb,35\nc,30\n", "utf-8")
-    run = command("trim", "--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
-    assert "condition c is that of condition a again" in run.out + run.err
+    path.write_text("name,speed,mass\na,30,\nb,30,20\nc,30,20\n", "utf-8")
+    matrix = tmp_path / "matrix.csv"
+    run = command("trim", *UAV, "--conditions", str(path), "--hold", "mass=15", "-o", str(matrix))
+    assert [float(cells["mass [kg]"]) for cells in rows_of(matrix).values()] == [15.0, 20.0, 20.0]
+    said = " ".join((run.out + run.err).split())
+    assert "mass of b, c is that of the file" in said
+    assert "condition c is that of condition b again" in said
 
 
 def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):

@@ -182,11 +182,7 @@ def _called(conditions: Sequence[Condition]) -> list[str]:
 def _cover(
     conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]], model: Model
 ) -> dict[str, str]:
-    """Return label -> text of mass and center of gravity, of the class and category of the levels,
-    of the atmosphere, and of the conditions that are not plainly trimmed, by their result.
-
-    loaded: configuration of each condition, {} without a trim
-    """
+    """Return label -> text of mass, center of gravity, class, category, atmosphere and failures."""
     texts = {}
     for name, label in _LOADED.items():
         known = [
@@ -211,11 +207,7 @@ def _cover(
 
 
 def _loading_text(name: str, known: Sequence[tuple[OperatingPoint, Quantity]]) -> str:
-    """Return an entry of the configuration as text: "14 kg as loaded; 13.5 to 15 kg in the
-    conditions".
-
-    known: trim, and the entry there
-    """
+    """Return an entry as text: "14 kg as loaded; 13.5 to 15 kg in the conditions"."""
     unit = known[0][1].unit
     values = [entry.value for _, entry in known]
     lowest, highest = (short_number(end, unit, 6) for end in (min(values), max(values)))
@@ -287,10 +279,7 @@ def _used_controls(conditions: Sequence[Condition]) -> list[str]:
 def _matrix(
     conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]]
 ) -> tuple[Table | str, ...]:
-    """Return the table of conditions, with sentences on those that are not plainly trimmed.
-
-    loaded: configuration of each condition, {} without a trim
-    """
+    """Return the table of conditions, with sentences on those that are not plainly trimmed."""
     controls = _used_controls(conditions)
     set_names = _configuration_names(conditions, loaded)
     entries: list[dict[str, Any]] = []
@@ -320,9 +309,7 @@ def _matrix(
 def _configuration_names(
     conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]]
 ) -> list[str]:
-    """Return mass, center of gravity, flap, gear and parameters that a condition sets, or that are
-    not the same in all conditions.
-    """
+    """Return the configuration that a condition sets or that is not the same in all conditions."""
     points = [condition.point for condition in conditions if condition.point is not None]
     changed = {name for point in points for name in point.model.changed}
     names = []
@@ -415,10 +402,8 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
 
 
 def _panels(conditions: Sequence[Condition]) -> dict[str, dict[str, list[float]]]:
-    """Return label of an axis -> name of a line -> its value at each condition, or nan.
-
-    Lines of nan alone, and panels without a line, are omitted.
-    """
+    """Return label of an axis -> name of a line -> its value at each condition, or nan."""
+    # Lines of nan alone, and panels without a line, are omitted.
     points = [condition.point for condition in conditions]
     first = next((point for point in points if point is not None), None)
     alpha = None if first is None else Trimmed(first).roles.get("alpha")

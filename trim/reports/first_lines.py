@@ -151,11 +151,7 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
 def _flight_words(
     trimmed: Trimmed, imposed: Mapping[str, Any], changed: Iterable[str]
 ) -> Iterator[str]:
-    """Yield the texts of `condition_words` on an aircraft with a speed, but for the rates.
-
-    imposed: name -> value that the condition imposes
-    changed: names that it imposes otherwise than by default
-    """
+    """Yield the texts of `condition_words` on an aircraft with a speed, but for the rates."""
     point, model = trimmed.point, trimmed.point.model
     speed = trimmed.roles["speed"]
     yield from _path_words(trimmed)

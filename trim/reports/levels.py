@@ -151,10 +151,8 @@ _Rule: TypeAlias = tuple[str, Limits]
 
 
 def _rules(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, _Rule]:
-    """Return quality -> its rule for a class and a category; the qualities decide some limits.
-
-    Level 3 of the phugoid is a time to double of 55 s. Category A excludes a coupled roll.
-    """
+    """Return quality -> its rule for a class and a category; the qualities decide some limits."""
+    # Level 3 of the phugoid is a time to double of 55 s. Category A excludes a coupled roll.
     class_, category = airplane
     is_b, is_agile = category == "B", class_ in _AGILE
     is_fast = class_ in {"A": ("I", "IV"), "B": (), "C": _AGILE}[category]
@@ -192,10 +190,8 @@ def _least(*values: float) -> Limits:
 
 
 def _products(airplane: Airplane, qualities: Mapping[str, float]) -> Limits:
-    """Return the limits of ζω of the Dutch roll, which increase with ω² |φ/β| above 20 (rad/s)².
-
-    For class III, a damping of 0.7 satisfies each of them.
-    """
+    """Return the limits of ζω of the Dutch roll, which increase with ω² |φ/β| above 20 (rad/s)²."""
+    # For class III, a damping of 0.7 satisfies each of them.
     class_, category = airplane
     least_1 = {"A": 0.35, "B": 0.15, "C": 0.15 if class_ in _AGILE else 0.1}[category]
     omega = qualities.get("dutch roll frequency", 0.0)
@@ -240,10 +236,8 @@ def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> li
 
 
 def _limits_text(limits: Limits) -> str:
-    """Return limits as text: "at least 0.08, 0.02, 0", "at most 1.4, 3, 10" or "0.3-2, 0.15-".
-
-    No limit is "any", and a level that does not exist "none".
-    """
+    """Return limits as text: "at least 0.08, 0.02, 0", "at most 1.4, 3, 10" or "0.3-2, 0.15-"."""
+    # No limit is "any", and a level that does not exist "none".
     words = {-math.inf: "any", math.inf: "none"}
     if all(math.isinf(span.most) for span in limits):
         ends = [span.least for span in limits]
@@ -350,9 +344,8 @@ def _eigenvalues(trimmed: Trimmed, family: str) -> list[complex]:
 
 
 def _oscillation(trimmed: Trimmed, family: str) -> tuple[float, float] | None:
-    """Return natural frequency, rad/s, and damping ratio of a conjugate pair, or of two real
-    eigenvalues of the same sign, with a declared name; else None.
-    """
+    """Return natural frequency, rad/s, and damping ratio of a family of modes, or None."""
+    # The family is a conjugate pair, or two real eigenvalues of the same sign.
     values = _eigenvalues(trimmed, family)
     if len(values) == 1 and values[0].imag:
         values = [values[0], values[0].conjugate()]

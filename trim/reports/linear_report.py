@@ -127,13 +127,9 @@ def _offsets_table(model: LinearModel) -> Table:
 def _records(
     model: LinearModel, blocks: list[Block], bands: Mapping[str, np.ndarray] | None
 ) -> Table:
-    """Return a table in full precision of the entries and offsets of a linear model.
-
-    Each row is (matrix, row name, column name, value, unit, band). An offset has "X0" or "U0" in
-    place of a matrix.
-
-    bands: as in `Beside`; None without this column
-    """
+    """Return a table in full precision of the entries and offsets of a linear model."""
+    # Each row is (matrix, row name, column name, value, unit, band). An offset has "X0" or "U0" in
+    # place of a matrix.
     rows: list[tuple[Any, ...]] = []
     for block in blocks:
         of_block = (bands or {}).get(block.name)

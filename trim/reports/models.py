@@ -382,10 +382,7 @@ def _stacked(
     table: Mapping[str, tuple[tuple[str, ...], str]],
     names: Mapping[str, tuple[str, ...]],
 ) -> dict[str, np.ndarray]:
-    """Return the arrays of a table, name -> values of N models (N, ...), nan where there is none.
-
-    names: axis -> names of its entries
-    """
+    """Return the arrays of a table, name -> values of N models (N, ...), nan for none."""
     arrays: dict[str, np.ndarray] = {}
     for name, (axes, attribute) in table.items():
         of_axes = [names[axis.replace("rate", "state")] for axis in axes]

@@ -82,9 +82,8 @@ def variable_rows(trimmed: Trimmed) -> list[Row]:
 
 
 def _limits_text(margin: Margin, is_input: bool) -> str:
-    """Return the limits of a variable as text, "" without limits: with the used share of an input,
-    "±25, 12 % used", or the margin of another variable, "0* to 60*, margin 5" (* assumed).
-    """
+    """Return limits as text, "±25, 12 % used" of an input, else "0* to 60*, margin 5", or ""."""
+    # * is an assumed limit.
     star = "*" * margin.assumed
     low, high = (
         f"{shown_value(end, margin.unit)}{star}" for end in (margin.lowest, margin.highest)
@@ -137,9 +136,7 @@ def _limit_of_the_largest_lift(trimmed: Trimmed, alpha: Margin) -> Margin | None
 
 
 def _rank(margin: Margin, is_input: bool) -> tuple[bool, bool, bool, float]:
-    """Return the key that sorts limits: those reached, then declared ones, then those of variables
-    with two limits, then the nearest.
-    """
+    """Return the key that sorts limits: reached, declared, of two limits, then the nearest."""
     has_one_limit = math.isinf(margin.highest - margin.lowest)
     share = margin.share
     if margin.assumed and not is_input and margin.nearer == "lowest" and margin.lowest >= 0.0:
@@ -371,9 +368,8 @@ def title_with_controls(trimmed: Trimmed, rows: Iterable[Row]) -> str:
 
 
 def _parts(trimmed: Trimmed, sheet: Sheet, *, full: bool) -> list[Any]:
-    """Return the parts of a report: the sheet, tables of equations and modes, and sentences on the
-    search. The table of equations is also in a report that is not full if one does not balance.
-    """
+    """Return the sheet, tables of equations and modes, and sentences on the search."""
+    # The table of equations is also in a report that is not full if one does not balance.
     point, search = trimmed.point, trimmed.search
     parts: list[Any] = [*sheet.shown(full)]
     equations = equations_of(point)

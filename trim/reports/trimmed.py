@@ -406,12 +406,9 @@ class Trimmed:
         return Slopes(tuple(names[i] for i in kept), *rates, of_outputs)
 
     def _lags(self) -> list[int]:
-        """Return the indices of the linear states without a meaning in the motion of a body, or
-        none if these have no stable steady state.
-
-        They are no state that `recognized` names, no altitude, no position whose rate is a state,
-        and no rate of a position.
-        """
+        """Return the indices of linear states that are no motion, if they have a steady state."""
+        # They are no state that `recognized` names, no altitude, no position whose rate is a state,
+        # and no rate of a position.
         slopes = self.slopes
         names = slopes.states
         of_motion = {*self.roles.values(), "altitude"}
@@ -608,10 +605,8 @@ class Trimmed:
 
 
 def _first_peak(lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> float | None:
-    """Return the angle of the first maximum of the lift along some angles, or None.
-
-    A lift that remains constant, as beyond the last breakpoint of a table, has no maximum.
-    """
+    """Return the angle of the first maximum of the lift along some angles, or None."""
+    # A lift that remains constant, as beyond the last breakpoint of a table, has no maximum.
     lifts = lift(angles)
     falls = np.flatnonzero(np.diff(lifts) < -ROUNDING * np.abs(lifts).max())
     if not falls.size or falls[0] == 0:
@@ -631,10 +626,8 @@ def _first_peak(lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) ->
 def _first_at(
     lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray, largest: float
 ) -> float:
-    """Return the first angle along some angles at which the lift reaches a value, or nan.
-
-    It is nan if the lift has the value at the first angle already, or at none.
-    """
+    """Return the first angle along some angles at which the lift reaches a value, or nan."""
+    # It is nan if the lift has the value at the first angle already, or at none.
     lifts = lift(angles)
     reached = np.flatnonzero(lifts >= largest)
     if not reached.size or reached[0] == 0:

@@ -81,10 +81,7 @@ def _inertia_line(trimmed: Trimmed) -> str:
 
 
 def _lever_angle(model: Model, name: str, value: Any) -> str:
-    """Return the angle of what a lever moves as text: "15 of 40 deg", or "" if the signal is none.
-
-    value: share of the travel of the lever
-    """
+    """Return the angle of a lever as text, "15 of 40 deg", or "" if the signal is none."""
     signal = model.signals.get(name)
     if signal is None or not signal.full:
         return ""
@@ -117,9 +114,7 @@ def warnings_of(trimmed: Trimmed) -> list[str]:
 
 
 def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
-    """Yield sentences on values that data in wrong units or with wrong signs cause: alpha, drag,
-    directional stability, figures that contradict each other.
-    """
+    """Yield sentences on values that wrong units or signs of data cause."""
     point, model, roles = trimmed.point, trimmed.point.model, trimmed.roles
     if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _STEEPEST:
         yield _steep(trimmed)
@@ -155,9 +150,7 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
 
 
 def _steep(trimmed: Trimmed) -> str:
-    """Return a sentence on an alpha at which nothing flies: what is 0 without air, the cause in a
-    table, and the options of a flight.
-    """
+    """Return a sentence on an alpha at which nothing flies, with its cause or a way to fly."""
     point, model = trimmed.point, trimmed.point.model
     without_air = [
         name
@@ -174,9 +167,8 @@ def _steep(trimmed: Trimmed) -> str:
 
 
 def _flight_options(trimmed: Trimmed) -> str:
-    """Return the options that hold speed and altitude at the start values of the model and free its
-    inputs, or "" if they lead to no trim, or to one that is as steep.
-    """
+    """Return the options that hold the start values of speed and altitude and free the inputs."""
+    # They are "" if they lead to no trim, or to one that is as steep.
     model, condition = trimmed.point.model, trimmed.point.trim_problem.condition
     alpha, speed = trimmed.roles["alpha"], trimmed.roles.get("speed", "")
     imposed = {*condition.imposed}
@@ -197,10 +189,8 @@ def _flight_options(trimmed: Trimmed) -> str:
 
 
 def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
-    """Return whether ∂N/∂β, the yawing moment about the body's z-axis by sideslip, is below 0.
-
-    Without angular rates, N = Izz dr/dt - Ixz dp/dt. An unknown Ixz is 0.
-    """
+    """Return whether ∂N/∂β, the yawing moment about the body's z-axis by sideslip, is below 0."""
+    # Without angular rates, N = Izz dr/dt - Ixz dp/dt. An unknown Ixz is 0.
     roles, states = trimmed.roles, trimmed.slopes.states
     by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
     yawing = float(by_sideslip[states.index(roles["r"])])
@@ -220,11 +210,7 @@ def _value_in(trimmed: Trimmed, name: str, unit: str) -> float:
 
 
 def _slope_in(trimmed: Trimmed, row: str, column: str, unit: str) -> float:
-    """Return the derivative of a rate per second, or of an output, over a state, in a unit.
-
-    row: role of a state, an altitude, or an output
-    column: role of a state
-    """
+    """Return the derivative of a rate per second, or of an output, over a state, in a unit."""
     name, by = trimmed.roles.get(row, row), trimmed.roles.get(column, "")
     if trimmed.fault or not by or name not in trimmed.values:
         return math.nan
@@ -251,14 +237,7 @@ def _unusual_slope(trimmed: Trimmed) -> str:
 
 
 def _compared(trimmed: Trimmed) -> Iterator[float]:
-    """Yield a number for each of `_IDENTITIES`, nan where one of its figures is unknown.
-
-    Ratios: lift and thrust over load factor times weight, of which an unknown thrust may be as
-    large as the weight; weight over mass times gravity, of the model if it has one; density over
-    that of standard air there, of a model without an altitude at sea level or above; rates of the
-    pitch angle and of alpha over the pitch rate; rate of altitude over speed times pitch angle;
-    gamma over the pitch angle. Then the temperature of speed and Mach number, K.
-    """
+    """Yield a number for each of `_IDENTITIES`, nan where one of its figures is unknown."""
     value, slope = partial(_value_in, trimmed), partial(_slope_in, trimmed)
     model = trimmed.point.model
     weight, speed = value("weight", "N"), value(trimmed.roles.get("speed", ""), "m/s") or math.nan
@@ -292,10 +271,7 @@ def _configured_in(trimmed: Trimmed, name: str, unit: str) -> float:
 
 
 def _difference_of_static_margins(trimmed: Trimmed) -> float:
-    """Return the difference of the static margin of the rates and that of the outputs, chords.
-
-    Without Iyy, only their signs are compared: Iyy is then that of margins of equal size.
-    """
+    """Return the difference of the static margin of the rates and that of the outputs, chords."""
     alpha, q = (trimmed.roles.get(role, "") for role in ("alpha", "q"))
     if trimmed.fault or not alpha or not q:
         return math.nan

@@ -152,10 +152,7 @@ def report(request: ReportRequest) -> Outcome:
 
 
 def _paper_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None) -> MainJob:
-    """Return the results for the paper's aircraft.
-
-    swept: angles of --sweep, or None
-    """
+    """Return the results for the paper's aircraft."""
     job = main_job(
         parameter_set(request),
         request.dynamics or "published",
@@ -170,10 +167,7 @@ def _paper_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | Non
 
 
 def _own_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None) -> MainJob:
-    """Return the results for another aircraft: those of --sweep, or about its trim.
-
-    swept: values of --sweep, or None
-    """
+    """Return the results for another aircraft: those of --sweep, or about its trim."""
     refuse(request, ["flights"], "has flights of the paper's aircraft; remove it or --aircraft")
     hold = asked.held()
     at = None if asked.at is None else np.unique(array_of("--at", asked.at, MOST_ASKED))
@@ -206,9 +200,7 @@ def _condition(asked: TrimInput, row: ListedCondition) -> Condition:
 
 
 def _written(html: str, report: Report, place: Path) -> str:
-    """Write the page, in a folder also its pictures and numbers, and return a line with their
-    names.
-    """
+    """Write the page, in a folder also pictures and numbers, and return a line with the names."""
     if place.suffix:
         write_text(place, html)
         return f"wrote {printable(place)}"

@@ -109,10 +109,7 @@ def _models_in(stored: Sequence[Mapping[str, Any]]) -> Models:
 def _are_same_models(
     models: Models, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]
 ) -> bool:
-    """Return whether models equal (A, B) at all common angles, of which there must be one at least.
-
-    A_and_B: dihedral angle, deg -> (A, B)
-    """
+    """Return whether models equal (A, B) at all common angles, at least one."""
     shared = [model for model in models if model[0] in A_and_B]
     return bool(shared) and all(
         stored.shape == other.shape and np.allclose(stored, other, rtol=_SAME, atol=_SAME)

@@ -130,9 +130,7 @@ def sections_of(job: MainJob) -> Sections:
 
 
 def _book(conditions: Sequence[Condition], *, with_sheets: bool) -> Report:
-    """Return the section with the matrix of conditions and its figure, and their sheets if they are
-    on no slider.
-    """
+    """Return the section with the matrix of conditions, its figure, and sheets on no slider."""
     points = [condition.point for condition in conditions if condition.point is not None]
     if not points:
         return Report("Book", ("No condition has a trim.",))

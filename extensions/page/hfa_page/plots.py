@@ -119,11 +119,7 @@ def _figure(
     y: dict[str, Any],
     legend: bool = True,
 ) -> PlotlyFigure:
-    """Return a Plotly figure with one frame for each position of the slider.
-
-    traces: all traces, those that follow the slider last
-    at_positions: the traces that follow the slider, at each of its positions
-    """
+    """Return a Plotly figure with one frame for each position of the slider."""
     layout = {
         "xaxis": x,
         "yaxis": y,
@@ -163,9 +159,7 @@ def pictures_over(slider: Slider) -> list[InteractivePlot]:
 
 
 def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> InteractivePlot | None:
-    """Return the variables of each trim in percent of their ranges, as `trim_figure` draws, or
-    None if no variable has two limits.
-    """
+    """Return the variables of each trim in percent of their ranges, or None without any."""
     trimmed = next(point for point in trims if point is not None)
     names = [margin.name for margin in with_range(trimmed)]
     if not names:
@@ -203,10 +197,8 @@ def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interacti
 
 
 def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> InteractivePlot:
-    """Return the front view of the aircraft at all trims, of which there is one at least.
-
-    The picture has one frame for each point. The scale of the forces is equal in all frames.
-    """
+    """Return the front view of the aircraft at all trims, of which there is one at least."""
+    # The picture has one frame for each point. The scale of the forces is equal in all frames.
     trimmed = [point for point in trims if point is not None]
     aircraft = trimmed[0].model
     span = hfa_model.parameters_of(aircraft).panel_span
@@ -286,10 +278,8 @@ def _line(positions: Any) -> dict[str, Any]:
 
 
 def _locus_plot(slider: Slider) -> InteractivePlot:
-    """Return the root locus of an aircraft over its scheduling variable.
-
-    If some modes are much slower than others, a second figure shows only the slow modes.
-    """
+    """Return the root locus of an aircraft over its scheduling variable."""
+    # If some modes are much slower than others, a second figure shows only the slow modes.
     swept = slider.sweep
     slow = swept.slow
     figures = [_locus(swept, np.ones(len(swept.mode_names), dtype=bool))]
