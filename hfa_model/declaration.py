@@ -33,7 +33,7 @@ from hfa_support.errors import BadInputError
 
 
 @dataclass(frozen=True)
-class Equations:
+class VariantEquations:
     """Equations of motion of a variant, as the function (x, u, p, w) that `Model` requires.
 
     variant: variant of the equations
@@ -179,7 +179,7 @@ def rigid_panels(
         # Named tuples of signals, whose classes become those of the vectors.
         states=STATE_SIGNALS,  # type: ignore[arg-type]  # as above
         inputs=INPUT_SIGNALS,  # type: ignore[arg-type]  # as above
-        equations=Equations(variant),
+        equations=VariantEquations(variant),
         # The values are not checked: a fit of the printed matrices also tries impossible ones.
         parameters={
             name: Signal(unit, min=0.0 if positive else -math.inf, start=float(value))
@@ -232,7 +232,7 @@ def _level_flight() -> dict[str, float]:
 
 def is_hfa(model: Model) -> bool:
     """Return whether a model is the paper's aircraft with the equations of a `Variant`."""
-    return isinstance(model.native.equations, Equations)
+    return isinstance(model.native.equations, VariantEquations)
 
 
 def parameters_of(model: Model) -> Parameters:
@@ -245,5 +245,5 @@ def parameters_of(model: Model) -> Parameters:
 
 def variant_of(model: Model) -> Variant:
     """Return the variant of the equations of a model for which `is_hfa` is true."""
-    equations: Equations = model.native.equations  # type: ignore[assignment]  # of an HFA
+    equations: VariantEquations = model.native.equations  # type: ignore[assignment]  # of an HFA
     return equations.variant

@@ -9,7 +9,7 @@ import casadi as ca
 from hfa_model.kinematics import (
     STILL_AIR,
     Flow,
-    Winds,
+    PanelWinds,
     airspeed,
     center_height,
     center_velocity,
@@ -117,7 +117,7 @@ def aircraft_loads(
     density: Quantity,
     p: Parameters[Quantity],
     variant: Variant,
-    winds: Winds = STILL_AIR,
+    winds: PanelWinds = STILL_AIR,
 ) -> Loads[Quantity]:
     """Return the loads on the aircraft: the forces on its panels, their sums, and the moments.
 

@@ -37,7 +37,7 @@ class Wind(NamedTuple):
     outward: Quantity = 0.0
 
 
-class Winds(NamedTuple):
+class PanelWinds(NamedTuple):
     """Winds at the panels.
 
     center: wind at the center panel
@@ -48,7 +48,7 @@ class Winds(NamedTuple):
     outer: Wind
 
 
-STILL_AIR = Winds(Wind(), Wind())
+STILL_AIR = PanelWinds(Wind(), Wind())
 #: Disturbances of a model, ft/s: a component of `Wind` at all panels, at the center panel or at the
 #: outer panels.
 DISTURBANCES = (
@@ -57,7 +57,7 @@ DISTURBANCES = (
 )
 
 
-def winds_of(w: Any) -> Winds:
+def winds_of(w: Any) -> PanelWinds:
     """Return the winds at the panels, each the sum of the disturbances that act on the panel, ft/s.
 
     w: named tuple of disturbances in `DISTURBANCES`; one without a panel acts on all panels
@@ -68,7 +68,7 @@ def winds_of(w: Any) -> Winds:
         for name_of_panel in (panel,) if panel else tuple(sums):
             at_panel = sums[name_of_panel]
             at_panel[component] = at_panel.get(component, 0.0) + value
-    return Winds(Wind(**sums["center"]), Wind(**sums["outer"]))
+    return PanelWinds(Wind(**sums["center"]), Wind(**sums["outer"]))
 
 
 class Velocity(NamedTuple):

@@ -16,7 +16,7 @@ import casadi as ca
 from hfa_model.atmosphere import density, speed_of_sound
 from hfa_model.dynamics import Loads
 from hfa_model.kinematics import (
-    Winds,
+    PanelWinds,
     angle_of_attack,
     center_height,
     center_velocity,
@@ -43,7 +43,7 @@ class Instant(NamedTuple):
     x: State[Quantity]
     u: Input[Quantity]
     p: Parameters[Quantity]
-    winds: Winds
+    winds: PanelWinds
     loads: Loads[Quantity]
     rates: State[Quantity]
 

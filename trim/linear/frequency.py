@@ -96,7 +96,7 @@ def affected_outputs(linear: LinearModel) -> np.ndarray:
     return np.asarray(D | (C @ chains @ B))
 
 
-class Responses(NamedTuple):
+class ModeResponses(NamedTuple):
     """Frequency responses of a linear model.
 
     frequencies: ω, (N,), rad per unit of time
@@ -108,7 +108,7 @@ class Responses(NamedTuple):
     by_channel: dict[str, np.ndarray]
 
 
-def responses_at_modes(linear: LinearModel) -> Responses:
+def responses_at_modes(linear: LinearModel) -> ModeResponses:
     """Return the frequency responses at the natural frequencies of the damped and the unstable
     modes, slowest first. At an undamped mode, they are infinite.
     """
@@ -118,10 +118,10 @@ def responses_at_modes(linear: LinearModel) -> Responses:
         f"{linear.outputs[i]} / {linear.inputs[j]}": values[i, j]
         for i, j in np.argwhere(affected_outputs(linear)).tolist()
     }
-    return Responses(frequencies, by_channel)
+    return ModeResponses(frequencies, by_channel)
 
 
-def responses_table(responses: Responses, time: str) -> Table:
+def responses_table(responses: ModeResponses, time: str) -> Table:
     """Return a table of the magnitude (dB) and the phase (deg) of each frequency response.
 
     time: unit of time

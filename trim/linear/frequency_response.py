@@ -14,11 +14,6 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import balanced, spectral_abscissa, spectral_radius
 
 
-def spectrum(matrix: np.ndarray) -> np.ndarray:
-    """Return the eigenvalues of a matrix, (n,) complex, sorted by real, then by imaginary part."""
-    return np.sort_complex(np.linalg.eigvals(matrix))  # LAPACK balances the matrix first
-
-
 def is_stable_in_doubles(loop: np.ndarray, *, is_discrete: bool) -> bool:
     """Return whether the eigenvalues of a loop are stable in doubles, which proves nothing."""
     return spectral_radius(loop) < 1.0 if is_discrete else spectral_abscissa(loop) < 0.0
@@ -169,7 +164,7 @@ def _peak(system: System) -> Peak:
     unit = size_of_B * size_of_C
     system = System(system.A, system.B / size_of_B, system.C / size_of_C, system.D / unit)
     best = Peak(float(np.linalg.norm(system.D, 2)), math.inf)
-    frequencies = _resonances(spectrum(system.A))
+    frequencies = _resonances(np.sort_complex(np.linalg.eigvals(system.A)))
     while len(frequencies):
         highest = _highest_at(system, frequencies)
         if not highest.gain > best.gain:
