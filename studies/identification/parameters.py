@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import hfa
-from hfa_model.declaration import Equations
+from hfa_model.declaration import VariantEquations
 from hfa_model.parameters import (
     FIELDS,
     INPUTS,
@@ -346,7 +346,7 @@ class _Problem:
     """
 
     def __init__(self, models: Sequence[PublishedModel], structure: Variant) -> None:
-        own = replace(hfa.aircraft(), equations=Equations(structure))
+        own = replace(hfa.aircraft(), equations=VariantEquations(structure))
         self._layout = own.layout
         self._held = [level_flight(model.dihedral).imposed for model in models]
         self._dihedrals = np.array([model.dihedral for model in models])

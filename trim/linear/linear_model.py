@@ -174,7 +174,35 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
         Raises BadInputError if the file is not a linear model.
         """
-        return _loaded(path)
+        with file_faults(path):
+            data: Any = read_json(Path(path))
+        is_model = isinstance(data, dict) and data.get("schema") == LinearModel.schema
+        if not is_model or not {"A", "B"} <= {*data}:
+            raise BadInputError(
+                f"{path} is not a linear model of schema {LinearModel.schema}; write it with "
+                "hfa linearize -o FILE.json"
+            )
+        with prefix_errors(path):
+            linear = LinearModel.of(
+                data["A"],
+                data["B"],
+                data.get("C"),
+                data.get("D"),
+                states=data.get("states", ()),
+                inputs=data.get("inputs", ()),
+                outputs=data.get("outputs", ()),
+                name=f"linear model of {Path(path).name}",
+            )
+            units = {
+                kind: [str(unit) for unit in data.get(f"{kind}_units", ())]
+                for kind in ("state", "input")
+            }
+            model = replace(
+                linear.model,
+                states=_with_units(linear.states, units["state"]),
+                inputs=_with_units(linear.inputs, units["input"]),
+            )
+        return replace(linear, point=replace(linear.point, model=model))
 
     @property
     def model(self) -> Model:
@@ -452,39 +480,6 @@ def _labels(matrix: Any, axis: int) -> tuple[str, ...]:
 def _labelled(name: str, matrix: Any, *orders: tuple[str, ...]) -> np.ndarray:
     """Return a matrix as checked numbers, with labelled rows and columns in the given orders."""
     return checked_matrix(name, in_order(name, matrix, *orders), LARGEST)
-
-
-def _loaded(path: str | Path) -> LinearModel:
-    """Return the linear model in a JSON file (`LinearModel.load`)."""
-    with file_faults(path):
-        data: Any = read_json(Path(path))
-    is_model = isinstance(data, dict) and data.get("schema") == LinearModel.schema
-    if not is_model or not {"A", "B"} <= {*data}:
-        raise BadInputError(
-            f"{path} is not a linear model of schema {LinearModel.schema}; write it with "
-            "hfa linearize -o FILE.json"
-        )
-    with prefix_errors(path):
-        linear = LinearModel.of(
-            data["A"],
-            data["B"],
-            data.get("C"),
-            data.get("D"),
-            states=data.get("states", ()),
-            inputs=data.get("inputs", ()),
-            outputs=data.get("outputs", ()),
-            name=f"linear model of {Path(path).name}",
-        )
-        units = {
-            kind: [str(unit) for unit in data.get(f"{kind}_units", ())]
-            for kind in ("state", "input")
-        }
-        model = replace(
-            linear.model,
-            states=_with_units(linear.states, units["state"]),
-            inputs=_with_units(linear.inputs, units["input"]),
-        )
-    return replace(linear, point=replace(linear.point, model=model))
 
 
 def _with_units(names: tuple[str, ...], units: list[str]) -> dict[str, Signal]:

@@ -48,14 +48,6 @@ class Matrices(NamedTuple):
     outputs: tuple[str, ...]
 
 
-class _Kept(NamedTuple):
-    """Positions of the states and outputs that a reduced model keeps."""
-
-    rows: list[int]  # states that are kept
-    following: list[int]  # omitted states that follow the other states without delay
-    outputs: list[int]  # outputs that are kept
-
-
 def with_outputs(whole: Matrices, outputs: str | Sequence[str]) -> Matrices:
     """Return the matrices of a system with only the named outputs.
 
@@ -102,12 +94,20 @@ def reduced(
     outputs = list(range(len(whole.outputs)))
     if whole.outputs == whole.states:
         outputs = rows
-    disturbances = list(range(whole.E.shape[1]))
-    kept = _Kept(rows, following, outputs)
-    _refuse_singular(whole, following)
-    A, C = _reduced(whole, whole.A, whole.C, kept, rows)
-    B, D = _reduced(whole, whole.B, whole.D, kept, columns)
-    E, F = _reduced(whole, whole.E, whole.F, kept, disturbances)
+    n, m = whole.B.shape
+    chosen = [*rows, *(n + column for column in columns), *range(n + m, n + m + whole.E.shape[1])]
+    by_columns = np.hstack([whole.A, whole.B, whole.E])[:, chosen]
+    shown = np.hstack([whole.C, whole.D, whole.F])[np.ix_(outputs, chosen)]
+    rates = by_columns[rows]
+    if following:
+        _refuse_singular(whole, following)
+        A22 = whole.A[np.ix_(following, following)]
+        followers_by_columns = -np.linalg.solve(A22, by_columns[following])
+        rates = rates + whole.A[np.ix_(rows, following)] @ followers_by_columns
+        shown = shown + whole.C[np.ix_(outputs, following)] @ followers_by_columns
+    ends = np.cumsum([len(rows), len(columns)])
+    A, B, E = np.split(rates, ends, axis=1)
+    C, D, F = np.split(shown, ends, axis=1)
     return Matrices(
         A=A,
         B=B,
@@ -124,8 +124,6 @@ def reduced(
 
 def _refuse_singular(whole: Matrices, following: list[int]) -> None:
     """Raise BadInputError if the block A22 of A for the following states is singular."""
-    if not following:
-        return
     A22 = whole.A[np.ix_(following, following)]
     if not spectrum(A22).values.all():
         names = ", ".join(whole.states[i] for i in following)
@@ -133,27 +131,6 @@ def _refuse_singular(whole: Matrices, following: list[int]) -> None:
             f"{names} cannot be residualized, because the block A22 of A for these "
             "states is singular; residualize fewer states"
         )
-
-
-def _reduced(
-    whole: Matrices,
-    of_rates: np.ndarray,
-    of_outputs: np.ndarray,
-    kept: _Kept,
-    columns: list[int],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return A and C, B and D, or E and F of the reduced system from those of the whole one."""
-    rows, following, outputs = kept
-    by_columns = of_rates[:, columns]
-    shown = of_outputs[np.ix_(outputs, columns)]
-    if not following:
-        return by_columns[rows], shown
-    A22 = whole.A[np.ix_(following, following)]
-    followers_by_columns = -np.linalg.solve(A22, by_columns[following])
-    return (
-        by_columns[rows] + whole.A[np.ix_(rows, following)] @ followers_by_columns,
-        shown + whole.C[np.ix_(outputs, following)] @ followers_by_columns,
-    )
 
 
 def reduction_note(kept: Matrices, whole: Matrices) -> str:

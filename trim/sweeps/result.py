@@ -506,8 +506,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         Raises NoSolutionError, with the reason, for a point without a trim. Raises IndexError for
         the number of a point that does not exist, and BadInputError for any other name.
         """
-
-        return _column(self, index) if isinstance(index, str) else _linear_model_at(self, index)
+        if not isinstance(index, str):
+            return _linear_model_at(self, index)
+        refuse_unknown("unknown variable", index, self._ipython_key_completions_())
+        if index in self.variables:
+            return self.values[:, self.variables.index(index)]
+        return np.asarray((self.states if index in self.model.states else self.inputs)[index])
 
     def _ipython_key_completions_(self) -> tuple[str, ...]:
         return (*self.variables, *self.model.states, *self.model.inputs)
@@ -644,15 +648,3 @@ def _linear_model_at(swept: Sweep, index: int) -> LinearModel:
     problem = TrimProblem(model, condition, values_at)
     point = OperatingPoint._of(problem, problem.system.scaled(values_at), Status.TRIMMED)
     return point.linearize()
-
-
-def _column(swept: Sweep, name: str) -> np.ndarray:
-    """Return the values of a swept variable, a state or an input at all points of a sweep, (N,)."""
-    refuse_unknown("unknown variable", name, swept._ipython_key_completions_())
-    model = swept.model
-    if name in swept.variables:
-        return swept.values[:, swept.variables.index(name)]
-    names, values = (
-        (model.states, swept.states) if name in model.states else (model.inputs, swept.inputs)
-    )
-    return np.asarray(values)[:, list(names).index(name)]
