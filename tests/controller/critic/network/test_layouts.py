@@ -15,7 +15,6 @@ from pathlib import Path
 import network_files
 import numpy as np
 import pytest
-from cli import hfa as hfa_command
 from network_files import safetensors_file, torch_file
 
 import hfa
@@ -417,17 +416,6 @@ def test_each_example_of_a_refusal_is_accepted(name):
         assert key not in typed
         typed[key] = value
     raise AssertionError(typed)
-
-
-def test_the_table_of_several_files_says_what_is_not_used():
-    """The part that is not used is named with -q too."""
-    matrices = {"A": GAME.A, "B": GAME.B, "Q": GAME.Q, "R": GAME.R}
-    Path("plant.json").write_text(
-        json.dumps({key: each.tolist() for key, each in matrices.items()})
-    )
-    files = [str(ZIPS / f"{name}.zip") for name in ("sac", "ars")]
-    said = hfa_command("verify", "--model", "plant.json", "--weights", *files, "-q").out
-    assert "not used: actor.log_std" in " ".join(said.split())
 
 
 def test_a_policy_of_other_observations_is_no_q_function():

@@ -1,71 +1,24 @@
 """Verdicts on networks as critics and policies."""
 
-import json
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import hfa
 from game_files import AT_15, stored
-from network_files import (
-    onnx_file,
-    torch_file,
-)
+from network_files import torch_file
 from planted_critics import gain, value, weights_of
 
 from controller import critic_in
 from hfa import (
+    BadInputError,
     Game,
     from_network,
-    read_critic,
     solve,
     verify,
 )
-from hfa.main import BAD_INPUT, DONE, FAILED
+from hfa.main import BAD_INPUT, DONE
 
-GOPS = json.loads(Path(__file__).with_name("gops.json").read_text(encoding="utf-8"))
 pytestmark = pytest.mark.usefixtures("folder")
-
-
-# Right networks.
-
-
-@pytest.mark.slow
-def test_published_weights_of_gops_are_checked():
-    """The published weights of GOPS, V = W'psi plus a constant, are checked.
-
-    The exact weights pass. The learned weights have errors of 1.6 % in P and 0.43 % in K, and a
-    cost between 0.0001 % and 0.001 % above the optimum. V at the origin is the constant.
-    """
-    plant = stored("plant.json", **GOPS["plant"])
-    exact_P = solve(Game(**GOPS["plant"])).P
-    row, column = np.triu_indices(3)
-    learned_P = np.zeros((3, 3))
-    learned_P[row, column] = learned_P[column, row] = GOPS["learned"] / (1.0 + (row != column))
-    B = np.array(GOPS["plant"]["B"])
-    errors = [
-        np.linalg.norm(F @ (learned_P - exact_P)) / np.linalg.norm(F @ exact_P)
-        for F in (np.eye(3), B.T)
-    ]
-    assert [f"{error:.2g}" for error in errors] == ["0.016", "0.0043"]
-    words = ("verify", "--model", plant, "--network", "V=value", "--weights")
-    for name, weights, bias in (
-        ("exact", GOPS["exact"], 0.0),
-        ("learned", GOPS["learned"], GOPS["learned_bias"]),
-    ):
-        one = {"v.weight": np.array([weights], "float32"), "v.bias": np.array([bias], "float32")}
-        both = {
-            f"{part}.{key}": each for part in ("value", "value_target") for key, each in one.items()
-        }
-        torch_file(f"{name}.pkl", both)
-    exact = answer(*words, "exact.pkl")
-    assert exact["ok"]
-    learned = answer(*words, "learned.pkl", code=FAILED)
-    assert [learned["P_rel_error"], learned["K_rel_error"]] == pytest.approx(errors, rel=1e-4)
-    assert learned["network"]["value_at_origin"] == pytest.approx(GOPS["learned_bias"], rel=1e-6)
-    assert hfa(*words, "learned.pkl", "--limit-cost", "0.001").code == DONE
-    assert hfa(*words, "learned.pkl", "--limit-cost", "0.0001").code == FAILED
 
 
 # Several outputs, scales, bases in words.
@@ -82,25 +35,15 @@ def test_the_scale_of_inputs_is_applied(game):
     )
 
 
-def test_v_and_a_policy_are_checked_together(game):
-    """V and u as outputs of one graph are checked together: a policy of the wrong sign fails.
-
-    If the argument `network` is omitted, six outputs are read as the gradient of V.
-    """
-    nodes = [
-        ("MatMul", "x P", "h"),
-        ("Mul", "x h", "t"),
-        ("ReduceSum", "t axes", "V"),
-        ("MatMul", "x K", "u"),
-        ("Concat", "V u", "y", {"axis": 1}),
-    ]
-    constants = {"P": value(game), "axes": np.array([1]), "K": gain(game).T}
-    path = onnx_file("both.onnx", nodes, constants, outputs=6)  # V and five inputs
-    check = verify(game, from_network(game, path, network="V+policy="), flights=1)
-    assert not check.ok
+def test_six_outputs_on_a_plant_with_five_inputs_are_a_gradient(game):
+    """V and u, as many numbers, must be asked for: a policy of the wrong sign then fails."""
+    z = ca.SX.sym("z", 6)
+    V = ca.bilin(ca.DM(value(game)), z, z)
+    both = ca.Function("f", [z], [ca.vertcat(V, ca.DM(gain(game)) @ z)])
+    check = verify(game, from_network(game, both, network="V+policy"), flights=1)
     assert check.P_rel_error < 1e-6
     assert "the gain has the wrong sign" in check.reason
-    assert set(from_network(game, path).network) == {"gradient"}
+    assert set(from_network(game, both).network) == {"gradient"}
 
 
 def test_scale_applies_to_the_inputs_of_a_basis(game):
@@ -121,50 +64,30 @@ def test_scale_applies_to_the_inputs_of_a_basis(game):
 
 
 def test_kind_of_an_npy_file_follows_from_shape(game):
-    """The shape of the array in an .npy file determines whether the array is W, P or K.
-
-    An array of another shape is refused.
-    """
-    for entry, right in {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}.items():
+    """The shape of the array in an .npy file determines whether the array is W, P or K."""
+    exact = {"weights": weights_of(value(game)), "P": value(game), "K": gain(game)}
+    for name, right in exact.items():
         np.save("mine.npy", right)
-        found = critic_in("mine.npy", game)
-        stored_part = {"W": found.weights, "P": found.P, "K": found.K}[entry]
-        assert np.array_equal(stored_part, right)
+        assert np.array_equal(getattr(critic_in("mine.npy", game), name), right)
     np.save("odd.npy", np.ones((4, 3)))
-    assert (
-        "odd.npy: the array of shape (4, 3) does not fit W, P or K"
-        in hfa("verify", *AT_15, "--weights", "odd.npy").err
-    )
+    with pytest.raises(BadInputError, match=r"odd.npy: the array of shape \(4, 3\) does not fit"):
+        critic_in("odd.npy", game)
 
 
 def test_networks_with_unsuitable_output_numbers_are_refused(game):
-    """A network is refused if its number of outputs fits no quantity, or fits several.
+    """A network is refused if its number of outputs fits no quantity.
 
-    The command that the error proposes is accepted. A single output on a plant with one input is
-    read as the policy.
+    A single output on a plant with one input is read as the policy.
     """
-    said = hfa(
-        "verify", *AT_15, "--weights", torch_file("policy.pt", {"weight": np.zeros((3, 6))})
-    ).err
-    assert (
-        "the network has 3 outputs, but for this plant V has 1, gradient has 6, policy has 5"
-        in said
-    )
-    plant = stored("plant.json", **GOPS["plant"])
+    path = torch_file("policy.pt", {"weight": np.zeros((3, 6))})
+    with pytest.raises(
+        BadInputError,
+        match="has 3 outputs, but for this plant V has 1, gradient has 6, policy has 5",
+    ):
+        from_network(game, path)
+    one = Game(-np.eye(3), np.ones((3, 1)), Q=np.ones(3), R=[1.0])
     path = torch_file("policy.pt", {"weight": -np.ones((1, 3))})
-    named = hfa("verify", "--model", plant, "--weights", path, "--network", "policy=")
-    assert named.code == FAILED
-    alone = hfa("verify", "--model", plant, "--weights", path).out  # one input
-    assert alone.splitlines()[0] == named.out.splitlines()[0]
-    A = [[0.0, 1.0], [-1.0, -1.0]]
-    eye = np.eye(2).tolist()
-    square = stored("square.json", A=A, B=eye, Q=eye, R=eye)
-    policy = torch_file("two.pt", {"weight": -np.eye(2)})
-    said = hfa("verify", "--model", square, "--weights", policy)
-    assert said.code == BAD_INPUT
-    typed = said.err.rpartition("; type ")[2].split()
-    assert typed[:2] == ["hfa", "verify"]
-    assert hfa(*typed[1:]).code == FAILED
+    assert np.array_equal(from_network(one, path).K, from_network(one, path, network="policy=").K)
 
 
 def test_a_state_dict_needs_its_activation():
@@ -215,18 +138,6 @@ def test_the_policy_of_a_value_contains_the_cross_weights():
             critic = from_network(game, function, network=kind)
             assert np.allclose(np.array(critic.policy(state)).ravel(), u)
             assert verify(game, critic).ok == (bend == 0.0)
-
-
-@pytest.mark.parametrize("sides", [(3.0, 3.0), (3.0, 1.0)])
-def test_the_gain_at_a_kink_is_the_mean_of_both_sides(sides):
-    """u = -a z for z > 0, -b z for z < 0, of a ReLU network: K is the mean, and a nonsmooth point is named."""
-    a, b = sides
-    game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[1.0], R=[1.0], delta=np.inf)
-    layers = {"0.weight": [[1.0], [-1.0]], "2.weight": [[-a, b]]}
-    np.savez("relu.npz", **{name: np.array(layer) for name, layer in layers.items()})
-    critic = read_critic("relu.npz", game, activation="relu")
-    assert critic.K.item() == pytest.approx((a + b) / 2.0, abs=1e-12)
-    assert ("nonsmooth point" in critic.origin) == (a != b)
 
 
 @pytest.mark.parametrize("cost_unit", [1e-12, 1.0, 1e12])

@@ -15,15 +15,6 @@ OF_ACTOR = chain(ACTOR, (STATES, 8, 8, ACTIONS), RANDOM)
 OF_CRITIC = chain(("critic.0", "critic.2", "critic.4"), (STATES, 8, 8, 1), RANDOM)
 
 
-def test_a_policy_is_read_beside_other_networks():
-    """Names tell the policy from a value and from the tensors of an optimizer."""
-    others = {"optimizer.state.0.exp_avg": np.ones((8, STATES)), "log_std": np.zeros(ACTIONS)}
-    path = torch_file("a.pt", others | OF_ACTOR | OF_CRITIC)
-    policy = read(path, inputs=ACTIONS, activation="tanh", network="policy=")
-    x = 3.0 * RANDOM.normal(size=(20, STATES))
-    assert policy.u(x) == pytest.approx(output_of(OF_ACTOR, ACTOR, np.tanh, x), rel=1e-9)
-
-
 @pytest.mark.parametrize(
     "more",
     [
