@@ -51,28 +51,6 @@ class Stepper(Protocol):
         """
 
 
-class RowSteps:
-    """Stepper of many flights x' = f(x) without inputs by Runge-Kutta steps, in NumPy.
-
-    rate: states (N, n) -> x', (N, n)
-    step: s
-    steps: number of steps in a tick
-    """
-
-    def __init__(self, rate: Callable[[np.ndarray], np.ndarray], step: float, steps: int) -> None:
-        self.step = step
-        self.steps = steps
-        self._rate = rate
-
-    def __call__(self, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return the states after each step, (N, steps, n)."""
-        after = np.empty((len(state), self.steps, state.shape[1]))
-        for number in range(self.steps):
-            state = rk4(lambda x, _: self._rate(x), state, self.step)
-            after[:, number] = state
-        return after
-
-
 class Loop(Protocol):
     """A closed loop that can be simulated: a plant and what holds its inputs.
 
@@ -116,7 +94,7 @@ def saturated(value: Any, lowest: Any, highest: Any) -> Any:
 
 
 class Rows:
-    """Loop of many flights x' = f(x) without inputs, by Runge-Kutta steps.
+    """Loop and stepper of many flights x' = f(x) without inputs, by Runge-Kutta steps in NumPy.
 
     rate: states (N, n) -> x', (N, n)
     starts: initial states, (N, n)
@@ -131,7 +109,10 @@ class Rows:
         step: float,
         steps: int,
     ) -> None:
-        self.stepper: Stepper = RowSteps(rate, step, steps)
+        self.stepper: Stepper = self
+        self.step = step
+        self.steps = steps
+        self._rate = rate
         self._starts = starts
 
     def start(self) -> np.ndarray:
@@ -141,6 +122,14 @@ class Rows:
     def hold(self, tick: int, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
         """Return an array (F, 0)."""
         return state[:, :0]
+
+    def __call__(self, state: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return the states after each step, (N, steps, n)."""
+        after = np.empty((len(state), self.steps, state.shape[1]))
+        for number in range(self.steps):
+            state = rk4(lambda x, _: self._rate(x), state, self.step)
+            after[:, number] = state
+        return after
 
 
 #: Function from the time history of a window to a mask (N, T) or (N, T + 1), True where a flight is

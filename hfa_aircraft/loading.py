@@ -65,11 +65,9 @@ class ParameterFile:
         with file_faults(file):
             data = read_toml(file)
         found = checked(file, data, _FILE)
-        texts = {name: found.get(name, "") for name in ("aircraft", "sha256")}
-        values, bands, sensors = (
-            found.get(name, {}) for name in ("parameters", "bands", "sensors")
-        )
-        return cls(file, **texts, values=values, bands=bands, sensors=sensors)
+        texts = (found.get(name, "") for name in ("aircraft", "sha256"))
+        tables = (found.get(name, {}) for name in ("parameters", "bands", "sensors"))
+        return cls(file, *texts, *tables)
 
     def applied_to(self, model: Model) -> Model:
         """Return an aircraft with the values of this file.
@@ -335,14 +333,10 @@ def _known_formats() -> tuple[str, ...]:
 
 def _reader_of(kind: str) -> AircraftReader:
     """Return the reader of a suffix or scheme: that of the project, or of an installed package."""
-    if kind in (".csv", ".toml"):
+    if kind in (".csv", ".toml", ".st"):
         from hfa_aircraft.readers.derivatives import read as derivatives
 
-        return derivatives.read_model
-    if kind == ".st":
-        from hfa_aircraft.readers.derivatives import read as derivatives
-
-        return derivatives.read_avl
+        return derivatives.read_avl if kind == ".st" else derivatives.read_model
     if kind in (".json", ".mat", ".npz"):
         from hfa_aircraft.readers.matrices_file import linear_plant
 

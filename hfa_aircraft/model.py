@@ -255,11 +255,10 @@ class Model(Reported):
         """
         if not altitudes(self.states):
             return {}
-        others = {*self.states, *self.inputs, *self.parameters, *self.disturbances}
         return {
             name: self.outputs.get(name, signal)
             for name, signal in AIRSPEEDS.items()
-            if name not in others
+            if name in self.outputs or name not in self.signals
         }
 
     @cached_property
@@ -639,8 +638,8 @@ class Model(Reported):
         if self.layout.has_nan:
             return f"{self.name}: {what} contains NaN; use CasADi's functions (ca.sin), not math's"
         where = ", ".join(f"{self.describe(name, value)} {name}" for name, value in values.items())
-        if self.about.failed():
-            return f"{self.name}: {self.about.failed()} (at {where})"
+        if fault := self.about.failed():
+            return f"{self.name}: {fault} (at {where})"
         return f"{self.name}: {what} is not a number at {where}; correct the equations or limits"
 
     def outputs_at(

@@ -61,8 +61,8 @@ def spread_of_file(path: str, model: Model) -> ParameterSpread:
     table = data.get("covariance")
     if table is None:
         raise BadInputError(f"{path} has no [covariance], which --draws requires; {_ADVICE}")
-    names = table.get("names", ()) if isinstance(table, Mapping) else ()
-    rows = table.get("rows", ()) if isinstance(table, Mapping) else ()
+    table = table if isinstance(table, Mapping) else {}
+    names, rows = table.get("names", ()), table.get("rows", ())
     known = isinstance(names, list) and all(name in model.parameters for name in names)
     if not names or not known or not _is_square(rows, len(names)):
         raise BadInputError(

@@ -147,12 +147,14 @@ class StabilityFile:
 
         Xnp = Xref - Cref Cma / CLa.
         """
-        if not {"Xnp", "Cref", "CLa", "Cma"} <= {*self.values} or not self.value("CLa"):
+        names = ("Xnp", "Cref", "Cma", "CLa")
+        if not {*names} <= {*self.values} or not self.value("CLa"):
             return
-        expected = self.value("Xref") - self.value("Cref") * self.value("Cma") / self.value("CLa")
-        if abs(self.value("Xnp") - expected) > _NEUTRAL_POINT * self.value("Cref"):
+        neutral, chord, moment, lift = map(self.value, names)
+        expected = self.value("Xref") - chord * moment / lift
+        if abs(neutral - expected) > _NEUTRAL_POINT * chord:
             yield (
-                f"Xnp is {self.value('Xnp'):.4g}, and Cma / CLa put the neutral point at "
+                f"Xnp is {neutral:.4g}, and Cma / CLa put the neutral point at "
                 f"{expected:.4g}; a line of the file was changed"
             )
 
