@@ -122,7 +122,7 @@ def export(request: ExportRequest, given: GivenTrim) -> Outcome:
     target = request.output
     assert target is not None  # required
     if target.suffix.lower() == ".m":
-        return _show_written(given, [_write_function(target)])
+        return _listed([_write_function(target)], given)
     is_fmu = target.suffix.lower() == ".fmu"
     if not is_fmu:
         refuse(request, ("actuators",), "applies only to an FMU; remove this option")
@@ -134,13 +134,8 @@ def export(request: ExportRequest, given: GivenTrim) -> Outcome:
     check_policy(request)
     _check_filter(request)
     point = trimmed(given)
-    if isinstance(request.flown, Path) and request.kind == DEPLOYMENT:
-        written = _write_deployed_policy(request, target, request.flown, given, point)
-    elif is_fmu:
-        written = _write_fmu(request, target, given, point)
-    else:
-        written = _write_source(request, target, given, point)
-    return _show_written(given, written, point.warnings)
+    write = _write_fmu if is_fmu else _write_source
+    return _listed(write(request, target, given, point), given, point.warnings)
 
 
 def _check_filter(request: ExportRequest) -> None:
@@ -165,21 +160,6 @@ def _write_function(target: Path) -> Path:
     return target
 
 
-def _origin(request: ExportRequest, given: GivenTrim) -> str:
-    """Return the provenance as text, with the command line."""
-    return f"{provenance(request, given.source).text()}\n{request.line}"
-
-
-def _write_deployed_policy(
-    request: ExportRequest, target: Path, deployment: Path, given: GivenTrim, point: OperatingPoint
-) -> list[Path]:
-    """Write the command of a deployed policy at one sample as a C function."""
-    from hfa_flight.policies.deployment.policy import flown_deployment
-
-    policy = flown_deployment(deployment, point)
-    return write_texts(target, c_policy_texts(policy, _origin(request, given)))
-
-
 def _write_fmu(
     request: ExportRequest, target: Path, given: GivenTrim, point: OperatingPoint
 ) -> list[Path]:
@@ -195,11 +175,12 @@ def _write_fmu(
     actuators = actuators_of(model, request.actuators)
     linear = noted_linear_model(model, point)
     steering = None
-    if request.filter:
+    if request.filter or request.policy is not None:
         policy = policy_about(request, linear, given.common.at)
-        steering = behind_a_filter(model, _filtered(request, given, linear, policy))
-    elif request.policy is not None:
-        steering = following_a_reference(model, policy_about(request, linear, given.common.at))
+        if request.filter:
+            steering = behind_a_filter(model, _filtered(request, given, linear, policy))
+        else:
+            steering = following_a_reference(model, policy)
     loop = exported_loop(model, point, steering, actuators)
     write_fmu(loop, target, provenance(request, given.source))
     return [target]
@@ -208,8 +189,12 @@ def _write_fmu(
 def _write_source(
     request: ExportRequest, target: Path, given: GivenTrim, point: OperatingPoint
 ) -> list[Path]:
-    """Write the aircraft with a policy as C source."""
-    origin = _origin(request, given)
+    """Write the aircraft with a policy as C source, or a deployed policy alone."""
+    from hfa_flight.policies.deployment.policy import flown_deployment
+
+    origin = f"{provenance(request, given.source).text()}\n{request.line}"
+    if isinstance(request.flown, Path) and request.kind == DEPLOYMENT:
+        return write_texts(target, c_policy_texts(flown_deployment(request.flown, point), origin))
     linear = noted_linear_model(given.model, point)
     policy = policy_about(request, linear, given.common.at)
     texts = c_model_texts(linear, policy, origin)
@@ -229,15 +214,11 @@ def _filtered(
     return filter(linear, noise, air).policy(policy, fade=request.fade)
 
 
-def _show_written(given: GivenTrim, written: list[Path], notes: Iterable[str] = ()) -> Outcome:
-    """Print the list of the written files, and return exit code 0."""
-    return Outcome(report=_report(written), source=given.source, notes=notes, is_written=True)
-
-
-def _report(written: list[Path]) -> Report:
-    """Return the report of the written files with their sizes."""
+def _listed(written: list[Path], given: GivenTrim, notes: Iterable[str] = ()) -> Outcome:
+    """Return the outcome with the list of the written files and their sizes."""
     rows = [(str(path), path.stat().st_size) for path in written]
     table = Table(("file", "bytes"), [(printable(name), str(size)) for name, size in rows])
     listed = [{"file": name, "bytes": size} for name, size in rows]
     title = f"Exported: {len(rows)} {'files' if len(rows) > 1 else 'file'}"
-    return Report(title, [table], data={"schema": "hfa.export/1", "files": listed})
+    report = Report(title, [table], data={"schema": "hfa.export/1", "files": listed})
+    return Outcome(report=report, source=given.source, notes=notes, is_written=True)

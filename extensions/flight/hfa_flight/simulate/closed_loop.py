@@ -33,18 +33,12 @@ Winds = Mapping[str, Any]
 class Plant:
     """A plant in deviations x (n,) from its operating point, as CasADi expressions.
 
-    parameters_size: number of parameters that differ between flights
+    uncertain: whether its parameters differ between flights
     point: the operating point
     """
 
-    parameters_size = 0
+    uncertain = False
     point: OperatingPoint
-
-    @cached_property
-    def linear_places(self) -> list[int]:
-        """Places of the k states of the linear model among the n states."""
-        model = self.point.model
-        return [list(model.states).index(name) for name in model.linear]
 
     def rate(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> ca.SX:
         """Return the time derivative x' of the state deviations, (n,).
@@ -52,7 +46,7 @@ class Plant:
         x: (n,), deviations of the states
         u: (m,), deviations of the inputs
         winds: disturbance of the model -> value
-        parameters: (parameters_size,)
+        parameters: those of an uncertain plant, else (0,)
         """
         raise NotImplementedError
 
@@ -119,11 +113,6 @@ class NonlinearPlant(Plant):
     def __post_init__(self) -> None:
         """Raise BadInputError if the operating point belongs to another model."""
         self.point._refuse_other(self.model)
-
-    @property
-    def parameters_size(self) -> int:  # type: ignore[override]  # computed
-        """Number of parameters that differ between flights."""
-        return len(self.model.parameters) if self.uncertain else 0
 
     def rate(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> ca.SX:
         """Return the time derivative of the states, f(X0 + x, U0 + u, p, w), (n,).
@@ -249,7 +238,7 @@ class ClosedLoop:
 
     def __post_init__(self) -> None:
         """Raise BadInputError for wrong sizes and for a trim outside the actuators' limits."""
-        k = len(self.plant.linear_places)
+        k = len(self.plant.point.model.linear)
         if self.scenario.actuators is not None:
             self.scenario.actuators.refuse_trim(self.plant.point.u)
         self.policy.refuse_other_sizes(self.plant.point)
@@ -274,14 +263,14 @@ class ClosedLoop:
     @cached_property
     def held_sizes(self) -> HeldParts:
         """Numbers of held inputs for the plant and the other parts."""
-        scenario = self.scenario
+        scenario, model = self.scenario, self.plant.point.model
         return HeldParts(
-            parameters=self.plant.parameters_size,
+            parameters=len(model.parameters) if self.plant.uncertain else 0,
             policy=self.policy.held.shape[1],
-            noise=0 if scenario.samples is None else len(self.plant.linear_places),
+            noise=0 if scenario.samples is None else len(model.linear),
             gust=0 if scenario.gust is None else scenario.gust.held_size,
             begin=1 if self.breaks.size else 0,
-            delay=2 + 2 * self.plant.point.u.size if scenario.delayed_ticks else 0,
+            delay=2 + 2 * len(model.inputs) if scenario.delayed_ticks else 0,
         )
 
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -293,16 +282,17 @@ class ClosedLoop:
     def at(self, t: ca.SX, y: ca.SX, held: ca.SX) -> LoopSignals:
         """Return the expressions of the loop at t, y and the held inputs."""
         scenario, plant = self.scenario, self.plant
+        rows = plant.point.model.state_places(plant.point.model.linear)
         state = StateParts(*(y[part] for part in self.state_slices))
         inputs = HeldParts(*(held[part] for part in self.held_slices))
         winds = {} if scenario.gust is None else scenario.gust.winds(t, inputs.gust)
         for name, waveform in scenario.air.items():
             winds[name] = winds.get(name, 0.0) + waveform.at(t)
         reference = self._reference(t, inputs)
-        states = state.plant[plant.linear_places]
+        states = state.plant[rows]
         sensed = states + inputs.noise if inputs.noise.numel() else states
         measured = ca.SX(state.plant)
-        measured[plant.linear_places] = sensed
+        measured[rows] = sensed
         measurements = Measurements(sensed - reference, sensed)
         command = self.policy.control(t, measurements, inputs.policy)
         u = self._arriving(t, command, inputs)
@@ -314,7 +304,7 @@ class ClosedLoop:
             actuators_rate = scenario.actuators.rates(state.actuators, reachable)
         plant_rate = plant.rate(state.plant, u, winds, inputs.parameters)
         if scenario.disturbance is not None:
-            plant_rate[plant.linear_places] += scenario.disturbance.at(t)
+            plant_rate[rows] += scenario.disturbance.at(t)
         error = states - reference
         cost_rate = no_states if self.cost is None else self.cost.rate(error, u)
         rates = StateParts(plant_rate, actuators_rate, cost_rate)
@@ -382,7 +372,7 @@ class ClosedLoop:
         # A reference that steps keeps the value that it has at the beginning of the held inputs.
         reference = self.scenario.reference
         if reference is None:
-            return ca.SX.zeros(len(self.plant.linear_places))
+            return ca.SX.zeros(len(self.plant.point.model.linear))
         is_held = getattr(reference, "is_stepping", False) and inputs.begin.numel()
         return reference.at(inputs.begin if is_held else t)
 
