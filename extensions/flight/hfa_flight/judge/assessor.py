@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -41,13 +40,6 @@ _CHECKED = 2
 _SMALL = 1e-3
 
 
-class _Flown(NamedTuple):
-    """An aircraft over a sample, and the largest deviation of each of its states, (n,)."""
-
-    flight: SampledFlight
-    largest: np.ndarray
-
-
 def resolved_flight(
     flight: SampledFlight, cases: Sequence[TrimCase], seed: int
 ) -> tuple[SampledFlight, IntegrationError]:
@@ -59,14 +51,14 @@ def resolved_flight(
     """
     model = flight.deployed.model
 
-    def flown(refinement: int) -> _Flown:
-        """Return the flights with so many times the integration steps in a sample."""
+    def flown(refinement: int) -> tuple[SampledFlight, np.ndarray]:
+        """Return the flights with so many times the integration steps, and largest deviations."""
         finer = replace(flight, steps_per_sample=refinement * flight.steps_per_sample)
-        return _Flown(finer, _largest_deviations(finer, cases, seed))
+        return finer, _largest_deviations(finer, cases, seed)
 
-    def figures(flown: _Flown) -> Figures:
+    def figures(flown: tuple[SampledFlight, np.ndarray]) -> Figures:
         """Return the figures that must hardly change: the largest deviations of linear states."""
-        largest = dict(zip(model.states, flown.largest.tolist(), strict=True))
+        largest = dict(zip(model.states, flown[1].tolist(), strict=True))
         return {
             f"the largest deviation of {name}": ReportedFigure(
                 largest[name], _SMALL * model.states[name].nominal
@@ -74,8 +66,8 @@ def resolved_flight(
             for name in model.linear
         }
 
-    checked, error = resolved(flown, figures, flight.dt / flight.steps_per_sample)
-    return checked.flight, error
+    (checked, _), error = resolved(flown, figures, flight.dt / flight.steps_per_sample)
+    return checked, error
 
 
 def _largest_deviations(flight: SampledFlight, cases: Sequence[TrimCase], seed: int) -> np.ndarray:

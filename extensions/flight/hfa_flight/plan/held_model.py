@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,14 +19,6 @@ from hfa_support.native.row_code import machine_code
 #: Largest error of the fastest mode over a hold, x^5 / 120 for each Runge-Kutta step of x time
 #: constants. The gradient of a plan at the trim is then exact to 1e-5.
 _ERROR = 2.5e-6
-
-
-class _Symbols(NamedTuple):
-    """Symbols of states (n,), inputs (m,) and a duration, s."""
-
-    z: ca.MX
-    v: ca.MX
-    seconds: ca.MX
 
 
 class HeldModel:
@@ -93,24 +85,23 @@ class HeldModel:
         after = step.fold(count)(begin, *repeated)
         return ca.Function(f"{step.name()}_{count}", [begin, v, seconds], [after])
 
-    def _symbols(self) -> _Symbols:
-        """Return new symbols of states, inputs and a duration."""
+    def _symbols(self) -> list[ca.MX]:
+        """Return new symbols of states (n,), inputs (m,) and a duration, s."""
         _, n, m = self.scaled.sizes
-        sizes = (n, m, 1)
-        return _Symbols(*map(ca.MX.sym, _Symbols._fields, sizes))
+        return [*map(ca.MX.sym, ("z", "v", "seconds"), (n, m, 1))]
 
     @cached_property
     def _flown(self) -> BoundFunction:
         """Machine code of (z, v (m, N)) -> states after each hold, (n, N)."""
-        start = self._symbols()
-        inputs = ca.MX.sym("inputs", start.v.numel(), len(self.holds))
+        _, n, m = self.scaled.sizes
+        start, inputs = ca.MX.sym("start", n), ca.MX.sym("inputs", m, len(self.holds))
         seconds = ca.DM(self.holds).T
-        last, nodes = start.z, []
+        last, nodes = start, []
         for steps, run in self._runs():
             flown = self._held(self._step, steps).mapaccum(len(run))
             nodes.append(flown(last, inputs[:, run], seconds[:, run]))
             last = nodes[-1][:, -1]
-        function = ca.Function("flown", [start.z, inputs], [ca.horzcat(*nodes)])
+        function = ca.Function("flown", [start, inputs], [ca.horzcat(*nodes)])
         return BoundFunction(machine_code(function))
 
     @cached_property

@@ -112,9 +112,9 @@ class PlanProgram:
     def __init__(self, count: int, n: int, m: int, soft: np.ndarray, fast: np.ndarray) -> None:
         self.fast = fast
         self._n, self._m = n, m
-        numbers = _numbers_of_values(count, n, m, soft, fast)
-        of_H, self._numbers_of_H = _sparse(numbers.H)
-        of_A, self._numbers_of_A = _sparse(numbers.A)
+        H, A = _numbers_of_values(count, n, m, soft, fast)
+        of_H, self._numbers_of_H = _sparse(H)
+        of_A, self._numbers_of_A = _sparse(A)
         limits, slacks = len(soft) + len(fast), len(soft)
         stages: dict[str, Any] = {
             "N": count,
@@ -172,20 +172,14 @@ class PlanProgram:
         return None
 
 
-class _Numbers(NamedTuple):
-    """Matrices H and A of a program, with the number of a value in place of each entry."""
-
-    # Of H: W of each hold, the curvatures of the slacks, P. Of A: 1, -1, the derivatives of the
-    # states at the ends and at the middles of the holds. Numbers begin with 1; 0 is no entry.
-
-    H: np.ndarray
-    A: np.ndarray
-
-
-def _numbers_of_values(count: int, n: int, m: int, soft: np.ndarray, fast: np.ndarray) -> _Numbers:
-    """Return the matrices of the program of `PlanProgram` with N holds, with its arguments."""
-    # The rows of A of a hold are the n equations, then for the limits at its end and for those
-    # at its middle first the upper sides, x - slack, then the lower ones, x + slack.
+def _numbers_of_values(
+    count: int, n: int, m: int, soft: np.ndarray, fast: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return H and A of a program, with the number of a value in place of each entry."""
+    # Numbers begin with 1; 0 is no entry. The values of H are W of each hold, the curvatures of the
+    # slacks, and P; those of A are 1, -1, and the derivatives of the states at the ends and at the
+    # middles of the holds. The rows of A of a hold are the n equations, then for the limits at its
+    # end and for those at its middle first the upper sides, x - slack, then the lower ones.
     both, slacks, middles = n + m, len(soft), len(fast)
     unknowns, rows_of_hold = both + slacks, n + 2 * (slacks + middles)
     H = np.zeros((count * unknowns + n, count * unknowns + n), dtype=int)
@@ -210,7 +204,7 @@ def _numbers_of_values(count: int, n: int, m: int, soft: np.ndarray, fast: np.nd
                 A[rows[:, None], states_and_inputs], A[rows, beyond] = limited, sign
                 row += len(beyond)
     H[-n:, -n:] = P.reshape(n, n)
-    return _Numbers(H, A)
+    return H, A
 
 
 def _gradient(cost: PlanCost) -> np.ndarray:

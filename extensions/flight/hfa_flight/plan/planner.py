@@ -85,13 +85,6 @@ class Improved(NamedTuple):
     unsolved: int
 
 
-class _KnownLimits(NamedTuple):
-    """Quadratic program that knows the limits of some states, given by their places in `soft`."""
-
-    places: set[int]
-    program: PlanProgram
-
-
 class Planner:
     """Plans over the holds of a grid, in nominal units.
 
@@ -318,11 +311,11 @@ class Planner:
         near = (states > _NEAR * highs) | (states < _NEAR * lows)
         needed = set(np.flatnonzero(near.any(axis=0)).tolist())
         # The programs are sorted, and the last one has the limits of all states.
-        smallest = next(known for known in self._programs if needed <= known.places)
-        return np.array(sorted(smallest.places), dtype=int), smallest.program
+        places, program = next(known for known in self._programs if needed <= known[0])
+        return np.array(sorted(places), dtype=int), program
 
-    def _all_programs(self) -> list[_KnownLimits]:
-        """Return the quadratic programs with the limits of some states, the smallest first."""
+    def _all_programs(self) -> list[tuple[set[int], PlanProgram]]:
+        """Return the programs with the limits at some places in `soft`, the smallest first."""
         # None is built in a flight: they know no limits, those of the fast states, those of one
         # other state too, or all.
         fast = set(self._fast.tolist())
@@ -336,7 +329,7 @@ class Planner:
             ordered = np.array(sorted(places), dtype=int)
             of_fast = np.flatnonzero(np.isin(ordered, self._fast))
             program = PlanProgram(len(self.model.holds), n, m, self.soft[ordered], of_fast)
-            programs.append(_KnownLimits(places, program))
+            programs.append((places, program))
         return programs
 
     def _slopes_along(self, plan: Plan) -> AlongHolds:

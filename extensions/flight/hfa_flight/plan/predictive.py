@@ -90,9 +90,7 @@ class Predictive(SampledPolicy):
     @property
     def K(self) -> np.ndarray:
         """Held gain of v = -K z near the trim, (m, k)."""
-        of_states, of_inputs = self.problem.sizes
-        nominal = self.controller.end.K
-        return nominal * of_inputs[:, None] / of_states[: nominal.shape[1]]
+        return self.problem.gain_of(self.controller.end.K)
 
     @property
     def samples(self) -> Samples:

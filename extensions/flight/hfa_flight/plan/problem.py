@@ -154,6 +154,11 @@ class FlightProblem:
         U[self.moved] += v * self.sizes.inputs
         return U
 
+    def gain_of(self, nominal: np.ndarray) -> np.ndarray:
+        """Return the gain K (m, k) of v = -K z from that of nominal values."""
+        of_states, of_inputs = self.sizes
+        return nominal * of_inputs[:, None] / of_states[: nominal.shape[1]]
+
     @cached_property
     def input_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest values of v, (m,) each."""

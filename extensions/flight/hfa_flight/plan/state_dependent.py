@@ -80,9 +80,7 @@ class StateDependent(SampledPolicy):
     @property
     def K(self) -> np.ndarray:
         """Gain of v = -K z at the trim, (m, k)."""
-        of_states, of_inputs = self.problem.sizes
-        K = self.scaled.gain_at(np.zeros(len(of_states)))
-        return K * of_inputs[:, None] / of_states[: K.shape[1]]
+        return self.problem.gain_of(self.scaled.gain_at(np.zeros(len(self.problem.followed))))
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy, with the number of samples without a solution."""
