@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, NamedTuple
 
-from hfa.options.parser import is_installed
 from hfa_support.entry_points import COMMANDS as GROUP, loaded, offered, package_of
 from hfa_support.errors import BadInputError, choice_of, shortened, warn
 
@@ -153,7 +153,7 @@ def own_commands() -> dict[str, CommandEntry]:
     return {
         name: entry
         for name, entry in COMMANDS.items()
-        if is_installed(entry.command.partition(".")[0])
+        if find_spec(entry.command.partition(".")[0]) is not None
     }
 
 

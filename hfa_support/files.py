@@ -8,7 +8,6 @@ import json
 import math
 import os
 import re
-import shutil
 import stat
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -119,6 +118,8 @@ def _moved_whole(target: Path) -> Iterator[Path]:
         ) from error
     finally:
         if temporary.is_dir():
+            import shutil
+
             shutil.rmtree(temporary)
         temporary.unlink(missing_ok=True)
 

@@ -23,18 +23,6 @@ if TYPE_CHECKING:
     from hfa_support.reporting.results import Result
 
 
-def print_flushed(text: str) -> None:
-    """Print a text on standard output and flush the stream.
-
-    A full disk therefore raises an OSError here. If the reader of the pipe has stopped, later
-    output is discarded.
-    """
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        drop(sys.stdout)
-
-
 #: Seconds of work before the duration is estimated, and shortest duration that is announced.
 _TRIAL = 3.0
 _LONG = 60.0
@@ -240,15 +228,19 @@ def show_text(
     """
     report = with_provenance(request, report, source)
     if request.json:
-        print_flushed(report.json())
+        text = report.json()
     elif sys.stdout is None or not sys.stdout.isatty():
-        print_flushed(report.text())
+        text = report.text()
     else:
         # Colors are turned off by NO_COLOR (no-color.org).
         from shutil import get_terminal_size
 
         plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
-        print_flushed(report.text(not plain, get_terminal_size().columns))
+        text = report.text(not plain, get_terminal_size().columns)
+    try:
+        print(text, flush=True)  # a full disk raises an OSError here
+    except BrokenPipeError:  # the reader of the pipe has stopped
+        drop(sys.stdout)
     if notes:
         print_notes(notes)
 

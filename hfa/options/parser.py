@@ -8,7 +8,6 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
-from importlib.util import find_spec
 from typing import Any, NoReturn
 
 from hfa_support.errors import BadInputError, advice, shortened
@@ -129,14 +128,6 @@ def refuse(request: Any, names: Iterable[str], reason: str) -> None:
     for name in names:
         if is_given(request, name):
             raise BadInputError(f"{options_of(type(request))[name].names[-1]} {reason}")
-
-
-def is_installed(package: str) -> bool:
-    """Return whether a package can be imported, without importing it.
-
-    package: name of a top-level package, such as "hfa_flight"
-    """
-    return find_spec(package) is not None
 
 
 #: Heading of the options that only `--help more` explains.

@@ -157,7 +157,13 @@ class RowFunction(threading.local):
         tables: for each argument, an array (N, entries of the argument)
         """
         count = len(tables[0])
-        block_size = self._block_size(count) if count > 1 else 1
+        block_size = 1
+        if count > 1:
+            before = self._rows_so_far
+            self._rows_so_far += count
+            if before < _MANY <= self._rows_so_far:
+                self._blocks.clear()  # new blocks are made more slowly and evaluated faster
+            block_size = next((size for size in _BLOCK_SIZES if size <= 2 * count), 1)
         evaluate, inputs, results = self._blocks.get(block_size) or self._bind(block_size)
         if count == block_size:
             for memory, table in zip(inputs, tables, strict=True):
@@ -174,16 +180,6 @@ class RowFunction(threading.local):
             for memory, table in zip(results, tables_out, strict=True):
                 table[first:last] = memory[: last - first]
         return tables_out
-
-    def _block_size(self, count: int) -> int:
-        """Count the rows of a call, and return the number of rows that are evaluated together."""
-        # When `_MANY` rows have been evaluated in all calls, the stored blocks are discarded. New
-        # blocks are made more slowly and evaluated faster.
-        before = self._rows_so_far
-        self._rows_so_far += count
-        if before < _MANY <= self._rows_so_far:
-            self._blocks.clear()
-        return next((size for size in _BLOCK_SIZES if size <= 2 * count), 1)
 
     def _bind(self, rows: int) -> _Block:
         """Return a block of rows, which is stored for later calls."""

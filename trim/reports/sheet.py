@@ -481,7 +481,8 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
     airplane: class and flight phase category for the levels
     """
     trimmed = Trimmed(point)
-    binding = [margin for margin in nearest_first(trimmed) if _verdict(margin) == _BINDS]
+    limited = nearest_first(trimmed)
+    binding = [margin for margin in limited if margin.at_limit and margin.role != "held"]
     groups: list[_Titled] = [
         ("condition", [*flight_rows(trimmed, brief=True)], ()),
         (VARIABLES, variable_rows(trimmed), ()),

@@ -262,6 +262,7 @@ class Trimmed:
     roles: role in the motion of a rigid body -> state ("speed", "alpha", "theta", ...)
     per_second: factor from the model's unit of time to seconds, of eigenvalues
     imposed: variable -> value that the condition of the point imposes
+    thrust_name: name of the output, input or state with the thrust, or ""
     warnings: what `warnings_of` found, or None before its first call
     """
 
@@ -275,6 +276,8 @@ class Trimmed:
         self.roles = recognized(self.model.states)
         found = point.found_by
         self.imposed: Mapping[str, float] = {} if found is None else found.condition.imposed
+        known = (*self.model.inputs, *self.model.outputs, *self.model.states)
+        self.thrust_name = next((name for name in _THRUST if name in known), "")
         self.per_second = conversion_factor(f"1/{self.model.time_unit}", "1/s") or 1.0
 
     @cached_property
@@ -520,12 +523,6 @@ class Trimmed:
         return slope * (conversion_factor(point.model.unit(name), self.unit(name)) or 1.0)
 
     # Thrust and lift.
-
-    @property
-    def thrust_name(self) -> str:
-        """Name of the output, input or state with the thrust, or ""."""
-        known = (*self.model.inputs, *self.model.outputs, *self.model.states)
-        return next((name for name in _THRUST if name in known), "")
 
     @cached_property
     def thrust_available(self) -> float | str:
