@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa.extend import Table
-
 _FENCE = re.compile(r"^```(\w*)( slow)?\n(.*?)^```$", re.M | re.S)
 #: Groups: a command, its exit code, and its output.
 COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n)*)", re.M)
@@ -58,16 +56,6 @@ def difference(expected, actual):
             lines, output.splitlines(), "the document", "what happens", lineterm="", n=1
         )
     )
-
-
-def printed_matrices(report):
-    """Return the numbers that a report prints in its tables of matrices, by name of the matrix."""
-    names = ("P", "K", "Ak", "Bk", "Ck", "Dk")
-    return {
-        part.header[0]: np.array([row[1:] for row in part.rows], dtype=float)
-        for part in report.parts
-        if isinstance(part, Table) and part.header[0] in names
-    }
 
 
 def looks_like(picture, other):

@@ -13,18 +13,16 @@ STATE_SCALES = State(*(signal.nominal for signal in _AIRCRAFT.states.values()))
 INPUT_SCALES = Input(*(signal.nominal for signal in _AIRCRAFT.inputs.values()))
 #: Scale of each state derivative.
 RATE_SCALES = State(*map(_AIRCRAFT.rate_scale, _AIRCRAFT.states))
-_LOWEST_STATE = State(20.0, -0.35, 0.0, -1.0, -1.0, -1.2, -1.0)
-_HIGHEST_STATE = State(300.0, 0.35, 65_000.0, 1.0, 1.0, 1.2, 1.0)
-_LOWEST_INPUT = Input(0.0, -0.35, -0.35, -0.5, -0.5)
-_HIGHEST_INPUT = Input(200.0, 0.35, 0.35, 0.5, 0.5)
 
 
 def random_points(count, seed):
     """Return random states (count, 7) and inputs (count, 5), uniform between fixed limits."""
     rng = np.random.default_rng(seed)
-    states = rng.uniform(_LOWEST_STATE, _HIGHEST_STATE, (count, len(_LOWEST_STATE)))
-    inputs = rng.uniform(_LOWEST_INPUT, _HIGHEST_INPUT, (count, len(_LOWEST_INPUT)))
-    return states, inputs
+    lowest = State(20.0, -0.35, 0.0, -1.0, -1.0, -1.2, -1.0)
+    highest = State(300.0, 0.35, 65_000.0, 1.0, 1.0, 1.2, 1.0)
+    states = rng.uniform(lowest, highest, (count, 7))
+    lowest, highest = Input(0.0, -0.35, -0.35, -0.5, -0.5), Input(200.0, 0.35, 0.35, 0.5, 0.5)
+    return states, rng.uniform(lowest, highest, (count, 5))
 
 
 def wind_of(values=(), **named):

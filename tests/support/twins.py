@@ -20,14 +20,10 @@ SIZES = {
     "power": {"W": 1.0, "hp": 745.6998715822702, "kW": 1000.0},
     "time": {"s": 1.0, "min": 60.0},
 }
-#: Kind of the unit of each signal of `plane`.
-KINDS = {
-    **{"speed": "speed", "alpha": "angle", "pitch": "angle", "pitch_rate": "turn"},
-    **{"altitude": "length", "elevator": "angle", "thrust": "force", "mass": "mass"},
-    **{"gamma": "angle", "lift": "force", "drag": "force", "dynamic_pressure": "pressure"},
-    **{"power": "power", "updraft": "speed", "weight": "force", "pitching_moment": "moment"},
-    **{"reference_area": "area", "reference_chord": "length", "load_factor": "number"},
-    **{"mach": "number", "largest_lift_coefficient": "number"},
+#: Unit of a signal of `PLANE` -> its kind.
+KIND_OF = {
+    **{"m/s": "speed", "rad": "angle", "rad/s": "turn", "m": "length", "kg": "mass", "N": "force"},
+    **{"N m": "moment", "N/m^2": "pressure", "m^2": "area", "W": "power", "1": "number"},
 }
 STATES = ("speed", "alpha", "pitch", "pitch_rate")
 AREA, CHORD = 16.2, 1.5  # m^2, m
@@ -97,6 +93,12 @@ PLANE = Model(
     schedule="speed",
     modes={"short period": ("alpha", "pitch_rate"), "phugoid": ("speed", "pitch")},
 )
+#: Kind of the unit of each signal of the aircraft.
+KINDS = {
+    name: KIND_OF[signal.unit]
+    for group in (PLANE.states, PLANE.inputs, PLANE.parameters, PLANE.disturbances, PLANE.outputs)
+    for name, signal in group.items()
+}
 
 
 class Twin(NamedTuple):
