@@ -22,8 +22,7 @@ def cut_boxes(driver, page, width):
     """Return the texts of the boxes that are cut off on a page of this width in pixels."""
     set_page_width(driver, width)
     driver.get(page.as_uri())
-    cut = driver.execute_script(_CUT)
-    return cut
+    return driver.execute_script(_CUT)
 
 
 @pytest.mark.slow

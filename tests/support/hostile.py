@@ -25,8 +25,6 @@ from hfa.entry_points import commands, found_in
 #: Largest processor time of a command in s, unless it announces a long run.
 LONGEST = 10.0
 _LONGEST_LINE = 1200
-#: Commands that take longer with default options.
-_LONG = (("prove", "schedule"),)
 
 _AT = ("--dihedral", "15")
 _PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
@@ -184,17 +182,14 @@ def attempt(words, given):
         inside.mkdir()
         with chdir(inside):
             for path, content in given.items():
-                Path(path).parent.mkdir(parents=True, exist_ok=True)
                 Path(path).write_bytes(content)
             try:
                 with _alarm():
                     result = unchecked_hfa(*words, err=err)
             except Hanging:
-                announced = (
-                    any(tuple(words[: len(prefix)]) == prefix for prefix in _LONG)
-                    or "Ctrl-C" in err.getvalue()
-                )
-                return None if announced else f"no end after {LONGEST:g} s"
+                # A proof takes longer with default options; other long runs are announced.
+                is_long = [*words[:2]] == ["prove", "schedule"] or "Ctrl-C" in err.getvalue()
+                return None if is_long else f"no end after {LONGEST:g} s"
             except Exception as error:
                 return f"{type(error).__name__}: {str(error)[:300]}"
             return output_fault(result) or _left_wrongly(Path(name), words, given, result)
@@ -231,13 +226,10 @@ def _left_wrongly(folder, words, given, result):
     if outside := [path.name for path in folder.iterdir() if path.name != "inside"]:
         return f"left outside: {outside}"
     for path in Path().iterdir():
-        if path.name in {Path(name).parts[0] for name in given}:
+        if path.name in given:
             continue
-        if (
-            result.code == 2
-            or path.name.startswith(".")
-            or not any(path.name in word for word in words)
-        ):
+        is_named = any(path.name in word for word in words) and not path.name.startswith(".")
+        if result.code == 2 or not is_named:
             return f"left, and nobody asked: {path}"
         if path.suffix == ".json" and path.is_file():
             try:
