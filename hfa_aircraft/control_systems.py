@@ -54,7 +54,7 @@ def plant_model(
         states,
         inputs,
         equations,
-        outputs={output: Signal() for output in rows},
+        outputs=dict.fromkeys(rows, Signal()),
         trim=dict.fromkeys(inputs, 0.0),
         about=About(notes=(LINEAR,)),
     )

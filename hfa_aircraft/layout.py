@@ -343,22 +343,14 @@ def _failure_of_equations(error: Exception, layout: Layout, arguments: list[Any]
                 names,
             )
     said = " ".join(str(error).split())[:200]
-    if not _takes_four(layout.equations):
-        advice = "do not accept (x, u, p, w); declare all four, also those that are not used"
-    elif "indices must be integers" in said:
+    advice = (
+        f"fail ({type(error).__name__}: {said}); use ca.if_else instead of if, and "
+        "CasADi's functions (ca.sin) instead of those of other packages"
+    )
+    if "indices must be integers" in said:
         advice = f"use x['NAME']; write x.NAME ({said})"
-    else:
-        advice = (
-            f"fail ({type(error).__name__}: {said}); use ca.if_else instead of if, and "
-            "CasADi's functions (ca.sin) instead of those of other packages"
-        )
-    return BadInputError(f"{layout.name}: the equations {advice}")
-
-
-def _takes_four(equations: Callable[..., Any]) -> bool:
-    """Return whether a function can be called with four arguments."""
     try:
-        inspect.signature(equations).bind(*VECTORS)
+        inspect.signature(layout.equations).bind(*arguments)
     except TypeError:
-        return False
-    return True
+        advice = "do not accept (x, u, p, w); declare all four, also those that are not used"
+    return BadInputError(f"{layout.name}: the equations {advice}")

@@ -197,7 +197,7 @@ class Model(Reported):
     @property
     def schedule_unit(self) -> str:
         """Unit of the scheduling variable in reports. Angles are in degrees."""
-        return "deg" if self.unit(self.schedule) == "rad" else self.unit(self.schedule)
+        return "deg" if self.is_typed_in_degrees else self.unit(self.schedule)
 
     @property
     def is_typed_in_degrees(self) -> bool:

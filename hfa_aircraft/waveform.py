@@ -200,4 +200,4 @@ def constant(values: np.ndarray) -> Waveform:
 
 def zero(size: int) -> Waveform:
     """Return the waveform with `size` channels that is always 0."""
-    return Waveform(np.zeros(size), np.zeros(size))
+    return constant(np.zeros(size))

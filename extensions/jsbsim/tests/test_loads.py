@@ -7,7 +7,7 @@ from jsbsim_flights import positions
 from jsbsim_reference import AXES, GRAVITY, RADIUS, responses
 from small_aircraft import CONTROL, LIFT, REST, force, glider, needs_jsbsim, written
 
-from hfa import BadInputError, linearize, load_model, trim
+from hfa import linearize, load_model, trim
 
 WIND = {"wind_north": 30.0, "wind_east": -20.0, "wind_down": 4.0}
 JET = {"kcas": 250.0, "altitude": 5000.0}
@@ -115,18 +115,6 @@ def test_warm_air_is_that_of_jsbsim(name):
     }
     (answer,) = responses([{"aircraft": name, "point": there}])
     assert max(abs(answer[axis]) for axis in AXES) < 1e-9
-
-
-@needs_jsbsim
-def test_engine_and_feather_parameters_are_bounded():
-    """Values of engine, feather and fuel parameters outside their range are refused."""
-    model = load_model("jsbsim:c172p")
-    with pytest.raises(BadInputError, match=r"tank0 is 1e[+]06 lbf; give at most 185 lbf"):
-        model.with_parameters(tank0=1e6)
-    with pytest.raises(BadInputError, match=r"engine0 is 2; give at most 1$"):
-        model.with_parameters(engine0=2.0)
-    with pytest.raises(BadInputError, match=r"feather0 is -1; give at least 0$"):
-        load_model("jsbsim:c182").with_parameters(feather0=-1.0)
 
 
 def test_downward_wind_changes_climb_rate_not_pitch_acceleration(tmp_path):

@@ -213,7 +213,10 @@ def test_a_lever_is_a_share_of_its_travel_or_an_angle():
         ("737", "flap=15deg", "give a number without a unit from 0 to 1"),
         ("737", "pitch_trim=-2", "pitch_trim is -2; give at least -1"),
         ("c172p", "flap=20", "give at most 1, or an angle: flap=30deg"),
+        ("c172p", "tank0=1e6", "tank0 is 1e+06 lbf; give at most 185 lbf"),
+        ("c172p", "engine0=2", "engine0 is 2; give at most 1"),
+        ("c182", "feather0=-1", "feather0 is -1; give at least 0"),
     ],
 )
-def test_a_lever_beyond_its_travel_is_refused(aircraft, held, said):
+def test_a_parameter_beyond_its_limits_is_refused(aircraft, held, said):
     assert_refused(run("trim", "--aircraft", f"jsbsim:{aircraft}", "--hold", held), 2, said)
