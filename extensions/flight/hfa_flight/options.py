@@ -267,7 +267,7 @@ def behind_a_filter(policy: Policy, scenario: Scenario, point: OperatingPoint) -
     return filter(point.linearize(), noise, scenario.uncertainty.turbulence, dt).policy(policy)
 
 
-def policy_about(
+def policy_of_options(
     request: PolicyOptions,
     linear: LinearModel,
     condition: Callable[[float], TrimCondition] | None = None,

@@ -33,7 +33,7 @@ from hfa_flight.options import (
     check_policy,
     noise_deviation,
     noted_linear_model,
-    policy_about,
+    policy_of_options,
     policy_option,
     turbulence_option,
 )
@@ -176,7 +176,7 @@ def _write_fmu(
     linear = noted_linear_model(model, point)
     steering = None
     if request.filter or request.policy is not None:
-        policy = policy_about(request, linear, given.common.at)
+        policy = policy_of_options(request, linear, given.common.at)
         if request.filter:
             steering = behind_a_filter(model, _filtered(request, given, linear, policy))
         else:
@@ -196,7 +196,7 @@ def _write_source(
     if isinstance(request.flown, Path) and request.kind == DEPLOYMENT:
         return write_texts(target, c_policy_texts(flown_deployment(request.flown, point), origin))
     linear = noted_linear_model(given.model, point)
-    policy = policy_about(request, linear, given.common.at)
+    policy = policy_of_options(request, linear, given.common.at)
     texts = c_model_texts(linear, policy, origin)
     if request.filter:
         texts |= c_filter_texts(_filtered(request, given, linear, policy), origin)

@@ -47,7 +47,7 @@ from hfa_flight.options import (
     check_policy,
     noted_game,
     noted_linear_model,
-    policy_about,
+    policy_of_options,
     policy_of_word,
     require_policy,
     scenario_of,
@@ -55,9 +55,9 @@ from hfa_flight.options import (
 from hfa_flight.policies.given import command_steps
 from hfa_flight.policies.laws import LAWS
 from hfa_flight.policies.policy import GainPolicy, Policy, open_loop
-from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import flight_envelope
-from hfa_flight.simulate.flight import Flight, lengthened, simulated
+from hfa_flight.simulate.flight import Flight, lengthened, simulated_loop
 from hfa_support.errors import BadInputError, refuse_unknown, warn
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Entries
@@ -87,7 +87,9 @@ def tracking_of(
     return tracked(linear, solve(game), policy.gain, commands)
 
 
-def with_tracking(report: Report, tracking: Tracking, flown: Flight, plain: Flight) -> Report:
+def with_tracking_errors(
+    report: Report, tracking: Tracking, flown: Flight, plain: Flight
+) -> Report:
     """Return the report of a policy with a section on its tracking errors.
 
     flown: the flight with feedforward
@@ -229,7 +231,7 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
         game = weighted_game(given_weights(request, model), linearize(model, point)).game
         weights = Cost(game.Q, game.R)
     plant = NonlinearPlant(with_errors(model, scenario), point)
-    loop = ClosedLoop(plant, policy, scenario, weights)
+    loop = FlightLoop(plant, policy, scenario, weights)
     if request.duration is None:
         loop = replace(loop, scenario=lengthened(loop))
     if given.at is None and model.about.names_schedule:
@@ -237,15 +239,15 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(policy, ScheduledGainPolicy)
     progress = ProgressLine("simulate")
-    result = simulated(loop, envelope, predict=predict, progress=progress)
+    result = simulated_loop(loop, envelope, predict=predict, progress=progress)
     report = result.report()
     if plans:
         first, *rest = report.title.split("\n")
         report = replace(report, title="\n".join([f"{first}; {_end_of(result)}", *rest]))
     if tracking is not None:
         loop = replace(loop, policy=GainPolicy(policy.name, tracking.K))
-        without_feedforward = simulated(loop, envelope, predict=predict, progress=progress)
-        report = with_tracking(report, tracking, result, without_feedforward)
+        without_feedforward = simulated_loop(loop, envelope, predict=predict, progress=progress)
+        report = with_tracking_errors(report, tracking, result, without_feedforward)
     return Outcome(
         report=report,
         ok=result.ok,
@@ -357,7 +359,7 @@ def _steering(
         return _Steering(open_loop(steps, tuple(model.inputs)))
     linear = noted_linear_model(model, point)
     if request.kind in (DEPLOYMENT, TABLE):
-        return _Steering(policy_about(request, linear, given.common.at, steps))
+        return _Steering(policy_of_options(request, linear, given.common.at, steps))
     if request.kind in LAWS:
         planned = policy_of_word(
             request.kind,
@@ -372,7 +374,7 @@ def _steering(
         refuse_unknown("a gain cannot follow a command of", name, model.linear)
     reference = CommandedStates(steps, model.linear) if steps.names else None
     signals = deviation_signals(request.reference, model)
-    policy = policy_about(request, linear)
+    policy = policy_of_options(request, linear)
     if not signals:
         return _Steering(policy, reference)
     game = weighted_game(given_weights(request, model), linear).game

@@ -20,7 +20,7 @@ from hfa_flight.export.c_text import filter_sample
 from hfa_flight.policies.estimate import known_start, memory_size
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import Measurements, Policy
-from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
 from trim.point.operating_point import OperatingPoint
 
 #: Longest Runge-Kutta step of an exported loop, s.
@@ -192,7 +192,7 @@ def exported_loop(
     air: Any = {name: Argument(w[row]) for row, name in enumerate(model.disturbances)}
     reference: Any = steering.reference
     scenario = Scenario(air=air, reference=reference, actuators=actuators)
-    loop = ClosedLoop(NonlinearPlant(model, point), steering.policy, scenario)
+    loop = FlightLoop(NonlinearPlant(model, point), steering.policy, scenario)
     t, Y, held = loop.symbols()
     held_values = np.zeros(held.numel())
     loop.hold(0, held_values)

@@ -10,7 +10,7 @@ import numpy as np
 
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.signals import series
-from hfa_flight.plan.collocation import Candidate
+from hfa_flight.plan.collocation import CandidateFlight
 from hfa_flight.plan.flights import SimulatedFlight
 from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.search import Found
@@ -114,7 +114,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return self.found.flown
 
     @property
-    def candidate(self) -> Candidate | None:
+    def candidate(self) -> CandidateFlight | None:
         """Candidate of the optimizer that the flight confirms, or None."""
         return self.found.candidate
 

@@ -50,7 +50,7 @@ _POWER = 0.5
 FEASIBLE = 1e-6
 
 
-class Candidate(NamedTuple):
+class CandidateFlight(NamedTuple):
     """Flight proposed by collocation, to be confirmed by simulation.
 
     lengths: lengths of the intervals, s, (N,)
@@ -146,7 +146,7 @@ def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
 
 
 def adapted_mesh(
-    candidate: Candidate, intervals: int, step: float, weights: tuple[np.ndarray, np.ndarray]
+    candidate: CandidateFlight, intervals: int, step: float, weights: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
     """Return the lengths of intervals on which a candidate is about equally smooth, s, (N,).
 
@@ -257,7 +257,7 @@ class Transcription:
         z: np.ndarray,
         v: np.ndarray,
         margin: float = MARGIN,
-    ) -> Candidate:
+    ) -> CandidateFlight:
         """Return the candidate that IPOPT finds from a guess. The candidate may be infeasible.
 
         start: initial deviations z, (k,)
@@ -288,7 +288,7 @@ class Transcription:
         z = inner[:, :-m].reshape(self.intervals, DEGREE, -1) * of_states
         violation = np.abs(np.array(solved["g"])).max()
         end = z[-1, -1, : len(start)]
-        return Candidate(
+        return CandidateFlight(
             lengths=lengths,
             start=start,
             z=z,

@@ -16,14 +16,14 @@ from hfa_aircraft.batch_simulation import FAR, Cost, saturated
 from hfa_flight.air.held_step import step_count
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import Deviations
-from hfa_flight.plan.collocation import Candidate
+from hfa_flight.plan.collocation import CandidateFlight
 from hfa_flight.plan.problem import FlightProblem
 from hfa_flight.plan.smooth import smooth_slopes
 from hfa_flight.policies.filtered_policy import command_of
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Measurements, Policy
 from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
-from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import (
     FlightRow,
     departure,
@@ -77,7 +77,7 @@ class TrackingPolicy(Policy):
         return u
 
 
-def tracking_rows(problem: FlightProblem, candidate: Candidate, tick: float) -> np.ndarray:
+def tracking_rows(problem: FlightProblem, candidate: CandidateFlight, tick: float) -> np.ndarray:
     """Return the array `held` of the `TrackingPolicy` for a candidate, one row per tick.
 
     A last row contains the gain of the linear policy, which follows the candidate.
@@ -105,7 +105,7 @@ def held_size(problem: FlightProblem) -> int:
     return 1 + (STEPS + 1) * (k + m) + m * k
 
 
-def tracking_gains(problem: FlightProblem, candidate: Candidate) -> np.ndarray:
+def tracking_gains(problem: FlightProblem, candidate: CandidateFlight) -> np.ndarray:
     """Return the gains of the time-varying LQR along a candidate, (N, m, k).
 
     The final cost is z'Pz. In each interval, the equations are linearized at the middle of the
@@ -136,7 +136,7 @@ def tracking_gains(problem: FlightProblem, candidate: Candidate) -> np.ndarray:
     return gains
 
 
-def _slopes(problem: FlightProblem, candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
+def _slopes(problem: FlightProblem, candidate: CandidateFlight) -> tuple[np.ndarray, np.ndarray]:
     """Return A, (N, k, k), and B, (N, k, m), at the middle of each interval."""
     nominal_states, nominal_inputs = problem.sizes
     z, v = candidate.at(candidate.ends[:-1] + 0.5 * candidate.lengths)
@@ -305,7 +305,7 @@ class Flights:
         R = np.zeros((len(problem.model.inputs),) * 2)
         R[np.ix_(problem.moved, problem.moved)] = problem.R
         plant = NonlinearPlant(problem.model, problem.point)
-        loop = ClosedLoop(plant, policy, calm, Cost(problem.Q, R))
+        loop = FlightLoop(plant, policy, calm, Cost(problem.Q, R))
         return CompiledLoop(loop, self.count * _TICKS)
 
     def scenario(self, seconds: float) -> Scenario:
@@ -316,7 +316,7 @@ class Flights:
         start = np.zeros(len(self.problem.model.states))
         return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
 
-    def follow(self, candidate: Candidate, seconds: float) -> SimulatedFlight:
+    def follow(self, candidate: CandidateFlight, seconds: float) -> SimulatedFlight:
         """Return the simulated flight that follows a candidate, and then the linear policy.
 
         candidate: the proposed flight

@@ -16,7 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.plan.held_model import wrong_samples_note
 from hfa_flight.plan.planner import Planner
 from hfa_flight.plan.problem import FlightProblem, flight_problem
-from hfa_flight.plan.receding import RecedingHorizon, Samples
+from hfa_flight.plan.receding import FlownSamples, RecedingHorizon
 from hfa_flight.plan.scaled import HOLDS, EndPolicy, ScaledProblem, grid_of, hold_of
 from hfa_flight.policies.policy import NextSample, SampledPolicy
 from hfa_support.arguments import ArrayLike
@@ -93,7 +93,7 @@ class Predictive(SampledPolicy):
         return self.problem.gain_of(self.controller.end.K)
 
     @property
-    def samples(self) -> Samples:
+    def samples(self) -> FlownSamples:
         """Record of the samples since the last reset: plans, refused steps, times."""
         return self.controller.samples
 
@@ -111,8 +111,8 @@ class Predictive(SampledPolicy):
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy.
 
-        They contain the counts of `Samples`, quantiles of the computing times in s, and the cost
-        `first_plan`.
+        They contain the counts of `FlownSamples`, quantiles of the computing times in s, and the
+        cost `first_plan`.
         """
         done = self.samples
         counts: dict[str, Any] = {

@@ -36,7 +36,7 @@ _NOTHING = 1e-12
 
 
 @dataclass
-class Samples:
+class FlownSamples:
     """Samples of a flight of a predictive policy.
 
     planned: number of samples with a plan
@@ -68,7 +68,7 @@ class _Memory:
     waits: bool = False  # whether the plan was made before the flight's first sample
     linear_agrees: bool = False  # whether the linear policy takes over in its region
     spent: float = 0.0  # cost since the plan began
-    samples: Samples = field(default_factory=Samples)
+    samples: FlownSamples = field(default_factory=FlownSamples)
 
 
 class RecedingHorizon:
@@ -104,7 +104,7 @@ class RecedingHorizon:
         return self._measured.wrong
 
     @property
-    def samples(self) -> Samples:
+    def samples(self) -> FlownSamples:
         """Record of the flight since the last reset."""
         return self._memory.samples
 

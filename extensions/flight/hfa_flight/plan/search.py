@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_flight.plan.collocation import DEGREE, Candidate, Transcription, adapted_mesh, mesh
+from hfa_flight.plan.collocation import DEGREE, CandidateFlight, Transcription, adapted_mesh, mesh
 from hfa_flight.plan.flights import AFTER, Flights, SimulatedFlight
 from hfa_flight.plan.problem import MARGIN, FlightProblem
 from hfa_flight.plan.smooth import smooth_rates
@@ -56,7 +56,7 @@ class Found(NamedTuple):
     """
 
     flown: SimulatedFlight
-    candidate: Candidate | None
+    candidate: CandidateFlight | None
     seconds: float
     meshes: dict[int, float]
     linear: SimulatedFlight
@@ -143,7 +143,7 @@ class BestFlights:
             horizon *= _LONGER
         raise _Unconfirmed(f"with a horizon of {horizon / _LONGER:.3g} s, {unfinished}")
 
-    def _unfinished(self, candidate: Candidate) -> str:
+    def _unfinished(self, candidate: CandidateFlight) -> str:
         """Return why the horizon of a candidate is too short, or ""."""
         cost_fraction = candidate.tail / candidate.cost
         if cost_fraction > (DRIFTING_TAIL if self.problem.carried else TAIL):
@@ -154,7 +154,9 @@ class BestFlights:
             return "the linear policy leaves the limits after the horizon"
         return ""
 
-    def _coarse(self, start: np.ndarray, seconds: float, linear: SimulatedFlight) -> Candidate:
+    def _coarse(
+        self, start: np.ndarray, seconds: float, linear: SimulatedFlight
+    ) -> CandidateFlight:
         """Return the candidate on the coarse mesh, from the flight of the linear optimum."""
         guess = self._guess_of_flight(linear) if linear.converges else self._linear_guess(start)
         lengths = self._mesh(seconds, _COARSE)
@@ -165,7 +167,7 @@ class BestFlights:
             raise _Unconfirmed(NONE_WITHIN)
         return candidate
 
-    def _confirmed(self, seconds: float, linear: SimulatedFlight, coarse: Candidate) -> Found:
+    def _confirmed(self, seconds: float, linear: SimulatedFlight, coarse: CandidateFlight) -> Found:
         """Return the flight that confirms a candidate on whose cost two meshes agree."""
         # The margin is the least with which the flight stays within the limits. Near the trim, the
         # linear policy may be cheaper by the errors of the meshes.
@@ -186,7 +188,7 @@ class BestFlights:
                 break
         raise _Unconfirmed(reason, simulated)
 
-    def _agreed(self, coarse: Candidate) -> tuple[Candidate, dict[int, float]]:
+    def _agreed(self, coarse: CandidateFlight) -> tuple[CandidateFlight, dict[int, float]]:
         """Return the candidate on the second of two meshes that agree, and the costs on all."""
         candidate, meshes = coarse, {_COARSE: coarse.cost}
         for intervals in _FINER:
@@ -199,7 +201,7 @@ class BestFlights:
         change = percent(100.0 * difference_of_meshes(meshes))
         raise _Unconfirmed(f"two meshes differ by {change}")
 
-    def _finer(self, intervals: int, guess: Candidate, margin: float) -> Candidate:
+    def _finer(self, intervals: int, guess: CandidateFlight, margin: float) -> CandidateFlight:
         """Return a candidate solved again on a mesh of `intervals` intervals, adapted to it."""
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
@@ -279,7 +281,7 @@ def sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return guess(inside)[0], guess(ends)[1]
 
 
-def refutation(flown: SimulatedFlight, candidate: Candidate) -> str:
+def refutation(flown: SimulatedFlight, candidate: CandidateFlight) -> str:
     """Return the reason why a simulated flight refutes a candidate, or "" if it confirms it.
 
     A confirming flight stays in the envelope and converges to the trim. Its cost exceeds the

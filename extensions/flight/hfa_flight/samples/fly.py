@@ -18,9 +18,9 @@ from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.samples.monte_carlo import MonteCarlo, run_monte_carlo
 from hfa_flight.samples.report import member_report
-from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import flight_envelope
-from hfa_flight.simulate.flight import Flight, lengthened, simulated
+from hfa_flight.simulate.flight import Flight, lengthened, simulated_loop
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, refuse_unless_positive
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.progress import Progress
@@ -206,10 +206,10 @@ def fly(
         return flights_in_air(plan, progress=progress)
     plant = NonlinearPlant(with_errors(model, own_scenario), point)
     cost = None if weights is None else _cost_of(model, weights)
-    loop = ClosedLoop(plant, flown_policy, own_scenario, cost)
+    loop = FlightLoop(plant, flown_policy, own_scenario, cost)
     if duration is None and scenario is None:
         loop = replace(loop, scenario=lengthened(loop))
-    return simulated(loop, limits, predict=predict, progress=progress or ProgressLine("fly"))
+    return simulated_loop(loop, limits, predict=predict, progress=progress or ProgressLine("fly"))
 
 
 def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:

@@ -23,7 +23,7 @@ from hfa_flight.air.gusts import ALPHA, limited_names
 from hfa_flight.air.scenario import Scenario, with_errors
 from hfa_flight.needs import ALL, refuse_share
 from hfa_flight.policies.policy import Policy
-from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import envelope_data, refuse_start, share_at_limits
 from hfa_flight.simulate.flight import Flight, fly_within
 from hfa_flight.simulate.simulation import CompiledLoop
@@ -130,14 +130,14 @@ class MonteCarlo(Reported):
         """Return the drawn scenario of one member, with turbulence at the trim speed."""
         return self.scenario.drawn(self.seed, number, self.point)
 
-    def loop(self) -> ClosedLoop:
+    def loop(self) -> FlightLoop:
         """Return the closed loop of the first member.
 
         The loops of other members have the same equations and differ in parameters and random
         values.
         """
         plant = NonlinearPlant(self.model, self.point, uncertain=True)
-        return ClosedLoop(plant, self.policy, self.member(0))
+        return FlightLoop(plant, self.policy, self.member(0))
 
     @cached_property
     def aircraft(self) -> list[Model]:

@@ -211,7 +211,7 @@ class HeldParts(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedLoop:
+class FlightLoop:
     """Closed loop of a plant, a policy and, if the scenario has them, actuators.
 
       x' = plant(x, a, w(t)) + d(t)

@@ -25,7 +25,7 @@ from hfa_flight.air.gusts import (
 from hfa_flight.air.scenario import MOST_STEPS, Scenario
 from hfa_flight.air.signals import Deviations, series
 from hfa_flight.policies.policy import GainPolicy
-from hfa_flight.simulate.closed_loop import ClosedLoop, LinearPlant
+from hfa_flight.simulate.closed_loop import FlightLoop, LinearPlant
 from hfa_flight.simulate.envelope import (
     GIVE_LIMIT,
     NO_LIMIT,
@@ -87,7 +87,7 @@ _STORED_IF_ANY = (
 )
 
 
-def lengthened(loop: ClosedLoop) -> Scenario:
+def lengthened(loop: FlightLoop) -> Scenario:
     """Return the scenario of a loop, longer if limit cycles of growing modes require it.
 
     A longer duration is printed as a warning. A scenario with turbulence or drawn noise is returned
@@ -108,7 +108,9 @@ def lengthened(loop: ClosedLoop) -> Scenario:
     return replace(scenario, duration=round(needed / scenario.tick) * scenario.tick)
 
 
-def simulated(loop: ClosedLoop, envelope: Limits, *, predict: bool, progress: Progress) -> Flight:
+def simulated_loop(
+    loop: FlightLoop, envelope: Limits, *, predict: bool, progress: Progress
+) -> Flight:
     """Return the flight of a nonlinear loop, which must begin inside the envelope.
 
     predict: whether the flight is compared with that of the linear model, if the policy permits it
@@ -201,7 +203,7 @@ class Flight(StatesAndInputs, Result, Reported):
     schema = "hfa.flight/1"
 
     envelope: Limits
-    loop: ClosedLoop
+    loop: FlightLoop
     deviations: Deviations
     departure: Departure | None
     cycle: LimitCycle | None

@@ -152,7 +152,9 @@ class SampledFlight:
         X, memory, _ = (state[part] for part in self.slices)
         raw, trim, push = (held[part] for part in self.held_slices)
         before = memory[-m:]
-        commands_of = commands(self.deployed) if self.commands_of is None else self.commands_of
+        commands_of = (
+            commands_of_network(self.deployed) if self.commands_of is None else self.commands_of
+        )
         U = commands_of(raw, X, before, trim)
         p = trim[n + m :]
         whole, rest = self.delay_in_samples
@@ -240,7 +242,7 @@ class SampledFlight:
         return CompiledSamples(self, on_rows(self.entering()), network, stepper)
 
 
-def commands(deployed: Deployed) -> ca.Function:
+def commands_of_network(deployed: Deployed) -> ca.Function:
     """Return the function (outputs of the network, X, U before, trim) -> U of a deployment."""
     arguments = deployed.symbols()
     raw = ca.SX.sym("raw", len(deployed.commanded))

@@ -17,7 +17,7 @@ from hfa_flight.air.gusts import ALPHA
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import Deviations
 from hfa_flight.policies.policy import SAME_TIME, Policy
-from hfa_flight.simulate.closed_loop import ClosedLoop, StateParts
+from hfa_flight.simulate.closed_loop import FlightLoop, StateParts
 from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.row_code import machine_code
@@ -246,7 +246,7 @@ class CompiledLoop:
     flights: expected number of flights. With enough of them, machine code is compiled.
     """
 
-    def __init__(self, loop: ClosedLoop, flights: int = 1) -> None:
+    def __init__(self, loop: FlightLoop, flights: int = 1) -> None:
         self.loop = loop
         t, y, held = self._arguments = loop.symbols()
         self._now = now = loop.at(t, y, held)
@@ -395,7 +395,7 @@ class _Flying:
     def __init__(
         self,
         compiled: CompiledLoop,
-        loop: ClosedLoop,
+        loop: FlightLoop,
         ticks: int,
         window: int,
         parameters: np.ndarray | None,

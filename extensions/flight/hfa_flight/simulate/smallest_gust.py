@@ -21,7 +21,7 @@ from hfa_flight.air.gusts import (
 )
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.policies.given import policy_and_scenario
-from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import flight_envelope, is_limited, outside
 from hfa_flight.simulate.flight import Flight, fly_within
 from hfa_flight.simulate.simulation import CompiledLoop
@@ -214,7 +214,7 @@ def smallest_gusts(
         samples=None,
     ).on(model)
     flown_policy, own_scenario = policy_and_scenario(policy, point, own_scenario)
-    loop = ClosedLoop(NonlinearPlant(model, point), flown_policy, own_scenario)
+    loop = FlightLoop(NonlinearPlant(model, point), flown_policy, own_scenario)
     notes = flown_policy.notes()
     compiled = CompiledLoop(loop, 200 * len(gust_lengths))
     thresholds: list[GustThreshold] = []
