@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from operator import mul
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -26,6 +25,9 @@ from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
 
+#: Largest difference between W and P of one critic, relative to sqrt(|P_ii P_jj|): the rounding of
+#: six printed digits.
+_TOGETHER = 1e-6
 #: Possible outputs of a network: V, ∂V/∂z, u.
 FUNCTIONS = ("V", "gradient", "policy")
 
@@ -184,18 +186,21 @@ class Critic(Reported):
 
     def _beyond_quadratic(self, z: ca.SX) -> ca.SX:
         """Return W'ψ(z) without the monomials z_i z_j, as an expression of z."""
-        terms = ca.SX(0.0)
-        if self.weights is None or self.basis is None:
-            return terms
+        if self.weights is None or self.basis is None or self.is_quadratic:
+            return ca.SX(0.0)
         first = self.basis.quadratic_size
-        for weight, powers in zip(
-            self.weights[first:], self.basis.exponents[first:].tolist(), strict=True
-        ):
-            monomial = ca.SX(1.0)
-            for index, power in enumerate(powers):
-                monomial *= z[index] ** power
-            terms += weight * monomial
-        return terms
+        terms = _monomials(z, self.basis.exponents[first:])
+        return ca.dot(ca.DM(self.weights[first:]), terms)
+
+
+def _monomials(z: ca.SX, exponents: np.ndarray) -> ca.SX:
+    """Return the monomials of z with these exponents (M, n) as expressions, (M,)."""
+    states, one = ca.vertsplit(z), ca.SX(1.0)
+    factors = [
+        [state**power for state, power in zip(states, powers, strict=True) if power]
+        for powers in exponents.tolist()
+    ]
+    return ca.vertcat(*(reduce(mul, of_monomial, one) for of_monomial in factors))
 
 
 def from_gain(game: Game, K: ArrayLike) -> Critic:
@@ -264,7 +269,9 @@ def from_parts(
     by_matrix = from_value(game, parts["P"]) if "P" in parts else None
     by_weights = from_weights(game, parts["W"], basis) if "W" in parts else None
     if by_matrix is not None and by_weights is not None and by_weights.P is not None:
-        refuse_different_values(parts["P"], by_weights.P)
+        P, sizes = parts["P"], np.sqrt(np.abs(np.diag(parts["P"])))
+        if not np.all(np.abs(P - by_weights.P) <= _TOGETHER * np.outer(sizes, sizes)):
+            raise BadInputError("W and P define different value functions; leave out W or P")
     critic = by_weights or by_matrix or by_gain
     assert critic is not None  # at least one part is given
     if policy is not None:
@@ -311,12 +318,8 @@ def polynomial_policy(weights: np.ndarray, scales: np.ndarray) -> ca.Function:
             f"{n} states up to one degree"
         )
     z = ca.SX.sym("z", n)
-    scaled = ca.vertsplit(ca.DM(scales) * z)
-    psi = []
-    for powers in exponents.tolist():
-        factors = (state**power for state, power in zip(scaled, powers, strict=True) if power)
-        psi.append(reduce(mul, factors))
-    return ca.Function("policy", [z], [ca.densify(ca.DM(weights) @ ca.vertcat(*psi))])
+    u = ca.DM(weights) @ _monomials(ca.DM(scales) * z, exponents)
+    return ca.Function("policy", [z], [ca.densify(u)])
 
 
 def from_functions(
@@ -349,7 +352,7 @@ def from_functions(
         if expression is not None
     }
     at_trim = {name: function(np.zeros(z.numel())).full() for name, function in network.items()}
-    P = None if gradient is None else _derivative_at_0(gradient, z) / 2.0
+    P = None if gradient is None else _derivative(gradient, z) / 2.0
     _refuse_not_finite(at_trim | ({} if P is None else {"second derivative of V": P}))
     if u is None:
         assert P is not None  # V or its gradient is given
@@ -407,20 +410,17 @@ def _with_one_step_policy(game: Game, critic: Critic) -> Critic:
     return replace(critic, network=network, implies_policy=True)
 
 
-def _derivative_at_0(expression: ca.SX, z: ca.SX) -> np.ndarray:
-    """Return ∂expression/∂z at z = 0, (k, n), for an expression with k entries."""
-    return _derivative_at(expression, z, np.zeros(z.numel()))
-
-
-def _derivative_at(expression: ca.SX, z: ca.SX, point: np.ndarray) -> np.ndarray:
-    """Return ∂expression/∂z at a point (n,), (k, n), for an expression with k entries."""
+def _derivative(expression: ca.SX, z: ca.SX, point: np.ndarray | None = None) -> np.ndarray:
+    """Return ∂expression/∂z at a point (n,), by default 0, (k, n), for k entries."""
+    if point is None:
+        point = np.zeros(z.numel())
     weights = type(z).sym("w", expression.numel())
     rows = ca.Function("rows", [z, weights], [ca.jtimes(expression, z, weights, True)])
     each_row = rows(np.tile(point[:, None], expression.numel()), np.eye(expression.numel()))
     return np.array(each_row).T
 
 
-#: Distances from z = 0 at which K is compared on both sides, in sizes of the states (`_sizes`).
+#: Distances from z = 0 at which K is compared on both sides, in sizes of the states.
 _BESIDE, _NEARER = 1e-9, 1e-12
 #: Change of K between both sides that is not smooth, relative to K, and its least part that is left
 #: at the smaller distance. Of a smooth u, `_NEARER` / `_BESIDE` is left, a thousandth.
@@ -431,49 +431,31 @@ _LEFT = 0.5
 _WITHOUT_BOX = 1e-200
 
 
-class _Sizes(NamedTuple):
-    """Sizes of the states (n,) and inputs (m,) of a game, in their units."""
-
-    states: np.ndarray
-    inputs: np.ndarray
-
-
-def _sizes(game: Game) -> _Sizes:
-    """Return the box of the states, without one nearly 0, and the inputs that cost 1."""
-    costs = np.diag(game.Q)
-    # Without a box, the states have the ratios of those that cost 1.
-    states = _WITHOUT_BOX * np.where(costs > 0.0, costs, 1.0) ** -0.5
-    if game.half_widths is not None:
-        states = game.half_widths
-    return _Sizes(states, np.diag(game.R) ** -0.5)
-
-
 def _gain_at_0(game: Game, u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
     """Return K = -∂u/∂z at z = 0, the mean of both sides if nonsmooth, and whether it is."""
-    sizes = _sizes(game)
-    without_units = sizes.states / sizes.inputs[:, None]
+    sizes = game.half_widths
+    if sizes is None:  # the ratios of the states that cost 1
+        costs = np.diag(game.Q)
+        sizes = _WITHOUT_BOX * np.where(costs > 0.0, costs, 1.0) ** -0.5
+    without_units = sizes * np.sqrt(np.diag(game.R))[:, None]  # by the inputs that cost 1
 
     def largest_entry(K: np.ndarray) -> float:
         return float(np.abs(K * without_units).max(initial=0.0))
 
-    before, after = _gains_beside_0(u, z, _BESIDE * sizes.states)
-    nearer_before, nearer_after = _gains_beside_0(u, z, _NEARER * sizes.states)
+    before, after = _gains_beside_0(u, z, _BESIDE * sizes)
+    nearer_before, nearer_after = _gains_beside_0(u, z, _NEARER * sizes)
     change = largest_entry(after - before)
     remains = largest_entry(nearer_after - nearer_before) > _LEFT * change
     size = largest_entry(np.array([before, after]))
     if np.isfinite(size) and change > _NONSMOOTH * size and remains:
         return (before + after) / 2.0, True
-    return -_derivative_at_0(u, z), False
+    return -_derivative(u, z), False
 
 
 def _gains_beside_0(u: ca.SX, z: ca.SX, distances: np.ndarray) -> np.ndarray:
     """Return K = -∂u/∂z at two opposite states at distances (n,) from z = 0, (2, m, n)."""
     direction = 1.0 + np.arange(z.numel()) * 0.618 % 1.0  # on no common switching plane
-    return np.array([-_derivative_at(u, z, side * distances * direction) for side in (1.0, -1.0)])
-
-
-#: Largest relative difference between W and P of one critic: the rounding of six printed digits.
-_TOGETHER = 1e-6
+    return np.array([-_derivative(u, z, side * distances * direction) for side in (1.0, -1.0)])
 
 
 def from_weights(
@@ -513,7 +495,13 @@ def from_weights(
     psi = basis_of(basis, n, game.names.states)
     if isinstance(psi, ca.Function):
         return _from_listed_functions(game, weights, psi, constant, precision)
-    _refuse_size(weights, psi)
+    if weights.shape != (psi.size,):
+        names = " or ".join(bases_of_size(weights.size, n))
+        instead = f"{psi.size} weights, P or a list of functions as the basis"
+        raise BadInputError(
+            f"W has {weights.size} weights, but basis {psi.name!r} of {n} states has {psi.size} "
+            f"functions; give {f'the basis {names}' if names else instead}"
+        )
     P = psi.matrix(weights)
     critic = Critic(
         game.gain(P),
@@ -546,17 +534,6 @@ def _from_listed_functions(
     return replace(critic, has_weights=True)
 
 
-def _refuse_size(weights: np.ndarray, psi: Basis) -> None:
-    """Raise BadInputError unless there is one weight for each function of a basis."""
-    if weights.shape != (psi.size,):
-        names = " or ".join(bases_of_size(weights.size, psi.states))
-        instead = f"{psi.size} weights, P or a list of functions as the basis"
-        raise BadInputError(
-            f"W has {weights.size} weights, but basis {psi.name!r} of {psi.states} states has "
-            f"{psi.size} functions; give {f'the basis {names}' if names else instead}"
-        )
-
-
 def from_q_function(
     game: Game, H: ArrayLike, parts: Mapping[str, np.ndarray] | None = None
 ) -> Critic:
@@ -574,16 +551,3 @@ def from_q_function(
     matrices = q_extremum(game, H) | dict(parts or {})
     critic = from_parts(game, {name: matrices[name] for name in ("P", "K")})
     return replace(critic, H=H, L=matrices.get("L"))
-
-
-def refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
-    """Raise BadInputError if a given matrix P differs from the quadratic part of W'ψ(z).
-
-    The largest permitted difference of entry ij is `_TOGETHER` times sqrt(|P_ii P_jj|).
-
-    P: (n, n), given with W
-    P_of_weights: (n, n), the quadratic part of W'ψ(z)
-    """
-    sizes = np.sqrt(np.abs(np.diag(P)))
-    if not np.all(np.abs(P - P_of_weights) <= _TOGETHER * np.outer(sizes, sizes)):
-        raise BadInputError("W and P define different value functions; leave out W or P")

@@ -89,9 +89,7 @@ def critic_file(path: str | Path) -> CriticFile:
             read: CriticFile = loaded(offered(CRITICS, OWN_FILES)[suffix])(path)
             return read
     if is_network(file):
-        from controller.critic.network.critic import critic_of_network
-
-        return CriticFile(partial(critic_of_network, path), is_network=True)
+        return CriticFile(partial(_critic_of_network, path), is_network=True)
     entries = entries_in(path)
     with prefix_errors(path):
         return CriticFile(partial(_critic_of, entries))
@@ -109,6 +107,18 @@ def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> C
     file = critic_file(path)
     with prefix_errors(path):
         return file.critic(game, reading or Reading())
+
+
+def _critic_of_network(path: str | Path, game: Game, reading: Reading) -> Critic:
+    """Return the critic of the network in a file."""
+    from controller.critic.network.critic import from_network
+
+    network, activation, scale = reading.network, reading.activation, reading.scale
+    with prefix_errors(path):
+        psi = reading.psi(game)
+        return from_network(
+            game, path, network=network, activation=activation, scale=scale, basis=psi
+        )
 
 
 def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:

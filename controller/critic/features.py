@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.game.basis import Basis, basis as named_basis
 from controller.game.zero_sum import Game
-from hfa_support.errors import BadInputError, prefix_errors, shortened
+from hfa_support.errors import BadInputError, is_finite, prefix_errors, shortened
 
 #: Functions that the text may contain.
 _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
@@ -105,7 +105,9 @@ def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.
 def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.SX:
     """Return the CasADi expression of one node of the Python syntax tree of a formula."""
     match node:
-        case ast.Constant(value=int() | float() as number) if _is_finite(number):
+        case ast.Constant(value=int() | float() as number) if is_finite(number) and not isinstance(
+            number, bool
+        ):
             return ca.SX(float(number))
         case ast.Name(id=name) if name in symbols:
             return symbols[name]
@@ -120,11 +122,6 @@ def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.S
         f"{shortened(ast.unparse(node))!r} is not supported; use {known}, + - * / ** and "
         f"{', '.join(_FUNCTIONS)}"
     )
-
-
-def _is_finite(number: float) -> bool:
-    """Return whether a constant of a formula is a finite number, and not True or False."""
-    return not isinstance(number, bool) and abs(number) < math.inf
 
 
 def blocks_in_order(
@@ -199,7 +196,11 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
     units = ca.DM(np.abs(np.diag(actions.weight)) * actions.sizes)
     slope = ca.densify((of_weight + of_cross + of_value) / units)
     terms = (ca.fabs(of_weight) + ca.fabs(of_cross) + ca.fabs(of_value)) / units
-    residual = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), _root_of_value_at_edge(problem, P))
+    at_edge = 1.0  # the largest sqrt(x'P x) of one state at the edge of the box
+    if problem.half_widths is not None:
+        roots = np.sqrt(np.diag(P).clip(0.0)) * problem.half_widths
+        at_edge = float(np.max(roots)) or 1.0
+    residual = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), at_edge)
     # `root` can be called with MX only
     options = {"max_iter": _STEPS, "error_on_fail": False, "show_eval_warnings": False}
     root = ca.rootfinder("root", "newton", {"x": scaled, "p": x, "g": slope}, options)
@@ -209,13 +210,6 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
     has_converged = ca.Function("residual", [x, scaled], [residual])(state, saddle) <= _LEFT
     u = ca.DM(actions.sizes[:m]) * saddle[:m]
     return ca.Function("policy", [state], [ca.if_else(has_converged, 1.0, math.nan) * u])
-
-
-def _root_of_value_at_edge(problem: Game, P: np.ndarray) -> float:
-    """Return the largest sqrt(x'P x) of one state at the edge of the box, 1 without a box."""
-    if problem.half_widths is None:
-        return 1.0
-    return float(np.max(np.sqrt(np.diag(P).clip(0.0)) * problem.half_widths)) or 1.0
 
 
 class _Actions(NamedTuple):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from controller.game.basis import basis
 from hfa_aircraft.signals import UNNAMED, PlantNames
 from hfa_support.reporting.report import Report, Reported
@@ -138,13 +140,9 @@ class TrainingRun(Result, Reported):
         state_units = self.names.state_units
         if not any(state_units):
             return []
-        units = []
-        for row in basis(self.basis, self.K.shape[1]).exponents.tolist():
-            factors: list[str] = []
-            for unit, power in zip(state_units, row, strict=True):
-                factors += power * [f"({unit})"]
-            units.append(f"1/({' '.join(factors)})")
-        return units
+        units = np.array([f"({unit})" for unit in state_units], dtype=object)
+        exponents = basis(self.basis, self.K.shape[1]).exponents
+        return [f"1/({' '.join(np.repeat(units, row))})" for row in exponents]
 
     @property
     def outcome(self) -> str:
@@ -167,24 +165,9 @@ class TrainingRun(Result, Reported):
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
-        return {
-            "law": self.law,
-            "basis": self.basis,
-            "K": self.K,
-            "excitation": self.excitation,
-            "seed": self.seed,
-            "diagnostics": self.diagnostics,
-            "P": self.P,
-            "W": self.W,
-            "residual_norm": self.residual_norm,
-            "status": self.outcome,
-        } | without_empty(
-            weight_units=self.weight_units,
-            H=self.H,
-            data=self.data,
-            P_band=self.P_band,
-            K_band=self.K_band,
-        )
+        entries = super()._entries() | {"P": self.P, "status": self.outcome}
+        del entries["names"], entries["settling_residual"]
+        return entries | without_empty(weight_units=self.weight_units)
 
     def report(self) -> Report:
         """Return a report with the outcome, the rank of the data, P and K.
@@ -211,16 +194,14 @@ class TrainingRun(Result, Reported):
             parts += [of_P, matrix_table("±K (95 %)", names.inputs, names.states, self.K_band)]
         if numbers := [(name, f"{value:.4g}") for name, value in self.diagnostics.items()]:
             parts.append(Table(("number of the law", "value"), numbers))
+        units = self.weight_units or [""] * len(self.W)
+        weights = [(f"W{place}", weight) for place, weight in enumerate(self.W.tolist(), start=1)]
         return Report(
             title=f"Law {self.law!r}, basis {self.basis!r}, on {names.origin}: {self.outcome}",
             parts=tuple(parts),
             data=storable(self),
-            records=self._records(),
+            records=Table(
+                ("weight", "value", "unit"),
+                [(*weight, unit) for weight, unit in zip(weights, units, strict=True)],
+            ),
         )
-
-    def _records(self) -> Table:
-        """Return a table of the weights, one row for each."""
-        units = self.weight_units or [""] * len(self.W)
-        numbered = enumerate(zip(self.W.tolist(), units, strict=True), start=1)
-        rows = [(f"W{number}", weight, unit) for number, (weight, unit) in numbered]
-        return Table(("weight", "value", "unit"), rows)

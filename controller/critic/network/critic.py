@@ -14,10 +14,9 @@ import numpy as np
 from controller.critic.critic import Critic, from_functions, from_weights
 from controller.critic.features import basis_of, symbols_for
 from controller.critic.network.network_file import OUTPUTS, Asked, NetworkFile, network_in
-from controller.critic.reading import Reading
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
-from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shortened
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened
 
 _ADVICE = (
     "export the policy u(x) that was trained with this Q function and select it (for an actor "
@@ -149,22 +148,6 @@ def from_network(
         return _of_states(game, stored, scales, origin)
 
 
-def critic_of_network(path: str | Path, game: Game, reading: Reading) -> Critic:
-    """Return the critic of the network in a file.
-
-    reading: the options of the command that describe the network
-    """
-    with prefix_errors(path), file_faults(path):
-        return from_network(
-            game,
-            path,
-            network=reading.network,
-            activation=reading.activation,
-            scale=reading.scale,
-            basis=reading.psi(game),
-        )
-
-
 def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str) -> Critic:
     """Return the critic of a network whose inputs are the states, or states and inputs (a Q)."""
     n, m = game.B.shape
@@ -181,7 +164,13 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
     if any(is_taken_as_policy(name, size, m) for name, size in sizes.items()):
         origin = f"{origin}, its one output read as the policy u, not V"
     z = symbols_for(functions.values(), n)
-    outputs = _outputs_by_kind(functions, kinds, ca.DM(scales) * z)
+    outputs: dict[str, Any] = {}
+    for name, function in functions.items():
+        output = ca.vec(function(ca.DM(scales) * z))
+        parts = {kinds[name]: output}
+        if kinds[name] == "V+policy":
+            parts = {"V": output[0], "policy": output[1:]}
+        outputs |= parts
     declared = stored.declared
     # The policy of a Q minimizes over u: it is the action already.
     if str(declared.action) and "policy" in outputs and not of_q_functions:
@@ -192,20 +181,6 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
         notes += (f"observations {', '.join(declared.observations)}, taken as the states",)
     critic = from_functions(game, z, outputs, origin, stored.precision)
     return replace(critic, declared=declared._replace(notes=notes))
-
-
-def _outputs_by_kind(
-    functions: Mapping[str, ca.Function], kinds: Mapping[str, str], x: Any
-) -> dict[str, Any]:
-    """Return the expressions "V", "gradient", "policy" of a network, as far as it has them."""
-    outputs = {}
-    for name, function in functions.items():
-        output = ca.vec(function(x))
-        if kinds[name] == "V+policy":
-            outputs["V"], outputs["policy"] = output[0], output[1:]
-        else:
-            outputs[kinds[name]] = output
-    return outputs
 
 
 def _on_basis(
@@ -252,33 +227,24 @@ def is_taken_as_policy(name: str, size: int, m: int) -> bool:
     return name not in OUTPUTS and size == m == 1
 
 
-def _fitting_kinds(name: str, size: int, counts: Mapping[str, int]) -> list[str]:
-    """Return the kinds that an output of a network may have, by its name and its size."""
-    m = counts["policy"]
-    if is_taken_as_policy(name, size, m):
-        return ["policy"]
-    candidates = [name] if name in counts else list(counts)
-    fitting = [kind for kind in candidates if counts[kind] == size]
-    if not fitting:
-        meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
-        held = ", or the inputs that it moves (--inputs, game.select)" if size < m else ""
-        raise BadInputError(
-            f"the network has {size} outputs, but for this plant {meanings}; give a network "
-            f"with such a number of outputs{held}"
-        )
-    if fitting == ["gradient", "V+policy"]:  # 1 + m = n: V+policy must be named
-        return ["gradient"]
-    return fitting
-
-
 def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
-    """Return the kind of each output of a network, by name of the output."""
+    """Return the kind of each output of a network, by name of the output or requested kind."""
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}
     for name, size in sizes.items():
-        fitting = _fitting_kinds(name, size, counts)
-        is_unclear = len(fitting) > 1 or (len(sizes) > 1 and name not in counts)
-        if is_unclear:
+        fitting = [kind for kind in ([name] if name in counts else counts) if counts[kind] == size]
+        if is_taken_as_policy(name, size, m):
+            fitting = ["policy"]
+        elif fitting == ["gradient", "V+policy"]:  # 1 + m = n: V+policy must be named
+            fitting = ["gradient"]
+        if not fitting:
+            meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
+            held = ", or the inputs that it moves (--inputs, game.select)" if size < m else ""
+            raise BadInputError(
+                f"the network has {size} outputs, but for this plant {meanings}; give a network "
+                f"with such a number of outputs{held}"
+            )
+        if len(fitting) > 1 or (len(sizes) > 1 and name not in counts):
             words = f"{fitting[0]}={'' if name in OUTPUTS else name}"
             among = f", among {shortened(', '.join(sizes))}," if len(sizes) > 1 else ""
             raise BadInputError(

@@ -86,7 +86,12 @@ def module_contents(module: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]
                 f"linear layer; {_ADVICE}"
             )
         else:
-            _refuse_settings(part, kind)
+            for setting, value in _ACTIVATIONS[kind].items():
+                if getattr(part, setting) != value:
+                    raise BadInputError(
+                        f"{kind} has {setting} = {getattr(part, setting)}, but only {value} is "
+                        f"supported; {_ADVICE}"
+                    )
             activations[layer] = activation_named(kind)
     return tensors, activations
 
@@ -112,16 +117,6 @@ def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
             f"and {', '.join(_ACTIVATIONS)}, and modules with a state_dict() of linear layers are "
             f"supported; {_ADVICE}"
         )
-
-
-def _refuse_settings(module: Any, kind: str) -> None:
-    """Raise BadInputError for an activation module with other settings than those of its class."""
-    for setting, value in _ACTIVATIONS[kind].items():
-        if getattr(module, setting) != value:
-            raise BadInputError(
-                f"{kind} has {setting} = {getattr(module, setting)}, but only {value} is "
-                f"supported; {_ADVICE}"
-            )
 
 
 #: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
