@@ -80,13 +80,14 @@ class LinearLoop:
     def robustness(self) -> dict[str, _Robustness]:
         """Robustness of the loop, "learned", and of another optimum, "exact"."""
         exact, closed_loops, K = self.exact, self.exact.closed_loops, self.critic.K
-        found = _Robustness(self.gain, 0.0, None)
+        found = {"learned": _Robustness(self.gain, 0.0, None)}
         if self.suboptimality.is_stable:
-            found = _Robustness(self.gain, closed_loops.distance(K), closed_loops.disk_margin(K))
-        if self.is_exact and 100.0 * self.suboptimality.high <= NEAR:
-            return {"learned": found}
-        best = _Robustness(exact.l2_gain, closed_loops.distance(exact.K), exact.disk_margin)
-        return {"learned": found, "exact": best}
+            distance, margin = closed_loops.distance(K), closed_loops.disk_margin(K)
+            found["learned"] = _Robustness(self.gain, distance, margin)
+        if not self.is_exact or 100.0 * self.suboptimality.high > NEAR:
+            best = _Robustness(exact.l2_gain, closed_loops.distance(exact.K), exact.disk_margin)
+            found["exact"] = best
+        return found
 
     @property
     def part(self) -> Part:

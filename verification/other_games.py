@@ -42,21 +42,12 @@ class Family(NamedTuple):
     game: Callable[[float], Game]
 
 
-class OtherGame(NamedTuple):
-    """A game of which a critic may be exact.
-
-    says: the sentence, after "K is"
-    matrix: its exact P or K
-    """
-
-    says: str
-    matrix: np.ndarray
-
-
 def other_games(
     exact: Solution, of: str, given: np.ndarray, sizes: np.ndarray
-) -> Iterator[OtherGame]:
+) -> Iterator[tuple[str, np.ndarray]]:
     """Yield the games that differ by one number of which P or K is nearest to a given one.
+
+    Of each, a sentence, after "K is", and its exact P or K.
 
     exact: solution of the game
     of: "P" or "K"
@@ -76,7 +67,7 @@ def other_games(
         others["exact for the game in continuous time"] = plant
     for says, other in others.items():
         with suppress(NoSolutionError):
-            yield OtherGame(says, getattr(solve(other), of))
+            yield says, getattr(solve(other), of)
     for family in _families(exact, plant):
         found = _nearest(family, of, given, sizes)
         if found is not None:
@@ -147,7 +138,9 @@ def continuous(game: Game) -> Game | None:
         return None
 
 
-def _nearest(family: Family, of: str, given: np.ndarray, sizes: np.ndarray) -> OtherGame | None:
+def _nearest(
+    family: Family, of: str, given: np.ndarray, sizes: np.ndarray
+) -> tuple[str, np.ndarray] | None:
     """Return the game of a family of which P or K is nearest a given one, by Gauss and Newton."""
 
     def game_at(logarithm: float) -> Game:
@@ -179,7 +172,7 @@ def _nearest(family: Family, of: str, given: np.ndarray, sizes: np.ndarray) -> O
         place, now = place + part * step, after
     with suppress(NoSolutionError, BadInputError):
         nearest = getattr(solve(game_at(place)), of)
-        return OtherGame(family.says(family.middle * math.exp(place)), nearest)
+        return family.says(family.middle * math.exp(place)), nearest
     return None
 
 

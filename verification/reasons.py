@@ -175,8 +175,8 @@ def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
     if np.count_nonzero(distinct) < 2:
         return  # a single number agrees with many games
     mistakes = [
-        Mistake(f"{kind} is {other.says}", given - other.matrix + right)
-        for other in other_games(exact, kind, given, compared.sizes)
+        Mistake(f"{kind} is {says}", given - matrix + right)
+        for says, matrix in other_games(exact, kind, given, compared.sizes)
     ]
     yield from sorted(mistakes, key=lambda mistake: np.max(compared.errors(mistake.undone)))
 
@@ -229,8 +229,8 @@ def _of_value(game: Game, values: Compared) -> Iterator[Mistake]:
     order = _order_of_states(P, exact)
     places = np.argsort(order)
     yield Mistake(_order_text("state", order), P[np.ix_(places, places)])
-    for unit in _wrong_units("state", _factors_of_states(values), UNITS_OF_STATES):
-        yield Mistake(unit.says, P / np.outer(unit.divisors, unit.divisors))
+    for says, divisors in _wrong_units("state", _factors_of_states(values), UNITS_OF_STATES):
+        yield Mistake(says, P / np.outer(divisors, divisors))
     yield from _one_entry(values)
 
 
@@ -329,8 +329,8 @@ def _of_rows(
     yield Mistake(_order_text(noun, order), given[np.argsort(order)])
     with np.errstate(all="ignore"):
         factors = np.sum(rows * exact_rows, axis=1) / np.sum(exact_rows**2, axis=1)
-    for unit in _wrong_units(noun, factors, units):
-        yield Mistake(unit.says, given / unit.divisors[:, None])
+    for says, divisors in _wrong_units(noun, factors, units):
+        yield Mistake(says, given / divisors[:, None])
 
 
 def _factors(noun: str, meant: str, compared: Compared) -> Iterator[Mistake]:
@@ -345,16 +345,9 @@ def _factors(noun: str, meant: str, compared: Compared) -> Iterator[Mistake]:
         yield Mistake(f"every entry of {kind} is {shown} times the exact one", given / ratio)
 
 
-class _WrongUnit(NamedTuple):
-    """Sentence on states or inputs with a wrong sign or unit, and the divisors that undo it."""
-
-    says: str
-    divisors: np.ndarray
-
-
 def _wrong_units(
     noun: str, factors: np.ndarray, units: Mapping[str, float]
-) -> Iterator[_WrongUnit]:
+) -> Iterator[tuple[str, np.ndarray]]:
     """Yield that some states or inputs have the wrong sign or unit, by the factors on them."""
     for wrong, factor in {"the wrong sign": -1.0, **units}.items():
         has_factor = np.abs(factors / factor - 1.0) < NEAR
@@ -363,7 +356,7 @@ def _wrong_units(
             subject = f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"
             singular, plural = ("has", "have") if factor == -1.0 else ("is", "are")
             verb = plural if numbers else singular
-            yield _WrongUnit(f"{subject} {verb} {wrong}", np.where(has_factor, factor, 1.0))
+            yield f"{subject} {verb} {wrong}", np.where(has_factor, factor, 1.0)
 
 
 def _assigned(distances: np.ndarray) -> np.ndarray:

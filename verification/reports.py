@@ -459,14 +459,6 @@ def verdicts_figure(verdicts: Mapping[str, Verdict]) -> Figure:
             [verdict.cost_above_optimum_percent / 100.0 for verdict in judged]
         ),
     }
-    _draw_errors(axes, positions, curves)
-    names = [Path(name).name for name in verdicts]
-    axes.set_xticks(positions, names, rotation=30, ha="right", fontsize=7)
-    return figure
-
-
-def _draw_errors(axes: Axes, positions: np.ndarray, curves: Mapping[str, np.ndarray]) -> None:
-    """Draw the curves that have a number, label -> value of each critic, on a logarithmic scale."""
     shown = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
     for (label, values), style in zip(shown.items(), ("-", "--", "-.", ":"), strict=False):
         axes.semilogy(positions, np.maximum(values, _ROUNDED), style, label=label)
@@ -476,6 +468,9 @@ def _draw_errors(axes: Axes, positions: np.ndarray, curves: Mapping[str, np.ndar
     axes.set_ylabel("relative error")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
+    names = [Path(name).name for name in verdicts]
+    axes.set_xticks(positions, names, rotation=30, ha="right", fontsize=7)
+    return figure
 
 
 def _heat_map(

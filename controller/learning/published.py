@@ -111,24 +111,13 @@ class TheoremGains(NamedTuple):
     explicit_step_limit: float
 
 
-class LinearResiduals(NamedTuple):
-    """Residuals ē = regressors W + constants of the samples.
-
-    regressors: σ̄_j = σ_j/n_j, (N_h, M)
-    constants: c̄_j, (N_h,)
-    """
-
-    regressors: np.ndarray
-    constants: np.ndarray
-
-
 @dataclass(frozen=True, eq=False)
 class PublishedLaw(Samples):
     """Learner of Eq. (46) for `controller.run`, on the samples of a game."""
 
     @cached_property
-    def linear_residuals(self) -> LinearResiduals:
-        """Residuals of the samples as functions of the weights, with n = √(1 + σ'σ) (Eq. 32-33).
+    def linear_residuals(self) -> tuple[np.ndarray, np.ndarray]:
+        """σ̄_j = σ_j/n_j, (N_h, M), and c̄_j, (N_h,), with n = √(1 + σ'σ) (Eq. 32-33).
 
         With the stored policies, B û + E d̂ = -½ S ∂ψ'W(0), σ = ∂ψ (F + B û + E d̂), and the cost
         of the policies is ¼ (∂ψ'W(0))' S (∂ψ'W(0)).
@@ -138,7 +127,7 @@ class PublishedLaw(Samples):
         regressors = np.einsum("jmi,ji->jm", self.gradient, self.drifts - 0.5 * S_slopes)
         constants = self.costs + 0.25 * np.sum(S_slopes * slopes, axis=1)
         sizes = np.sqrt(1.0 + np.sum(regressors**2, axis=1))
-        return LinearResiduals(regressors / sizes[:, None], constants / sizes)
+        return regressors / sizes[:, None], constants / sizes
 
     @cached_property
     def gains(self) -> TheoremGains:
@@ -146,22 +135,18 @@ class PublishedLaw(Samples):
 
         c₁ = (2γλ₀)^(1-η/2), c₂ = N_h^(-η/2) (2γλ₀)^(1+η/2), α_i = π / (θ T η c_i), T = T_w/2
         """
-        regressors = self.linear_residuals.regressors
+        regressors, constants = self.linear_residuals
         lambda_0 = float(np.linalg.svd(regressors, compute_uv=False)[-1] ** 2)
         c1 = (2.0 * GAMMA * lambda_0) ** (1.0 - ETA / 2.0)
         c2 = len(regressors) ** (-ETA / 2.0) * (2.0 * GAMMA * lambda_0) ** (1.0 + ETA / 2.0)
         settling_rate = math.pi / (THETA * 0.5 * T_W * ETA)
-        alpha1 = settling_rate / c1 if c1 > 0.0 else math.inf
-        alpha2 = settling_rate / c2 if c2 > 0.0 else math.inf
-        return TheoremGains(lambda_0, alpha1, alpha2, 2.0 / self._fastest(alpha1, alpha2))
-
-    def _fastest(self, alpha1: float, alpha2: float) -> float:
-        """Return the largest eigenvalue of -∂W'/∂W at W(0), 1/s."""
-        regressors, constants = self.linear_residuals
+        alpha1, alpha2 = (settling_rate / c if c > 0.0 else math.inf for c in (c1, c2))
         residuals = np.abs(FIRST_WEIGHT * regressors.sum(axis=1) + constants)
         slopes = (alpha1 + 1.0) * (1.0 - ETA) * residuals**-ETA
         slopes = slopes + (alpha2 + 1.0) * (1.0 + ETA) * residuals**ETA
-        return GAMMA * float(np.linalg.norm(np.sqrt(slopes)[:, None] * regressors, 2)) ** 2
+        # The largest eigenvalue of -∂W'/∂W at W(0), 1/s.
+        fastest = GAMMA * float(np.linalg.norm(np.sqrt(slopes)[:, None] * regressors, 2)) ** 2
+        return TheoremGains(lambda_0, alpha1, alpha2, 2.0 / fastest)
 
     def rate(self, weights: np.ndarray) -> np.ndarray:
         """Return W', the right side of Eq. (46), (M,)."""

@@ -475,7 +475,11 @@ def fly(
         z_and_u = np.append(loop.equilibrium, critic.u(loop.equilibrium))
         equilibrium_cost = float(z_and_u @ game.weights @ z_and_u)
     few = min(FEW, flights)
-    results = FlightResults(
+    of_plant: list[float | None] = [None, None]
+    if plant is not None:
+        loops = [plant_loop(exact, plant, policy, b) for policy in (critic, None)]
+        of_plant = [_reach(each, b, few) for each in loops]
+    return FlightResults(
         flights=flights,
         cost_above_optimum_flown_percent=float(above.max()),
         cost_above_optimum_flown_mean_percent=float(above.mean()),
@@ -483,12 +487,8 @@ def fly(
         rest_point=loop.equilibrium,
         equilibrium_cost=equilibrium_cost,
         reach=_reach(loop, b, few),
-    )
-    if plant is None:
-        return results
-    return results._replace(
-        reach_nonlinear=_reach(plant_loop(exact, plant, critic, b), b, few),
-        reach_nonlinear_exact=_reach(plant_loop(exact, plant, None, b), b, few),
+        reach_nonlinear=of_plant[0],
+        reach_nonlinear_exact=of_plant[1],
     )
 
 
