@@ -103,6 +103,8 @@ def test_a_policy_that_is_right_at_the_trim_only_is_flown():
     right, exact_policy = judged(expansion, game, linear, ca.vertcat(0.0, 0.0), z)
     flown = right.nonlinear.flown
     assert right.ok
+    half = replace(right.nonlinear, flown=replace(flown, part=0.5))
+    assert replace(right, nonlinear=half).grade == "near"
     assert "flights cost at most 0 % more than by the exact policy" in " ".join(str(right).split())
     a, b = flown.half_widths
     for size, diverges in ((-1.0, False), (1.0, True)):

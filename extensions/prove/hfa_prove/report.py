@@ -100,7 +100,7 @@ def checked_report(verified: Proved, not_given: Sequence[str]) -> Report:
     of = f", of the {_listed(not_given)} in the certificate" if not_given else ""
     title = f"Verified, proved: {claim.title}{of}, without {claim.without}"
     origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
-    digest = _digest(statement)
+    digest = hashlib.sha256(json.dumps(statement.content()).encode()).hexdigest()
     rows = [
         (path, text)
         for path, _, value in statement.entries()
@@ -131,11 +131,6 @@ def _data(statement: ScheduleStatement, claim: Claim, size: int) -> dict[str, An
         **claim.data,
         "claim": statement.content(),
     }
-
-
-def _digest(statement: ScheduleStatement) -> str:
-    """Return the SHA-256 of a statement's JSON text."""
-    return hashlib.sha256(json.dumps(statement.content()).encode()).hexdigest()
 
 
 def _listed(names: Sequence[str]) -> str:
