@@ -280,20 +280,6 @@ def test_a_copy_of_an_environment_continues_at_the_same_sample(copied):
     assert again[0][1]["parameters"] == again[1][1]["parameters"]
 
 
-def test_environments_run_at_once_in_gymnasiums_vectors():
-    """Observations and rewards of two copies, with their own seeds, are those of single ones."""
-    one = environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), trims("ppo_gtm")[:2])
-    vector = gymnasium.vector.SyncVectorEnv([lambda: copy.deepcopy(one)] * 2)
-    first, _ = vector.reset(seed=3)
-    action = 0.5 * (one.action_space.low + one.action_space.high)
-    after, rewards, *_ = vector.step([action] * 2)
-    for number in range(2):
-        np.testing.assert_array_equal(one.reset(seed=3 + number)[0], first[number])
-        observation, reward, *_ = one.step(action)
-        np.testing.assert_array_equal(observation, after[number])
-        assert reward == rewards[number]
-
-
 @pytest.mark.filterwarnings("ignore:turbulence without")
 def test_episodes_with_equal_seeds_have_equal_turbulence():
     """From one initial state, turbulence is equal for equal seeds, and differs for different seeds."""

@@ -6,10 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
-from nominal import nominal_game
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
-import hfa
 from hfa.main import main
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
@@ -73,36 +71,6 @@ def test_a_flight_between_trims_begins_at_the_held_value_and_ends_at_that_of_to(
     data = json.loads(capsys.readouterr().out)
     assert data["start"] == pytest.approx({"angle": np.radians(5.0)})
     assert data["operating_point"]["states"]["angle"] == 0.0
-
-
-DEPLOYMENT = """
-[policy]
-file = "actor.npz"
-[observation]
-angle = {}
-rate = {}
-[action]
-torque = {box = [-3.0, 3.0], map = "trim + a"}
-[timing]
-dt = 0.02
-"""
-
-
-def test_a_deployment_and_a_critic_are_compared(folder, capsys):
-    """A saturated gain of half the size, and a deployed policy, cost more than the best flight."""
-    model = hfa.load_model(PENDULUM)
-    game = nominal_game(hfa.linearize(model, hfa.trim(model)))
-    np.savez("K.npz", K=0.5 * hfa.solve(game).K)
-    np.savez("actor.npz", **{"0.weight": np.array([[-1.98, -0.98]]), "0.bias": np.zeros(1)})
-    Path("deployment.toml").write_text(DEPLOYMENT)
-    words = ["optimize", "--aircraft", PENDULUM, "--initial", "angle=20", "--policy", "K.npz"]
-    assert main([*words, "--policy", "deployment.toml", "--json"]) == 0
-    data = json.loads(capsys.readouterr().out)
-    linear, *others = data["policies"]
-    assert {row["policy"].partition(" of ")[0] for row in others} == {"critic", "policy"}
-    for row in others:
-        assert row["over_best"] > linear["over_best"] >= 1.0
-    assert data["start"] == pytest.approx({"angle": np.radians(20.0)}, rel=1e-4)
 
 
 def test_optimize_counts_and_summarizes_initial_conditions(folder, capsys):

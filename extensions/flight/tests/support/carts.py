@@ -1,4 +1,4 @@
-"""A cart with limited position, speed without limits, and a limited force."""
+"""A cart with limited position, speed without limits, and a limited force; and a damped one."""
 
 import hfa
 
@@ -15,3 +15,14 @@ def cart(force=1.0):
         lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
         trim={"position": 0.0},
     )
+
+
+#: v' = -v + u, x' = v: the step response of v is 1 - exp(-t).
+DAMPED = hfa.Model(
+    "cart",
+    {"position": hfa.Signal("ft"), "speed": hfa.Signal("ft/s")},
+    {"force": hfa.Signal("lbf", min=-100.0, max=100.0)},
+    lambda x, u, p, w: ({"position": x.speed, "speed": u.force - x.speed}, {}),
+    trim={"position": 0.0, "speed": 0.0},
+    steady=("speed",),
+)
