@@ -104,13 +104,13 @@ def _learned(fit: PlantFit, law: str, seed: int, progress: Progress | None) -> T
     refuse_poor(of_samples)
     samples = Samples(game.without_cross_weights, psi, states)
     weights, diagnostics = LAWS[law](samples, progress)
-    residual = samples.residual(weights)
+    to_costs, to_terms = samples.residual(weights)
     return TrainingRun(
         law=law,
         basis=psi.name,
         W=weights,
-        residual_norm=residual.to_costs,
-        settling_residual=residual.to_terms,
+        residual_norm=to_costs,
+        settling_residual=to_terms,
         K=game.gain(psi.matrix(weights)),
         excitation=of_samples,
         seed=seed,

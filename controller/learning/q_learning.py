@@ -17,10 +17,10 @@ from controller.critic.training_run import SETTLED, Excitation, TrainingRun
 from controller.game.basis import basis, q_extremum, q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
 from controller.learning.recording import (
-    RelativeResidual,
     excitation,
     plant_of,
     refuse_poor,
+    relative_residual,
     root_mean_square,
 )
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -169,14 +169,15 @@ class QLearner:
         optimum = q_extremum(self.game, H)
         values, after = quadratic_forms(self.begins, H), self._after(optimum["P"])
         terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
-        residual = RelativeResidual.of(values - self.costs - after, self.costs, terms)
+        errors = values - self.costs - after
+        to_costs, to_terms = relative_residual(errors, self.costs, terms)
         psi = basis("quadratic", len(self.game.A))
         return TrainingRun(
             law="Q-learning",
             basis=psi.name,
             W=psi.weights(optimum["P"]),
-            residual_norm=residual.to_costs,
-            settling_residual=residual.to_terms,
+            residual_norm=to_costs,
+            settling_residual=to_terms,
             K=optimum["K"],
             excitation=of_samples,
             seed=seed,

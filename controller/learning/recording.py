@@ -198,21 +198,15 @@ class Learned(NamedTuple):
     diagnostics: Mapping[str, float] = {}
 
 
-class RelativeResidual(NamedTuple):
-    """Norm |e| of the residual of a learner's equation over all samples.
+def relative_residual(
+    errors: np.ndarray, costs: np.ndarray, terms: np.ndarray
+) -> tuple[float, float]:
+    """Return the norm of the residuals of a learner's equation, relative to two others.
 
-    to_costs: |e| divided by the norm of the costs
-    to_terms: |e| divided by the norm of the summed magnitudes of the terms of the equation
+    The others are the norms of the costs, and of the summed magnitudes of the terms.
     """
-
-    to_costs: float
-    to_terms: float
-
-    @classmethod
-    def of(cls, errors: np.ndarray, costs: np.ndarray, terms: np.ndarray) -> RelativeResidual:
-        """Return the residual of errors, costs and summed magnitudes of terms, (N_h,) each."""
-        norm, of_costs, of_terms = (float(np.linalg.norm(v)) for v in (errors, costs, terms))
-        return cls(norm / of_costs, norm / of_terms)
+    norm, of_costs, of_terms = (float(np.linalg.norm(v)) for v in (errors, costs, terms))
+    return norm / of_costs, norm / of_terms
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,8 +237,8 @@ class Samples:
         """State cost z_j'Q z_j, (N_h,)."""
         return quadratic_forms(self.states, self.game.Q)
 
-    def residual(self, weights: np.ndarray) -> RelativeResidual:
-        """Return the residual of the game's Hamilton-Jacobi-Isaacs equation for a value V.
+    def residual(self, weights: np.ndarray) -> tuple[float, float]:
+        """Return the `relative_residual` of the game's Hamilton-Jacobi-Isaacs equation for V.
 
         e_j = ∇V'F_j + z_j'Q z_j - ¼ ∇V'S ∇V (paper Eq. 33 with the extremal policies).
         """
@@ -254,7 +248,7 @@ class Samples:
             policies = 0.25 * quadratic_forms(slopes, self.game.S)
             errors = changes.sum(axis=1) + self.costs - policies
             terms = np.abs(changes).sum(axis=1) + self.costs + np.abs(policies)
-            return RelativeResidual.of(errors, self.costs, terms)
+            return relative_residual(errors, self.costs, terms)
 
 
 def refuse_poor(recorded: Excitation) -> None:

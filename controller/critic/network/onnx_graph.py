@@ -6,6 +6,7 @@ Each value of the graph is a row: only its last axis has more than one entry.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import reduce
@@ -141,36 +142,24 @@ _FOREIGN = {
 _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "MatMul": _product,
     "Gemm": _gemm,
-    "Add": lambda a, b: a + b,
-    "Sub": lambda a, b: a - b,
-    "Mul": lambda a, b: a * b,
-    "Div": lambda a, b: a / b,
-    "Pow": lambda a, b: a**b,
-    "Neg": lambda a: -a,
-    "Tanh": ACTIVATIONS["tanh"],
-    "Relu": ACTIVATIONS["relu"],
+    "Add": operator.add,
+    "Sub": operator.sub,
+    "Mul": operator.mul,
+    "Div": operator.truediv,
+    "Pow": operator.pow,
+    "Neg": operator.neg,
+    **{name: ACTIVATIONS[name.lower()] for name in ("Tanh", "Relu", "Sigmoid", "Softplus", "Elu")},
+    **{name: ACTIVATIONS[name.lower()] for name in ("Selu", "Gelu", "Sin", "HardSwish", "Mish")},
+    "Softsign": ACTIVATIONS["softsign"],
     "LeakyRelu": ACTIVATIONS["leaky_relu"],
-    "Sigmoid": ACTIVATIONS["sigmoid"],
-    "Softplus": ACTIVATIONS["softplus"],
-    "Elu": ACTIVATIONS["elu"],
-    "Selu": ACTIVATIONS["selu"],
-    "Gelu": ACTIVATIONS["gelu"],
-    "Sin": ACTIVATIONS["sin"],
-    "Erf": ca.erf,
-    "Exp": ca.exp,
-    "Sqrt": ca.sqrt,
+    **{name: getattr(ca, name.lower()) for name in ("Erf", "Exp", "Sqrt", "Log", "Cos")},
     "Abs": ca.fabs,
-    "Log": ca.log,
-    "Cos": ca.cos,
     "Reciprocal": lambda a: 1.0 / a,
     "HardSigmoid": lambda a, alpha=0.2, beta=0.5: hard_sigmoid(a, ca, alpha, beta),
-    "HardSwish": ACTIVATIONS["hardswish"],
-    "Softsign": ACTIVATIONS["softsign"],
-    "Mish": ACTIVATIONS["mish"],
     "Min": lambda *parts: reduce(ca.fmin, parts),
     "Max": lambda *parts: reduce(ca.fmax, parts),
     "Clip": _clip,
-    "Greater": lambda a, b: a > b,  # Greater and Where are in torch's Softplus
+    "Greater": operator.gt,  # Greater and Where are in torch's Softplus
     "Where": ca.if_else,
     "ReduceSum": _sum,
     "ReduceMean": _mean,
@@ -278,23 +267,23 @@ def _traced(onnx: Any, model: Any, states: int, inputs: int) -> _Traced:
     symbols = list(rows.values())
     operators = [" and ".join(str(row.numel()) for row in symbols)]
     for node in graph.node:
-        operator = _Operator(onnx, model.opset_import, node)
-        results, precision_of_node = operator.at_0(
+        step = _Operator(onnx, model.opset_import, node)
+        results, precision_of_node = step.at_0(
             [arrays[name] if name else None for name in node.input]
         )
         arrays |= dict(zip(node.output, results, strict=True))
         precision = lowest({precision, precision_of_node})
         if any(name in rows for name in node.input):
-            row = operator.row([rows.get(name, arrays.get(name)) for name in node.input])
+            row = step.row([rows.get(name, arrays.get(name)) for name in node.input])
             widths = [arrays[name].size for name in node.output]
             parts = (
                 ca.horzsplit(row, np.cumsum([0, *widths]).tolist()) if len(widths) > 1 else [row]
             )
             for output, part in zip(node.output, parts, strict=True):
-                _refuse_shape(operator.name, arrays[output].shape, part)
+                _refuse_shape(step.name, arrays[output].shape, part)
                 rows[output] = part
-            if operator.name not in (*_ARRANGING, "Cast"):
-                operators.append(f"{operator.name} {row.numel()}")
+            if step.name not in (*_ARRANGING, "Cast"):
+                operators.append(f"{step.name} {row.numel()}")
         size += sum(result.size for result in results)
         if size > LARGEST_NETWORK:
             raise BadInputError(
