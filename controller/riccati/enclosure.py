@@ -139,12 +139,11 @@ class Enclosure:
 
         The radius of P_ij is relative to √(P_ii P_jj), and that of K_ij to √P_jj times the largest
         K_ik / √P_kk of its row, with |P| in place of an indefinite P, or to K_ij where P_jj is 0.
-        What may be 0 is known only if it is proved to be 0, or that its nearest double is 0.
+        What may be 0 is known only if zeros of the game prove it, or if its nearest double is 0.
         """
-        radius = self._relative_radius(zeros_of(self.game, in_rationals=False))
-        if radius < 1.0 or self.bits == BITS:  # rationals take longer than more bits
-            return radius
-        zeros = zeros_of(self.game, in_rationals=True)
+        zeros = zeros_of(self.game)
+        if self.bits < ATTEMPTS[-2]:
+            return self._relative_radius(zeros)
         states = zeros.states | _rounds_to_zero(self.P).all(1)
         return self._relative_radius(Zeros(states, zeros.gains | _rounds_to_zero(self.K)))
 

@@ -104,8 +104,8 @@ def _middle(matrix: Any) -> Any:
 
 
 def _size(matrix: Any) -> float:
-    """Return the Frobenius norm."""
-    return float(np.linalg.norm(_in_doubles(matrix)))
+    """Return a norm."""
+    return float(np.linalg.norm(matrix) if isinstance(matrix, np.ndarray) else matrix.norm())
 
 
 def _inverse(matrix: Any) -> Any:

@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from fractions import Fraction
 from functools import lru_cache
 from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -31,8 +30,6 @@ if TYPE_CHECKING:
 PRIME = 2**61 - 1
 #: Largest number of states that are decided in rationals, which takes seconds.
 MOST_STATES = 50
-#: The same where zeros of P and K are sought, with ranks for each state: 3 s.
-MOST_STATES_WITH_ZEROS = 20
 
 
 def rational(matrix: np.ndarray) -> fmpq_mat:
@@ -47,8 +44,7 @@ def exact_fraction(value: float) -> fmpq:
     """Return a double as the rational that it is."""
     from flint import fmpq
 
-    fraction = Fraction(value)
-    return fmpq(fraction.numerator, fraction.denominator)
+    return fmpq(*value.as_integer_ratio())
 
 
 class RationalGame(NamedTuple):
@@ -270,9 +266,9 @@ def rational_root(value: float) -> fmpq | None:
     """Return the root of a double if it is rational, or None."""
     from flint import fmpq
 
-    fraction = Fraction(value)
-    above, below = math.isqrt(fraction.numerator), math.isqrt(fraction.denominator)
-    is_exact = above**2 == fraction.numerator and below**2 == fraction.denominator
+    numerator, denominator = value.as_integer_ratio()
+    above, below = math.isqrt(numerator), math.isqrt(denominator)
+    is_exact = above**2 == numerator and below**2 == denominator
     return fmpq(above, below) if is_exact else None
 
 
@@ -437,29 +433,16 @@ class Zeros(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def zeros_of(game: Game, *, in_rationals: bool) -> Zeros:
-    """Return which numbers of P and K are proved to be 0. False proves nothing.
+def zeros_of(game: Game) -> Zeros:
+    """Return which numbers of P and K are 0 because entries of the game are. False proves nothing.
 
-    P vanishes on the states without optimal cost, where K is known. Row j of K is 0 if P B_j and
-    N_j are, and if R couples u_j to no other inputs; in discrete time, column i if A_i and N_i are.
-    K_ij is 0 if no entry of the game connects them.
-
-    in_rationals: whether these states are sought in rationals, not only in zeros of the matrices
+    P and K vanish on the states without cost. Row j of K is 0 if B_j moves only these and N_j is 0,
+    and if R couples u_j to no other inputs; in discrete time, column i if A_i and N_i are. K_ij is
+    0 if no entry of the game connects them.
     """
     states = states_without_cost(game)
     inputs, gains = ~game.B[~states].any(0), np.zeros(game.N.T.shape, dtype=bool)
     gains[:, states] = True
-    is_sought = in_rationals and not states.all() and len(states) <= MOST_STATES_WITH_ZEROS
-    held = _states_held_without_cost(game) if is_sought else None
-    if held is not None:
-        units = rational(np.eye(len(game.A)))
-        for i in np.flatnonzero(~states).tolist():
-            if _are_without_cost(unit := columns_of(units, [i]), held, game):
-                states = states | (np.arange(len(states)) == i)
-                gain = held.inputs * _rows(unit, held.pivots)
-                gains[:, i] = [entry == 0 for entry in gain.entries()]
-        within = [_are_without_cost(rational(column[:, None]), held, game) for column in game.B.T]
-        inputs = inputs | np.array(within)
     inputs = inputs & ~game.N.any(0)
     if not (game.R[np.ix_(inputs, ~inputs)].any() or game.R[np.ix_(~inputs, inputs)].any()):
         gains[inputs] = True
