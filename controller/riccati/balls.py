@@ -457,18 +457,10 @@ def make_balls_picklable() -> None:
     """Let balls and their matrices be pickled and copied in this process."""
     from flint import arb, arb_mat
 
-    copyreg.pickle(arb, _kept)
-    copyreg.pickle(arb_mat, _kept_matrix)
-
-
-def _kept(ball: arb) -> tuple[Any, ...]:
-    """Return the function and its arguments with which pickle restores a ball."""
-    return restored_ball, (_part(ball.mid()), _part(ball.rad()))
-
-
-def _kept_matrix(matrix: arb_mat) -> tuple[Any, ...]:
-    """Return the function and its arguments with which pickle restores a matrix of balls."""
-    return restored_matrix, (int(matrix.nrows()), int(matrix.ncols()), tuple(matrix.entries()))
+    copyreg.pickle(arb, lambda ball: (arb, (_part(ball.mid()), _part(ball.rad()))))
+    copyreg.pickle(
+        arb_mat, lambda matrix: (arb_mat, (matrix.nrows(), matrix.ncols(), matrix.entries()))
+    )
 
 
 def _part(exact: arb) -> _Part:
@@ -479,19 +471,3 @@ def _part(exact: arb) -> _Part:
     if exact > 0:
         return "inf"
     return "-inf" if exact < 0 else "nan"
-
-
-def restored_ball(middle: _Part, radius: _Part) -> arb:
-    """Return a ball from its parts."""
-    from flint import arb
-
-    make_balls_picklable()
-    return arb(middle, radius)
-
-
-def restored_matrix(rows: int, columns: int, entries: Sequence[arb]) -> arb_mat:
-    """Return a matrix of balls from its entries, row by row."""
-    from flint import arb_mat
-
-    make_balls_picklable()
-    return arb_mat(rows, columns, list(entries))

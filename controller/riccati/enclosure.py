@@ -80,8 +80,11 @@ class Enclosure:
     bits: int
 
     def __post_init__(self) -> None:
-        """Let results that hold an enclosure be pickled."""
+        make_balls_picklable()  # of results that hold an enclosure
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
         make_balls_picklable()
+        vars(self).update(state)
 
     @property
     def game(self) -> Game:

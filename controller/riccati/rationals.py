@@ -64,11 +64,6 @@ class RationalGame(NamedTuple):
         return cls(A, B, E, (Q + Q.transpose()) / 2, (R + R.transpose()) / 2, N)
 
     @property
-    def has_regular_R(self) -> bool:
-        """Whether R is not singular, as it may be in discrete time."""
-        return bool(self.R.rank() == self.R.nrows())
-
-    @property
     def without_cross_weights(self) -> RationalGame:
         """The same game with the input v = u + R⁻¹N' z; R must not be singular."""
         over_R = self.R.solve(self.N.transpose())
@@ -89,9 +84,10 @@ def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly | None:
     for _ in range(n):
         A_power_B = A * A_power_B
         with_next_power = stacked_rationals([[reached, A_power_B]])
-        if with_next_power.rank() == rank:
+        _, pivots = echelon(with_next_power)
+        if len(pivots) == rank:
             break
-        reached, rank = _independent_columns(with_next_power), with_next_power.rank()
+        reached, rank = columns_of(with_next_power, pivots), len(pivots)
     if rank == n:
         return None
     # The rows L with L B = L A B = ... = 0 span an invariant subspace: L A = F L, with the
@@ -137,11 +133,6 @@ def columns_of(matrix: fmpq_mat, places: Sequence[int]) -> fmpq_mat:
 
     rows = matrix.tolist()
     return fmpq_mat(len(rows), len(places), [row[j] for row in rows for j in places])
-
-
-def _independent_columns(matrix: fmpq_mat) -> fmpq_mat:
-    """Return columns of a matrix that are independent and span the same space."""
-    return columns_of(matrix, echelon(matrix)[1])
 
 
 def null_space(matrix: fmpq_mat) -> fmpq_mat:
@@ -347,16 +338,11 @@ def disturbance_never_costs(game: Game, K: np.ndarray) -> bool:
     K_exact = rational(K)
     # Half the gradient of the cost z'Q z + 2 z'N u + u'R u by z and by u, at u = -K z.
     cost = stacked_rationals([[Q - N * K_exact], [N.transpose() - R * K_exact]])
-    return _never_costs(A - B * K_exact, E, cost)
-
-
-def _never_costs(A: fmpq_mat, E: fmpq_mat, cost: fmpq_mat) -> bool:
-    """Return whether cost Aᵏ E = 0 for all k: no disturbance through E reaches a cost."""
-    A_power_E = E
+    moved = E  # by the disturbance, after each power of the loop
     for _ in range(A.nrows()):
-        if any(entry != 0 for entry in (cost * A_power_E).entries()):
+        if any(entry != 0 for entry in (cost * moved).entries()):
             return False
-        A_power_E = A * A_power_E
+        moved = (A - B * K_exact) * moved
     return True
 
 

@@ -343,7 +343,7 @@ def why_never(game: Game) -> str:
             f"(A, B) is not stabilizable: no input reaches the {mode}; change B or leave that mode"
             " out of A"
         )
-    if not exact.has_regular_R or discount != 1.0:
+    if exact.R.rank() < exact.R.nrows() or discount != 1.0:
         return ""
     plain = exact.without_cross_weights
     without_cost = unreachable_modes(plain.A.transpose() * (root or 1), plain.Q)

@@ -45,7 +45,6 @@ from controller.riccati.lyapunov import (
     FailedError,
     NotProvedError,
     discounted,
-    discounted_loop,
     loop_with,
     stability_of,
 )
@@ -115,18 +114,25 @@ def suboptimality_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Su
     K: (m, n)
     box: half-widths of the box of states, (n,)
     """
-    game = enclosure.game
+    game, gain = enclosure.game, ball_matrix(K)
     suboptimality = without_bound(game)
     for bits in ATTEMPTS:
         with precision(bits):
-            gain, is_discrete = ball_matrix(K), game.is_discrete
-            if stability_of(discounted_loop(game, gain), is_discrete=is_discrete) is False:
-                is_stable = stability_of(loop_with(game, gain), is_discrete=is_discrete)
-                return replace(suboptimality, is_stable=is_stable is True)
-            try:
-                suboptimality = _Policy(enclosed_in_bits(enclosure, bits), K).suboptimality(box)
-            except (FailedError, NotProvedError):
-                continue
+            loop = loop_with(game, gain)
+            is_stable = is_summable = stability_of(loop, is_discrete=game.is_discrete)
+            if game.discount != 1.0:
+                is_summable = stability_of(discounted(loop, game), is_discrete=game.is_discrete)
+            found = without_bound(
+                game, is_stable=is_stable is True, is_summable=is_summable is True
+            )
+            if is_summable is False:
+                return found
+            if is_summable:
+                try:
+                    found = _bounded(found, enclosed_in_bits(enclosure, bits), gain, box)
+                except (FailedError, NotProvedError):
+                    continue
+        suboptimality = found
         if suboptimality.is_known and suboptimality.matrix is not None:
             break
     return suboptimality
@@ -149,100 +155,81 @@ def without_bound(
     )
 
 
-class _Policy:
-    """A policy u = -K z of a game, in balls in the user's units.
+def _bounded(
+    suboptimality: Suboptimality, enclosure: Enclosure, K: arb_mat, box: np.ndarray
+) -> Suboptimality:
+    """Return the suboptimality of a policy with a stable loop over the box of states, known or not.
 
-    level: states in which P is nearly 1
+    Where P is singular, states without optimal cost are judged apart: if the policy costs
+    something there, it has no bound. If that cost is rounding beside the costs of the box, the
+    ratio is that of the policy without its error on those states.
     """
+    game = enclosure.game
+    solved = _solved(enclosure, K)
+    if solved is None:
+        return suboptimality
+    suboptimality = replace(
+        suboptimality, matrix=midpoints(solved.D), disturbance_gain=midpoints(solved.L)
+    )
+    if has_indefinite_weights(game):
+        sizes = midpoints(enclosure.P) * np.outer(box, box)
+        largest = float(np.abs(np.linalg.eigvalsh(sizes)).max())
+        reference = ball_matrix(np.diag(largest / box**2))
+        return _with_ratio(replace(suboptimality, is_relative=False), solved.D, reference, [], box)
+    free = None if enclosure.proved.P.is_positive_definite() else free_states(game)
+    if free is None:
+        return _with_ratio(suboptimality, solved.D, enclosure.P, [], box)
+    error = free.error_of(K)
+    if error.is_wrong:
+        costs = _costs_at(solved.D, free, box)
+        suboptimality = replace(suboptimality, from_free=costs.largest, free_state=costs.state)
+        if not costs.most <= SAME_DOUBLE * float(np.diag(midpoints(enclosure.P)) @ box**2):
+            return replace(suboptimality, worst=costs.state)
+    without_error = _solved(enclosure, error.without_error)
+    if without_error is None:
+        return suboptimality
+    return _with_ratio(suboptimality, without_error.D, enclosure.P, free.pivots, box)
 
-    def __init__(self, enclosure: Enclosure, K: np.ndarray) -> None:
-        self.enclosure = enclosure
-        self.game = enclosure.game
-        self.closed_loops = ClosedLoops(enclosure)
-        self.K = ball_matrix(K)
 
-    def suboptimality(self, box: np.ndarray) -> Suboptimality:
-        """Return the suboptimality over the box of states, known or not.
+def _solved(optimum: Enclosure, K: arb_mat) -> LoopValue | None:
+    """Return D and the gain of the worst disturbance, minus that of the optimum, for u = -K z,
+    or None if they are not proved.
 
-        Where P is singular, states without optimal cost are judged apart: if the policy costs
-        something there, it has no bound. If that cost is rounding beside the costs of the box,
-        the ratio is that of the policy without its error on those states.
+    The disturbance L* z + W⁻¹(v + M z) with W W' = V and W M = -E'P B Δ leaves the cost C + M'M
+    of the loop and -v'v. In continuous time, V = δ² and M = 0.
+    """
+    from flint import arb
 
-        box: half-widths, (n,)
-        """
-        game = self.game
-        loop = loop_with(game, self.K)
-        is_summable = stability_of(discounted(loop, game), is_discrete=game.is_discrete) is True
-        is_stable = is_summable
-        if game.discount != 1.0:
-            is_stable = stability_of(loop, is_discrete=game.is_discrete) is True
-        suboptimality = without_bound(game, is_stable=is_stable, is_summable=is_summable)
-        solved = self._solved(self.K) if is_summable else None
-        if solved is None:
-            return suboptimality
-        suboptimality = replace(
-            suboptimality, matrix=midpoints(solved.D), disturbance_gain=midpoints(solved.L)
-        )
-        if has_indefinite_weights(game):
-            sizes = midpoints(self.enclosure.P) * np.outer(box, box)
-            largest = float(np.abs(np.linalg.eigvalsh(sizes)).max())
-            reference = ball_matrix(np.diag(largest / box**2))
-            return _with_ratio(
-                replace(suboptimality, is_relative=False), solved.D, reference, [], box
-            )
-        free = None if is_positive_definite(self.enclosure.P) else free_states(game)
-        if free is None:
-            return _with_ratio(suboptimality, solved.D, self.enclosure.P, [], box)
-        error = free.error_of(self.K)
-        if error.is_wrong:
-            costs = _costs_at(solved.D, free, box)
-            suboptimality = replace(suboptimality, from_free=costs.largest, free_state=costs.state)
-            if not costs.most <= SAME_DOUBLE * float(np.diag(midpoints(self.enclosure.P)) @ box**2):
-                return replace(suboptimality, worst=costs.state)
-        without_error = self._solved(error.without_error)
-        if without_error is None:
-            return suboptimality
-        return _with_ratio(suboptimality, without_error.D, self.enclosure.P, free.pivots, box)
-
-    def _solved(self, K: arb_mat) -> LoopValue | None:
-        """Return D and the gain of the worst disturbance, minus that of the optimum, for u = -K z,
-        or None if they are not proved.
-
-        The disturbance L* z + W⁻¹(v + M z) with W W' = V and W M = -E'P B Δ leaves the cost C + M'M
-        of the loop and -v'v. In continuous time, V = δ² and M = 0.
-        """
-        from flint import arb
-
-        game, optimum = self.game, self.enclosure
-        A, B, E = (discounted(ball_matrix(M), game) for M in (game.A, game.B, game.E))
-        error = K - optimum.K
-        weight, F = symmetric_part(ball_matrix(game.R)), A - B * K
+    game = optimum.game
+    A, B, E = (discounted(ball_matrix(M), game) for M in (game.A, game.B, game.E))
+    error = K - optimum.K
+    weight, F = symmetric_part(ball_matrix(game.R)), A - B * K
+    if game.is_discrete:
+        weight = weight + B.transpose() * optimum.P * B
+    charge, delta = error.transpose() * weight * error, math.inf
+    moved, inverse_root = 0 * optimum.L, identity(E.ncols())
+    if math.isfinite(game.delta):
+        slack, delta = inverse_root * arb(game.delta) ** 2, 1.0
         if game.is_discrete:
-            weight = weight + B.transpose() * optimum.P * B
-        charge, delta = error.transpose() * weight * error, math.inf
-        moved, inverse_root = 0 * optimum.L, identity(E.ncols())
-        if math.isfinite(game.delta):
-            slack, delta = inverse_root * arb(game.delta) ** 2, 1.0
-            if game.is_discrete:
-                slack = slack - E.transpose() * optimum.P * E
-            root = _cholesky(slack)
-            if root is None:
-                return None
-            inverse_root = root.inv()
-            if game.is_discrete:
-                moved = -inverse_root * (E.transpose() * optimum.P * B * error)
-            F = F + E * optimum.L
-            E = E * inverse_root.transpose()
-            F, charge = F + E * moved, charge + moved.transpose() * moved
-        loop = self.closed_loops.in_new_states(F, E, charge)
-        try:
-            D, L = loop.value(delta)
-        except (FailedError, NotProvedError, ZeroDivisionError):
+            slack = slack - E.transpose() * optimum.P * E
+        root = _cholesky(slack)
+        if root is None:
             return None
-        units = optimum.units
-        D = scaled_balls(units.value(D), -units.states, -units.states)
-        L = scaled_balls(units.gain(L), 0 * units.disturbances, -units.states)
-        return LoopValue(D, inverse_root.transpose() * (L + moved))
+        inverse_root = root.inv()
+        if game.is_discrete:
+            moved = -inverse_root * (E.transpose() * optimum.P * B * error)
+        F = F + E * optimum.L
+        E = E * inverse_root.transpose()
+        F, charge = F + E * moved, charge + moved.transpose() * moved
+    loop = ClosedLoops(optimum).in_new_states(F, E, charge)
+    try:
+        D, L = loop.value(delta)
+    except (FailedError, NotProvedError, ZeroDivisionError):
+        return None
+    units = optimum.units
+    D = scaled_balls(units.value(D), -units.states, -units.states)
+    L = scaled_balls(units.gain(L), 0 * units.disturbances, -units.states)
+    return LoopValue(D, inverse_root.transpose() * (L + moved))
 
 
 def _cholesky(matrix: arb_mat) -> arb_mat | None:

@@ -46,12 +46,7 @@ def frequency_grid(eigenvalues: np.ndarray) -> np.ndarray:
     grid = np.geomspace(1e-2 * slowest, 1e2 * fastest, math.ceil(decades * PER_DECADE))
     around = np.abs(eigenvalues.real) * np.sinh(RESONANCE)[:, None]
     resonances = np.append(np.abs(eigenvalues.imag + around), np.abs(eigenvalues.imag))
-    return _distinct(np.concatenate([[0.0], grid, resonances]))
-
-
-def _distinct(frequencies: np.ndarray) -> np.ndarray:
-    """Return the frequencies in ascending order, equal ones (up to rounding) only once."""
-    found = np.unique(frequencies)
+    found = np.unique(np.concatenate([[0.0], grid, resonances]))
     return found[np.append(True, np.diff(found) > _SAME * found[1:])]
 
 
@@ -346,9 +341,6 @@ INFINITE = 1e3 * np.finfo(float).eps
 _ROUNDS = 17
 #: A crossover has converged if two secants agree to this relative accuracy.
 _SETTLED = 1e-15
-#: Number of refinements around the largest value of a grid, and points of each.
-_REFINEMENTS = 5
-_POINTS = 17
 
 #: Function ω (N,) -> M of one loop, (N,).
 Locus = Callable[[np.ndarray], np.ndarray]
@@ -439,17 +431,8 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
         phase=float(phases.min(initial=math.inf)),
         crossover=float(frequencies[phases.argmin()]) if phases.size else math.nan,
         delay=float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)),
-        disk=disk_of(only, _peak_of(lambda at: locus(at) + 0.5, grid)).disk,
+        disk=disk_of(only, float(grid[np.abs(seen + 0.5).argmax()])).disk,
     )
-
-
-def _peak_of(locus: Locus, grid: np.ndarray) -> float:
-    """Return the frequency at which |M| of one loop is largest, rad/s."""
-    for _ in range(_REFINEMENTS):
-        peak = int(np.abs(locus(grid)).argmax())
-        frequency = float(grid[peak])
-        grid = np.linspace(grid[max(peak - 1, 0)], grid[min(peak + 1, len(grid) - 1)], _POINTS)
-    return frequency
 
 
 def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
