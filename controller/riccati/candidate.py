@@ -61,15 +61,10 @@ SAME = 10
 LEVEL, TURNS = 1e-5, 4
 #: A smaller fraction is not resolved by doubles, and after two changes it is that of P = 0.
 NOISE = 1e-14
-#: A candidate whose eigenvalues are above this fraction of the largest begins Newton's method.
-RESOLVED = 1e-7
-#: Largest number of corrections of a candidate in doubles.
-CORRECTIONS = 8
 #: A relative correction of X that is far below its last digit in doubles, for 128 bits.
 SMALL = 1e-25
-#: A relative correction after which LAPACK solves the equation anew, and one after which the loop
-#: is computed anew.
-LARGE, NEAR = 0.1, 1e-6
+#: A relative correction after which the loop is computed anew.
+NEAR = 1e-6
 #: Largest number of states for which the matrix sign function is computed, which takes a second.
 MOST_STATES_IN_BITS = 40
 
@@ -135,15 +130,13 @@ def candidate_in_doubles(
                 break
             solved = _solved(game, units, delta)
         for turn in range(turns):
-            change = _change_of_states(solved.X, game, NOISE if turn > 1 else 0.0)
-            if change is None:
+            root = _root_of(solved.X, game, NOISE if turn > 1 else 0.0)
+            if root is None:
                 break
-            units = _changed(solved.equation.units, change.root)
-            if change.X is not None:
-                solved = Solved(equation_of(game, units, DoubleBalls, delta), change.X)
-                break
-            solved = _solved(game, units, delta)
-        return _corrected(solved)
+            solved = _solved(game, _changed(solved.equation.units, root), delta)
+        in_doubles = solved.equation
+        X, lyapunov = _corrected(in_doubles.with_arithmetic(Balls), Balls.of(solved.X).symmetric())
+        return Candidate(in_doubles.with_arithmetic(Balls), X, lyapunov.shape())
 
 
 def _solved(game: Game, units: Units, delta: float) -> Solved:
@@ -178,15 +171,9 @@ def sizes_of(X: np.ndarray) -> np.ndarray:
     return np.diag(X).astype(float)
 
 
-class _Change(NamedTuple):
-    """Change of the states, (n, n), after which |X| is nearly 1, and X then, if doubles know it."""
-
-    root: np.ndarray
-    X: np.ndarray | None
-
-
-def _change_of_states(X: np.ndarray, game: Game, noise: float) -> _Change | None:
-    """Return the root of |X| that changes the states, or None if X is level.
+def _root_of(X: np.ndarray, game: Game, noise: float) -> np.ndarray | None:
+    """Return the root of |X|, (n, n), by which the states change until it is 1, or None if X is
+    level.
 
     Eigenvalues that doubles do not resolve count as the largest one times eps. States without cost
     are left as they are.
@@ -200,11 +187,10 @@ def _change_of_states(X: np.ndarray, game: Game, noise: float) -> _Change | None
     largest, least = sizes.max(initial=0.0), sizes.min(initial=math.inf)
     if least >= LEVEL * largest or least <= noise * largest:
         return None
+    root = np.eye(len(X))
     squares = np.maximum(sizes, np.finfo(float).eps * largest)
-    root, next_X = np.eye(len(X)), np.zeros_like(X)
     root[places] = np.sqrt(squares)[:, None] * vectors.T
-    next_X[places] = np.diag(values / squares)
-    return _Change(root, next_X if least > RESOLVED * largest else None)
+    return root
 
 
 def _changed(units: Units, root: np.ndarray) -> Units:
@@ -213,38 +199,34 @@ def _changed(units: Units, root: np.ndarray) -> Units:
     return units._replace(T=step if units.T is None else (step * units.T).mid())
 
 
-def _corrected(solved: Solved) -> Candidate:
-    """Return a candidate about X, corrected by residuals of more digits than doubles.
+def _corrected(equation: Equation[Balls], X: Balls) -> tuple[Balls, Lyapunov[np.ndarray]]:
+    """Return X, corrected by residuals in balls until a correction is small or not half the last,
+    and the solver for the loop there.
 
     Each correction Z solves F'Z + Z F + residual = 0 in doubles, with the loop F at X.
+
+    Raises FailedError.
     """
-    in_doubles, X = solved
-    equation, lyapunov = in_doubles.with_arithmetic(Balls), None
-    has_no_cost = states_without_cost(equation.game)
-    corrected, size = Balls.of(X).symmetric(), np.abs(X).max() or 1.0
-    for number in range(CORRECTIONS):
+    in_doubles, has_no_cost = (
+        equation.with_arithmetic(DoubleBalls),
+        states_without_cost(equation.game),
+    )
+    size, last, lyapunov = np.abs(X.midpoint).max() or 1.0, math.inf, None
+    for _ in range(NEWTON_STEPS):
         if lyapunov is None:
-            F = loop_in_doubles(in_doubles, corrected.midpoint)
+            F = loop_in_doubles(in_doubles, X.midpoint)
             lyapunov = Lyapunov(F, is_discrete=equation.is_discrete)
-            if number == 0 and not lyapunov.is_stable:
-                corrected, lyapunov = Balls.of(stabilizing_in_doubles(in_doubles)).symmetric(), None
-                continue
-        _, residual = equation.gains_and_residual(corrected)
+        _, residual = equation.gains_and_residual(X)
         correction = lyapunov.solve(-residual.midpoint)
         correction[has_no_cost] = correction[:, has_no_cost] = 0.0
         largest = np.abs(correction).max() / size
-        if number == 0 and not largest < LARGE:
-            corrected, lyapunov = Balls.of(stabilizing_in_doubles(in_doubles)).symmetric(), None
-            continue
-        if not largest > SMALL ** (bits() / BITS):
+        if not SMALL ** (bits() / BITS) < largest < 0.5 * last:
             break
-        corrected = (corrected + Balls.of(correction)).mid()
+        X, last = (X + Balls.of(correction)).mid(), largest
         if largest > NEAR:
             lyapunov = None
-    if lyapunov is None:
-        F = loop_in_doubles(in_doubles, corrected.midpoint)
-        lyapunov = Lyapunov(F, is_discrete=equation.is_discrete)
-    return Candidate(equation, corrected, lyapunov.shape())
+    F = loop_in_doubles(in_doubles, X.midpoint)
+    return X, lyapunov or Lyapunov(F, is_discrete=equation.is_discrete)
 
 
 def stabilizing_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
@@ -341,27 +323,15 @@ def _half_exponents(values: np.ndarray) -> np.ndarray:
 
 
 def corrected_in_bits(candidate: Candidate) -> Candidate:
-    """Return a candidate, corrected in the bits of `precision` as long as each residual is half the
-    last.
+    """Return a candidate, corrected in the bits of `precision`.
 
     Raises FailedError.
     """
     former = candidate.equation
     equation = equation_of(former.game, former.units, Balls, former.delta)
-    X = candidate.X
     with failures():
-        gains, residual = equation.gains_and_residual(X)
-        F = equation.loop(X, gains).midpoint
-        solver = Lyapunov(F, is_discrete=equation.is_discrete)
-        size_before = None
-        for _ in range(NEWTON_STEPS):
-            size = residual.mid().norm()
-            if size_before is not None and not size < 0.5 * size_before:
-                break
-            size_before = size
-            X = _without_noise(X + Balls.of(solver.solve(-residual.midpoint)), equation.game)
-            gains, residual = equation.gains_and_residual(X)
-        return _with_Y(equation, X, gains)
+        X, _ = _corrected(equation, candidate.X)
+        return _with_Y(equation, X, equation.gains_and_residual(X)[0])
 
 
 def candidate_in_bits(game: Game, delta: float) -> Candidate:
@@ -377,11 +347,11 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
         equation = equation_of(game, units, Balls, delta)
         X = _without_noise(Balls(symmetric(_of_stable_subspace(equation))), game)
         for _ in range(TURNS):
-            change = _change_of_states(X.midpoint, game, float(half_the_bits()))
-            if change is None:
+            root = _root_of(X.midpoint, game, float(half_the_bits()))
+            if root is None:
                 break
-            units = _changed(units, change.root)
-            inverse = Balls(ball_matrix(change.root).inv())
+            units = _changed(units, root)
+            inverse = Balls(ball_matrix(root).inv())
             X = _without_noise(inverse.T @ X @ inverse, game)
         equation = equation_of(game, units, Balls, delta)
         return _with_Y(equation, X, equation.gains_and_residual(X)[0])
