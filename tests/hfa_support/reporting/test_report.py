@@ -1,12 +1,9 @@
 """Reports as text, Markdown, HTML and data files, with every text escaped."""
 
 import csv
-import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from scipy.io import loadmat
 
 from hfa.extend import Report, Table
 from hfa_support.reporting.rows import Group, Row
@@ -19,12 +16,6 @@ def report():
         title="Title & more\nof it",
         parts=("first", inner),
         notes=("take care",),
-        data={
-            "schema": "hfa.test/1",
-            "values": np.array([0.1, np.inf]),
-            "rows": [{"name": "a"}, {"name": "b"}],
-        },
-        records=Table(("name", "value"), [("row 0", 1 / 3), ("row 1", 2 / 3)]),
     )
 
 
@@ -57,31 +48,6 @@ def test_html_has_real_tables_and_escapes_every_word():
     assert made.html().startswith(
         "<h1>Title &amp; more</h1>\n<p>of it</p>\n<p>first</p>\n<h2>Inner</h2>\n"
     )
-
-
-def test_json_and_files_contain_the_data(tmp_path):
-    """.json, .npz, .mat and .csv files contain the data or records. Another suffix is refused."""
-    made = report().with_data(more=[1])
-    expected = {
-        "schema": "hfa.test/1",
-        "values": [0.1, None],
-        "rows": [{"name": "a"}, {"name": "b"}],
-        "more": [1],
-    }
-    assert json.loads(made.json()) == expected
-    for suffix in ("json", "npz", "mat", "csv"):
-        made.save(tmp_path / f"a.{suffix}")
-    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == expected
-    rows = list(csv.DictReader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()))
-    assert [(row["name"], float(row["value"])) for row in rows] == [
-        ("row 0", 1 / 3),
-        ("row 1", 2 / 3),
-    ]
-    assert [row["about"] for row in rows] == ['{"schema": "hfa.test/1"}', ""]
-    for arrays in (np.load(tmp_path / "a.npz"), loadmat(tmp_path / "a.mat")):
-        assert arrays["values"].ravel().tolist() == [0.1, np.inf]
-    with pytest.raises(ValueError, match="the suffix"):
-        made.save(tmp_path / "a.txt")
 
 
 @pytest.mark.parametrize("name", ["\x1b[31mred", "a\rb", "a\nb", "\u202egpj", "\ud800"])
