@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,97 +21,10 @@ from trim.point.operating_point import OperatingPoint
 #: Half-widths of the ball within which a flight has converged, in half-widths of the
 #: initial-condition box.
 BALL = 0.05
-#: Function from states (..., s) to the lowest and the highest states of a step, (..., n) each.
-Extremes = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 #: A flight about an unstable equilibrium leaves it in the end. It has converged only if its
 #: distance has not grown by the factor `_GROWN` in the last `_GROWTH` windows.
 _GROWTH = 10
 _GROWN = 1.02
-
-
-class Endings:
-    """How N flights end, decided window by window while `simulate_batch` simulates them.
-
-    A flight ends with the window in which it leaves the limits, or a state is not a number. A
-    flight of the full duration converges if it ends in the ball, and its distance does not grow
-    about an unstable equilibrium.
-
-    outcomes: `FlightOutcome` of each flight, (N,)
-    nearest: distance of each flight in its last window, (N,)
-    left_at: number of the step at which each flight left the limits, (N,)
-    left_with: states at this step, (N, n)
-    """
-
-    def __init__(
-        self,
-        limits: tuple[np.ndarray, np.ndarray],
-        distance: Callable[[History], np.ndarray],
-        windows: int,
-        *,
-        stable: np.ndarray,
-        extremes: Extremes,
-    ) -> None:
-        """Begin with N undecided flights.
-
-        limits: least and most value of each state, (N, n) each
-        distance: largest distance of each flight from its equilibrium in a window, in half-widths
-            of the ball, inf without an equilibrium
-        windows: number of windows in the full duration
-        stable: True for flights about a stable equilibrium, (N,)
-        extremes: function from the states of a history to the lowest and the highest states of
-            each step, which must be within the limits
-        """
-        count, n = limits[0].shape
-        self.outcomes = np.full(count, FlightOutcome.UNDECIDED, dtype=object)
-        self.nearest = np.full(count, np.inf)
-        self.left_at = np.zeros(count, dtype=int)
-        self.left_with = np.full((count, n), np.nan)
-        self._least, self._most = limits
-        self._distance = distance
-        self._windows = windows
-        self._stable = stable
-        self._extremes = extremes
-        self._earlier = np.full(count, np.inf)
-
-    def over(self, flown: History) -> np.ndarray:
-        """Return a mask (F, T + 1), True at the end of a window in which a flight ends."""
-        flying = flown.flights
-        window = flown.first // (flown.states.shape[1] - 1)
-        if window == self._windows - _GROWTH:
-            self._earlier[flying] = self.nearest[flying]
-        self.nearest[flying] = self._distance(flown)
-        left = self._mark_departures(flown)
-        self.outcomes[flying[left]] = FlightOutcome.LEFT
-        mask = np.zeros(flown.states.shape[:2], dtype=bool)
-        mask[:, -1] = left
-        return mask
-
-    def close(self) -> None:
-        """Decide the flights of the full duration: those that end in the ball have converged."""
-        grows = self.nearest > _GROWN * self._earlier
-        in_ball = (self.nearest <= 1.0) & (self._stable | ~grows)
-        self.outcomes[(self.outcomes == FlightOutcome.UNDECIDED) & in_ball] = (
-            FlightOutcome.CONVERGED
-        )
-
-    def _mark_departures(self, flown: History) -> np.ndarray:
-        """Return a mask of the flights that left their limits, and store when and with what."""
-        # A flight leaves with the first step whose extremes are not all within its limits, or
-        # whose last states are not all finite.
-        states = flown.states[:, :, : self._least.shape[1]]  # the first ones have limits
-        lows, highs = self._extremes(flown.states)
-        least, most = self._least[flown.flights, None], self._most[flown.flights, None]
-        within = is_within(lows, least, most) & is_within(highs, least, most)
-        inside = within & np.isfinite(states).all(axis=2)
-        for row in np.flatnonzero(~inside.all(axis=1)):
-            step = int(inside[row].argmin())
-            flight = flown.flights[row]
-            self.left_at[flight] = flown.first + step
-            # Of each state, the extreme that is beyond its limit, or the highest value.
-            low, high = lows[row, step], highs[row, step]
-            extreme = np.where((low < least[row, 0]) | np.isneginf(low), low, high)
-            self.left_with[flight] = states[row, step] if within[row, step] else extreme
-        return np.asarray(~inside.all(axis=1))
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:
@@ -232,9 +145,11 @@ def seeded_starts(case: TrimCase, count: int, seed: int, with_pulse: bool) -> tu
 
 
 class CaseFlights:
-    """Simulation of flights about several trims.
+    """Simulation of N flights about several trims, and how they end, decided window by window.
 
-    A flight ends if it leaves the envelope, or if its duration has elapsed.
+    A flight ends with the window in which it leaves the limits, or a state is not a number. A
+    flight of the full duration converges if it ends in the ball, and its distance does not grow
+    about an unstable equilibrium.
 
     flight: the aircraft over a sample.
     cases: the trims with their boxes and equilibria.
@@ -243,7 +158,10 @@ class CaseFlights:
     pulses: disturbance pulses, (N, k).
     first: initial states of the flights, (N, s).
     seconds: duration of a flight, s.
-    endings: how each flight ended.
+    ends: `FlightOutcome` of each flight, (N,).
+    nearest: distance of each flight in its last window, (N,).
+    left_at: number of the step at which each flight left the limits, (N,).
+    left_with: states at this step, (N, n).
     """
 
     def __init__(
@@ -273,32 +191,32 @@ class CaseFlights:
         self._centres = np.array(equilibria)[owners][:, self.linear]
         self._balls = np.array([BALL * case.box for case in cases])[owners]
         envelopes = [flight_envelope(model, case.point) for case in cases]
-        least = np.array([envelope.least for envelope in envelopes])[owners]
-        most = np.array([envelope.most for envelope in envelopes])[owners]
-        self.endings = Endings(
-            (least, most),
-            self.distance,
-            flight.windows(self.seconds),
-            stable=np.array([case.radius < 1.0 for case in cases])[owners],
-            extremes=flight.extremes,
-        )
+        self._least = np.array([envelope.least for envelope in envelopes])[owners]
+        self._most = np.array([envelope.most for envelope in envelopes])[owners]
+        self._stable = np.array([case.radius < 1.0 for case in cases])[owners]
+        self._windows = flight.windows(self.seconds)
+        count = len(owners)
+        self.ends = np.full(count, FlightOutcome.UNDECIDED, dtype=object)
+        self.nearest, self._earlier = np.full(count, np.inf), np.full(count, np.inf)
+        self.left_at = np.zeros(count, dtype=int)
+        self.left_with = np.full((count, len(model.states)), np.nan)
 
     def fly(self, progress: Progress | None) -> None:
         """Simulate all flights, each until it ends or its duration has elapsed."""
         count, state_size = self.first.shape
         samples = self.flight.compiled(count, self.seconds)
         window = self.flight.samples_in_window
-        windows = self.flight.windows(self.seconds)
+        windows = self._windows
 
         def fly_some(numbers: np.ndarray) -> None:
             """Simulate the flights with these numbers; those of flight 0 show the progress."""
             shown = progress if progress is not None and 0 in numbers else None
 
             def over(flown: History) -> np.ndarray:
-                """Return the mask of `Endings.over`, and show the progress."""
+                """Return the mask of `_over`, and show the progress."""
                 if shown is not None:
                     shown(flown.first // window + 1, windows)
-                return self.endings.over(replace(flown, flights=numbers[flown.flights]))
+                return self._over(replace(flown, flights=numbers[flown.flights]))
 
             samples.fly(
                 self.first[numbers],
@@ -313,7 +231,42 @@ class CaseFlights:
         in_threads(fly_some, count, stored=(window + 1) * state_size)
         if progress is not None:
             progress(windows, windows)
-        self.endings.close()
+        # Flights of the full duration that end in the ball have converged.
+        grows = self.nearest > _GROWN * self._earlier
+        in_ball = (self.nearest <= 1.0) & (self._stable | ~grows)
+        self.ends[(self.ends == FlightOutcome.UNDECIDED) & in_ball] = FlightOutcome.CONVERGED
+
+    def _over(self, flown: History) -> np.ndarray:
+        """Return a mask (F, T + 1), True at the end of a window in which a flight ends."""
+        flying = flown.flights
+        window = flown.first // (flown.states.shape[1] - 1)
+        if window == self._windows - _GROWTH:
+            self._earlier[flying] = self.nearest[flying]
+        self.nearest[flying] = self.distance(flown)
+        left = self._mark_departures(flown)
+        self.ends[flying[left]] = FlightOutcome.LEFT
+        mask = np.zeros(flown.states.shape[:2], dtype=bool)
+        mask[:, -1] = left
+        return mask
+
+    def _mark_departures(self, flown: History) -> np.ndarray:
+        """Return a mask of the flights that left their limits, and store when and with what."""
+        # A flight leaves with the first step whose extremes are not all within its limits, or
+        # whose last states are not all finite.
+        states = flown.states[:, :, : self._least.shape[1]]  # the first ones have limits
+        lows, highs = self.flight.extremes(flown.states)
+        least, most = self._least[flown.flights, None], self._most[flown.flights, None]
+        within = is_within(lows, least, most) & is_within(highs, least, most)
+        inside = within & np.isfinite(states).all(axis=2)
+        for row in np.flatnonzero(~inside.all(axis=1)):
+            step = int(inside[row].argmin())
+            flight = flown.flights[row]
+            self.left_at[flight] = flown.first + step
+            # Of each state, the extreme that is beyond its limit, or the highest value.
+            low, high = lows[row, step], highs[row, step]
+            extreme = np.where((low < least[row, 0]) | np.isneginf(low), low, high)
+            self.left_with[flight] = states[row, step] if within[row, step] else extreme
+        return np.asarray(~inside.all(axis=1))
 
     def distance(self, flown: History) -> np.ndarray:
         """Return the largest distance of each flight from its equilibrium in a window, (N,).
@@ -334,13 +287,13 @@ class CaseFlights:
         """
         case = self.cases[owner]
         flights = np.flatnonzero(self.owners == owner)
-        ends = self.endings.outcomes[flights]
+        ends = self.ends[flights]
         left = flights[ends == FlightOutcome.LEFT]
         converged = int((ends == FlightOutcome.CONVERGED).sum())
         first_departure = None
-        worst = int(flights[np.argmax(self.endings.nearest[flights])])
+        worst = int(flights[np.argmax(self.nearest[flights])])
         if left.size:
-            worst = int(left[np.argmin(self.endings.left_at[left])])
+            worst = int(left[np.argmin(self.left_at[left])])
             first_departure = self._departure(worst, case)
         at_start = self.first[worst][self.linear]
         return Outcomes(
@@ -354,8 +307,8 @@ class CaseFlights:
 
     def _departure(self, number: int, case: TrimCase) -> Departure | None:
         """Return the departure of a flight that left the envelope, with its state and limit."""
-        times = self.flight.dt * self.endings.left_at[[number]]
-        states = self.endings.left_with[[number]]
+        times = self.flight.dt * self.left_at[[number]]
+        states = self.left_with[[number]]
         return departure(flight_envelope(case.point.model, case.point), times, states, False)
 
 
