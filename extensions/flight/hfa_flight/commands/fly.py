@@ -297,11 +297,8 @@ def _refuse_contradictions(request: FlyRequest) -> None:
         refuse(request, ("command",), beside.format("keep-inside"))
     is_random = request.turbulence is not None or bool(request.noise)
     if request.members is None and not is_random:
-        refuse(
-            request,
-            ("seed",),
-            "applies only to --turbulence, --noise, --samples and --draws; remove this option",
-        )
+        only = "applies only to --turbulence, --noise, --samples and --draws; remove this option"
+        refuse(request, ("seed",), only)
 
 
 def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> PlannedFlight:
@@ -440,17 +437,11 @@ def _refuse_of_members(request: FlyRequest) -> None:
     """Raise BadInputError for options that many flights do not have."""
     target = request.output
     if request.kind in LAWS or request.keep_inside:
-        refuse(
-            request,
-            ("workers",),
-            "cannot be combined with a policy that plans or with --keep-inside; remove --workers",
-        )
+        planned = "cannot be combined with a policy that plans or with --keep-inside"
+        refuse(request, ("workers",), f"{planned}; remove --workers")
     if request.draws is not None:
-        refuse(
-            request,
-            ("samples",),
-            "and --draws both set the number of flights; remove one of these options",
-        )
+        both = "and --draws both set the number of flights; remove one of these options"
+        refuse(request, ("samples",), both)
     refuse(request, ("picture",), "applies only to a single flight; remove this option")
     if target is not None and target.suffix != ".zarr":
         raise BadInputError(

@@ -21,7 +21,6 @@ from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import power_of_two
 from hfa_support.reporting.results import Result, without_empty
-from trim.linear.margins import LoopMargin
 from trim.point.operating_point import OperatingPoint
 
 #: A state whose eigenvalue of the optimal cost is smaller, relative to the largest, has no cost.
@@ -255,22 +254,18 @@ class AssessedPoint(Result):
                 "radii": () if delays is None else delays.radii,
                 "equilibrium": states,
                 "equilibrium_inputs": inputs,
-                "input_margins": []
-                if margins is None
-                else [_margins_of(loop) for loop in margins.inputs],
+                "input_margins": [
+                    {
+                        "gain_low": loop.gain_low,
+                        "gain_high": loop.gain_high,
+                        "phase_deg": loop.phase,
+                        "disk": loop.disk,
+                    }
+                    for loop in ([] if margins is None else margins.inputs)
+                ],
             }
             | without_empty(costs=self.costs, integration=self.integration)
         )
-
-
-def _margins_of(loop: LoopMargin) -> dict[str, float]:
-    """Return the margins of one commanded input, with its phase margin in degrees."""
-    return {
-        "gain_low": loop.gain_low,
-        "gain_high": loop.gain_high,
-        "phase_deg": loop.phase,
-        "disk": loop.disk,
-    }
 
 
 def schedule_entry(point: OperatingPoint) -> dict[str, float]:

@@ -197,13 +197,14 @@ class Assessment(Result, Reported):
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
+        deployment = self.deployed.deployment
         return {
             "dynamics": self.deployed.model.name,
-            "deployment_file": self.deployed.deployment.origin,
-            "dt": self.deployed.deployment.dt,
-            "delay": self.deployed.deployment.delay,
-            "network": self.deployed.deployment.actor.chain,
-            "declared": self.deployed.deployment.actor.declared,
+            "deployment_file": deployment.origin,
+            "dt": deployment.dt,
+            "delay": deployment.delay,
+            "network": deployment.actor.chain,
+            "declared": deployment.actor.declared,
             "commanded": self.deployed.commanded,
             "states": self.deployed.model.linear,
             "points": self.points,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -82,9 +82,17 @@ def environment(
 
     trims = training_trims(model, points)
     if deployment is None:
-        trained = _usual_deployment(model, trims, dt, Q, R)
+        trained = Deployment.usual(model, usual_sample_time(model, trims) if dt is None else dt)
+        if Q is not None or R is not None:
+            weights = {name: _weights(name, model, given) for name, given in (("Q", Q), ("R", R))}
+            trained = trained.changed(cost=weights)
     else:
-        _refuse_given_twice({"timing.dt": dt, "cost.Q": Q, "cost.R": R})
+        for entry, value in {"timing.dt": dt, "cost.Q": Q, "cost.R": R}.items():
+            if value is not None:
+                raise BadInputError(
+                    f"{entry.partition('.')[2]} cannot be combined with a deployment; change "
+                    f"{entry} of the deployment instead"
+                )
         trained = Deployment.of(deployment)
     if all("box" in entry for entry in trained.action.values()):
         trained = trained.changed(policy={})  # its file may be what is trained here
@@ -100,26 +108,6 @@ def training_trims(model: Model, points: Iterable[Any] | None) -> tuple[Operatin
     if points is None and model.about.trained_at is not None:
         points = [model.about.trained_at]
     return trims_of(model, points)
-
-
-def _refuse_given_twice(arguments: Mapping[str, Any]) -> None:
-    """Raise BadInputError if an argument is given that a deployment contains."""
-    for entry, value in arguments.items():
-        if value is not None:
-            raise BadInputError(
-                f"{entry.partition('.')[2]} cannot be combined with a deployment; change {entry} "
-                "of the deployment instead"
-            )
-
-
-def _usual_deployment(
-    model: Model, trims: Sequence[OperatingPoint], dt: float | None, Q: Any, R: Any
-) -> Deployment:
-    """Return the default deployment of a model, with the given sample time and weights."""
-    usual = Deployment.usual(model, usual_sample_time(model, trims) if dt is None else dt)
-    if Q is None and R is None:
-        return usual
-    return usual.changed(cost={"Q": _weights("Q", model, Q), "R": _weights("R", model, R)})
 
 
 def _weights(matrix: str, model: Model, given: Any) -> dict[str, float]:

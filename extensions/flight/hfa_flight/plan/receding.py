@@ -186,7 +186,10 @@ class RecedingHorizon:
             if np.array_equal(z, last.z[0]):
                 return last
             return self._continued(self.planner.flown(z, last.v, memory.room), last.cost, until)
-        return self._one_sample_later(last, z, until)
+        # The last plan from the states one sample later, with the same inputs at the same times.
+        promised = memory.spent + last.cost
+        memory.spent += self.planner.cost_of_sample(last)
+        return self._continued(self.planner.later(last, z, memory.room), promised, until)
 
     def _continued(self, plan: Plan, promised: float, until: float) -> Plan:
         """Return a plan improved, or a new one if it is far dearer than was promised before."""
@@ -213,13 +216,6 @@ class RecedingHorizon:
             memory.samples.first = plan
             memory.samples.first_seconds = time.thread_time() - began
         return plan
-
-    def _one_sample_later(self, last: Plan, z: np.ndarray, until: float) -> Plan:
-        """Return the last plan from the states z one sample later, improved."""
-        memory = self._memory
-        promised = memory.spent + last.cost
-        memory.spent += self.planner.cost_of_sample(last)
-        return self._continued(self.planner.later(last, z, memory.room), promised, until)
 
     def _improved(self, plan: Plan, until: float) -> Plan:
         """Return a plan improved by a step of the program, or more while it exceeds limits."""
