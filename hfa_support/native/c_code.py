@@ -83,7 +83,8 @@ def c_function(
     Matrices are stored column by column. The source of a called Function comes first. The code
     compiles without warnings about empty or unused variables.
 
-    function: the Function. It may call one other SX Function with one argument and one result
+    function: the Function. It may call other SX Functions with one argument and one result, of
+        different sizes: an instruction says no more of the called Function
     arguments, results: names of the pointers in C
     real: number type in C
     operations: C expression of each CasADi operation for this type
@@ -91,12 +92,20 @@ def c_function(
     Raises BadInputError if an operation or a called Function cannot be written as C.
     """
     called_functions = function.find_functions(0)
+    callees: dict[tuple[int, int], str] = {}
     for called in called_functions:
         if not called.is_a("SXFunction"):
             raise BadInputError(
                 f"{name}: the function {called.name()} of the model, compiled or interpolated, as "
                 "of an FMU, cannot be written as C; use CasADi SX expressions instead"
             )
+        sizes = called.numel_in(0), called.numel_out(0)
+        if sizes in callees:
+            raise BadInputError(
+                f"{name}: two called functions of {sizes[0]} numbers cannot be written as C; use "
+                "CasADi SX expressions instead"
+            )
+        callees[sizes] = f"{name}_{called.name()}"
     of_called = "".join(
         c_function(called, f"{name}_{called.name()}", ("x",), ("y",), real, operations)
         for called in called_functions
@@ -120,8 +129,8 @@ def c_function(
         if operation == ca.OP_OUTPUT:
             result, entry = targets
             lines.append(f"{results[result]}[{entry}] = w{sources[0]};")
-        elif operation == ca.OP_CALL and len(called_functions) == 1:
-            callee = f"{name}_{called_functions[0].name()}"
+        elif operation == ca.OP_CALL and (len(sources), len(targets)) in callees:
+            callee = callees[len(sources), len(targets)]
             lines.append(_call(callee, operands, targets, real))
         elif operation in operations:
             lines.append(f"w{targets[0]} = {operations[operation].format(*operands)};")

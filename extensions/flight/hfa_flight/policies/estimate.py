@@ -28,6 +28,10 @@ _FINITE = 1e300
 #: Variance of a predicted state of the aircraft, in that of the stationary filter, above which the
 #: prediction stands still: of the next estimate it is a millionth, and rounding of P another 1e-10.
 _UNKNOWN = 1e6
+#: Option of a Jacobian that is computed backward: of these equations, two thirds of the code.
+_BACKWARD = {"helper_options": {"ad_weight": 1.0}}
+#: Options of a function whose code is there once.
+_CALLED = {"cse": True, "never_inline": True}
 
 
 class Estimate(NamedTuple):
@@ -53,15 +57,18 @@ class Estimate(NamedTuple):
 
     def packed(self) -> ca.SX:
         """Return the memory of the filter, (memory_size,)."""
-        pairs = _lower_triangle(self.x.numel())
-        entries = [covariance[i, j] for covariance in (self.P, self.G) for i, j in pairs]
-        return ca.vertcat(self.x, self.missed, self.begun, self.share, self.last, *entries)
+        counts = [self.missed, self.begun, self.share]
+        return ca.vertcat(self.x, *counts, self.last, _triangle(self.P), _triangle(self.G))
 
 
-def _lower_triangle(n: int) -> list[tuple[int, int]]:
-    """Return the places of the lower triangle of an (n, n) matrix."""
-    rows, columns = np.tril_indices(n)
-    return list(zip(rows.tolist(), columns.tolist(), strict=True))
+def _triangle(P: ca.SX) -> ca.SX:
+    """Return the entries of the lower triangle of a symmetric matrix, (n, n), column by column."""
+    return ca.project(P, ca.Sparsity.lower(P.shape[0])).nz[:]
+
+
+def _symmetric(triangle: ca.SX, n: int) -> ca.SX:
+    """Return the symmetric matrix, (n, n), of the entries of its lower triangle."""
+    return ca.tril2symm(ca.SX(ca.Sparsity.lower(n), triangle))
 
 
 def memory_size(known: KalmanFilter) -> int:
@@ -84,18 +91,12 @@ def estimate_in(known: KalmanFilter, memory: ca.SX) -> Estimate:
     n = len(known.Phi)
     ends = [0, n, n + 1, n + 2, n + 3, n + 3 + len(known.sensors), memory.numel()]
     x, missed, begun, share, last, entries = ca.vertsplit(memory, ends)
-    P, G = (_symmetric(known.P, begun, half) for half in ca.vertsplit(entries, n * (n + 1) // 2))
+    at_begin = _triangle(ca.SX(ca.DM(known.P)))
+    P, G = (
+        _symmetric(ca.if_else(begun, triangle, at_begin), n)
+        for triangle in ca.vertsplit(entries, at_begin.numel())
+    )
     return Estimate(x, P, G, missed, begun, share, last)
-
-
-def _symmetric(stationary: np.ndarray, begun: ca.SX, triangle: ca.SX) -> ca.SX:
-    """Return the covariance of a lower triangle, or the stationary one before the first sample."""
-    n = len(stationary)
-    covariance = ca.SX(n, n)
-    for place, (i, j) in enumerate(_lower_triangle(n)):
-        entry = ca.if_else(begun, triangle[place], float(stationary[i, j]))
-        covariance[i, j] = covariance[j, i] = entry
-    return covariance
 
 
 class Updated(NamedTuple):
@@ -183,29 +184,36 @@ def _corrected_by_values(
     """
     x, P, G = before.x, before.P, before.G
     is_blind = sum(is_used, ca.SX(0)) == 0
+    correction = _correction(x.numel())
     for place, (row, variance) in enumerate(_rows_and_variances(known)):
         used = is_used[place]
         gain = G[:, row] / (G[row, row] + variance)
         x = x + gain * ca.if_else(used, y[place] - x[row], 0.0)
-        P = _corrected(P, used * gain, row, variance)
-        G = _corrected(G, ca.logic_or(used, is_blind) * gain, row, variance)
+        P = _corrected(correction, P, row, variance, used * gain)
+        G = _corrected(correction, G, row, variance, ca.logic_or(used, is_blind) * gain)
     return x, P, G
 
 
-def _corrected(P: ca.SX, gain: ca.SX, row: int, variance: float) -> ca.SX:
+def _corrected(correction: ca.Function, P: ca.SX, row: int, variance: float, gain: ca.SX) -> ca.SX:
     """Return the covariance after the correction by a value of the state `row`, with any gain.
 
     variance: that of the value's noise
     """
-    of_row = P[:, row]
+    given = ca.vertcat(_triangle(P), P[:, row], P[row, row] + variance, gain)
+    return _symmetric(correction(given), P.shape[0])
+
+
+def _correction(n: int) -> ca.Function:
+    """Return the function [triangle of P; its row; variance of the innovation; gain] -> triangle
+    after the correction.
+    """
+    sizes = (n * (n + 1) // 2, n, 1, n)
+    given = [ca.SX.sym("given", size) for size in sizes]
+    triangle, of_row, variance, gain = given
     # covariance of the corrected states with the innovation, 0 for the optimal gain
-    with_innovation = of_row - (P[row, row] + variance) * gain
-    return _mirrored(P - ca.mtimes(gain, of_row.T) - ca.mtimes(with_innovation, gain.T))
-
-
-def _mirrored(covariance: ca.SX) -> ca.SX:
-    """Return the symmetric matrix of a lower triangle: the upper one is not computed."""
-    return ca.tril2symm(ca.tril(covariance))
+    with_innovation = of_row - variance * gain
+    P = _symmetric(triangle, n) - ca.mtimes(gain, of_row.T) - ca.mtimes(with_innovation, gain.T)
+    return ca.Function("correction", [ca.vertcat(*given)], [_triangle(P)], _CALLED)
 
 
 def _at_values(
@@ -240,16 +248,27 @@ def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX) -> Esti
     Phi: their derivatives by the states of the estimate, (n, n)
     """
     is_finite = ca.sumsqr(x) <= _FINITE
-    P, is_known = _predicted_covariance(known, now.P, Phi, is_finite)
-    G, _ = _predicted_covariance(known, now.G, Phi, is_finite)
+    prediction = _prediction(known, Phi)
+    P, is_known = _predicted_covariance(known, prediction, now.P, Phi, is_finite)
+    G, _ = _predicted_covariance(known, prediction, now.G, Phi, is_finite)
     return now._replace(x=ca.if_else(is_known, x, now.x), P=P, G=G)
 
 
+def _prediction(known: KalmanFilter, Phi: ca.SX) -> ca.Function:
+    """Return the function [triangle of P; entries of Φ] -> triangle of Φ P Φ' + Q."""
+    n = Phi.shape[0]
+    triangle, slopes = ca.SX.sym("P", n * (n + 1) // 2), ca.SX.sym("Phi", Phi.sparsity())
+    P = ca.mtimes(ca.mtimes(slopes, _symmetric(triangle, n)), slopes.T) + known.Q
+    given = ca.vertcat(triangle, slopes.nz[:])
+    return ca.Function("prediction", [given], [_triangle(P)], _CALLED)
+
+
 def _predicted_covariance(
-    known: KalmanFilter, P: ca.SX, Phi: ca.SX, is_finite: ca.SX
+    known: KalmanFilter, prediction: ca.Function, P: ca.SX, Phi: ca.SX, is_finite: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     """Return Φ P Φ' + Q and 1, or P and 0 if a variance is too large, or a state not finite."""
-    later, is_known = _mirrored(ca.mtimes(ca.mtimes(Phi, P), Phi.T) + known.Q), is_finite
+    after = prediction(ca.vertcat(_triangle(P), Phi.nz[:]))
+    later, is_known = _symmetric(after, P.shape[0]), is_finite
     for place in range(len(known.states)):
         limit = _UNKNOWN * float(known.P[place, place])
         is_known = ca.logic_and(is_known, later[place, place] <= limit)
@@ -272,7 +291,8 @@ def extended_step(known: KalmanFilter, seconds: float) -> ca.Function:
     rate = rate_in_push(layout, model.linear, known.winds)
     rates = rate(ca.densify(ca.vertcat(X, rest)))[rows]
     parts = parts_of_a_sample([point], seconds)
-    J = ca.jacobian(ca.vertcat(rates, ca.DM(known.A[k:, k:]) @ x[k:]), x) * (seconds / parts)
+    derivatives = ca.vertcat(rates, ca.DM(known.A[k:, k:]) @ x[k:])
+    J = ca.jacobian(derivatives, x, _BACKWARD) * (seconds / parts)
     step = step_of_integration(layout, model.linear, known.winds)
     Phi = part = _exponential(J)
     for _ in range(parts - 1):
@@ -285,8 +305,5 @@ def extended_step(known: KalmanFilter, seconds: float) -> ca.Function:
 
 def _exponential(A: ca.SX) -> ca.SX:
     """Return exp(A) to the fourth power of A."""
-    exponential = term = ca.SX.eye(A.shape[0])
-    for power in range(1, 5):
-        term = ca.mtimes(term, A) / power
-        exponential = exponential + term
-    return exponential
+    identity, square = ca.SX.eye(A.shape[0]), ca.mtimes(A, A)
+    return identity + A + ca.mtimes(square, identity / 2 + A / 6 + square / 24)
