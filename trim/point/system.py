@@ -264,11 +264,8 @@ def equations(structure: Structure) -> TrimEquations:
     structure.layout.refuse_steps(by_all, list(e.free))
     by_all = ca.sparsify(by_all)
     has_entry = ca.DM(by_all.sparsity(), 1).full() != 0.0
-    is_affected = has_entry.any(axis=1)
-    affected, unaffected = (
-        np.flatnonzero(is_affected).tolist(),
-        np.flatnonzero(~is_affected).tolist(),
-    )
+    affected = np.flatnonzero(has_entry.any(axis=1)).tolist()
+    unaffected = [row for row in range(len(structure.rows)) if row not in affected]
     active = np.flatnonzero(has_entry.any(axis=0)).tolist()
     jacobian = by_all[affected, active]
     unknowns = tuple(structure.unknowns[column].name for column in active)
@@ -433,7 +430,7 @@ class TrimSystem:
         c: constants, (1, ..)
         """
         rows = self.equations.point_rows(z[None], c)
-        (x, u, y, residual, jacobian) = (part[0] for part in rows)
+        x, u, y, residual, jacobian = (part[0] for part in rows)
         return Evaluation(
             self.model.layout.record("x", x.tolist()),
             self.model.layout.record("u", u.tolist()),
