@@ -102,7 +102,7 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     if not isinstance(dynamics, str):
         return rigid_panels(dynamics, values, panel_groups)
     if dynamics == "unsteady":
-        from hfa_model.unsteady import unsteady_aircraft
+        from hfa_model.unsteady import UNSTEADY
 
-        return unsteady_aircraft(values)
+        return UNSTEADY.with_parameters(**values._asdict())
     return rigid_panels(variant_named(dynamics), values, panel_groups)

@@ -34,7 +34,6 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_model.atmosphere import density
 from hfa_model.declaration import hfa_about, rigid_panels
@@ -63,7 +62,6 @@ from hfa_model.parameters import (
     LINEAR_STATES,
     STATE_SIGNALS,
     STATES,
-    Parameters,
     Quantity,
     default_parameters,
 )
@@ -134,13 +132,6 @@ class _Strip(NamedTuple):
     chord: Quantity  # chord of the wing or tail, ft
 
 
-class _EffectiveAngle(NamedTuple):
-    """Angle of attack that determines the lift of a strip, and the rates of its lag states."""
-
-    alpha: Quantity  # rad
-    rates: dict[str, Quantity]  # name of a lag state -> rate, rad/s
-
-
 class _LaggedPanel(NamedTuple):
     """Loads on one panel with lagged lift, and the rates of the panel's lag states."""
 
@@ -169,13 +160,6 @@ class _CarriedAir(NamedTuple):
     pitching_moment: Quantity  # pitching moment at zero acceleration, ft lbf
     hinge_moment: Quantity  # hinge moment of one outer panel at zero acceleration, ft lbf
     mass: Any  # M_a, (3, 3)
-
-
-class _NormalAcceleration(NamedTuple):
-    """Rate of a plate's normal velocity, w' = slopes · (w_b', q', η'') + steady, w_b = V sin α."""
-
-    slopes: Any  # (3,)
-    steady: Quantity  # ft/s^2
 
 
 def unsteady_equations(
@@ -300,8 +284,8 @@ def _lagged_panel(panel: _Panel, x: Any, u: Any, p: Any, air_density: Quantity) 
         downwash=p.downwash_share * x.downwash,
         chord=tail_chord,
     )
-    wing_angle = _effective_angle(wing_strip, panel, x, p)
-    tail_angle = _effective_angle(tail_strip, panel, x, p)
+    wing_alpha, wing_rates = _effective_angle(wing_strip, panel, x, p)
+    tail_alpha, tail_rates = _effective_angle(tail_strip, panel, x, p)
     # The loads on the wing are those of a panel without tail, and the other way round.
     wing_factor = _slope_factor(p, _aspect_ratio(p))
     wing_alone = p._replace(
@@ -312,21 +296,22 @@ def _lagged_panel(panel: _Panel, x: Any, u: Any, p: Any, air_density: Quantity) 
     tail_factor = _slope_factor(p, p.tail_aspect_ratio)
     tail_alone = p._replace(lift_slope=tail_factor * p.lift_slope, chord=0.0)
     flow = flow_of(panel.gusty)
-    wing_flow = flow._replace(alpha=wing_angle.alpha)
-    tail_flow = flow._replace(alpha=tail_angle.alpha)
+    wing_flow = flow._replace(alpha=wing_alpha)
+    tail_flow = flow._replace(alpha=tail_alpha)
     speed = airspeed(x, panel.wind)
     on_wing = panel_loads(wing_flow, speed, aileron, 0.0, air_density, wing_alone)
     on_tail = panel_loads(tail_flow, speed, 0.0, elevator, air_density, tail_alone)
     sums = (of_wing + of_tail for of_wing, of_tail in zip(on_wing, on_tail, strict=True))
     return _LaggedPanel(
         loads=PanelLoads(*sums),
-        lift_coefficient=wing_alone.lift_slope * wing_angle.alpha
-        + wing_alone.aileron_lift * aileron,
-        rates={**wing_angle.rates, **tail_angle.rates},
+        lift_coefficient=wing_alone.lift_slope * wing_alpha + wing_alone.aileron_lift * aileron,
+        rates={**wing_rates, **tail_rates},
     )
 
 
-def _effective_angle(strip: _Strip, panel: _Panel, x: Any, p: Any) -> _EffectiveAngle:
+def _effective_angle(
+    strip: _Strip, panel: _Panel, x: Any, p: Any
+) -> tuple[Quantity, dict[str, Quantity]]:
     """Return the effective angle of attack of a strip, and the rates of its lag states."""
     # The effective angle is the geometric angle, minus the parts of the angles due to motion,
     # control and gust that the lift does not follow yet. The geometric angle does not include the
@@ -343,7 +328,7 @@ def _effective_angle(strip: _Strip, panel: _Panel, x: Any, p: Any) -> _Effective
     }
     lift_lag = p.lift_lag * _missing_angle(WAGNER, strip.name, with_control, x)
     gust_lag = p.gust_lag * _missing_angle(KUESSNER, strip.name, by_gust, x)
-    return _EffectiveAngle(by_motion + by_gust - lift_lag - gust_lag, rates)
+    return by_motion + by_gust - lift_lag - gust_lag, rates
 
 
 def _tip_moment(
@@ -405,10 +390,9 @@ def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
     # the circulatory lift at the quarter chord omits this moment.
     turning = panel.spanwise_rate
     normal_speed = panel.calm.downward + turning * plate.aft
-    normal_acceleration = _normal_acceleration(plate, panel, x, p)
-    slopes = normal_acceleration.slopes
+    slopes, steady_acceleration = _normal_acceleration(plate, panel, x, p)
     forward = -plate.mass * normal_speed * turning
-    normal = -plate.mass * normal_acceleration.steady
+    normal = -plate.mass * steady_acceleration
     inward = plate.mass * normal_speed * x.dihedral_rate
     sin_panel = panel.sin_dihedral
     cos_panel = panel.cos_dihedral
@@ -430,8 +414,9 @@ def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
     )
 
 
-def _normal_acceleration(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _NormalAcceleration:
-    """Return the rate w' of the normal velocity w of a plate's mid-chord in a constant headwind."""
+def _normal_acceleration(plate: _Plate, panel: _Panel, x: Any, p: Any) -> tuple[ca.SX, Quantity]:
+    """Return `slopes` (3,) and `steady` of w' = slopes · (w_b', q', η'') + steady of a plate."""
+    # w is the normal velocity of its mid-chord, in a constant headwind h, and w_b = V sin α.
     # With the descent w_h of the hinge (`hinge_descent`), its arm r, the panel span s, and the
     # distance `aft` of the mid-chord behind the wing's quarter chord,
     # w = (w_h + aft q) cos(panel) - r η', and w_h' = w_b' + (s/3) (cos η η')' + h cos θ q.
@@ -451,7 +436,7 @@ def _normal_acceleration(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _Norma
         plate.aft * panel.cos_dihedral,
         third * cos_eta * panel.cos_dihedral - panel.hinge_arm,
     )
-    return _NormalAcceleration(slopes, steady)
+    return slopes, steady
 
 
 def _with_air(loads: Loads[Quantity], air: _CarriedAir, x: Any) -> Loads[Quantity]:
@@ -490,24 +475,18 @@ def _plates(p: Any, air_density: Quantity) -> tuple[_Plate, _Plate]:
 _QUASI_STEADY = rigid_panels(variant_named("published"), default_parameters().values)
 
 
-def _parameter_signals() -> dict[str, Signal]:
-    """Return the parameters: those of the aircraft, the effects, and `tail_aspect_ratio`."""
-    effects = {name: Signal("1", nominal=1.0, min=0.0, max=2.0, start=1.0) for name in EFFECTS}
-    # The area of the tail is known but not its shape: 20 ft by 2 ft are assumed.
-    return {
-        **_QUASI_STEADY.parameters,
-        **effects,
-        "tail_aspect_ratio": Signal("1", nominal=10.0, min=0.1, max=1000.0, start=10.0),
-    }
-
-
 #: The aircraft with its identified parameters and all effects at 1.
 UNSTEADY = replace(
     _QUASI_STEADY,
     name="unsteady",
     states={**STATE_SIGNALS._asdict(), **dict.fromkeys(LAG_STATES, Signal("rad", 0.1))},
     equations=unsteady_equations,
-    parameters=_parameter_signals(),
+    parameters={
+        **_QUASI_STEADY.parameters,
+        **dict.fromkeys(EFFECTS, Signal("1", nominal=1.0, min=0.0, max=2.0, start=1.0)),
+        # The area of the tail is known but not its shape: 20 ft by 2 ft are assumed.
+        "tail_aspect_ratio": Signal("1", nominal=10.0, min=0.1, max=1000.0, start=10.0),
+    },
     steady=tuple(name for name in (*STATES, *LAG_STATES) if name != "altitude"),
     # Only wind changes the gust states. No input reaches them, so critics cannot be learned for
     # them.
@@ -516,8 +495,3 @@ UNSTEADY = replace(
     parts={"short_period": ("alpha", *_LAGS, "downwash")},
     about=hfa_about("unsteady"),
 )
-
-
-def unsteady_aircraft(parameters: Parameters) -> Model:
-    """Return the aircraft with `unsteady` dynamics, the given parameters and all effects at 1."""
-    return UNSTEADY.with_parameters(**parameters._asdict())
