@@ -142,9 +142,9 @@ def test_contracts_name_every_package():
     assert set(core["modules"]) == set(core["allowed"]) == in_core
     layers = contract("Packages import only those below them")["layers"]
     named = {name.strip().partition(".")[0] for layer in layers for name in re.split("[|:]", layer)}
-    doors = contract("Nothing imports the readers")["protected_modules"]
-    assert named == PACKAGES - set(doors)
-    assert contract("Readers of aircraft import")["modules"] == doors
+    readers = contract("Nothing imports the readers")["protected_modules"]
+    assert named == PACKAGES - set(readers)
+    assert contract("Readers of aircraft import")["modules"] == readers
 
 
 def test_no_import_is_ignored():

@@ -1,4 +1,4 @@
-"""Arguments of another kind are refused at the door of each public function."""
+"""Arguments of another kind are refused by each public function and method."""
 
 import inspect
 

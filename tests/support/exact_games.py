@@ -36,9 +36,9 @@ def _value(game, K):
     if K is not None:
         A, Q = A - B @ K, Q - N @ K - K.T @ N.T + K.T @ R @ K
         B, R, N = 0 * B, _exact(np.eye(len(R))), 0 * N  # an input without effect
-    if np.isfinite(game.delta):  # the disturbance is a second player, of the price -delta²
-        price = -(mp.mpf(game.delta) ** 2) * _exact(np.eye(E.shape[1]))
-        B, N, R = np.hstack([B, E]), np.hstack([N, 0 * E]), block_diag(R, price)
+    if np.isfinite(game.delta):  # the disturbance is a second player of the weight -delta²
+        weight = -(mp.mpf(game.delta) ** 2) * _exact(np.eye(E.shape[1]))
+        B, N, R = np.hstack([B, E]), np.hstack([N, 0 * E]), block_diag(R, weight)
     A, B, Q, R, N = (mp.matrix(each.tolist()) for each in (A, B, Q, R, N))
     if game.is_discrete:
         root = mp.sqrt(mp.mpf(game.discount))
@@ -55,8 +55,8 @@ def _value_of_steps(A, B, Q, R, N):
     """Return the limit of the values of 1, 2, 3 ... steps."""
     P = mp.zeros(A.rows)
     while True:
-        priced = B.T * P * A + N.T
-        after = Q + A.T * P * A - priced.T * (R + B.T * P * B) ** -1 * priced
+        coupling = B.T * P * A + N.T
+        after = Q + A.T * P * A - coupling.T * (R + B.T * P * B) ** -1 * coupling
         if mp.norm(after - P) <= mp.mpf(10) ** (-DIGITS + 8) * mp.norm(after):
             return after
         P = after
@@ -66,9 +66,9 @@ def _value_of_flow(A, B, Q, R, N):
     """Return the stabilizing solution by the eigenvectors of the Hamiltonian."""
     n = A.rows
     inverse = R**-1
-    S, free, cost = B * inverse * B.T, A - B * inverse * N.T, Q - N * inverse * N.T
+    S, open_loop, cost = B * inverse * B.T, A - B * inverse * N.T, Q - N * inverse * N.T
     H = mp.zeros(2 * n)
-    H[:n, :n], H[:n, n:], H[n:, :n], H[n:, n:] = free, -S, -cost, -free.T
+    H[:n, :n], H[:n, n:], H[n:, :n], H[n:, n:] = open_loop, -S, -cost, -open_loop.T
     values, vectors = mp.eig(H)
     stable = [place for place, value in enumerate(values) if mp.re(value) < 0]
     assert len(stable) == n

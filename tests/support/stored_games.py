@@ -38,8 +38,8 @@ class Stored(NamedTuple):
     game: the game with its delta
     exists: whether it has a value
     P, K: its answers, empty without a value
-    change: largest change of P and K by changes of 1 of its entries, in units in which the diagonal
-        of P and the price of the inputs are 1
+    change: largest change of P and K by changes of 1 of its entries, in units in which the diagonals
+        of P and of R + B'PB (R in continuous time) are 1
     delta_min: nan if no delta has a solution
     """
 
@@ -52,7 +52,7 @@ class Stored(NamedTuple):
 
 
 def units_of_answers(game, P):
-    """Return the units (n,) and (m,) in which the diagonal of P and the price of the inputs are 1."""
+    """Return the units (n,) and (m,) in which the diagonals of P and of R + B'PB are 1."""
     units = (np.sqrt(np.diag(each).clip(0.0)) for each in (P, game.suboptimality_weight(P)))
     of_states, of_inputs = (np.where(unit > 0.0, unit, 1.0) for unit in units)
     return of_states, of_inputs
