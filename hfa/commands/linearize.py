@@ -98,7 +98,7 @@ def _of_conditions(request: LinearizeRequest, given: TrimInput) -> Outcome:
     )
     source = given.source(given.condition, {})
     origin = provenance(request, source).to_dict()
-    report = book.summary
+    report = book._summary
     return Outcome(
         report=replace(report, notes=()),
         source=source,

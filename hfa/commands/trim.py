@@ -18,7 +18,7 @@ from hfa.options.points import GivenPoints, PointOptions, given_points
 from hfa.options.trims import TrimInput, trim_input
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.parts import NO_RECORDS, Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Entries
 from hfa_support.reporting.rows import Row, Sheet
@@ -29,7 +29,7 @@ from trim.point.solve import TrimError
 from trim.point.status import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED, WARNED
 from trim.reports.book import Condition, book_of, matrix_figure, with_range
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
-from trim.reports.sheet import brief, brief_list, matrix, read_first, result_of, revision
+from trim.reports.sheet import brief, brief_list, matrix, read_first, revision
 
 if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
@@ -167,33 +167,25 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         except BadInputError as error:
             point, report = None, _failed(model, row, error, {"reason": str(error)})
             refused.append(BadInputError(": ".join(filter(None, (row.where, str(error))))))
-        conditions.append(Condition(str(report.data.get("name", "")), report, point))
+        conditions.append(Condition(row.name, report, point))
     if len(refused) == len(conditions):
         raise refused[0]
     reports = [condition.report for condition in conditions]
-    sheets = [report.sheet for report in reports]
-    results = [result_of(sheet) for sheet in sheets]
+    results = [condition.result for condition in conditions]
     failed = results.count(UNTRIMMED)
+    counts = [f"{results.count(TRIMMED)} of {len(results)} conditions are trimmed"]
+    for result, words in ((STALLED,) * 2, (WARNED,) * 2, (UNTRIMMED, "without a trim")):
+        if result in results:
+            counts.append(f"{results.count(result)} {words}")
     overview = Report(
-        title=_counts_in_words(results),
-        parts=[_overview(results, conditions), *reports],
+        title=", ".join(counts),
+        parts=[_overview(conditions), *reports],
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
-        records=matrix(stated, sheets) if is_whole else Table((), ()),
+        records=matrix(stated, [report.sheet for report in reports]) if is_whole else NO_RECORDS,
         failure=f"{failed} of {len(results)} conditions have no trim" if failed else "",
         notes=points.trims.notes_on_rows,
     )
     return overview, conditions
-
-
-def _counts_in_words(results: Sequence[str]) -> str:
-    """Return how many conditions have each result, the first line of their report."""
-    counts = [f"{results.count(TRIMMED)} of {len(results)} conditions are trimmed"]
-    counts += [
-        f"{results.count(result)} {result}" for result in (STALLED, WARNED) if result in results
-    ]
-    if UNTRIMMED in results:
-        counts.append(f"{results.count(UNTRIMMED)} without a trim")
-    return ", ".join(counts)
 
 
 def _with_name(report: Report, name: str) -> Report:
@@ -220,17 +212,15 @@ _OVERVIEW = {
 }
 
 
-def _overview(results: Sequence[str], conditions: Sequence[Condition]) -> Table:
+def _overview(conditions: Sequence[Condition]) -> Table:
     """Return the table of conditions by name or number, with the result and figures of each."""
     lines = []
-    for number, (result, condition) in enumerate(zip(results, conditions, strict=True), 1):
-        row_of = {row.name: row for row in condition.report.sheet}
-        name = condition.name or str(number)
-        figures = []
+    for number, condition in enumerate(conditions, start=1):
+        rows, cells = condition.rows, [condition.name or str(number), condition.result]
         for figure in _OVERVIEW.values():
-            _, value, unit, _ = row_of[figure].cells() if figure in row_of else ("",) * 4
-            figures.append(f"{value} {unit}".strip())
-        lines.append((name, result, *figures))
+            _, value, unit, _ = rows[figure].cells() if figure in rows else ("",) * 4
+            cells.append(f"{value} {unit}".strip())
+        lines.append(tuple(cells))
     return Table(("condition", RESULTS, *_OVERVIEW), lines)
 
 

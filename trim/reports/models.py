@@ -220,10 +220,10 @@ class Conditions(StatesAndInputs, Result, Reported):
         """Return a report with the status and the eigenvalues of the modes of each condition, and
         the reason of each that has no trim.
         """
-        return replace(self.summary, records=self.records())
+        return replace(self._summary, records=self.records())
 
     @cached_property
-    def summary(self) -> Report:
+    def _summary(self) -> Report:
         """The report without records. Its data are computed when they are read."""
         reasons = dict(zip(self.names, self.reasons, strict=True))
         failed = [f"{name}: {reason}" for name, reason in reasons.items() if reason]
@@ -367,7 +367,7 @@ class Conditions(StatesAndInputs, Result, Reported):
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
             save_data(path, storable(head) | arrays | origin, Table((), ()))
         else:
-            report = self.report() if suffix == ".csv" else self.summary
+            report = self.report() if suffix == ".csv" else self._summary
             report.with_data(origin).save(path)
 
     def _file(self, row: int) -> dict[str, Any]:
