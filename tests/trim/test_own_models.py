@@ -117,6 +117,7 @@ def test_further_initial_guesses_cross_a_flat_region():
     point = trim(flat, usual_condition(flat))
     assert point.inputs.throttle == pytest.approx(0.59, rel=1e-9)
     assert point.initial_point > 0
+    assert trim(flat, start={"at": 7.0})["at"] == point["at"]  # it is in no equation
     said = " ".join(str(point).split())
     assert "Not from the default initial point" in said
     assert "From the default initial point: no trim: these rates" in said

@@ -139,6 +139,19 @@ def test_a_control_without_effect_is_named(published_aircraft):
     assert "no effect" not in str(refusal.value)
 
 
+def test_the_rounding_of_an_effect_is_no_effect():
+    """A failed trim names a control whose effect is below the rounding of its equation."""
+    model = hfa.Model(
+        "cart",
+        {"v": hfa.Signal("m/s")},
+        {"force": hfa.Signal("N", max=0.5), "other": hfa.Signal("N", min=-1.0, max=1.0)},
+        lambda x, u, p, w: ({"v": u.force + 1e-17 * u.other - 1.0}, {}),
+        trim={"v": 0.0},
+    )
+    with pytest.raises(TrimError, match="no effect of other"):
+        trim(model)
+
+
 def test_controls_with_proportional_effects_are_named(published_aircraft):
     """The message on a failed trim names two elevators with proportional effects.
 
