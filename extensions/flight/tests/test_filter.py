@@ -246,6 +246,9 @@ class Recursion:
             self.in_a_row, self.share = 0, 0.0
             self.x, self.P = np.append(self.x[:6], np.zeros(3)), self.P.copy()
             self.x[:6][finite] = (y - self.trim)[finite]
+            with_updraft = self.climate @ self.known.W[1]
+            updraft = -self.trim[0] * self.x[1]  # in which alpha is that of the trim
+            self.x[6:] = updraft * with_updraft / (self.known.W[1] @ with_updraft)
             rows = [*np.flatnonzero(finite), 6, 7, 8]
             self.P[rows], self.P[:, rows] = 0.0, 0.0
             self.P[:6, :6][finite, finite] = np.diag(R)[finite]

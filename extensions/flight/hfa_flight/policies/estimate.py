@@ -220,12 +220,14 @@ def _at_values(
     known: KalmanFilter, before: Estimate, y: ca.SX, is_given: list[ca.SX]
 ) -> tuple[ca.SX, ca.SX]:
     """Return x and P of an estimate that begins at the values that are given. Other states keep
-    theirs, and in flight the air is that of the stationary turbulence.
+    theirs. In flight the air is that of the stationary turbulence in which the flow angles are
+    those of the trim: with slopes far from these, the next values would give wrong winds.
     """
-    air = slice(len(known.states), None)
+    k = len(known.states)
+    air, flow = slice(k, None), known.sight[:, k:]
+    of_flow = known.climate @ flow.T @ np.linalg.pinv(flow @ known.climate @ flow.T)
     in_flight = ca.logic_or(before.begun == 2, before.share == 0)
     x, P = ca.SX(before.x), ca.SX(before.P)
-    x[air] = 0.0
     P[:, air] = ca.if_else(in_flight, 0.0, P[:, air])
     P[air, :] = P[:, air].T
     P[air, air] = ca.if_else(in_flight, known.climate, before.P[air, air])
@@ -235,6 +237,7 @@ def _at_values(
         for other in range(x.numel()):
             P[row, other] = P[other, row] = ca.if_else(given, 0.0, P[row, other])
         P[row, row] = ca.if_else(given, variance, P[row, row])
+    x[air] = ca.if_else(in_flight, -ca.mtimes(ca.DM(of_flow), x[:k]), 0.0)
     return x, P
 
 
