@@ -22,7 +22,6 @@ from controller.riccati.balls import (
     ball_matrix,
     bits,
     identity,
-    part,
     symmetric,
 )
 from controller.riccati.equation import (
@@ -48,7 +47,7 @@ from hfa_support.matrices import balanced
 from trim.linear.frequency_response import hamiltonian
 
 if TYPE_CHECKING:
-    from flint import arb_mat
+    pass
 
 # These choose candidates only: the proof decides.
 
@@ -207,10 +206,8 @@ def _corrected(equation: Equation[Balls], X: Balls) -> tuple[Balls, Lyapunov[np.
 
     Raises FailedError.
     """
-    in_doubles, has_no_cost = (
-        equation.with_arithmetic(DoubleBalls),
-        states_without_cost(equation.game),
-    )
+    in_doubles = equation.with_arithmetic(DoubleBalls)
+    has_no_cost = states_without_cost(equation.game)
     size, last, lyapunov = np.abs(X.midpoint).max() or 1.0, math.inf, None
     for _ in range(NEWTON_STEPS):
         if lyapunov is None:
@@ -345,7 +342,7 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
     with failures():
         units = first_units(game, delta)
         equation = equation_of(game, units, Balls, delta)
-        X = _without_noise(Balls(symmetric(_of_stable_subspace(equation))), game)
+        X = _without_noise(_of_stable_subspace(equation), game)
         for _ in range(TURNS):
             root = _root_of(X.midpoint, game, float(half_the_bits()))
             if root is None:
@@ -377,18 +374,14 @@ def _with_Y(equation: Equation[Balls], X: Balls, gains: Balls) -> Candidate:
     return Candidate(equation, X, Balls(Y))
 
 
-def _of_stable_subspace(equation: Equation[Balls]) -> arb_mat:
-    """Return X = X2 X1⁻¹ of a basis [X1; X2] of the stable subspace, (n, n).
-
-    The columns of 1 - sign(M) span it, with the `half_plane_matrix` M.
+def _of_stable_subspace(equation: Equation[Balls]) -> Balls:
+    """Return X of a basis [1; X] of the stable subspace, (n, n), as `stabilizing_in_doubles`.
 
     Raises FailedError or ZeroDivisionError.
     """
-    n = equation.n
-    sign = _sign_of(Balls(equation.half_plane_matrix()), n).matrix
-    size = sign.nrows()
-    stable = (identity(size) - sign).mid()
-    columns = np.random.default_rng(1).normal(size=(size, n))
-    basis = (stable * ball_matrix(columns)).mid()
-    X1, X2 = part(basis, slice(n), slice(None)), part(basis, slice(n, 2 * n), slice(None))
-    return X1.transpose().mid().solve(X2.transpose().mid()).transpose().mid()
+    n, everything = equation.n, slice(None)
+    sign = _sign_of(Balls(equation.half_plane_matrix()), n)
+    to_zero = (sign + Balls.of(np.eye(sign.rows))).mid()
+    right = to_zero.block(everything, slice(n, None))
+    left = right.T @ to_zero.block(everything, slice(n))
+    return -(right.T @ right).mid().solve(left.mid()).block(slice(n), everything)

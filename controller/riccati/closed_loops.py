@@ -138,7 +138,7 @@ class ClosedLoops:
     def T(self) -> arb_mat:
         """T, (n, n), of the states T y, in the exact units of the enclosure."""
         T = self.enclosure.units.T
-        return identity(len(self._powers)) if T is None else T
+        return identity(len(self.enclosure.game.A)) if T is None else T
 
     @cached_property
     def T_inverse(self) -> arb_mat:
@@ -160,22 +160,20 @@ class ClosedLoops:
         with precision(self.enclosure.bits):
             return midpoints(self._in_new_states(loop_with(self.enclosure.game, K)))
 
-    @property
-    def _powers(self) -> np.ndarray:
-        """Exact units of the states as exponents of two, (n,) integers: z_i = 2^powers_i y_i."""
-        return self.enclosure.units.states
-
     def _in_new_states(self, loop: arb_mat) -> arb_mat:
         """Return a loop of the user's states, (n, n), in the new states."""
         return self._columns(self._rows(loop))
 
     def _columns(self, matrix: arb_mat) -> arb_mat:
         """Return T M, (n, k): a matrix M of columns in the user's states, such as B."""
-        return self.T * scaled_balls(matrix, -self._powers, _zeros(matrix.ncols()))
+        return self.T * scaled_balls(matrix, -self.enclosure.units.states, _zeros(matrix.ncols()))
 
     def _rows(self, matrix: arb_mat) -> arb_mat:
         """Return M T⁻¹, (k, n): a matrix M of rows that multiply the user's states, such as K."""
-        return scaled_balls(matrix, _zeros(matrix.nrows()), self._powers) * self.T_inverse
+        return (
+            scaled_balls(matrix, _zeros(matrix.nrows()), self.enclosure.units.states)
+            * self.T_inverse
+        )
 
     @cached_property
     def inputs(self) -> np.ndarray:

@@ -35,11 +35,12 @@ from controller.riccati.candidate import (
     first_units,
     sizes_of,
 )
-from controller.riccati.equation import Equation, Units, equation_of
+from controller.riccati.equation import Units, equation_of
 from controller.riccati.lyapunov import (
     FailedError,
     Lyapunov,
     NotProvedError,
+    change_along,
     lyapunov_in_bits,
 )
 from controller.riccati.rationals import Zeros, zeros_of
@@ -319,18 +320,13 @@ def prove_value(ball: Stabilizing[Any]) -> None:
     """
     prove_weights(ball)
     if ball.bounds.is_disturbed:
-        prove_control_loop(ball, _shape_of(ball.control_loop, ball.bounds))
-
-
-def _shape_of(loop: Matrix, equation: Equation[Matrix]) -> Balls | np.ndarray:
-    """Return a candidate Y of F'Y + Y F = -1 of a loop F, in discrete time of F'Y F - Y = -1.
-
-    Raises FailedError.
-    """
-    if isinstance(loop, Balls):
-        one = identity(equation.n)
-        return Balls(lyapunov_in_bits(loop.matrix.mid(), one, is_discrete=equation.is_discrete))
-    return Lyapunov(loop.midpoint, is_discrete=equation.is_discrete).shape()
+        loop, is_discrete = ball.control_loop, ball.bounds.is_discrete
+        if isinstance(loop, Balls):
+            one = identity(loop.rows)
+            Y = Balls(lyapunov_in_bits(loop.matrix.mid(), one, is_discrete=is_discrete))
+        else:
+            Y = Lyapunov(loop.midpoint, is_discrete=is_discrete).shape()
+        prove_control_loop(ball, Y)
 
 
 #: Largest relative change of P and K that their data determine: two digits are known.
@@ -497,7 +493,7 @@ def _data_change(enclosure: Enclosure) -> float:
 def _adjoint(F: np.ndarray, W: np.ndarray, *, is_discrete: bool) -> np.ndarray:
     """Return V of F V + V F' + W = 0, in discrete time F V F' - V + W = 0, in bits if necessary."""
     V = Lyapunov(F.T, is_discrete=is_discrete).solve(-W)
-    rest = (F @ V @ F.T - V if is_discrete else F @ V + V @ F.T) + W
+    rest = change_along(F.T, V, is_discrete=is_discrete) + W
     if np.abs(rest).max() < 0.1 * np.abs(W).max() and (np.diag(V) >= 0.0).all():
         return V
     return midpoints(lyapunov_in_bits(ball_matrix(F.T), ball_matrix(W), is_discrete=is_discrete))

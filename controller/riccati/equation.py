@@ -194,7 +194,7 @@ class Equation(ABC, Generic[Matrix]):
         from flint import arb
 
         self._in_arithmetics: dict[type[Any], Equation[Any]] = {arithmetic: self}
-        self._last: _Evaluated[Matrix] | None = None
+        self._last: tuple[Matrix, tuple[Matrix, Matrix]] | None = None
         self.game = game
         self.units = units
         self.arithmetic = arithmetic
@@ -233,9 +233,9 @@ class Equation(ABC, Generic[Matrix]):
 
         Raises ZeroDivisionError if the weight of the inputs or of the disturbances may be singular.
         """
-        if self._last is None or self._last.X is not X:
-            self._last = _Evaluated(X, *self._gains_and_residual(X))
-        return self._last.gains, self._last.residual
+        if self._last is None or self._last[0] is not X:
+            self._last = X, self._gains_and_residual(X)
+        return self._last[1]
 
     @abstractmethod
     def _gains_and_residual(self, X: Matrix) -> tuple[Matrix, Matrix]:
@@ -283,14 +283,6 @@ class Equation(ABC, Generic[Matrix]):
 
         Raises ZeroDivisionError in discrete time if z = -1 may be an eigenvalue.
         """
-
-
-class _Evaluated(NamedTuple, Generic[Matrix]):
-    """A matrix X, (n, n), and the gains and the residual at X."""
-
-    X: Matrix
-    gains: Matrix
-    residual: Matrix
 
 
 def _symmetric_weights(weights: np.ndarray | arb_mat, units: np.ndarray) -> np.ndarray | arb_mat:
@@ -384,12 +376,12 @@ class ContinuousEquation(Equation[Matrix]):
 
         return Sensitivity(self.S.norm(), self._B_over_R.norm(), arb(0))
 
-    def hamiltonian(self) -> arb_mat:
+    def hamiltonian(self: ContinuousEquation[Balls]) -> arb_mat:
         """Return [[A - B R⁻¹N', -S], [-(Q - N R⁻¹N'), -(A - B R⁻¹N')']], (2n, 2n), in `Balls`."""
-        open_loop, S, cost = map(_in_flint, (self.open_loop, self.S, self.cost))
+        open_loop, S, cost = self.open_loop.matrix, self.S.matrix, self.cost.matrix
         return stacked([[open_loop, -S], [-cost, -open_loop.transpose()]])
 
-    def half_plane_matrix(self) -> arb_mat:
+    def half_plane_matrix(self: ContinuousEquation[Balls]) -> arb_mat:
         """Return the Hamiltonian."""
         return self.hamiltonian().mid()
 
@@ -475,15 +467,15 @@ class StepEquation(Equation[Matrix]):
         gains = 2 * inverse * G
         return Sensitivity(gains * G * loop.norm(), gains, inverse * G**2)
 
-    def pencil(self) -> tuple[arb_mat, arb_mat]:
+    def pencil(self: StepEquation[Balls]) -> tuple[arb_mat, arb_mat]:
         """Return L and M, (2n + m + k, 2n + m + k), in `Balls`, whose pencil L - z M is singular at
         the eigenvalues z of the loop of both players and at their inverses.
         """
-        A, G, Q, W, C = map(_in_flint, (self.A, self.G, self.Q, self.W, self.C))
+        A, G, Q, W, C = (each.matrix for each in (self.A, self.G, self.Q, self.W, self.C))
         L, M = map(stacked, pencil_blocks(A, G, Q, W, C, identity(self.n)))
         return L, M
 
-    def half_plane_matrix(self) -> arb_mat:
+    def half_plane_matrix(self: StepEquation[Balls]) -> arb_mat:
         """Return (L + M)⁻¹ (L - M) of the pencil."""
         L, M = self.pencil()
         return (L + M).mid().solve((L - M).mid()).mid()
@@ -505,12 +497,6 @@ def pencil_blocks(A: Any, G: Any, Q: Any, W: Any, C: Any, one: Any, growth: Any 
         [of_gains.transpose(), G.transpose() * -growth, of_inputs],
     ]
     return L, M
-
-
-def _in_flint(matrix: Balls | DoubleBalls) -> arb_mat:
-    """Return the matrix of FLINT of an equation in `Balls`."""
-    assert isinstance(matrix, Balls)
-    return matrix.matrix
 
 
 def equation_of(

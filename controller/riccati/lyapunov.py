@@ -64,17 +64,19 @@ class SignFunction(Generic[Middle]):
     def __init__(self, matrix: Middle) -> None:
         self._steps: list[tuple[float, Middle]] = []
         accuracy = float(half_the_bits()) if isinstance(matrix, Balls) else HALF_THE_DIGITS
+        size = _size(matrix)
         for step in range(NEWTON_STEPS):
             inverse = _inverse(matrix)
             # This factor brings the eigenvalues near ±1 soon.
-            c = math.sqrt(_size(inverse) / _size(matrix))
+            c = math.sqrt(_size(inverse) / size)
             if not math.isfinite(c):
                 raise FailedError("the sign is not finite")
             is_near = 0.9 < c < 1.1 or step > NEWTON_STEPS // 2
             c = 1.0 if is_near else c
             self._steps.append((c, inverse))
             before, matrix = matrix, _middle((matrix * c + inverse * (1.0 / c)) * 0.5)
-            if is_near and _size(matrix - before) <= accuracy * _size(matrix):
+            size = _size(matrix)
+            if is_near and _size(matrix - before) <= accuracy * size:
                 break
         else:
             raise FailedError("an eigenvalue may be on the axis")
@@ -162,7 +164,7 @@ class Lyapunov(Generic[Middle]):
         return self.sign_function.lyapunov(_middle(product + product.T))
 
 
-def change_along(loop: Matrix, Y: Matrix, *, is_discrete: bool) -> Matrix:
+def change_along(loop: Any, Y: Any, *, is_discrete: bool) -> Any:
     """Return the change of z'Y z along z' = F z, F'Y + Y F, in discrete time F'Y F - Y."""
     if is_discrete:
         return loop.T @ (Y @ loop) - Y
