@@ -222,6 +222,8 @@ def _corrected(equation: Equation[Balls], X: Balls) -> tuple[Balls, Lyapunov[np.
         X, last = (X + Balls.of(correction)).mid(), largest
         if largest > NEAR:
             lyapunov = None
+    if not largest < NEAR:
+        raise FailedError("the corrections do not shrink")
     F = loop_in_doubles(in_doubles, X.midpoint)
     return X, lyapunov or Lyapunov(F, is_discrete=equation.is_discrete)
 
