@@ -123,7 +123,8 @@ def late_error(exact: Feedforward, K: np.ndarray, inputs: Waveform) -> Waveform:
     closed_loops = solution.closed_loops
     loop = closed_loops.with_gain(ball_matrix(K))
     T, T_inverse = closed_loops.columns(np.eye(len(loop))), closed_loops.rows(identity(len(loop)))
-    forcing_in_new_states = inputs.through(closed_loops.inputs) + exact.forcing.through(T)
+    B = closed_loops.columns(solution.game.B)
+    forcing_in_new_states = inputs.through(B) + exact.forcing.through(T)
     return particular(loop, forcing_in_new_states).through(T_inverse)
 
 

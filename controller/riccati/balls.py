@@ -404,19 +404,12 @@ def norm(matrix: arb_mat) -> arb:
     sizes = ball_matrix([[abs(entry).upper() for entry in row] for row in matrix.tolist()])
     of_rows = sizes * ball_matrix(np.ones((matrix.ncols(), 1)))
     of_columns = ball_matrix(np.ones((1, matrix.nrows()))) * sizes
-    return (_largest(of_rows) * _largest(of_columns)).sqrt().upper()
-
-
-def _largest(sums: arb_mat) -> arb:
-    """Return an upper bound of the largest entry, infinite if one is not finite."""
-    from flint import arb
-
-    most = arb(0)
-    for entry in sums.entries():
-        if not entry.is_finite():
+    square = arb(1)
+    for sums in (of_rows.entries(), of_columns.entries()):
+        if not all(entry.is_finite() for entry in sums):
             return arb("inf")
-        most = most.max(entry.upper())
-    return most.upper()
+        square = square * max(entry.upper() for entry in sums)
+    return square.sqrt().upper()
 
 
 def is_positive_definite(matrix: arb_mat) -> bool | None:

@@ -1,8 +1,8 @@
 """Candidate solutions of a Riccati equation, in doubles or in many bits. `proof` judges them.
 
 They are sought in states in which P is nearly 1: there, doubles have the digits that they lose in
-the user's states. LAPACK solves the equation, and Newton's method corrects X by residuals in balls.
-Where doubles do not suffice, the matrix sign function finds X in many bits.
+the user's states. The matrix sign function finds X, in doubles or, where these do not suffice, in
+many bits, and Newton's method corrects it by residuals in balls.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def value_in_doubles(game: Game) -> np.ndarray:
 def candidate_in_doubles(
     game: Game, delta: float, near: Units | None = None, turns: int = TURNS
 ) -> Candidate:
-    """Return a candidate by LAPACK in states in which P is near 1, corrected by residuals.
+    """Return a candidate in doubles, in states in which P is near 1, corrected by residuals.
 
     near: units and states where the search begins; by default those of the Hamiltonian
     turns: largest number of changes of the states
@@ -139,7 +139,7 @@ def candidate_in_doubles(
 
 
 def _solved(game: Game, units: Units, delta: float) -> Solved:
-    """Return the equation of a game in some states, and its solution by LAPACK."""
+    """Return the equation of a game in some states, and its solution in doubles."""
     equation = equation_of(game, units, DoubleBalls, delta)
     return Solved(equation, stabilizing_in_doubles(equation))
 

@@ -135,60 +135,38 @@ class ClosedLoops:
     enclosure: Enclosure
 
     @cached_property
-    def T(self) -> arb_mat:
-        """T, (n, n), of the states T y, in the exact units of the enclosure."""
-        T = self.enclosure.units.T
-        return identity(len(self.enclosure.game.A)) if T is None else T
-
-    @cached_property
-    def T_inverse(self) -> arb_mat:
-        """T⁻¹, (n, n), balls."""
+    def changes(self) -> tuple[arb_mat, arb_mat]:
+        """Matrix of the change from the user's states to the new ones, and its inverse, (n, n)."""
+        T, powers = self.enclosure.units.T, self.enclosure.units.states
+        T = identity(len(powers)) if T is None else T
         with precision(self.enclosure.bits):
-            return self.T.inv()
+            return scaled_balls(T, 0 * powers, -powers), scaled_balls(T.inv(), powers, 0 * powers)
 
     @cached_property
     def worst_loop(self) -> np.ndarray:
         """Loop of both players, A - B K + E L, (n, n), without discount."""
+        into, back = self.changes
         with precision(self.enclosure.bits):
-            return midpoints(self._in_new_states(_worst_loop(self.enclosure)))
+            return midpoints(into * _worst_loop(self.enclosure) * back)
 
     def with_gain(self, K: arb_mat) -> np.ndarray:
         """Return A - B K, (n, n), without discount.
 
         K: (m, n), balls in the user's units
         """
+        into, back = self.changes
         with precision(self.enclosure.bits):
-            return midpoints(self._in_new_states(loop_with(self.enclosure.game, K)))
-
-    def _in_new_states(self, loop: arb_mat) -> arb_mat:
-        """Return a loop of the user's states, (n, n), in the new states."""
-        return self._columns(self._rows(loop))
-
-    def _columns(self, matrix: arb_mat) -> arb_mat:
-        """Return T M, (n, k): a matrix M of columns in the user's states, such as B."""
-        return self.T * scaled_balls(matrix, -self.enclosure.units.states, _zeros(matrix.ncols()))
-
-    def _rows(self, matrix: arb_mat) -> arb_mat:
-        """Return M T⁻¹, (k, n): a matrix M of rows that multiply the user's states, such as K."""
-        return (
-            scaled_balls(matrix, _zeros(matrix.nrows()), self.enclosure.units.states)
-            * self.T_inverse
-        )
-
-    @cached_property
-    def inputs(self) -> np.ndarray:
-        """B in the new states, (n, m)."""
-        return self.columns(self.enclosure.game.B)
+            return midpoints(into * loop_with(self.enclosure.game, K) * back)
 
     def columns(self, matrix: np.ndarray) -> np.ndarray:
         """Return columns of the user's states in the new states, rounded."""
         with precision(self.enclosure.bits):
-            return midpoints(self._columns(ball_matrix(matrix)))
+            return midpoints(self.changes[0] * ball_matrix(matrix))
 
     def rows(self, matrix: arb_mat) -> np.ndarray:
         """Return rows that multiply the user's states for the new states, rounded."""
         with precision(self.enclosure.bits):
-            return midpoints(self._rows(matrix))
+            return midpoints(matrix * self.changes[1])
 
     def poles(self, K: np.ndarray | None = None) -> Poles:
         """Return the enclosed eigenvalues of A - B K, by default of the optimal gain.
@@ -249,9 +227,9 @@ class ClosedLoops:
 
     def in_new_states(self, F: arb_mat, E: arb_mat, cost: arb_mat) -> DisturbedLoop:
         """Return a loop of the user's states, its disturbances and its cost in the new states."""
-        C = symmetric_part(self._rows(self._rows(cost).transpose()))
-        is_discrete = self.enclosure.game.is_discrete
-        return DisturbedLoop(self._in_new_states(F), self._columns(E), C, is_discrete)
+        into, back = self.changes
+        C = symmetric_part(back.transpose() * cost * back)
+        return DisturbedLoop(into * F * back, into * E, C, self.enclosure.game.is_discrete)
 
     def distance(self, K: np.ndarray) -> float:
         """Return the smallest change of A - B K that gives an undamped mode, relative to its norm.
@@ -292,12 +270,7 @@ class ClosedLoops:
         closed, game = self.with_gain(K), self.enclosure.game
         if not is_stable_in_doubles(closed, is_discrete=game.is_discrete):
             return None
-        return loop_of(closed, self.inputs, -self.rows(K), game.dt)
-
-
-def _zeros(size: int) -> np.ndarray:
-    """Return exponents of the user's units."""
-    return np.zeros(size, dtype=int)
+        return loop_of(closed, self.columns(game.B), -self.rows(K), game.dt)
 
 
 def _worst_loop(enclosure: Enclosure) -> arb_mat:

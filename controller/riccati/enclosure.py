@@ -256,7 +256,7 @@ def _outcomes(
 
 
 def _corrected_outcome(candidate: Candidate, n_bits: int, *, digits: bool) -> Enclosure | str:
-    """Return what a candidate of LAPACK proves if it is corrected in balls, or ""."""
+    """Return what a candidate proves if it is corrected in balls, or ""."""
     with precision(n_bits), np.errstate(all="ignore"):
         try:
             corrected = corrected_in_bits(candidate)
@@ -369,11 +369,6 @@ class Certificate(Result):
             "bits": self.bits,
             "data_change": self.data_change,
         }
-
-
-def certificate_of(enclosure: Enclosure) -> Certificate:
-    """Return the certificate of an enclosed solution."""
-    return Certificate(enclosure, data_change(enclosure))
 
 
 def has_indefinite_weights(game: Game) -> bool:

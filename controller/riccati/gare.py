@@ -12,9 +12,9 @@ import numpy as np
 from controller.game.basis import q_function
 from controller.game.linear_game import game
 from controller.game.zero_sum import Game
-from controller.riccati.balls import BITS, ball_matrix, midpoints, precision
+from controller.riccati.balls import BITS, Balls, ball_matrix, midpoints, precision
 from controller.riccati.closed_loops import ClosedLoops, Poles, poles_of
-from controller.riccati.enclosure import Certificate, Enclosure, certificate_of, decided
+from controller.riccati.enclosure import Certificate, Enclosure, data_change, decided
 from controller.riccati.l2_gain import GainBounds
 from controller.riccati.lyapunov import loop_with, stabilizes
 from controller.riccati.refusal import ModeError, why_never
@@ -37,7 +37,6 @@ from trim.linear.margins import (
 
 if TYPE_CHECKING:
     import control
-    from flint import arb_mat
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,7 +73,9 @@ class Solution(Result, Reported):
     @cached_property
     def disturbance_gain(self) -> Matrix:
         """L of the worst disturbance d = L z, (k, n)."""
-        return _rounded(self.enclosure.L)
+        L = _rounded(Balls(self.enclosure.L))
+        L.setflags(write=False)
+        return L
 
     @property
     def L(self) -> Matrix:
@@ -291,13 +292,14 @@ def solve(game: Game) -> Solution:
             raise NoSolutionError(enclosure)
         advice = minimum_delta(game).advice(game.delta)
         raise NoSolutionError(f"no value of the game: {enclosure}; {advice}")
-    return Solution(game, enclosure, certificate_of(enclosure), *_value(enclosure))
+    certificate = Certificate(enclosure, data_change(enclosure))
+    return Solution(game, enclosure, certificate, *_value(enclosure))
 
 
 def _value(enclosure: Enclosure) -> tuple[np.ndarray, np.ndarray]:
     """Return P, (n, n), and K, (m, n), read-only and in user's units, 0 where a ball contains 0."""
-    units, balls = enclosure.units, (enclosure.value_in_units, enclosure.gain_in_units)
-    P, K = (np.where(np.abs(M.midpoint) <= M.radius, 0.0, M.midpoint) for M in balls)
+    units = enclosure.units
+    P, K = map(_rounded, (enclosure.value_in_units, enclosure.gain_in_units))
     P = np.ldexp((P + P.T) / 2.0, -np.add.outer(units.states, units.states))
     K = np.ldexp(K, np.add.outer(units.inputs, -units.states))
     for matrix in (P, K):
@@ -305,12 +307,9 @@ def _value(enclosure: Enclosure) -> tuple[np.ndarray, np.ndarray]:
     return P, K
 
 
-def _rounded(matrix: arb_mat) -> np.ndarray:
-    """Return the midpoints of balls as a read-only array, 0 where a ball contains 0."""
-    entries = [0.0 if entry.contains(0) else float(entry) for entry in matrix.entries()]
-    rounded = np.reshape(entries, (matrix.nrows(), matrix.ncols()))
-    rounded.setflags(write=False)
-    return rounded
+def _rounded(matrix: Balls) -> np.ndarray:
+    """Return the midpoints, 0 where a ball contains 0."""
+    return np.where(np.abs(matrix.midpoint) <= matrix.radius, 0.0, matrix.midpoint)
 
 
 def lqr(
