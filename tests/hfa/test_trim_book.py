@@ -167,6 +167,7 @@ def test_a_model_without_a_speed_has_a_book(folder):
     ("held", "said"),
     [
         (("mass=20", "speed=30,35"), "13.5 kg as loaded; 20 kg in the conditions"),
+        (("mass=12,20", "speed=30,35"), "4 conditions"),
         (("mass=12,20",), "13.5 kg as loaded; 12 to 20 kg in the conditions"),
     ],
 )
