@@ -14,7 +14,7 @@ import math
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -100,6 +100,7 @@ class SampledFlight:
     steps_per_sample: int
     commands_of: ca.Function | None = None
     winds: tuple[str, ...] = ()
+    _compiled: dict[bool, CompiledSamples] = field(default_factory=dict, init=False)
 
     @property
     def delay_in_samples(self) -> Delay:
@@ -221,25 +222,16 @@ class SampledFlight:
         flights: number of flights
         seconds: duration of a flight, s
         """
-        is_long = flights * seconds / self.dt >= COMPILE_FROM
-        return self._machine_code if is_long or "_machine_code" in vars(self) else self._interpreted
-
-    @cached_property
-    def _machine_code(self) -> CompiledSamples:
-        return self._samples(is_long=True)
-
-    @cached_property
-    def _interpreted(self) -> CompiledSamples:
-        return self._samples(is_long=False)
-
-    def _samples(self, *, is_long: bool) -> CompiledSamples:
-        """Return the policy and the aircraft, as machine code for long flights."""
-        on_rows = row_code if is_long else RowFunction
-        actor = self.deployed.deployment.actor
-        outputs = on_rows(actor.function)
-        network = actor.rows or (lambda rows: outputs(rows)[0])
-        stepper = Ticks(self.tick(), self.dt, is_long=is_long)
-        return CompiledSamples(self, on_rows(self.entering()), network, stepper)
+        is_long = flights * seconds / self.dt >= COMPILE_FROM or True in self._compiled
+        if is_long not in self._compiled:
+            on_rows = row_code if is_long else RowFunction
+            actor = self.deployed.deployment.actor
+            outputs = on_rows(actor.function)
+            network = actor.rows or (lambda rows: outputs(rows)[0])
+            stepper = Ticks(self.tick(), self.dt, is_long=is_long)
+            entering = on_rows(self.entering())
+            self._compiled[is_long] = CompiledSamples(self, entering, network, stepper)
+        return self._compiled[is_long]
 
 
 def commands_of_network(deployed: Deployed) -> ca.Function:
