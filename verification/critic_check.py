@@ -252,13 +252,12 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
             "the policy has a nonsmooth point at the trim, and K has the mean slopes of both sides"
         )
     if finding is not None and finding.other_error <= limit:
-        return finding.says
-    of_slopes = ""
-    if not is_gain_right(critic.K, exact, limit):
-        of_slopes = reason_for(exact, critic, limit)
+        return finding.says  # it explains all errors of u
+    is_right = is_gain_right(critic.K, exact, limit)
+    mistake_in_K = "" if is_right else reason_for(exact, critic, limit)
     if finding is None:
-        return of_slopes
-    others = of_slopes or f"otherwise the policy is off by {finding.other_error:.2g}"
+        return mistake_in_K
+    others = mistake_in_K or f"otherwise the policy is off by {finding.other_error:.2g}"
     return f"{finding.says}; {others}"
 
 

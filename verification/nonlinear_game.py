@@ -192,7 +192,7 @@ def compare_with_nonlinear(
 
     Raises BadInputError if the aircraft or the critic has no power series at the trim.
     """
-    widths = np.sqrt(np.diag(np.linalg.inv(solution.P)))
+    widths = np.sqrt(np.diag(np.linalg.inv(solution.P)))  # of the set V2 <= 1
     report = progress or (lambda *_: None)
     report(0, 3, "power series")
     terms = _terms(critic, widths)
@@ -261,14 +261,14 @@ def _degree_error(
 def _terms(critic: Critic, widths: np.ndarray) -> dict[str, dict[int, np.ndarray]]:
     """Return the critic's weights, "V" or "u" -> degree -> those of all monomials, (k, M)."""
     terms = {}
-    last = ORDER
+    degree_of_value = ORDER
     if critic.weights is not None and critic.basis is not None:
         terms["V"] = _terms_of_weights(critic)
-        last = max(terms["V"])
+        degree_of_value = max(terms["V"])
     elif critic.value is not None:
         terms["V"] = _terms_of_function(critic.value, range(LOWEST, ORDER + 1), widths)
     if _is_policy_given(critic):
-        terms["u"] = _terms_of_function(critic.policy, range(1, last), widths)
+        terms["u"] = _terms_of_function(critic.policy, range(1, degree_of_value), widths)
     return terms
 
 

@@ -141,7 +141,7 @@ def continuous(game: Game) -> Game | None:
 def _nearest(
     family: Family, of: str, given: np.ndarray, sizes: np.ndarray
 ) -> tuple[str, np.ndarray] | None:
-    """Return the game of a family of which P or K is nearest a given one, by Gauss and Newton."""
+    """Return a sentence on the game of a family with the nearest P or K, and this, or None."""
 
     def game_at(logarithm: float) -> Game:
         return family.game(family.middle * math.exp(logarithm))
@@ -152,27 +152,27 @@ def _nearest(
             return (_candidate(game_at(logarithm), of) - given) / sizes
         return np.full(given.shape, math.inf)
 
-    size = np.linalg.norm
-    errors = [errors_at(logarithm) for logarithm in _GRID]
-    best = int(np.argmin([*map(size, errors)]))
-    if not (np.isfinite(size(errors[best])) and 0 < best < len(_GRID) - 1):
+    norm = np.linalg.norm
+    errors_on_grid = [errors_at(logarithm) for logarithm in _GRID]
+    best = int(np.argmin([*map(norm, errors_on_grid)]))
+    if not (np.isfinite(norm(errors_on_grid[best])) and 0 < best < len(_GRID) - 1):
         return None
-    place, now, most = _GRID[best], errors[best], _GRID[1] - _GRID[0]
-    for _ in range(_STEPS):
+    logarithm, errors, longest = _GRID[best], errors_on_grid[best], _GRID[1] - _GRID[0]
+    for _ in range(_STEPS):  # of Gauss and Newton
         with np.errstate(all="ignore"):  # a slope of inf or 0 ends the search
-            slope = (errors_at(place + _DIFFERENCE) - now) / _DIFFERENCE
-            step = np.clip(-np.vdot(slope, now) / np.vdot(slope, slope), -most, most)
+            slope = (errors_at(logarithm + _DIFFERENCE) - errors) / _DIFFERENCE
+            step = np.clip(-np.vdot(slope, errors) / np.vdot(slope, slope), -longest, longest)
         if not abs(step) > _ACCURACY:
             break
         for part in _PARTS:
-            if size(after := errors_at(place + part * step)) < size(now):
+            if norm(after := errors_at(logarithm + part * step)) < norm(errors):
                 break
         else:
-            break
-        place, now = place + part * step, after
+            break  # no part of the step comes nearer
+        logarithm, errors = logarithm + part * step, after
     with suppress(NoSolutionError, BadInputError):
-        nearest = getattr(solve(game_at(place)), of)
-        return family.says(family.middle * math.exp(place)), nearest
+        nearest = getattr(solve(game_at(logarithm)), of)
+        return family.says(family.middle * math.exp(logarithm)), nearest
     return None
 
 

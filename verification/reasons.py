@@ -201,10 +201,11 @@ def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
     states = _sizes_of_states(exact)
     weights = np.diag(exact.suboptimality_weight)
     inputs = np.sqrt(np.where(weights > 0.0, weights, 1.0))
-    priced = exact.K * inputs[:, None] / states
-    columns = floored(np.linalg.norm(priced, axis=0))
-    rows = floored(np.linalg.norm(priced / columns, axis=1))
-    return Compared.of("K", K, exact, np.outer(rows / inputs, columns * states), limit)
+    in_units = exact.K * inputs[:, None] / states  # of √R_ii u_i and √P_jj z_j
+    column_sizes = floored(np.linalg.norm(in_units, axis=0))
+    row_sizes = floored(np.linalg.norm(in_units / column_sizes, axis=1))
+    sizes = np.outer(row_sizes / inputs, column_sizes * states)
+    return Compared.of("K", K, exact, sizes, limit)
 
 
 def _of_value(game: Game, values: Compared) -> Iterator[Mistake]:
@@ -244,11 +245,12 @@ def _order_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
 
 
 def _factors_of_states(values: Compared) -> np.ndarray:
-    """Return the factor on each state that the diagonal of P and its signs suggest, (n,)."""
+    """Return the factor on each state that the diagonal and the signs of P suggest, (n,)."""
     # P tells only products of two signs, the largest best; most states have the right sign.
     products = values.given * values.exact / values.sizes**2
     signs = np.zeros(len(products))
     while not signs.all():
+        # Of a block of states that no product links with others, the first sign is a guess.
         block = np.arange(len(signs)) == np.argmin(np.abs(signs))
         signs[block] = 1.0
         while True:
@@ -323,8 +325,8 @@ def _of_rows(
     noun: str, units: Mapping[str, float], given: np.ndarray, exact: np.ndarray
 ) -> Iterator[Mistake]:
     """Yield that the rows of K are in another order, or that some have a wrong sign or unit."""
-    columns = floored(np.abs(exact).max(axis=0))
-    rows, exact_rows = given / columns, exact / columns
+    column_sizes = floored(np.abs(exact).max(axis=0))
+    rows, exact_rows = given / column_sizes, exact / column_sizes
     order = _assigned(np.sum((rows[:, None] - exact_rows) ** 2, axis=-1))
     yield Mistake(_order_text(noun, order), given[np.argsort(order)])
     with np.errstate(all="ignore"):

@@ -225,11 +225,11 @@ def check_pair(model: LinearModel, published: PublishedModel) -> RegeneratedPair
     printed = _spectrum(published.A)
     computed = _spectrum(model.A)
     errors = eigenvalue_errors(computed, printed)
-    slow = np.abs(printed) < SLOW
+    is_slow = np.abs(printed) < SLOW
     worst = max(entries, key=lambda entry: abs(entry.half_units))
     off = f"{worst.name} is {worst.computed:.6g}, printed {worst.printed:.6g}"
-    fast = float((errors / np.abs(printed))[~slow].max())
-    slowly = float(errors[slow].max(initial=0.0))
+    fast_error = float((errors / np.abs(printed))[~is_slow].max())
+    slow_error = float(errors[is_slow].max(initial=0.0))
     modes = "modes differ from those of the printed A"
     unstable = [int(np.count_nonzero(poles.real > 0)) for poles in (printed, computed)]
     count = (
@@ -238,11 +238,14 @@ def check_pair(model: LinearModel, published: PublishedModel) -> RegeneratedPair
     checks = (
         at_most("largest entry error, half units", abs(worst.half_units), MOST_HALF_UNITS, off),
         at_most(
-            "fast eigenvalues, relative error", fast, MOST_EIGENVALUE_ERROR, f"the fast {modes}"
+            "fast eigenvalues, relative error",
+            fast_error,
+            MOST_EIGENVALUE_ERROR,
+            f"the fast {modes}",
         ),
         at_most(
             "slow eigenvalues, absolute error, 1/s",
-            slowly,
+            slow_error,
             MOST_SLOW_EIGENVALUE_ERROR,
             f"the slow {modes}",
         ),

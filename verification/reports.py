@@ -266,7 +266,7 @@ def _farthest_entries(
         "P": float(np.abs(verdict.exact.P).max()) or 1.0,
         "K": float(np.abs(verdict.exact.K).max()) or 1.0,
     }
-    candidates = [
+    candidates = [  # without the lower triangle of P
         entry
         for entry in entries
         if entry[0] == "K" or states.index(entry[1]) <= states.index(entry[2])

@@ -1,4 +1,4 @@
-"""Size of the neighbourhood of the trim in which a value agrees with simulated flights."""
+"""Size of the neighborhood of the trim in which a value agrees with simulated flights."""
 
 from __future__ import annotations
 
@@ -257,12 +257,12 @@ class _Search:
         return (SHARE / nonzero[d]) ** (1.0 / (d - 2))
 
     def _agrees(self, y: np.ndarray, degree: int) -> bool:
-        """Return whether the value agrees with the cost of all flights from y, z'Pz = |y|²."""
+        """Return whether the value agrees with the cost of all flights from y, (N, n)."""
         return bool(np.all(self._errors(y, degree) <= SHARE))
 
     def _errors(self, y: np.ndarray, degree: int) -> np.ndarray:
-        """Return the errors of the value, relative to the cost of flights, inf if they diverge."""
-        z = np.linalg.solve(self.expansion.root.T, y.T).T
+        """Return the error of the value for each flight from y, (N,), inf if it diverges."""
+        z = np.linalg.solve(self.expansion.root.T, y.T).T  # z'Pz = |y|²
         costs = self.flights.costs(z)
         values = np.array(self.expansion.value_to(degree)(z.T))[0]
         return _relative_errors(values, costs)

@@ -94,7 +94,7 @@ class QLearner:
         """Compute what all iterations use, in (x, u, w) of size 1."""
         size = self.begins.shape[1]
         self.scales = root_mean_square(self.begins)
-        self.squares = np.outer(self.scales, self.scales)
+        self.products_of_scales = np.outer(self.scales, self.scales)
         self.ends = self.begins @ plant_of(self.game, size).T
         self.psi = basis("quadratic", size)
         self.features = self.psi.psi(self.begins / self.scales)
@@ -108,7 +108,7 @@ class QLearner:
         Raises NoSolutionError if w gains more than it costs, or if the value diverges.
         """
         self.iterations += 1
-        H = self.psi.matrix(self.inverse @ (self.costs + self._after(P))) / self.squares
+        H = self.psi.matrix(self.inverse @ (self.costs + self._after(P))) / self.products_of_scales
         is_moderate = bool(np.abs(H).max() <= LARGEST_CRITIC_ENTRY)
         if is_moderate and self.has_saddle(H):
             return H
@@ -135,12 +135,12 @@ class QLearner:
         features_after = self.psi.psi(self.ends @ np.vstack(rows).T / self.scales)
         equations = np.eye(self.psi.size) - self.game.discount * self.inverse @ features_after
         weights = np.linalg.solve(equations, self.inverse @ self.costs)
-        return self.psi.matrix(weights) / self.squares
+        return self.psi.matrix(weights) / self.products_of_scales
 
     def has_saddle(self, H: np.ndarray) -> bool:
         """Return whether the quadratic form of H has a minimum over u and a maximum over w."""
         n, m = self.game.B.shape
-        scaled = H * self.squares
+        scaled = H * self.products_of_scales
         of_inputs, of_disturbances = scaled[n : n + m, n : n + m], scaled[n + m :, n + m :]
         return is_definite(of_inputs) and (
             not of_disturbances.size or is_definite(-of_disturbances)
@@ -155,7 +155,7 @@ class QLearner:
         before, after: H of consecutive iterations
         """
         n = len(self.game.A)
-        last, now = ((H * self.squares)[:n, :n] for H in (before, after))
+        last, now = ((H * self.products_of_scales)[:n, :n] for H in (before, after))
         if np.abs(now - last).max() > SETTLED * np.abs(now).max() or not self.has_saddle(after):
             return False
         policies = q_extremum(self.game, after)

@@ -64,7 +64,7 @@ class End(NamedTuple):
     outcome: CONVERGED if all flights converge, LEFT if one diverges, otherwise UNDECIDED, by the
         end of the clock
     times: durations, s or steps, (N,)
-    z: last states minus the equilibrium, (N, n)
+    z: last states, (N, n), minus the equilibrium unless a flight diverges or there is none
     costs: (N,)
     """
 
@@ -74,7 +74,7 @@ class End(NamedTuple):
     costs: np.ndarray
 
 
-class Changes(Protocol):
+class Simulator(Protocol):
     """How rows [z, cost] of flights change in a tick.
 
     tick: duration, s or steps
@@ -87,16 +87,18 @@ class Changes(Protocol):
     most_steps: int
 
     def after(self, rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
-        """Return the rows after a tick, nan where a flight diverges, and the number of steps.
+        """Return the rows after a tick, nan where a flight diverges, and the number of its steps.
+
+        If the tick fails or takes more than `most` steps, the rows are unchanged and the number is
+        0.
 
         rows: (N, n + 1)
         time: when the tick begins
-        most: largest number of steps; if the tick takes more, the rows are the first ones
         """
 
 
 class Rates:
-    """Changes of z' = f(z), by LSODA with error control.
+    """Simulator of z' = f(z), by LSODA with error control.
 
     closed: Function [z; cost] -> (its rate, V*)
     largest: V* above which a flight diverges
@@ -123,7 +125,7 @@ class Rates:
         from scipy.integrate import odeint
 
         shares = np.abs(rows / self._sizes).max(axis=1, keepdims=True)
-        band = rows.shape[1] - 1  # no flight acts on another
+        band = rows.shape[1] - 1  # of the Jacobian: no flight acts on another
         function, order = of_rows(self._closed, len(rows), len(rows) >= _MANY_ROWS)
         bound = BoundFunction(function)
         state, rate = (
@@ -154,12 +156,12 @@ class Rates:
         except FloatingPointError:
             return np.full(rows.shape, np.nan), 0
         if report["message"] != "Integration successful.":
-            return rows, most
+            return rows, 0
         return reached.reshape(rows.shape), int(report["nst"][-1])
 
 
 class Steps:
-    """Changes of z⁺ = f(z), with the cost Σ αᵏ of each step.
+    """Simulator of z⁺ = f(z), whose cost is the sum of αᵏ times that of step k.
 
     closed: Function z -> (z⁺, cost of the step)
     discount: α
@@ -190,19 +192,19 @@ class Loop:
     A flight ends when V* = z'Pz has decreased to `OF_VALUE` of its first value, when it has
     increased beyond `largest`, or when the clock ends.
 
-    changes: of the rows [z, cost] in a tick
+    simulator: of the rows [z, cost]
     P: matrix of V*, (n, n)
     equilibrium: equilibrium near z = 0, (n,), or None if none is found
     largest: V* above which the loop diverges
-    by_exact: matrix of the exact loop in discrete time, (n, n), or None. A slow loop also converges
-        if V* is at most `OF_EXACT` times that of the exact loop at the end of the clock
+    exact_step: matrix of the exact loop in discrete time, (n, n), or None. A slow loop also
+        converges if V* is at most `OF_EXACT` times that of the exact loop at the end of the clock
     """
 
-    changes: Changes
+    simulator: Simulator
     P: np.ndarray
     equilibrium: np.ndarray | None
     largest: float
-    by_exact: np.ndarray | None = None
+    exact_step: np.ndarray | None = None
 
     def simulate(self, starts: np.ndarray) -> End:
         """Simulate the flights from initial states (N, n), until one diverges.
@@ -215,21 +217,25 @@ class Loop:
             return End(FlightOutcome.UNDECIDED, times, rows[:, :-1], rows[:, -1])
         initial = self._value(starts - self.equilibrium)
         flying = np.arange(len(starts))
-        time, steps_left = 0.0, self.changes.most_steps
-        while flying.size and steps_left > 0 and time < self.changes.longest:
-            rows[flying], used = self.changes.after(rows[flying], time, steps_left)
-            steps_left -= used
+        time, steps_left = 0.0, self.simulator.most_steps
+        while flying.size and steps_left > 0 and time < self.simulator.longest:
+            rows[flying], steps = self.simulator.after(rows[flying], time, steps_left)
             if not (self._value(rows[flying, :-1]) <= self.largest).all():
                 return End(FlightOutcome.LEFT, times, rows[:, :-1], rows[:, -1])
-            time += self.changes.tick
+            if not steps:
+                break
+            steps_left -= steps
+            time += self.simulator.tick
             times[flying] = time
             now = self._value(rows[flying, :-1] - self.equilibrium)
             flying = flying[~has_decayed(now, initial[flying], OF_VALUE)]
         z = rows[:, :-1] - self.equilibrium
-        if self.by_exact is not None and flying.size:
-            by_exact = np.linalg.matrix_power(self.by_exact, round(time))
-            exact = (starts[flying] - self.equilibrium) @ by_exact.T
-            flying = flying[~has_decayed(self._value(z[flying]), self._value(exact), OF_EXACT)]
+        if self.exact_step is not None and flying.size:
+            # Where the exact loop is slow too, a loop that is about as fast converges.
+            exact_steps = np.linalg.matrix_power(self.exact_step, round(time))
+            z_of_exact = (starts[flying] - self.equilibrium) @ exact_steps.T
+            has_converged = has_decayed(self._value(z[flying]), self._value(z_of_exact), OF_EXACT)
+            flying = flying[~has_converged]
         outcome = FlightOutcome.UNDECIDED if flying.size else FlightOutcome.CONVERGED
         return End(outcome, times, z, rows[:, -1])
 
@@ -275,15 +281,15 @@ def _linear_loop(
     b: np.ndarray,
     disturbance_gain: np.ndarray | None = None,
 ) -> Loop:
-    """Return the loop z' = A z + B u of a policy, its cost with the gain of a disturbance."""
+    """Return the loop z' = A z + B u of a policy, with the cost J - V*, or 0 without a gain."""
     game, z = exact.game, critic.symbols
     u = critic.policy(z)
     change = ca.DM(A) @ z + ca.DM(game.B) @ u
     equilibrium = newton_equilibrium(z, change - z if game.is_discrete else change, b)
     cost = type(z)(0.0)
     if disturbance_gain is not None and equilibrium is not None:
-        at_rest = ca.DM(critic.u(equilibrium))
-        cost = running_suboptimality(exact, disturbance_gain, z - ca.DM(equilibrium), u - at_rest)
+        deviation, u_deviation = z - ca.DM(equilibrium), u - ca.DM(critic.u(equilibrium))
+        cost = running_suboptimality(exact, disturbance_gain, deviation, u_deviation)
     is_slow = not isinstance(z, ca.SX)
     if game.is_discrete:
         step = ca.Function("step", [z], [ca.densify(change), ca.densify(cost)], {"cse": True})
@@ -292,7 +298,7 @@ def _linear_loop(
             P=exact.P,
             equilibrium=equilibrium,
             largest=_far(exact, b),
-            by_exact=A - game.B @ exact.K,
+            exact_step=A - game.B @ exact.K,
         )
     tick = _tick(exact, *(open_loop - game.B @ critic.K for open_loop in (game.A, A)))
     rates, most_steps = ca.vertcat(change, cost), FEW_STEPS if is_slow else STEPS
@@ -313,9 +319,9 @@ def _flow_loop(
     both = ca.vertcat(z, type(z).sym("cost"))
     function = ca.Function("closed", [both], [ca.densify(rates), value], {"cse": True})
     far = _far(exact, b)
-    sizes = np.append(b, far / FAR_OF_VALUE)
-    changes = Rates(function, far, sizes, tick, most_steps)
-    return Loop(changes, P=exact.P, equilibrium=equilibrium, largest=far)
+    sizes = np.append(b, far / FAR_OF_VALUE)  # the cost is as large as V* in the box
+    simulator = Rates(function, far, sizes, tick, most_steps)
+    return Loop(simulator, P=exact.P, equilibrium=equilibrium, largest=far)
 
 
 def _far(exact: Solution, b: np.ndarray) -> float:
@@ -523,7 +529,7 @@ def costs_above_optimum(
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
-    """Return the largest tested multiple of the box from which all simulations converge, or 0."""
+    """Return the largest tested multiple of the box from which `few` flights converge, or 0."""
 
     def converges(size: float) -> bool:
         """Return whether all flights from a multiple of the box converge."""

@@ -67,7 +67,7 @@ def finding_of_policy(
     states *= box
     u = critic.u(states)
     bias = critic.u(np.zeros(len(box)))
-    sizes = np.maximum(np.abs(exact.K) @ box, np.finfo(float).tiny)
+    sizes = np.maximum(np.abs(exact.K) @ box, np.finfo(float).tiny)  # of the largest exact u
     errors = np.abs(u - bias + states @ exact.K.T) / sizes  # the exact u is -K z
     if np.all(u == u[0]):
         return Finding("the policy never moves an input: u is the same in the whole box")
@@ -105,7 +105,7 @@ def _squashed(critic: Critic, exact: Solution, box: np.ndarray, limit: float) ->
     """Return that inputs with right slopes stay below the exact ones where these are largest."""
     if not is_gain_right(critic.K, exact, limit):
         return None
-    corners = -box * np.where(exact.K < 0.0, -1.0, 1.0)
+    corners = -box * np.where(exact.K < 0.0, -1.0, 1.0)  # row i has the largest exact u_i
     texts = [
         f"{name} is {reached:.4g}{_unit_text(unit)}, where the exact one is {size:.4g}"
         for name, unit, reached, size in zip(
@@ -238,16 +238,17 @@ def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple
 
     The kinds are "value", "gradient" and "policy", as far as the critic has them. Errors of V are
     relative to b'|P| b, an upper bound on the exact V in the box. Other errors are relative to the
-    largest exact dV/dz_i or u_i in the box, bounded below (`floored`), those of u by the weights
-    of the inputs. The constant of V is subtracted, because no policy depends on it.
+    largest exact dV/dz_i or u_i in the box, bounded below (`floored`). The constant of V is
+    subtracted, because no policy depends on it.
     """
     P, K = exact.P, exact.K
     weights = np.sqrt(np.diag(exact.suboptimality_weight))
-    of_policy = floored(weights * (np.abs(K) @ b)) / weights
+    # The floor compares sqrt(weight) u of the inputs, so that it does not depend on their units.
+    sizes_of_u = floored(weights * (np.abs(K) @ b)) / weights
     table = (
         ("value", critic.value, ca.bilin(ca.DM(P), z, z), np.atleast_1d(b @ np.abs(P) @ b)),
         ("gradient", critic.gradient, 2.0 * ca.DM(P) @ z, floored(2.0 * np.abs(P) @ b)),
-        ("policy", critic.policy, -ca.DM(K) @ z, of_policy),
+        ("policy", critic.policy, -ca.DM(K) @ z, sizes_of_u),
     )
     kinds, errors = [], []
     for kind, function, right, sizes in table:

@@ -18,13 +18,7 @@ import numpy as np
 
 from controller.critic.network.declared import ActionBox, Declared, Normalizer, notes_on_statistics
 from controller.critic.network.layers import activation_named, has_word, is_deviation, is_of_critic
-from controller.critic.network.tensors import (
-    Inert,
-    checked_tensors,
-    flattened,
-    torch_content,
-    unpickled,
-)
+from controller.critic.network.tensors import Inert, flattened, torch_content, unpickled
 from hfa_support.errors import (
     BadInputError,
     file_faults,
@@ -303,7 +297,8 @@ def is_stable_baselines(path: Path) -> bool:
 
 
 def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Declared]:
-    """Return the tensors of a zip of Stable-Baselines3, and what it states of its policy.
+    """Return the tensors of a zip of Stable-Baselines3, not checked, and what it states of its
+    policy.
 
     Raises BadInputError for a policy that is no feed-forward network of a vector.
     """
@@ -314,11 +309,10 @@ def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Declared]:
             'the member "data" of the zip file is not a dictionary; save the model again'
         )
     tensors = flattened(torch_content(members["policy.pth"]))
-    doubles, _ = checked_tensors(tensors)
-    return tensors, _declared_in(data, doubles)
+    return tensors, _declared_in(data, tensors)
 
 
-def _declared_in(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Declared:
+def _declared_in(data: Mapping[str, Any], tensors: Tensors) -> Declared:
     """Return what the member `data` of a zip states of the policy with these tensors."""
     actions = _stored_box(data, "action_space", "actions")
     settings = _settings_of(data)
@@ -369,7 +363,7 @@ def _action_box(
     return ActionBox(squash, actions.low, actions.high, clip_mean or math.inf)
 
 
-def _class_of(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Layout:
+def _class_of(data: Mapping[str, Any], tensors: Tensors) -> Layout:
     """Return the class of a policy. Raises BadInputError for one that is not supported."""
     names = " ".join(tensors)
     if "features_extractor." in names:

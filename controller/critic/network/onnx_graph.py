@@ -202,7 +202,8 @@ def graph_functions(
     path: path of the file
     states: number of states of the plant
     inputs: number of inputs of the plant
-    outputs: requested kind -> name of an output of the graph, or "" for all
+    outputs: kind -> name of an output, "" for the usual name of that kind; the kind "" takes all
+        outputs by their names
 
     Raises BadInputError if the package onnx is missing or the graph is not supported.
     """

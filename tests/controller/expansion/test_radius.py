@@ -1,4 +1,4 @@
-"""The neighbourhood in which a value agrees with simulated flights of both players."""
+"""The neighborhood in which a value agrees with simulated flights of both players."""
 
 import math
 from functools import lru_cache

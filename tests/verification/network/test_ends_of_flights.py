@@ -3,10 +3,13 @@
 import math
 
 import casadi as ca
+import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from hfa import Game, from_network, solve, verify
+from hfa_aircraft.batch_simulation import FlightOutcome
+from verification.network.loops import Loop, Rates
 
 FLOW = Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
 STEP = Game([[1.1]], [[0.1]], Q=[0.1], R=[0.1], dt=0.1)
@@ -80,3 +83,16 @@ def test_a_flight_that_neither_converges_nor_diverges_is_not_decided(game, unit)
     assert reason.endswith(unit)
     assert reason in verdict.headline
     assert verdict.to_dict()["network"]["undecided_at"] > 50.0
+
+
+def test_a_flight_that_runs_out_of_steps_ends_with_its_last_whole_tick():
+    """An oscillation takes as many steps in each tick. A third tick takes more than are left."""
+    x = ca.SX.sym("x", 3)
+    closed = ca.Function("closed", [x], [ca.vertcat(50.0 * x[1], -50.0 * x[0], 0.0), x[0] ** 2])
+    start, tick = np.array([[1.0, 0.0]]), 2.0
+    simulator = Rates(closed, math.inf, np.ones(3), tick, 20_000)
+    _, steps = simulator.after(np.array([[1.0, 0.0, 0.0]]), 0.0, 20_000)
+    simulator.most_steps = int(2.5 * steps)
+    end = Loop(simulator, np.eye(2), np.zeros(2), math.inf).simulate(start)
+    assert end.outcome is FlightOutcome.UNDECIDED
+    assert end.times == [2.0 * tick]
