@@ -57,8 +57,8 @@ class Estimate(NamedTuple):
 
     def packed(self) -> ca.SX:
         """Return the memory of the filter, (memory_size,)."""
-        counts = [self.missed, self.begun, self.share]
-        return ca.vertcat(self.x, *counts, self.last, _triangle(self.P), _triangle(self.G))
+        of_both = _triangle(self.P), _triangle(self.G)
+        return ca.vertcat(self.x, self.missed, self.begun, self.share, self.last, *of_both)
 
 
 def _triangle(P: ca.SX) -> ca.SX:
@@ -99,15 +99,8 @@ def estimate_in(known: KalmanFilter, memory: ca.SX) -> Estimate:
     return Estimate(x, P, G, missed, begun, share, last)
 
 
-class Updated(NamedTuple):
-    """Estimate at a sample, and 1 if a value of the sample was not used."""
-
-    estimate: Estimate
-    is_left_out: ca.SX
-
-
-def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> Updated:
-    """Return the estimate with the measured deviations y, (p,).
+def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> tuple[Estimate, ca.SX]:
+    """Return the estimate with the measured deviations y, (p,), and 1 if a value was not used.
 
     A value that is not finite is missing, and so is one that equals the last one to the bit: it is
     frozen. A missing or impossible value is left out. In flight, the estimate begins at the first
@@ -143,7 +136,7 @@ def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> Upd
         share=ca.if_else(ca.logic_or(begins, waits), fading, faded),
         last=ca.if_else(ca.fabs(y) <= _FINITE, y, before.last),
     )
-    return Updated(estimate, ca.if_else(begins, 0, sum(gate.is_used) < len(known.sensors)))
+    return estimate, ca.if_else(begins, 0, sum(gate.is_used) < len(known.sensors))
 
 
 class _Gate(NamedTuple):
@@ -234,8 +227,8 @@ def _at_values(
     for place, (row, variance) in enumerate(_rows_and_variances(known)):
         given = is_given[place]
         x[row] = ca.if_else(given, y[place], x[row])
-        for other in range(x.numel()):
-            P[row, other] = P[other, row] = ca.if_else(given, 0.0, P[row, other])
+        P[row, :] = ca.if_else(given, 0.0, P[row, :])
+        P[:, row] = P[row, :].T
         P[row, row] = ca.if_else(given, variance, P[row, row])
     x[air] = ca.if_else(in_flight, -ca.mtimes(ca.DM(of_flow), x[:k]), 0.0)
     return x, P
@@ -251,19 +244,15 @@ def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX) -> Esti
     Phi: their derivatives by the states of the estimate, (n, n)
     """
     is_finite = ca.sumsqr(x) <= _FINITE
-    prediction = _prediction(known, Phi)
+    n = Phi.shape[0]
+    # [triangle of P; entries of Φ] -> triangle of Φ P Φ' + Q
+    triangle, slopes = ca.SX.sym("P", n * (n + 1) // 2), ca.SX.sym("Phi", Phi.sparsity())
+    after = ca.mtimes(ca.mtimes(slopes, _symmetric(triangle, n)), slopes.T) + known.Q
+    given = ca.vertcat(triangle, slopes.nz[:])
+    prediction = ca.Function("prediction", [given], [_triangle(after)], _CALLED)
     P, is_known = _predicted_covariance(known, prediction, now.P, Phi, is_finite)
     G, _ = _predicted_covariance(known, prediction, now.G, Phi, is_finite)
     return now._replace(x=ca.if_else(is_known, x, now.x), P=P, G=G)
-
-
-def _prediction(known: KalmanFilter, Phi: ca.SX) -> ca.Function:
-    """Return the function [triangle of P; entries of Φ] -> triangle of Φ P Φ' + Q."""
-    n = Phi.shape[0]
-    triangle, slopes = ca.SX.sym("P", n * (n + 1) // 2), ca.SX.sym("Phi", Phi.sparsity())
-    P = ca.mtimes(ca.mtimes(slopes, _symmetric(triangle, n)), slopes.T) + known.Q
-    given = ca.vertcat(triangle, slopes.nz[:])
-    return ca.Function("prediction", [given], [_triangle(P)], _CALLED)
 
 
 def _predicted_covariance(
@@ -297,16 +286,11 @@ def extended_step(known: KalmanFilter, seconds: float) -> ca.Function:
     derivatives = ca.vertcat(rates, ca.DM(known.A[k:, k:]) @ x[k:])
     J = ca.jacobian(derivatives, x, _BACKWARD) * (seconds / parts)
     step = step_of_integration(layout, model.linear, known.winds)
-    Phi = part = _exponential(J)
+    identity, square = ca.SX.eye(len(known.Phi)), ca.mtimes(J, J)
+    Phi = part = identity + J + ca.mtimes(square, identity / 2 + J / 6 + square / 24)
     for _ in range(parts - 1):
         Phi = ca.mtimes(part, Phi)
     for _ in range(parts):
         X = step(ca.densify(ca.vertcat(X, rest, seconds / parts)))
     after = ca.vertcat((X - point.x)[rows], ca.mtimes(Phi[k:, k:], x[k:]))
     return ca.Function("extended", [x, u], [after, Phi])
-
-
-def _exponential(A: ca.SX) -> ca.SX:
-    """Return exp(A) to the fourth power of A."""
-    identity, square = ca.SX.eye(A.shape[0]), ca.mtimes(A, A)
-    return identity + A + ca.mtimes(square, identity / 2 + A / 6 + square / 24)

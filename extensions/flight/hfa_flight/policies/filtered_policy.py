@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -110,23 +110,6 @@ class _Functions(NamedTuple):
     propagated: BoundFunction
     seen: BoundFunction
     deviations: BoundFunction
-
-
-def _functions_of(known: KalmanFilter, fade: float) -> _Functions:
-    """Return the functions of a filter."""
-    n, k = len(known.Phi), len(known.states)
-    memory, y = ca.SX.sym("memory", memory_size(known)), ca.SX.sym("y", len(known.sensors))
-    x, Phi = ca.SX.sym("x", n), ca.SX.sym("Phi", n, n)
-    before = estimate_in(known, memory)
-    now = updated(known, before, y, fade)
-    later = propagated(known, before, x, Phi)
-    shares = [now.is_left_out, now.estimate.share]
-    return _Functions(
-        _bound("updated", [memory, y], [now.estimate.packed(), *shares]),
-        _bound("propagated", [memory, x, Phi], [later.packed()]),
-        _bound("seen", [x], [known.seen(x)]),
-        _bound("deviations", [memory], [ca.sqrt(ca.diag(before.P)[:k])]),
-    )
 
 
 def _bound(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> BoundFunction:
@@ -374,37 +357,26 @@ class FilteredPolicy(SampledPolicy):
         """
         now = _Prediction(x, np.eye(len(x)))
         for since, duration in acting_commands(self.delay, self.dt, seconds):
-            after = self._after(now.x, commands[-1 - since], duration)
-            now = _Prediction(after.x, after.Phi @ now.Phi)
+            after, slopes = _model(self.filter, round(duration, 12)).at(now.x, commands[-1 - since])
+            now = _Prediction(after, slopes.reshape(len(x), -1, order="F") @ now.Phi)
         return now
-
-    def _after(self, x: np.ndarray, u: np.ndarray, seconds: float) -> _Prediction:
-        """Return the states of the filter after some seconds, at most a sample.
-
-        x: states of the filter, (n,)
-        u: deviations of the acting inputs from the trim, (m,)
-        """
-        after, slopes = self._model(seconds).at(x, u)
-        return _Prediction(after, slopes.reshape(len(x), -1, order="F"))
-
-    def _model(self, seconds: float) -> BoundFunction:
-        """Return the function (x, u) -> (x, slopes) after some seconds, at most a sample."""
-        key = round(seconds / self.dt, 6)
-        if key not in self._model_of_share:
-            step = extended_step(self.filter, seconds)
-            arguments = step.sx_in()
-            self._model_of_share[key] = _bound("extended", arguments, step.call(arguments))
-        return self._model_of_share[key]
-
-    @cached_property
-    def _model_of_share(self) -> dict[float, BoundFunction]:
-        """Share of a sample -> model of this time."""
-        return {}
 
     @cached_property
     def _functions(self) -> _Functions:
         """Functions of the filter, made at the first sample."""
-        return _functions_of(self.filter, self.fade)
+        known = self.filter
+        n, k = len(known.Phi), len(known.states)
+        memory, y = ca.SX.sym("memory", memory_size(known)), ca.SX.sym("y", len(known.sensors))
+        x, Phi = ca.SX.sym("x", n), ca.SX.sym("Phi", n, n)
+        before = estimate_in(known, memory)
+        now, is_left_out = updated(known, before, y, self.fade)
+        later = propagated(known, before, x, Phi)
+        return _Functions(
+            _bound("updated", [memory, y], [now.packed(), is_left_out, now.share]),
+            _bound("propagated", [memory, x, Phi], [later.packed()]),
+            _bound("seen", [x], [known.seen(x)]),
+            _bound("deviations", [memory], [ca.sqrt(ca.diag(before.P)[:k])]),
+        )
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
         """Return the policy and the scenario with ticks that divide samples and delays.
@@ -481,9 +453,17 @@ class FilteredPolicy(SampledPolicy):
         """Return the fields, without functions that are made at the next sample."""
         memory = replace(self._memory, law=None, waiting=[*self._memory.waiting])
         fields = {**self.__dict__, "_memory": memory}
-        for made in ("_model_of_share", "_functions", "_sample"):
+        for made in ("_functions", "_sample"):
             fields.pop(made, None)
         return fields
+
+
+@lru_cache(maxsize=16)
+def _model(known: KalmanFilter, seconds: float) -> BoundFunction:
+    """Return the function (x, u) -> (x, slopes) after some seconds, at most a sample."""
+    step = extended_step(known, seconds)
+    arguments = step.sx_in()
+    return _bound("extended", arguments, step.call(arguments))
 
 
 def own_sample_time(policy: Policy, otherwise: float) -> float:

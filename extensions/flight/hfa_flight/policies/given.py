@@ -81,8 +81,11 @@ def policy_of_file(
         at = condition or usual_condition(point.model).at
         return scheduled_gains(f"gains of {path}", schedule, point, at, commands)
     critic = critic_in(path, game or _without_cost(point.linearize()), reading)
-    if game is None:
-        _refuse_value(path, critic)
+    if game is None and critic.slope_gain is not None:
+        raise BadInputError(
+            f"{path}: the policy of this value depends on the cost; give hfa.read_critic(FILE, "
+            "game) in place of the file"
+        )
     if not critic.has_linear_policy:
         # notes on a game without a cost say nothing
         declared = critic.declared if game or kind == NETWORK else NOTHING
@@ -95,15 +98,6 @@ def _without_cost(linear: LinearModel) -> Game:
     """Return a game with the states and inputs of a linear model, whose cost means nothing."""
     n, m = np.shape(linear.B)
     return Game(linear.A, linear.B, Q=np.ones(n), R=np.ones(m), names=names_of_linear(linear))
-
-
-def _refuse_value(path: Path, critic: Critic) -> None:
-    """Raise BadInputError if the policy of a critic follows from its value, and thus from R."""
-    if critic.slope_gain is not None:
-        raise BadInputError(
-            f"{path}: the policy of this value depends on the cost; give hfa.read_critic(FILE, "
-            "game) in place of the file"
-        )
 
 
 _FORMS = (

@@ -54,14 +54,6 @@ class _Plant(NamedTuple):
     W: np.ndarray
 
 
-class _Stationary(NamedTuple):
-    """Covariance P = Φ (P - L C P) Φ' + Q, gain L = P C' (C P C' + I)⁻¹, and relative residual."""
-
-    P: np.ndarray
-    L: np.ndarray
-    residual: float
-
-
 @dataclass(frozen=True, eq=False)
 class KalmanFilter(Result):
     """Stationary filter x⁺ = Φ x̂ + Γ u, x̂ = x + L (y - C x) of the deviations from a trim.
@@ -350,8 +342,13 @@ class _Loop(NamedTuple):
         return np.asarray(np.sqrt(total / max(samples - first_counted, 1)))
 
 
-def _stationary(Phi: np.ndarray, C: np.ndarray, Q: np.ndarray) -> _Stationary:
-    """Return the filter of x⁺ = Φ x + (noise of covariance Q), y = C x + (noise of covariance I).
+def _stationary(
+    Phi: np.ndarray, C: np.ndarray, Q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return P, L and the relative residual of the filter of x⁺ = Φ x + (noise of covariance Q),
+    y = C x + (noise of covariance I).
+
+      P = Φ (P - L C P) Φ' + Q,  L = P C' (C P C' + I)⁻¹
 
     Raises NoSolutionError if the Riccati equation has no solution, or not to _RESIDUAL.
     """
@@ -372,7 +369,7 @@ def _stationary(Phi: np.ndarray, C: np.ndarray, Q: np.ndarray) -> _Stationary:
             f"the Riccati equation of the filter is solved only to {residual:.1e}; leave out "
             "states that no sensor observes"
         )
-    return _Stationary(P, L, residual)
+    return P, L, residual
 
 
 class _Air(NamedTuple):
