@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -19,8 +19,14 @@ if TYPE_CHECKING:
     import control
 
 
-#: Note on every model made from matrices.
+#: Note on every model made from matrices, and on one that was read with its offsets X0, U0.
 LINEAR = "linear plant without limits; its trim is the origin"
+LINEAR_WITH_OFFSETS = "linear plant without limits; its trim has the offsets of the file"
+
+
+def is_linear_plant(model: Model) -> bool:
+    """Return whether a model was made from matrices."""
+    return not {LINEAR, LINEAR_WITH_OFFSETS}.isdisjoint(model.about.notes)
 
 
 def plant_model(
@@ -39,24 +45,68 @@ def plant_model(
     outputs: name of an output -> c (n,) and d (m,) of y = c x + d u. Outputs named like a state are
         ignored.
     """
-    rows = {output: row for output, row in (outputs or {}).items() if output not in names.states}
-
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        rates = {
-            state: _product(A[i], x) + _product(B[i], u) for i, state in enumerate(names.states)
-        }
-        return rates, {output: _product(c, x) + _product(d, u) for output, (c, d) in rows.items()}
-
     states = _signals(names.states, names.state_units)
     inputs = _signals(names.inputs, names.input_units)
+    rows = {
+        output: OutputRow(Signal(), c, d, np.zeros(0)) for output, (c, d) in (outputs or {}).items()
+    }
+    return plant_about(name, states, inputs, {}, (A, B, np.zeros((len(A), 0))), rows, (LINEAR,))
+
+
+class OutputRow(NamedTuple):
+    """Output y = y0 + c (x - x0) + d (u - u0) + f w of a linear plant; y0 is its start value."""
+
+    signal: Signal
+    c: np.ndarray
+    d: np.ndarray
+    f: np.ndarray
+
+
+def plant_about(
+    name: str,
+    states: Mapping[str, Signal],
+    inputs: Mapping[str, Signal],
+    disturbances: Mapping[str, Signal],
+    matrices: tuple[np.ndarray, np.ndarray, np.ndarray],
+    outputs: Mapping[str, OutputRow],
+    notes: tuple[str, ...],
+) -> Model:
+    """Return the model x' = A (x - x0) + B (u - u0) + E w, trimmed at x0 and u0.
+
+    name: name of the model
+    states, inputs: signals, whose start values are x0 and u0
+    disturbances: signals of w
+    matrices: A (n, n), B (n, m) and E (n, l)
+    outputs: name -> row. Outputs named like a state are ignored.
+    notes: notes on the model
+    """
+    A, B, E = matrices
+    rows = {output: row for output, row in outputs.items() if output not in states}
+    x0 = [signal.start for signal in states.values()]
+    u0 = [signal.start for signal in inputs.values()]
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        dx = [value - at for value, at in zip(x, x0, strict=True)]
+        du = [value - at for value, at in zip(u, u0, strict=True)]
+        rates = {
+            state: _product(A[i], dx) + _product(B[i], du) + _product(E[i], w)
+            for i, state in enumerate(states)
+        }
+        values = {
+            output: _product(c, dx) + _product(d, du) + _product(f, w) + signal.start
+            for output, (signal, c, d, f) in rows.items()
+        }
+        return rates, values
+
     return Model(
         name,
         states,
         inputs,
         equations,
-        outputs=dict.fromkeys(rows, Signal()),
-        trim=dict.fromkeys(inputs, 0.0),
-        about=About(notes=(LINEAR,)),
+        outputs={output: row.signal for output, row in rows.items()},
+        disturbances=disturbances,
+        trim=dict(zip(inputs, u0, strict=True)),
+        about=About(notes=notes),
     )
 
 

@@ -29,20 +29,32 @@ def test_lqr_of_matrices_equals_python_control():
             hfa.lqr(*words)
 
 
-def test_a_linear_model_is_read_from_its_file(tmp_path):
-    """A saved linear model is loaded with its matrices, names and units. Another file is refused."""
+@pytest.mark.parametrize("suffix", [".json", ".npz", ".mat"])
+def test_a_linear_model_is_read_from_its_file(tmp_path, suffix):
+    """A saved linear model is loaded with all but the aircraft, which its modes are named after.
+
+    The model that is loaded has these matrices and outputs. Another file is refused.
+    """
     model = hfa.aircraft()
-    linear = hfa.linearize(model, hfa.trim(model))
-    linear.save(tmp_path / "linear.json")
-    again = hfa.LinearModel.load(tmp_path / "linear.json")
-    for name in "ABCD":
-        assert np.array_equal(getattr(again, name), getattr(linear, name))
-    assert (again.states, again.inputs, again.outputs) == (
-        linear.states,
-        linear.inputs,
-        linear.outputs,
-    )
-    assert (again.state_units, again.input_units) == (linear.state_units, linear.input_units)
+    point = hfa.trim(model)
+    outputs = ("vertical_acceleration", "load_factor", "speed")
+    linear = hfa.linearize(model, point, outputs=outputs)
+    file = tmp_path / f"linear{suffix}"
+    linear.save(file)
+    again = hfa.LinearModel.load(file)
+    entries, loaded = linear.to_dict(), again.to_dict()
+    of_aircraft = {"operating_point", "dynamics", "dihedral_deg", "scheduled", "warnings", "modes"}
+    assert {name: loaded.get(name) for name in {*entries} - of_aircraft} == {
+        name: value for name, value in entries.items() if name not in of_aircraft
+    }
+    assert loaded["disturbances"] == ["updraft"]
+    assert loaded["output_units"] == ["ft/s^2", "1", "ft/s"]
+    computed = hfa.linearize(again.model, again.point, outputs=outputs)
+    for name in ("A", "B", "C", "D", "E", "F", "output_offsets"):
+        assert np.array_equal(getattr(computed, name), getattr(linear, name))
+    assert hfa.trim(again.model).values == pytest.approx(again.point.values)
+    again.save(file)
+    assert hfa.LinearModel.load(file).warnings == again.warnings
     linear.point.save(tmp_path / "point.json")
     with pytest.raises(BadInputError, match=r"point\.json is not a linear model"):
         hfa.LinearModel.load(tmp_path / "point.json")

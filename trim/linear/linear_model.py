@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.control_systems import plant_model
+from hfa_aircraft.control_systems import (
+    LINEAR,
+    LINEAR_WITH_OFFSETS,
+    OutputRow,
+    plant_about,
+    plant_model,
+)
 from hfa_aircraft.signals import PlantNames, Signal, StatesAndInputs
 from hfa_support.arguments import ArrayLike
-from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors
-from hfa_support.files import read_json
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors
 from hfa_support.matrices import LARGEST, balanced, checked_matrix, in_order, labels_of, shape_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, Vector, without_empty
 from hfa_support.reporting.rows import ByName, with_names
 from hfa_support.reporting.text import numbered
 from trim.linear.modes import Mode, fastest_first, modes_of
-from trim.point.operating_point import OperatingPoint, origin
+from trim.point.operating_point import OperatingPoint, point_of_plant
 
 if TYPE_CHECKING:
     import control
@@ -157,7 +162,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
             D=output.D,
             states=names.states,
             inputs=names.inputs,
-            point=origin(plant_model(name, names, A, B, rows)),
+            point=point_of_plant(plant_model(name, names, A, B, rows)),
             outputs=output.names,
             E=np.zeros((n, 0)),
             F=np.zeros((len(rows), 0)),
@@ -168,41 +173,34 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @staticmethod
     def load(path: str | Path) -> LinearModel:
-        """Return the linear model in a JSON file that `save` or `hfa linearize -o` wrote.
+        """Return the linear model in a .json, .npz or .mat file that `save` or `hfa linearize -o`
+        wrote.
 
-        The result has the matrices, names and units of the file. Its operating point is the origin.
+        The result has the matrices, names, units, offsets and warnings of the file. Its model is a
+        linear plant, whose signals have neither limits nor nominal values.
 
         Raises BadInputError if the file is not a linear model.
         """
-        with file_faults(path):
-            data: Any = read_json(Path(path))
-        is_model = isinstance(data, dict) and data.get("schema") == LinearModel.schema
-        if not is_model or not {"A", "B"} <= {*data}:
+        from hfa_aircraft.readers.matrices_file import words
+        from hfa_support.arrays.read import read_arrays
+
+        stored = read_arrays(path)
+        if words(stored, "schema") != (LinearModel.schema,) or not {"A", "B"} <= {*stored}:
             raise BadInputError(
                 f"{path} is not a linear model of schema {LinearModel.schema}; write it with "
                 "hfa linearize -o FILE.json"
             )
         with prefix_errors(path):
             linear = LinearModel.of(
-                data["A"],
-                data["B"],
-                data.get("C"),
-                data.get("D"),
-                states=data.get("states", ()),
-                inputs=data.get("inputs", ()),
-                outputs=data.get("outputs", ()),
-                name=f"linear model of {Path(path).name}",
+                stored["A"],
+                stored["B"],
+                stored.get("C"),
+                stored.get("D"),
+                states=words(stored, "states"),
+                inputs=words(stored, "inputs"),
+                outputs=words(stored, "outputs"),
             )
-            units = {
-                kind: [str(unit) for unit in data.get(f"{kind}_units", ())]
-                for kind in ("state", "input")
-            }
-            model = replace(
-                linear.model,
-                states=_with_units(linear.states, units["state"]),
-                inputs=_with_units(linear.inputs, units["input"]),
-            )
-        return replace(linear, point=replace(linear.point, model=model))
+            return _with_all(linear, stored, f"linear model of {Path(path).name}")
 
     @property
     def model(self) -> Model:
@@ -482,8 +480,48 @@ def _labelled(name: str, matrix: Any, *orders: tuple[str, ...]) -> np.ndarray:
     return checked_matrix(name, in_order(name, matrix, *orders), LARGEST)
 
 
-def _with_units(names: tuple[str, ...], units: list[str]) -> dict[str, Signal]:
-    """Return name -> signal. Raises BadInputError unless there is one unit for each name."""
+def _with_all(linear: LinearModel, stored: Mapping[str, Any], name: str) -> LinearModel:
+    """Return the model of A to D in a file with all other entries that `save` wrote."""
+    from hfa_aircraft.readers.matrices_file import words
+
+    n, m, k = len(linear.states), len(linear.inputs), len(linear.outputs)
+    disturbances = words(stored, "disturbances")
+    E = _stored("E", stored, (n, len(disturbances)))
+    F = _stored("F", stored, (k, len(disturbances)))
+    Y0 = _stored("output_offsets", stored, (k,))
+    X0, U0 = _stored("state_offsets", stored, (n,)), _stored("input_offsets", stored, (m,))
+    outputs = _signals(linear.outputs, words(stored, "output_units"), Y0)
+    rows = map(OutputRow, outputs.values(), linear.C, linear.D, F)
+    warnings = words(stored, "warnings")
+    of_plant = LINEAR if LINEAR in warnings else LINEAR_WITH_OFFSETS
+    model = plant_about(
+        name,
+        _signals(linear.states, words(stored, "state_units"), X0),
+        _signals(linear.inputs, words(stored, "input_units"), U0),
+        _signals(disturbances, words(stored, "disturbance_units"), np.zeros(len(disturbances))),
+        (linear.A, linear.B, E),
+        dict(zip(outputs, rows, strict=True)),
+        tuple(dict.fromkeys((of_plant, *warnings))),
+    )
+    point = point_of_plant(model)
+    return replace(linear, E=E, F=F, disturbances=disturbances, output_offsets=Y0, point=point)
+
+
+def _stored(name: str, stored: Mapping[str, Any], shape: tuple[int, ...]) -> np.ndarray:
+    """Return an array of a file as numbers of this shape, zeros if the file does not have it."""
+    if name not in stored:
+        return np.zeros(shape)
+    array = numbers_in(name, stored[name])
+    if array.shape not in (shape, (1, *shape)):  # a .mat file has vectors as rows
+        raise BadInputError(f"{name} is {shape_text(array.shape)}; give {shape_text(shape)}")
+    return array.reshape(shape)
+
+
+def _signals(
+    names: tuple[str, ...], units: tuple[str, ...], offsets: np.ndarray
+) -> dict[str, Signal]:
+    """Return name -> signal that starts at its offset; there must be a unit for each name."""
     if len(units) != len(names):
         raise BadInputError(f"there are {len(units)} units for {len(names)} names")
-    return {name: Signal(unit) for name, unit in zip(names, units, strict=True)}
+    entries = zip(names, units, offsets.tolist(), strict=True)
+    return {name: Signal(unit, start=offset) for name, unit, offset in entries}

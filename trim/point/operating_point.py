@@ -424,11 +424,11 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return OperatingPoint(states, inputs, stored["residuals"], Status(stored["status"]), model)
 
 
-def origin(model: Model) -> OperatingPoint:
-    """Return the operating point of a linear plant at which all states and inputs are 0."""
+def point_of_plant(model: Model) -> OperatingPoint:
+    """Return the operating point of a linear plant, the start values of its states and inputs."""
     return OperatingPoint(
-        record(tuple(model.states))(*[0.0] * len(model.states)),
-        record(tuple(model.inputs))(*[0.0] * len(model.inputs)),
+        record(tuple(model.states))(*(signal.start for signal in model.states.values())),
+        record(tuple(model.inputs))(*(signal.start for signal in model.inputs.values())),
         {},
         Status.TRIMMED,
         model,

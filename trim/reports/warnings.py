@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from hfa_aircraft.control_systems import LINEAR
+from hfa_aircraft.control_systems import is_linear_plant
 from hfa_aircraft.model import Model
 from hfa_aircraft.readers.derivatives.published import unusual
 from hfa_aircraft.recognition import altitudes
@@ -119,7 +119,7 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
     if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _STEEPEST:
         yield _steep(trimmed)
     speed = roles.get("speed", "")
-    is_aircraft = ("alpha" in roles or "lift" in model.outputs) and LINEAR not in model.about.notes
+    is_aircraft = ("alpha" in roles or "lift" in model.outputs) and not is_linear_plant(model)
     if is_aircraft and speed and abs(point[speed]) < _STANDING * model.states[speed].nominal:
         yield f"the speed is {value_text(model, speed, point[speed])}, no flight; hold a speed"
     if {"drag", "lift"} <= {*model.outputs}:
@@ -231,7 +231,7 @@ def _unusual_slope(trimmed: Trimmed) -> str:
     )
     slope = _slope_in(trimmed, "lift", "alpha", "N") / (area or math.nan)
     is_stalling = _value_in(trimmed, "lift", "N") / (area or math.nan) > _STALLING
-    if (is_stalling and slope < 1.0) or LINEAR in trimmed.point.model.about.notes:
+    if (is_stalling and slope < 1.0) or is_linear_plant(trimmed.point.model):
         return ""
     return unusual("CL_alpha", slope)
 

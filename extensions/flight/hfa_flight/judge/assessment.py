@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hfa.options.command import ProgressLine
-from hfa_aircraft.control_systems import LINEAR
+from hfa_aircraft.control_systems import is_linear_plant
 from hfa_aircraft.model import Model
 from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.assessment_report import (
@@ -177,7 +177,7 @@ class Assessment(Result, Reported):
     @property
     def first_line(self) -> str:
         """Verdict, the trims at which the policy holds or the worst failure, and the cost ratio."""
-        is_linear = LINEAR in self.deployed.model.about.notes
+        is_linear = is_linear_plant(self.deployed.model)
         verdict = verdict_text(self.ok) + (" on the linear plant" if is_linear else "")
         return f"{verdict}: {self._where_it_holds()}; {self._cost_ratio()}"
 
