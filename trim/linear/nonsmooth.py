@@ -234,13 +234,13 @@ def _mean_along(
     step = _BESIDE * difference_steps(model)[column]
     below = _side(model, z, p, column, -step)
     above = _side(model, z, p, column, step)
-    changes = below.changes + above.changes
-    allowed = _APART * (rate_scales / signal.nominal + np.abs(slopes)) + changes
+    curvature = below.changes + above.changes  # change of the slopes in a step
+    allowed = _APART * (rate_scales / signal.nominal + np.abs(slopes)) + curvature
     differences = np.maximum(np.abs(below.slopes - slopes), np.abs(above.slopes - slopes))
     is_nonsmooth = differences > allowed
     gap = np.abs(above.rates - below.rates - step * (above.slopes + below.slopes))
-    by_slopes = step * (np.abs(above.slopes) + np.abs(below.slopes) + changes / _JUMP)
-    jumps = gap > _JUMP * by_slopes + _LEAST_JUMP * rate_scales
+    by_slopes = step * (np.abs(above.slopes) + np.abs(below.slopes))
+    jumps = gap > _JUMP * by_slopes + step * curvature + _LEAST_JUMP * rate_scales
     mean = np.where(is_nonsmooth, (below.slopes + above.slopes) / 2.0, slopes)
     matrix = "A" if column < len(model.states) else "B"
     notes: dict[int, list[str]] = {}
@@ -248,19 +248,28 @@ def _mean_along(
         state = model.state_names[row]
         entry = f"{matrix}({state}, {name})"
         if jumps[place, row]:
-            slope = mean[place, row] + 0.0  # without -0
-            sentence = (
-                f"jump: the rate of {state} jumps as {name} passes its value; {entry} is "
-                f"{slope:.5g}, without the jump"
-            )
+            note = _note_on_jump(entry, state, name, mean[place, row])
         else:
-            slope_below, slope_above = (side.slopes[place, row] + 0.0 for side in (below, above))
-            sentence = (
-                f"nonsmooth point: {entry} is {slope_below:.5g} below and {slope_above:.5g} above "
-                "the trim; their mean is used"
-            )
-        notes.setdefault(place, []).append(sentence)
+            note = _note_on_sides(entry, below.slopes[place, row], above.slopes[place, row])
+        notes.setdefault(place, []).append(note)
     return mean, notes
+
+
+def _note_on_jump(entry: str, state: str, name: str, slope: float) -> str:
+    """Return a sentence on a rate that jumps; the slope is that without the jump."""
+    slope += 0.0  # without -0
+    return (
+        f"jump: the rate of {state} jumps as {name} passes its value; {entry} is {slope:.5g}, "
+        "without the jump"
+    )
+
+
+def _note_on_sides(entry: str, below: float, above: float) -> str:
+    """Return a sentence on an entry of A or B whose slopes below and above the trim differ."""
+    return (
+        f"nonsmooth point: {entry} is {below + 0.0:.5g} below and {above + 0.0:.5g} above the "
+        "trim; their mean is used"
+    )
 
 
 class _Side(NamedTuple):

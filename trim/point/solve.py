@@ -377,18 +377,19 @@ def solution(problem: TrimProblem) -> SearchEnd:
 
 
 def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimError:
-    """Return the error of a condition without a trim, also from other initial points."""
-
+    """Return the error of a condition that has no trim."""
+    # nearest: scaled unknowns, which may balance beyond the limits
+    # others: number of other initial points from which the search failed
     message = failure(problem, nearest)
-    required = ""
+    beyond_limits = ""  # `TrimError.required`
     if problem.balanced(nearest):
-        required = "; ".join(binding_limits(problem, nearest).values())
+        beyond_limits = "; ".join(binding_limits(problem, nearest).values())
     if others:
         message += f"; {others} other initial points failed too"
     attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
     if rates := attempt._unmoved:
         message += f"; no input of the model changes {' and '.join(rates)}"
-    return TrimError(message, attempt, required)
+    return TrimError(message, attempt, beyond_limits)
 
 
 def _search_ends(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:

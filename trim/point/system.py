@@ -500,7 +500,9 @@ class _ScaledLimits(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _scaled_limits(limits: Limits, equations: TrimEquations) -> _ScaledLimits:
-    """Return the limits of the unknowns in scaled units."""
+    """Return the limits of the unknowns in scaled units, and 90 deg for angles without them."""
+    # A trim beyond 90 deg of an angle whose limits are missing or assumed is returned only if there
+    # is no other (`solution`).
     is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
     is_assumed = limits.assumed.astype(bool)
     quarter_turns = [_QUARTER_TURN.get(limits.model.unit(name), math.inf) for name in limits.names]

@@ -39,7 +39,7 @@ class _Modes(NamedTuple):
 
 
 def track_modes(
-    A: np.ndarray, states: tuple[str, ...], model: Model, neighbours: np.ndarray
+    A: np.ndarray, states: tuple[str, ...], model: Model, neighbors: np.ndarray
 ) -> np.ndarray:
     """Return the eigenvalues (N, n) of N matrices (N, n, n), with one mode in each column.
 
@@ -49,26 +49,23 @@ def track_modes(
 
     P_i and Q_i are the projectors on a mode along all other modes. The first term preserves the
     shape of a mode where eigenvalues cross. The second one distinguishes the two members of a pair.
-    Conjugate pairs are paired first.
-
-    The first point is sorted as in `fastest_first`. From there, the pairings are followed along the
-    tree of the most similar neighbors.
-
-    The columns of modes that cross between two points can be interchanged if their shapes are
-    nearly parallel or change much from point to point, and where they coincide at a point of the
-    grid. A finer grid avoids such interchanges.
+    Conjugate pairs are paired first. The first point is sorted as in `fastest_first`. From there,
+    the pairings are followed along the tree of the most similar neighbors. The columns of modes
+    that cross between two points can be interchanged if their shapes are nearly parallel or change
+    much from point to point, and where they coincide at a point of the grid. A finer grid avoids
+    such interchanges.
 
     A: (N, n, n)
     states: names of the rows of each matrix, states of the model
     model: model of the aircraft
-    neighbours: (M, 2), pairs of adjacent points
+    neighbors: (M, 2), pairs of adjacent points
 
     Raises BadInputError for an unknown state.
     """
     for name in states:
         refuse_unknown("unknown state", name, model.states)
     nominal = model.nominal(states)
-    pairs = _connected(neighbours, np.arange(len(A) - 1)[:, None] + [0, 1])
+    pairs = _connected(neighbors, np.arange(len(A) - 1)[:, None] + [0, 1])
     paired = _paired(A, nominal, pairs)
     order = np.empty(paired.values.shape, dtype=int)  # number of the eigenvalue in each column
     order[0] = order_fastest_first(paired.values[0])
@@ -97,17 +94,18 @@ def _inverse(right: np.ndarray) -> np.ndarray:
     return left
 
 
-def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
+def _connected(neighbors: np.ndarray, path: np.ndarray) -> np.ndarray:
     """Return pairs (M, 2) that connect all points: neighbors, and the path between groups."""
+    # path: (N - 1, 2), pairs of consecutive points, through all N points
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
-    count = len(path) + 1
-    ones = np.ones(len(neighbours))
-    graph = csr_array((ones, tuple(neighbours.T.astype(np.int32))), (count, count))
+    points = len(path) + 1
+    ones = np.ones(len(neighbors))
+    graph = csr_array((ones, tuple(neighbors.T.astype(np.int32))), (points, points))
     _, component = connected_components(graph, directed=False)
     apart = component[path[:, 0]] != component[path[:, 1]]
-    return np.concatenate([neighbours, path[apart]])
+    return np.concatenate([neighbors, path[apart]])
 
 
 class _Paired(NamedTuple):
@@ -207,7 +205,7 @@ def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) 
     return np.asarray(best)
 
 
-def neighbours_in_grid(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
+def neighbors_in_grid(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
     """Return pairs of neighbors among the trimmed points of a grid, (M, 2), which are numbered
     among the trimmed points.
 

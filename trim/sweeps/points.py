@@ -234,7 +234,7 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     z = _starts(system, variables, values)
     ends = newton(system, z, c)
     if not ends.converged.all():
-        _settle_from_neighbours(system, values, c, ends)
+        _settle_from_neighbors(system, values, c, ends)
     found = system.linear(ends.z, c)
     names = (*model.states, *model.inputs, *system.watched.names)
     within = system.condition.limits_on(names).within(found.signals).all(axis=1)
@@ -342,7 +342,7 @@ def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarra
     return system.constants(len(values), dict(zip(variables, values.T, strict=True)))
 
 
-def _settle_from_neighbours(
+def _settle_from_neighbors(
     system: TrimSystem, values: np.ndarray, c: np.ndarray, ends: NewtonEnds
 ) -> None:
     """Search waiting points from their nearest solved neighbors, while there are new ones."""

@@ -38,7 +38,7 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
 from trim.point.status import NAME, RESULTS, STALLED, UNTRIMMED, Status
 from trim.point.system import parameters_at
-from trim.sweeps.mode_tracking import mode_names_of, neighbours_in_grid, track_modes
+from trim.sweeps.mode_tracking import mode_names_of, neighbors_in_grid, track_modes
 from trim.sweeps.points import condition_at, model_at
 from trim.sweeps.sweep_plan import SweepPlan, arrays_of, at_limit, coordinates_of, limited
 from trim.tables import draw_curves, eigenvalue_headings, entry_headings, write_netcdf
@@ -185,9 +185,9 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         trimmed = self.trimmed
         eigenvalues = np.full(self.A.shape[:2], complex(np.nan, np.nan))
         if trimmed.any():
-            neighbours = neighbours_in_grid(self.plan.sizes, trimmed)
+            neighbors = neighbors_in_grid(self.plan.sizes, trimmed)
             linear = self.model.linear
-            eigenvalues[trimmed] = track_modes(self.A[trimmed], linear, self.model, neighbours)
+            eigenvalues[trimmed] = track_modes(self.A[trimmed], linear, self.model, neighbors)
         return eigenvalues
 
     @cached_property

@@ -163,17 +163,17 @@ _LOADS = {
     "N": ("Cn", 1.0),
 }
 _MOMENTS = ("L", "M", "N")
-#: Suffix -> argument of the coefficient, and unit of the variable ("v": speed).
+#: Suffix -> argument of the coefficient, and unit of the variable.
 _VARIABLES = {
-    "u": ("u", "v"),
-    "w": ("alpha", "v"),
-    "v": ("beta", "v"),
+    "u": ("u", "{speed}"),
+    "w": ("alpha", "{speed}"),
+    "v": ("beta", "{speed}"),
     "alpha": ("alpha", "rad"),
     "beta": ("beta", "rad"),
     "p": ("p", "rad/s"),
     "q": ("q", "rad/s"),
     "r": ("r", "rad/s"),
-    "wdot": ("alphadot", "v/s"),
+    "wdot": ("alphadot", "{speed}/s"),
     "alphadot": ("alphadot", "rad/s"),
 }
 #: Longitudinal derivative of a coefficient -> coefficient at the reference condition and factor
@@ -186,7 +186,7 @@ _STEADY = {
     "CL_alpha": ("CD_0", -1.0),
 }
 #: The two definitions: derivatives divided by the mass or the moment of inertia, or not divided.
-DIVIDED = ("divided by mass", "not divided")
+BY_MASS, UNDIVIDED = DIVIDED = ("divided by mass", "not divided")
 
 
 @dataclass(frozen=True)
@@ -224,11 +224,11 @@ class DimensionalDerivative:
         divided: one of `DIVIDED`
         """
         length, force = ("ft", "lbf") if system == "english" else ("m", "N")
-        base = f"{length}/s^2" if divided == DIVIDED[0] else force
+        base = f"{length}/s^2" if divided == BY_MASS else force
         if self.load in _MOMENTS:
-            base = "rad/s^2" if divided == DIVIDED[0] else f"{force} {length}"
-        _, variable = _VARIABLES.get(self.variable, ("", "rad"))
-        return f"({base})/({variable.replace('v', f'{length}/s')})"
+            base = "rad/s^2" if divided == BY_MASS else f"{force} {length}"
+        _, by_unit = _VARIABLES.get(self.variable, ("", "rad"))
+        return f"({base})/({by_unit.format(speed=f'{length}/s')})"
 
     def value(
         self,
@@ -256,7 +256,7 @@ class DimensionalDerivative:
         arm = values["chord"] if self.load == "M" else values["span"]
         if self.load in _MOMENTS:
             scale *= arm
-        if divided == DIVIDED[0]:
+        if divided == BY_MASS:
             number *= _inertia(self.load, values, axes)
         if self.variable in ("u", "w", "v", "wdot"):
             number *= speed

@@ -21,6 +21,7 @@ from hfa_aircraft.readers.derivatives.avl import (
 )
 from hfa_aircraft.readers.derivatives.names import (
     ARGUMENTS,
+    BY_MASS,
     CENTER,
     CENTERS,
     COEFFICIENTS,
@@ -32,6 +33,7 @@ from hfa_aircraft.readers.derivatives.names import (
     TAIL_ARM,
     THRUST_BY_SPEED,
     THRUST_INPUT,
+    UNDIVIDED,
     UNITS,
     WORDS,
     Derivative,
@@ -350,8 +352,8 @@ def _divided(name: str, entry: Entry, stated: str) -> str:
     """Return the definition of the dimensional derivatives, which the table must state."""
     if not stated:
         raise entry.error(
-            f'{name} is a dimensional derivative; give dimensional = "{DIVIDED[0]}" (and inertia), '
-            f'or dimensional = "{DIVIDED[1]}"'
+            f'{name} is a dimensional derivative; give dimensional = "{BY_MASS}" (and inertia), '
+            f'or dimensional = "{UNDIVIDED}"'
         )
     return stated
 
