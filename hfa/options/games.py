@@ -279,7 +279,8 @@ def weighted_game(
 
     weights: given weights; others are those of the deployment, else of the model's file, else
         default values
-    inputs: inputs that move, or () for those of the deployment; the weights of others are not used
+    inputs: inputs that move, or () for those of the deployment, else all; the weights of others are
+        not used
     deployment: critic file whose cost is used if it weighs linear states, or None
     """
     cost: Mapping[str, Any] = {}
@@ -303,7 +304,7 @@ def weighted_game(
     if is_own(linear.model) and missing:
         usual = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
         notes += (f"{' and '.join(missing)} not given; used: {', '.join(usual)}",)
-    return NamedGame(game, notes, linear=linear, weights_from=sources).moved_by(inputs)
+    return NamedGame(game, notes, linear=linear, weights_from=sources).with_inputs(inputs)
 
 
 def weight_sources(
@@ -322,14 +323,15 @@ def weight_sources(
 
 
 def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> NamedGame:
-    """Return the game on a plant file."""
+    """Return the game on a plant file, in which the inputs move, or all of them for ()."""
     from controller.game.linear_game import stored_game
     from controller.hfa_game import paper_defaults
 
-    if request.at is not None or request.dihedral is not None:
-        raise BadInputError(
-            "--dihedral and --model both define the plant; remove one of these options"
-        )
+    for name in ("at", "dihedral"):
+        if getattr(request, name) is not None:
+            raise BadInputError(
+                f"--{name} and --model both define the plant; remove one of these options"
+            )
     of_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "units", "dynamics")
     refuse(request, of_aircraft, "applies only to the aircraft; remove this option or --model")
     weights = given_weights(request, None)
@@ -341,7 +343,7 @@ def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> N
         has_time=stored.has_time,
         weights_from=weight_sources(weights, (), stored.declared),
         source={"model": str(plant)},
-    ).moved_by(inputs)
+    ).with_inputs(inputs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,7 +355,7 @@ class NamedGame(Result):
     plant_provenance: provenance of a plant read from a file
     linear: linear model of the aircraft, or None for a plant from a file
     has_time: False if the plant file does not state whether time is continuous or discrete
-    weights_from: name -> source, as of `_sources`
+    weights_from: name -> source (`weight_sources`)
     source: entries of the provenance
     """
 
@@ -381,8 +383,10 @@ class NamedGame(Result):
         is_sized = self.weights_from.get("Q") == "sizes"
         return (f"Weights 1/size^2: {sizes_text(self.game)}",) if is_sized else ()
 
-    def moved_by(self, inputs: Sequence[str]) -> NamedGame:
-        """Return the game in which only these inputs move (`Game.select`), or all of ().
+    def with_inputs(self, inputs: Sequence[str]) -> NamedGame:
+        """Return the game in which only some inputs move (`Game.select`).
+
+        inputs: the inputs that move, or () for all
 
         Raises BadInputError, which names --inputs, for an unknown or repeated name.
         """

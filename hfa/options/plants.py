@@ -116,10 +116,7 @@ def parameter_set(request: AircraftOptions) -> ParameterSet:
 
 
 def is_own(model: Model) -> bool:
-    """Return whether a model was loaded from a file or another source that the user named.
-
-    The result is False for the paper's flexible aircraft.
-    """
+    """Return whether a model was loaded from a file or another source of the user (--aircraft)."""
     return model.source.text != ""
 
 

@@ -35,7 +35,8 @@ class GivenPoints(NamedTuple):
     """The points of a request, in the units of the model.
 
     trims: what the options say about the trims
-    constants: variable or parameter -> value of --hold, if it is the same at all points
+    constants: variable or parameter -> value of --hold, and of a mixed list also of --at, if it is
+        the same at all points; one that is an axis, too, has its values there
     axes: variable or parameter -> its values; parameters, the variable of --at, and alternatives to
         an axis, such as a speed to a Mach number, are axes even if they are constant
     listed: whether the axes are the columns of a list, otherwise the points are all combinations. A
@@ -85,7 +86,7 @@ def given_points(request: PointOptions, given: TrimInput) -> GivenPoints:
 
     given: what the options say about trims
 
-    Raises BadInputError for a variable that two of them give, and as `conditions` does.
+    Raises BadInputError for a variable that two of them give.
     """
     model, rows = given.model, given.rows
     of_options = given.hold if given.at is None else {model.schedule: given.at, **given.hold}
@@ -112,6 +113,7 @@ def given_points(request: PointOptions, given: TrimInput) -> GivenPoints:
     axis_names = {*swept, *alternatives, *model.parameters}
     axes = {name: values for name, values in of_options.items() if name in axis_names}
     if not rows:
+        # Figures of a sweep have a line along the last axis.
         single_first = dict(sorted(axes.items(), key=lambda axis: len(axis[1]) > 1))
         return GivenPoints(given, constants, single_first, listed=False)
     repeated = {name: (values[0],) * len(rows) for name, values in axes.items()}

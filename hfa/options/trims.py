@@ -172,7 +172,8 @@ class TrimInput(NamedTuple):
         """
         for name, rows in self.rows_replacing_options().items():
             if len(rows) == len(self.rows):
-                raise BadInputError(f"give {name} either in the file of --conditions or by --hold")
+                by = "--hold" if name in self.hold else f"--{at_name(self.model)}"
+                raise BadInputError(f"give {name} either in the file of --conditions or by {by}")
         free = tuple(name for name in self.free if name not in row.values)
         return self._replace(
             hold={**self.hold, **{name: (value,) for name, value in row.values.items()}},
@@ -297,6 +298,7 @@ class TrimInput(NamedTuple):
             if value != loaded.start:
                 changed[name] = Change(value, loaded.start, loaded.unit)
         source = {**self.aircraft, "changed": changed}
+        # The file of a user's aircraft, whose digest is stated, has the unchanged condition.
         if is_own(model):
             return source | {"condition": {**common.changes, "parameters": dict(parameters)}}
         condition: Mapping[str, Any] = common.changes

@@ -116,6 +116,7 @@ REFUSED = {
         ("--dihedral 15 --sizes alpha=1 --R 1,1,1,1,1", "--sizes and --R both define weights"),
         ("--model given.json --sizes x1=0", "--sizes x1 is 0; give a positive size"),
         ("--dihedral 15 --Q 1,two,3,4,5,6", "--Q is 'two'; give a finite number"),
+        ("--model given.json --at 5", "--at and --model both define the plant"),
         (
             "--model given.json --hold speed=70",
             "--hold applies only to the aircraft; remove this option or --model",
