@@ -20,6 +20,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import (
     ADDED,
     heading_of,
+    in_gusts,
     kind_of_signal,
     missing_states,
     taken_components,
@@ -176,26 +177,17 @@ class Turbulence:
             interval=interval,
             count=count,
             seed=seed,
-            taken=self._taken(point, feet),
+            taken=self._taken(point),
             trimmed_at=trimmed_at,
         )
 
-    def _taken(self, point: OperatingPoint, feet: float) -> dict[str, dict[str, float]]:
-        """Return component -> disturbance of the model -> factor (`TurbulentAir.taken`).
-
-        feet: length of a foot in the model's unit
-        """
+    def _taken(self, point: OperatingPoint) -> dict[str, dict[str, float]]:
+        """Return component -> disturbance of the model -> factor (`TurbulentAir.taken`)."""
         model = point.model
-        taken = taken_components(model, heading_of(model, point.values))
+        directions = taken_components(model, heading_of(model, point.values))
         if self.span is None:
-            taken = {name: taken[name] for name in taken if name in "uvw"}
-        # `factors` gives lengths per s, which differ from the unit of a speed in knots.
-        foot_per_second = conversion_factor("ft/s", model.unit(state_of(model, "speed"))) or feet
-        for name in {*taken} & {*"uvw"}:
-            taken[name] = {
-                wind: factor * foot_per_second / feet for wind, factor in taken[name].items()
-            }
-        if not taken:
+            directions = {name: directions[name] for name in directions if name in "uvw"}
+        if not directions:
             needed = ", ".join(missing_states(model, "w"))
             if not needed:
                 raise BadInputError(undeclared(model, UPDRAFT, "turbulence"))
@@ -203,6 +195,19 @@ class Turbulence:
                 f"{model.name} has neither a gust input nor the states {needed} in rad, which "
                 f"turbulence requires; declare these, or a disturbance {UPDRAFT}"
             )
+        disturbances = in_gusts(model).disturbances
+        taken: dict[str, dict[str, float]] = {}
+        for component, winds in directions.items():
+            given = "ft/s" if component in "uvw" else "rad/s"
+            for wind, direction in winds.items():
+                unit = disturbances[wind].unit
+                size = conversion_factor(given, unit)
+                if size is None:
+                    raise BadInputError(
+                        f"the disturbance {wind} of {model.name} is in {unit!r}, but turbulence "
+                        f"is in {given}; declare a unit of this quantity"
+                    )
+                taken.setdefault(component, {})[wind] = direction * size
         return taken
 
     def _altitude(self, point: OperatingPoint) -> float:
@@ -257,8 +262,9 @@ def _feet(model: Model) -> float:
     name = state_of(model, "speed")
     if not name or conversion_factor("ft/s", model.unit(name)) is None:
         raise BadInputError(
-            f"{model.name} has no state in a unit of speed that is recognized as its speed, which "
-            "turbulence requires; an aircraft in Python may declare a state or output speed in m/s"
+            f"{model.name} has no state or output in a unit of speed that is recognized as its "
+            "speed, which turbulence requires; an aircraft in Python may declare a state or output "
+            "speed in m/s"
         )
     return foot_in_length_unit(model)
 
@@ -336,7 +342,7 @@ class TurbulentAir(Gust):
     interval: duration of a sample, s.
     count: number of samples.
     seed: seed of the noise.
-    taken: component -> disturbance of the model -> factor.
+    taken: component -> disturbance of the model -> factor, from ft/s or rad/s to its unit.
     trimmed_at: altitude of the trim, ft.
     """
 
@@ -400,10 +406,9 @@ class TurbulentAir(Gust):
         of the model.
         """
         matrix = np.zeros((len(ADDED), len(self.names)))
-        for row, name in enumerate(ADDED):
-            unit = self.feet if name in "uvw" else 1.0
-            for disturbance, factor in self.taken.get(name, {}).items():
-                matrix[row, self.names.index(disturbance)] = factor * unit
+        for row, component in enumerate(ADDED):
+            for wind, factor in self.taken.get(component, {}).items():
+                matrix[row, self.names.index(wind)] = factor
         return matrix
 
     def text(self, model: Model) -> str:
