@@ -35,7 +35,6 @@ from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import trim
 from trim.reports.book import Condition
 from trim.sweeps.result import Sweep
 from trim.sweeps.sweep import sweep
@@ -128,7 +127,7 @@ def slider_over(
     values: np.ndarray,
     first: float,
     outputs: tuple[str, ...] | None,
-    flight: TrimCondition,
+    condition: TrimCondition,
     start: OperatingPoint | None,
 ) -> Slider:
     """Return the trims and linear models of an aircraft over its scheduling variable.
@@ -136,21 +135,20 @@ def slider_over(
     values: values of the variable, rad for an angle
     first: the value that is shown first
     outputs: names of the outputs of the linear models, or None for all
-    flight: condition of the trims, apart from the variable
+    condition: that of the trims, apart from the variable
     start: initial point of the search for these trims, or None
     """
 
-    def position(value: float) -> Position:
-        condition = flight.at(value, {model.schedule: value})
-        try:
-            point = trim(model, condition, start)
-        except NoSolutionError as error:
-            return Position(value, condition, reason=str(error))
-        return Position(value, condition, linearize(model, point, outputs=outputs))
-
-    over = sweep(model, {model.schedule: values}, condition=flight, start=start)
-    listed = values.tolist()
-    return Slider(over, tuple(map(position, listed)), listed.index(first))
+    swept = sweep(model, {model.schedule: values}, condition=condition, start=start)
+    positions = []
+    for number, value in enumerate(values.tolist()):
+        at_value = condition.at(value, {model.schedule: value})
+        position = Position(value, at_value, reason=swept.reasons[number])
+        if not position.reason:
+            linear = linearize(model, swept[number].point, outputs=outputs)
+            position = replace(position, model=linear)
+        positions.append(position)
+    return Slider(swept, tuple(positions), values.tolist().index(first))
 
 
 def values_about(point: OperatingPoint) -> np.ndarray:
