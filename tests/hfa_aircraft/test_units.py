@@ -126,11 +126,9 @@ def test_an_aircraft_of_each_reader_is_the_same_in_si(reader):
 @pytest.mark.parametrize(
     "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
 )
-def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed):
-    """Signals, trim, A, B, sheet and disturbance in SI are those of the twin.
-
-    The twin is the same aircraft with signals in SI. The units are random; those without a second
-    give equations per minute.
+def test_an_aircraft_in_any_units_equals_its_twin_in_si(seed):
+    """Converted to SI, it has the signals, trim, A, B, sheet and disturbance of the same aircraft
+    that is written in SI. The units are random; those without a second give equations per minute.
     """
 
     def weighted(model, size):

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 AT_15 = "--dihedral 15"
 NO_TEXT = ("is not a TOML file", "is not JSON")
 NO_FILE = "no parameters and no readable file of this name"
-#: Fault -> call that makes the file, and the reasons that `trim` and `verify` give.
+#: Fault -> call that makes the file, and the reasons that `trim` and `verify` give, in this order.
 UNREADABLE = {
     "fifo": (os.mkfifo, NO_FILE, "not a regular file"),
     "large": (
@@ -39,14 +39,15 @@ UNREADABLE = {
 
 @pytest.mark.parametrize("fault", UNREADABLE)
 @pytest.mark.parametrize(
-    "words", [f"trim {AT_15} --parameters a.toml", f"verify {AT_15} --weights a.json"]
+    ("number", "words"),
+    enumerate([f"trim {AT_15} --parameters a.toml", f"verify {AT_15} --weights a.json"]),
 )
-def test_an_unreadable_file_is_refused(fault, words):
+def test_an_unreadable_file_is_refused(fault, number, words):
     """FIFOs, folders, large, missing and damaged files are refused in one line, without blocking."""
     name = words.split()[-1]
-    make, *said = UNREADABLE[fault]
+    make, *reasons = UNREADABLE[fault]
     make(name)
-    assert_refused(run(*words.split()), 2, name, said[words.startswith("verify")])
+    assert_refused(run(*words.split()), 2, name, reasons[number])
 
 
 def zipped(name="K.npy", content=b"text", method=zipfile.ZIP_DEFLATED):

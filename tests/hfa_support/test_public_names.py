@@ -23,7 +23,7 @@ def test_the_core_stubs_name_no_extension():
     core = [stub for stub in STUBS if "extensions" not in stub.parts and stub.parent.name != "hfa"]
     assert len(core) >= 6  # the stubs are found
     for stub in core:
-        known = re.findall(r"^from (hfa_\w+)", stub.read_text("utf-8"), re.M)
+        known = re.findall(r"^\s*(?:from|import) (hfa_\w+)", stub.read_text("utf-8"), re.M)
         assert set(known) <= {"hfa_aircraft", "hfa_model", "hfa_support"}
 
 

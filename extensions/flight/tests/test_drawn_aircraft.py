@@ -13,13 +13,15 @@ from hfa.main import main
 UAV = str(ROOT / "examples" / "uav.toml")
 NAMES = ("CL_alpha", "Cm_alpha", "Cm_q")
 CORRELATION = 0.5 * np.eye(3) + 0.5
+#: Relative standard deviation of each of these parameters.
+DEVIATION = 0.02
 
 
-def written(deviation=0.02):
-    """Write an aircraft with uncertain parameters: relative standard deviations, correlated by .5."""
+def written():
+    """Write an aircraft with uncertain parameters, which are correlated by .5."""
     model = hfa.load_model(UAV)
     values = np.array([model.parameters[name].start for name in NAMES])
-    covariance = np.outer(values, values) * deviation**2 * CORRELATION
+    covariance = np.outer(values, values) * DEVIATION**2 * CORRELATION
     rows = [f"aircraft = '{UAV}'", "[covariance]", f"names = {list(NAMES)}"]
     Path("found.toml").write_text("\n".join([*rows, f"rows = {covariance.tolist()}"]))
     return "found.toml"
@@ -44,7 +46,8 @@ def test_flights_of_drawn_aircraft_have_the_spread_of_their_parameters(capsys):
             model.with_parameters(**{name: factor * value}).rates_at(start, point.inputs)
             for factor in (1.001, 0.999)
         )
-        slopes.append(0.01 * (above["pitch_rate"] - below["pitch_rate"]) / 0.002)
-    deviation = 0.02 * np.sqrt(np.array(slopes) @ CORRELATION @ slopes)
+        by_factor = (above["pitch_rate"] - below["pitch_rate"]) / (1.001 - 0.999)
+        slopes.append(0.01 * by_factor)  # of the pitch rate after .01 s
+    deviation = DEVIATION * np.sqrt(np.array(slopes) @ CORRELATION @ slopes)
     low, _, high, _ = data["final"]["pitch_rate"]  # 5 and 95 %
     assert high - low == pytest.approx(2 * 1.645 * deviation, rel=0.15)

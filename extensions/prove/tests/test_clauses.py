@@ -22,14 +22,14 @@ from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
 
 
 def decay(low, high, k=1.0, c=2.9):
-    """Return the least decay rate of the float for pulls from low to high."""
+    """Return the least decay rate of the float over its scheduling variable, the pull of its spring."""
     pulls = np.linspace(low, high, 2001)
     roots = [np.roots([1.0, 0.1 + c, pull + k]).real.max() for pull in pulls.tolist()]
     return -max(roots)
 
 
 def proved(low, high, gains=CONSTANT, **more):
-    """Return the proof about the float for pulls from low to high."""
+    """Return the proof about the float for all pulls from low to high, N/m."""
     return prove_schedule(Family(FLOAT), gains, low, high, **more)
 
 

@@ -117,6 +117,7 @@ def test_states_without_cost_do_not_disturb_the_digits():
     game = Game(both, np.vstack([B, [[1e6], [-3.0]]]), Q=[1.0, 1.0, 0.0, 0.0], R=[1.0], dt=True)
     solution = solve(game)
     np.testing.assert_allclose(solution.P[:2, :2], alone.P, rtol=1e-15)
+    np.testing.assert_allclose(solution.K[:, :2], alone.K, rtol=1e-15)
     assert not solution.P[2:].any()
     assert not solution.K[:, 2:].any()
 

@@ -76,7 +76,8 @@ def test_rates_at_another_center_equal_own_equations(cg, warmer, lag):
 
 def test_a_tail_arm_scales_the_damping():
     """With lift by rates at a tail, C_mq = -C_Lq l/c, the rates are those of the moved tail."""
-    arm, chord, moved = 0.9, 0.18994, 0.1 * 0.18994
+    arm, chord = 0.9, 0.18994
+    moved = (0.3 - 0.2) * chord
     tail = {"CL_q": 5.0, "CL_alphadot": 1.5, "Cm_alphadot": -1.5 * arm / chord, "cg": 0.2}
     table = UAV | tail | {"longitudinal": {**UAV["longitudinal"], "Cm_q": -5.0 * arm / chord}}
     share = 1.0 - moved / arm  # of the speed of the tail at the same pitch rate

@@ -81,7 +81,9 @@ def zeros_of(kind, count):
 
 @pytest.mark.parametrize("kind", ["numbers", "text"])
 def test_a_mat_file_that_unpacks_to_more_is_refused_before_it_is_read(kind, monkeypatch):
-    """The numbers in structures and the letters of texts count: a small file has 2 MB or more."""
+    """Numbers in structures and letters of texts count: 2**20 of them have 2 MiB or more. A K of 1000
+    is refused as no matrix.
+    """
     monkeypatch.setattr("hfa_support.arrays.read.LARGEST", 2**20)
     header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
     for count, is_large in ((1000, False), (2**20, True)):

@@ -30,7 +30,7 @@ class _Recorded(ca.Callback):
 
 @pytest.mark.parametrize("counts", [(1,), (5, 16, 37), (300, 1800, 7)])
 def test_rows_of_any_number_have_their_own_results(counts):
-    """In blocks of one, of 16 and of 250 rows, with a last one that is not full, and by columns."""
+    """Rows are evaluated in blocks of one, of 16 and of 250, with a last one that is not full."""
     x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
     rows = RowFunction(ca.Function("f", [x, y], [ca.vertcat(x[0] - x[1], y * x[1]), y**2]))
     for count in counts:

@@ -19,7 +19,7 @@ TURN = np.array([[-0.3, 0.1, -0.2], [-0.1, -0.2, 0.3], [0.1, -0.1, -0.2]])
 def plant(names, modes):
     """Return x' = V D V⁻¹ x + u.
 
-    modes: function of the parameters s and t -> V, D
+    modes: function of the parameters s and t -> mode shapes V, the columns, and dynamics D in these
     """
 
     def equations(x, u, p, w):
@@ -85,7 +85,7 @@ def test_a_pair_that_becomes_real_keeps_its_columns():
     """v'' = -s v, where s changes its sign again and again: the lower real eigenvalue comes first,
     whichever of the two is nearer by a rounding.
     """
-    shapes = ca.DM(SHAPES[:2, :2])
+    shapes = ca.DM(SHAPES[:2, :2])  # V of D, the dynamics of (v, v')
     oscillator = plant("ab", lambda s, t: (shapes, ca.blockcat([[0.0, 1.0], [-s, 0.0]])))
     s = np.linspace(1.0, 4.0, 30) * np.resize([1.0, -1.0], 30)
     first = np.where(s > 0.0, 1j, -1.0) * np.sqrt(np.abs(s))

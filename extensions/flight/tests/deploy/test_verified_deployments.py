@@ -84,8 +84,8 @@ def test_the_command_judges_a_deployment_with_its_cost_and_inputs():
         ("--weights stated.toml --network policy=actor", "remove --basis, --network"),
     ],
 )
-def test_what_is_no_function_of_the_states_is_refused(folder, words, said):
-    """Each contradiction is refused in one line that names the file and the remedy."""
+def test_contradictions_with_a_deployment_are_refused(folder, words, said):
+    """Other inputs, an observation of an input, and options of a critic: one line says the remedy."""
     text = (FOLDER / "td3_gtm.toml").read_text().replace("td3_gtm.", f"{FOLDER}/td3_gtm.")
     Path("stated.toml").write_text(text)
     Path("observed.toml").write_text(text.replace("gamma = {", "throttle = {"))
