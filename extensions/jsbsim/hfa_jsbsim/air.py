@@ -113,7 +113,7 @@ def motion_of(x: Any, winds: Winds, warmer: Any) -> Motion:
         to_body=to_body,
         down=to_body[:, 2],
         wind_to_body=wind_to_body,
-        climb=-ca.dot(to_body[:, 2], velocity) - winds.steady[2],
+        climb=-ned[2],
         pressure_head=0.5 * air.density * speed**2,
         mach=mach,
         calibrated=calibrated_speed(mach, air.pressure),

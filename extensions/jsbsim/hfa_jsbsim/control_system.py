@@ -70,7 +70,7 @@ def min_and_max(element: Element) -> tuple[float, float]:
     return element.need("min").number(), element.need("max").number()
 
 
-def travels(component: Element) -> bool:
+def _takes_time(component: Element) -> bool:
     """Return whether at least one <setting> of a <kinematic> has a travel time greater than 0."""
     settings = component.need("traverse").all("setting")
     return any(setting.need("time").number() > 0.0 for setting in settings)
@@ -219,8 +219,6 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
             "this output"
         )
         raise component.error(f"{fault}; remove this dependence")
-    if component.name == "kinematic" and travels(component):
-        properties.travels.append((component, ca.SX(value)))
     return _clipped(component, properties, value)
 
 
@@ -275,14 +273,17 @@ def _aerosurface_scale(component: Element, properties: Properties) -> Any:
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
-    """Return the steady-state output of a <kinematic>."""
+    """Return the steady-state output of a <kinematic>, and list one that takes time to move."""
     # The output is the input times the last detent, clipped to the first and the last detent. With
     # <noscale> the input is not multiplied.
     lowest, highest = detents(component)
     value = input_of(component, properties)
     if component.find("noscale") is None:
         value = value * highest
-    return saturated(ca.SX(value), lowest, highest)
+    target = saturated(ca.SX(value), lowest, highest)
+    if _takes_time(component):
+        properties.travels.append((component, target))
+    return target
 
 
 def _deadband(component: Element, properties: Properties) -> Any:

@@ -487,7 +487,7 @@ def add_engine(mounted: MountedEngine) -> Writer:
 
     for name in _COMPUTED:
         full_name = mounted.full_name(name)
-        if properties.writer(full_name) is None:
+        if properties.writer(full_name) is None:  # unless the file writes this property itself
             properties.add_writer(full_name, Writer(partial(part, name), mounted.mount.where))
     set_running = Writer(partial(running, mounted), mounted.mount.where, BEFORE_ALL)
     properties.add_writer(mounted.full_name("set-running"), set_running)
@@ -496,12 +496,10 @@ def add_engine(mounted: MountedEngine) -> Writer:
         properties.define_initial(mounted.full_name(f"{axis}-position"), place)
         properties.define_initial(mounted.full_name(f"{axis}-reference-position"), place)
     if mounted.has_propeller:
-        speed = mounted.propeller_rpm
-        properties.define(mounted.full_name("propeller-rpm"), speed)
+        sense = mounted.thruster_mount.value_of("sense", 1.0)
+        properties.define(mounted.full_name("propeller-rpm"), mounted.propeller_rpm)
         properties.define(mounted.full_name("engine-rpm"), mounted.rpm)
-        properties.define(
-            mounted.full_name("propeller-sense"), mounted.thruster_mount.value_of("sense", 1.0)
-        )
+        properties.define(mounted.full_name("propeller-sense"), sense)
     if mounted.kind == "turbine_engine":
         _add_shafts(mounted)
         bleed = mounted.full_name("bleed-factor")
