@@ -267,7 +267,8 @@ def _by_shape(F: Matrix, middle: Any, *, is_discrete: bool) -> bool | None:
     Y = symmetric_in(type(F), Lyapunov(middle, is_discrete=is_discrete).shape())
     if not (-change_along(F, Y, is_discrete=is_discrete)).is_positive_definite():
         return None
-    return True if Y.is_positive_definite() else is_positive_definite(Balls.of(Y.midpoint).matrix)
+    exact = Y if isinstance(Y, Balls) else Balls.of(Y.midpoint)  # rounding Y may change its sign
+    return True if Y.is_positive_definite() else is_positive_definite(exact.matrix)
 
 
 def loop_with(game: Game, K: arb_mat) -> arb_mat:

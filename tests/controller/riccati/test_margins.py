@@ -24,6 +24,18 @@ def test_margins_of_an_unstable_loop_are_refused(game):
     assert solve(game).closed_loops.disk_margin(-K) is None
 
 
+@pytest.mark.parametrize("slow", [2.0**-26, 2.0**-28])
+def test_rounding_does_not_stabilize_a_loop(slow):
+    """A loop with the poles 2^46 and -slow in skewed states is refused.
+
+    The least eigenvalue of Y with F'Y + Y F = -1 is negative, but far below the rounding of Y.
+    """
+    to_states, to_modes = np.array([[5.0, 3.0], [3.0, 2.0]]), np.array([[2.0, -3.0], [-3.0, 5.0]])
+    A, K = (to_states @ np.diag(rates) @ to_modes for rates in ([2.0**46, 0.0], [0.0, slow]))
+    with pytest.raises(NoSolutionError, match="the loop has a pole at "):
+        hfa.margins(hfa.LinearModel.of(A, np.eye(2)), K)
+
+
 @pytest.mark.parametrize("factor", [pytest.param(0.3, marks=pytest.mark.slow), 1.0, 3.0])
 @pytest.mark.parametrize("name", sorted(game_models()))
 def test_gain_and_phase_margins_equal_python_control(name, factor):
