@@ -233,7 +233,7 @@ def coefficient(
     gradients: ∂V2/∂z ... ∂V_d/∂z on the rays, (n, N) each
     """
     order = len(gradients)
-    products: list[np.ndarray] = []
+    products: list[np.ndarray] = []  # of λ'F + u'Ru + δ²d'd + 2 z'Nu + z'Qz, with d = E'λ / 2δ²
     for k in range(1, order + 1):
         rates, _ = rays(z, inputs[:k], gradients[:k])
         products.append(rates * gradients[order - k])

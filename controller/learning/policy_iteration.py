@@ -134,14 +134,14 @@ def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
     ceases to exist, if the game has none.
     """
     game, scales = samples.game, root_mean_square(samples.states)
-    outer, report = np.outer(scales, scales), progress or (lambda *_: None)
+    products_of_scales, report = np.outer(scales, scales), progress or (lambda *_: None)
     A, B, E = (M / scales[:, None] for M in (game.A * scales, game.B, game.E))
-    scaled = replace(game, A=A, B=B, E=E, Q=game.Q * outer)
+    scaled = replace(game, A=A, B=B, E=E, Q=game.Q * products_of_scales)
     iteration = Iteration(scaled, samples.psi, samples.states / scales)
     first = max(0.0, spectral_abscissa(A) + FIRST_MARGIN)  # u = 0 is stable with this discount
     P, share = reached(
         iteration,
-        np.zeros_like(outer),
+        np.zeros_like(A),
         lambda share: Problem((1.0 - share) * first, 0.0),
         lambda share: report(0.5 * share, 1.0, f"discount {(1.0 - share) * first:.3g} 1/s"),
     )
@@ -163,4 +163,4 @@ def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
             f"the law finds no solution for delta = {game.delta:g}, because the solution ceases to "
             f"exist at delta = {end:.6g}; choose a larger delta (`hfa solve` reports the smallest)"
         )
-    return Learned(samples.psi.weights(P / outer))
+    return Learned(samples.psi.weights(P / products_of_scales))

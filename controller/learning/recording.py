@@ -342,18 +342,18 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
             continue
         blocks[key] = [*ends]
         for end, unit in ends.items():
-            wanted = f"{unit}/s" if unit and key == "x_rate" else unit
-            if end not in columns or conversion_factor(units[end], wanted) != 1.0:
-                label = f"{end} [{wanted}]" if wanted else end
+            end_unit = f"{unit}/s" if unit and key == "x_rate" else unit
+            if end not in columns or conversion_factor(units[end], end_unit) != 1.0:
+                label = f"{end} [{end_unit}]" if end_unit else end
                 raise BadInputError(f"there is no column {label}; add it, or remove the others")
     matrices: dict[str, Any] = {
         key: np.column_stack([columns[name] for name in block])
         for key, block in blocks.items()
         if block
     }
-    for key, of_key in (("state", states), ("input", inputs)):
-        matrices[f"{key}s"] = of_key
-        matrices[f"{key}_units"] = [units[name] for name in of_key]
+    for kind, signals in (("state", states), ("input", inputs)):
+        matrices[f"{kind}s"] = signals
+        matrices[f"{kind}_units"] = [units[name] for name in signals]
     used = {name for block in blocks.values() for name in block}
     return matrices | {name: columns[name] for name in columns if name not in used}
 

@@ -509,7 +509,7 @@ def costs_above_optimum(
     the linear loop. All costs are inf if a simulation diverges or the linear loop has no bounded
     cost, and nan if a simulation is not decided.
     """
-    remaining = suboptimality.matrix
+    remaining = suboptimality.matrix  # of the cost of u = -K z above V*
     if remaining is None:
         return np.full(flights, math.inf), None
     loop = worst_loop(exact, critic, suboptimality, b)

@@ -45,8 +45,8 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
     x = ca.SX.sym("x", states)
     u = ca.SX.sym("u", Q.numel_in(0) - states)
     curvature, slope = ca.hessian(Q(ca.vertcat(x, u)), u)
-    curvature = ca.densify(curvature)
-    slope = ca.densify(ca.substitute(slope, u, ca.DM.zeros(u.shape)))
+    curvature = ca.densify(curvature)  # ∂²Q/∂u², which does not depend on u
+    slope = ca.densify(ca.substitute(slope, u, ca.DM.zeros(u.shape)))  # ∂Q/∂u at u = 0
     at_origin = np.array(ca.Function("curvature", [x], [curvature])(np.zeros(states)))
     eigenvalues = np.linalg.eigvalsh(at_origin)
     sign = np.sign(eigenvalues[0])
@@ -239,10 +239,10 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
             fitting = ["gradient"]
         if not fitting:
             meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
-            held = ", or the inputs that it moves (--inputs, game.select)" if size < m else ""
+            hint = ", or the inputs that it moves (--inputs, game.select)" if size < m else ""
             raise BadInputError(
                 f"the network has {size} outputs, but for this plant {meanings}; give a network "
-                f"with such a number of outputs{held}"
+                f"with such a number of outputs{hint}"
             )
         if len(fitting) > 1 or (len(sizes) > 1 and name not in counts):
             words = f"{fitting[0]}={'' if name in OUTPUTS else name}"
