@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import Game, rates_of_step
 from controller.riccati.candidate import value_in_doubles
 from controller.riccati.gare import Solution, solve
 from controller.riccati.lyapunov import FailedError
@@ -109,27 +109,17 @@ def _families(exact: Solution, plant: Game | None) -> Iterator[Family]:
 
 
 def continuous(game: Game) -> Game | None:
-    """Return the game in continuous time of which a game is sampled, or None without one, as of a
-    game in continuous time.
-
-    Its rates are the logarithm of the step, which is real if no eigenvalue is 0 or negative.
-    """
+    """Return the game in continuous time of which a game is sampled, or None if none is known."""
     if not isinstance(game.dt, float):
         return None
-    from scipy.linalg import logm
-
-    poles = np.linalg.eigvals(game.A)
-    if np.any((poles.imag == 0.0) & (poles.real <= 0.0)):
-        return None
-    n, inputs = len(game.A), np.hstack([game.B, game.E])
-    size = n + inputs.shape[1]
-    step = np.eye(size)
-    step[:n, :n], step[:n, n:] = game.A, inputs
+    n, m = game.B.shape
     try:
-        rates = logm(step) / game.dt
+        rates = rates_of_step(np.hstack([game.A, game.B, game.E]), game.dt)
     except (ValueError, np.linalg.LinAlgError):
         return None
-    A, B, E = np.split(np.real(rates[:n]), [n, n + game.B.shape[1]], axis=1)
+    if rates is None:
+        return None
+    A, B, E = np.split(rates, [n, n + m], axis=1)
     weights = {name: getattr(game, name) / game.dt for name in "QRN"}
     delta = game.delta / math.sqrt(game.dt)
     try:

@@ -434,6 +434,25 @@ def _zero_order_hold(A: np.ndarray, inputs: np.ndarray, dt: float) -> np.ndarray
     return np.asarray(step * np.append(1.0 / units, sizes))
 
 
+def rates_of_step(step: np.ndarray, dt: float) -> np.ndarray | None:
+    """Return [A B], (n, n + k), of z' = A z + B v of which a step with constant v is a sample.
+
+    The rates are the real logarithm of the step; None if an eigenvalue is 0 or negative.
+
+    step: [Φ Γ] of z⁺ = Φ z + Γ v, (n, n + k)
+    dt: duration of the step, s
+    """
+    from scipy.linalg import logm
+
+    n = len(step)
+    poles = np.linalg.eigvals(step[:, :n])
+    if np.any((poles.imag == 0.0) & (poles.real <= 0.0)):
+        return None
+    whole = np.eye(step.shape[1])
+    whole[:n] = step
+    return np.asarray(logm(whole).real[:n] / dt)
+
+
 def _refuse_other_shapes(game: Game) -> None:
     """Raise BadInputError for empty matrices, and for matrices that do not match A and B."""
     n = len(game.A)

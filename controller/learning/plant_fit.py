@@ -19,7 +19,7 @@ import numpy as np
 
 from controller.critic.training_run import DataSummary, Excitation
 from controller.game.basis import q_function
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import Game, rates_of_step
 from controller.learning.recording import (
     RANK_TOLERANCE,
     Transitions,
@@ -81,23 +81,19 @@ class PlantFit:
         A, B, E = np.split(self._in_time(self.matrix), [n, n + m], axis=1)
         return replace(self.of_user, A=A, B=B, E=E if E.size else self.of_user.E)
 
-    def _in_time(self, step: np.ndarray) -> np.ndarray:
-        """Return [A B E] of rates, of that of steps with held inputs, if the game requires it."""
+    def _in_time(self, fit: np.ndarray) -> np.ndarray:
+        """Return [A B E] of a fit, in rates if it is of steps of a game in continuous time."""
         hold = self.transitions.hold
         if hold is None:
-            return step
-        from scipy.linalg import logm
-
-        whole = np.eye(step.shape[1])
-        whole[: len(step)] = step
-        eigenvalues = np.linalg.eigvals(step[:, : len(step)])
-        if np.any((eigenvalues.real <= 0.0) & (eigenvalues.imag == 0.0)):
+            return fit
+        rates = rates_of_step(fit, hold)
+        if rates is None:
             raise BadInputError(
                 f"a mode of the samples changes its sign every {hold:g} s, as no plant in "
                 "continuous time with held inputs does; record more often, or check dt and that "
                 "inputs are constant between samples"
             )
-        return np.asarray(logm(whole).real[: len(step)] / hold)
+        return rates
 
     def begins_of_laws(self, seed: int) -> np.ndarray:
         """Return [x u d] for a finite delta, else [x u], from which the laws learn by the fit.

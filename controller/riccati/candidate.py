@@ -367,9 +367,11 @@ def _without_noise(X: Balls, game: Game) -> Balls:
 
 
 def _with_Y(equation: Equation[Balls], X: Balls, gains: Balls) -> Candidate:
-    """Return the candidate X, whose gains are known, with Y of its loop.
+    """Return the candidate X with Y, the Lyapunov function of its loop (`Candidate`).
 
-    Raises FailedError.
+    gains: of X
+
+    Raises FailedError if the loop is not stable, or if an eigenvalue may be on the boundary.
     """
     loop = equation.loop(X, gains).matrix.mid()
     Y = lyapunov_in_bits(loop, identity(equation.n), is_discrete=equation.is_discrete)

@@ -49,9 +49,9 @@ from controller.riccati.refusal import (
     has_semidefinite_weights,
     prove_control_loop,
     prove_weights,
+    refuse_modes,
     stabilizing,
-    why_never,
-    why_never_at,
+    why_at_boundary,
     why_no_value,
 )
 from hfa_support.errors import NoSolutionError
@@ -143,7 +143,8 @@ class Enclosure:
 
         The radius of P_ij is relative to √(P_ii P_jj), and that of K_ij to √P_jj times the largest
         K_ik / √P_kk of its row, with |P| in place of an indefinite P, or to K_ij where P_jj is 0.
-        What may be 0 is known only if zeros of the game prove it, or if its nearest double is 0.
+        Row i of P where P_ii may be 0, and K_ij where its scale may be 0, are known only if zeros
+        of the game prove that they are 0 or, with many bits, if their nearest doubles are 0.
         """
         zeros = zeros_of(self.game)
         if self.bits < ATTEMPTS[-2]:
@@ -171,7 +172,7 @@ class Enclosure:
 
 
 def _rounds_to_zero(matrix: arb_mat) -> np.ndarray:
-    """Return of which numbers of a matrix the nearest double is 0."""
+    """Return for which numbers of a matrix it is proved that their nearest double is 0."""
     return np.array([[float(ball.abs_upper()) == 0.0 for ball in row] for row in matrix.tolist()])
 
 
@@ -187,7 +188,7 @@ def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str
     delta: in place of that of the game
     digits: whether P and K must be right to the last digit of doubles
 
-    Raises UndecidedError.
+    Raises ModeError if no delta has a value because of one mode, and UndecidedError.
     """
     outcome = decided_at(game, delta, digits=digits)
     is_disturbed = math.isfinite(delta) and game.E.any()
@@ -210,7 +211,7 @@ def decided_at(
     near: units and states in which P is nearly 1, if they are known
     frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
 
-    Raises UndecidedError.
+    Raises ModeError and UndecidedError.
     """
     for outcome in _outcomes(game, delta, near, frequency, digits=digits):
         if outcome:
@@ -239,7 +240,7 @@ def _outcomes(
     for n_bits in ATTEMPTS[:2]:
         if candidate is not None:
             yield _corrected_outcome(candidate, n_bits, digits=digits)
-    yield why_never(game)
+    refuse_modes(game)
     for n_bits in ATTEMPTS:
         with precision(n_bits), np.errstate(all="ignore"):
             try:
@@ -252,7 +253,7 @@ def _outcomes(
             else:
                 yield _outcome(in_bits, Balls, digits=digits, in_bits=True)
         if n_bits == 2 * BITS and len(game.A) <= MOST_STATES:
-            yield why_never_at(game, delta)
+            yield why_at_boundary(game, delta)
 
 
 def _corrected_outcome(candidate: Candidate, n_bits: int, *, digits: bool) -> Enclosure | str:

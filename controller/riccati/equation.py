@@ -58,8 +58,9 @@ class Units(NamedTuple):
 def users_units(game: Game) -> Units:
     """Return the units in which the user gave a game: all exponents are 0."""
     n, m = game.B.shape
-    z, u, d = (np.zeros(size, dtype=int) for size in (n, m, game.E.shape[1]))
-    return Units(z, u, d)
+    sizes = (n, m, game.E.shape[1])
+    states, inputs, disturbances = (np.zeros(size, dtype=int) for size in sizes)
+    return Units(states, inputs, disturbances)
 
 
 def scaled(
@@ -99,15 +100,15 @@ class Entries:
     @classmethod
     def of(cls, game: Game, units: Units) -> Entries:
         """Return the matrices of a game in exact units."""
-        z, u, d, T = units
-        exact = getattr(game, "balls", game)  # of a game about balls
+        states, inputs, disturbances, T = units
+        exact = getattr(game, "balls", game)  # a `LoopGame` holds its entries as balls
         entries = cls(
-            scaled(exact.A, -z, z),
-            scaled(exact.B, -z, u),
-            scaled(exact.E, -z, d),
-            _symmetric_weights(exact.Q, z),
-            _symmetric_weights(exact.R, u),
-            scaled(exact.N, z, u),
+            scaled(exact.A, -states, states),
+            scaled(exact.B, -states, inputs),
+            scaled(exact.E, -states, disturbances),
+            _symmetric_weights(exact.Q, states),
+            _symmetric_weights(exact.R, inputs),
+            scaled(exact.N, states, inputs),
         )
         return entries if T is None else entries.in_states(T)
 
@@ -344,15 +345,15 @@ class ContinuousEquation(Equation[Matrix]):
 
     def _gains_and_residual(self, X: Matrix) -> tuple[Matrix, Matrix]:
         """Return the gain (m, n) and the residual (n, n) of X."""
-        priced = self.B.T @ X
+        right = self.B.T @ X
         if self.game.N.any():
-            priced = priced + self.N.T
-        gain = self.R_inverse @ priced
-        driven = X @ self.A
-        residual = driven + driven.T + self.Q - priced.T @ gain
+            right = right + self.N.T
+        gain = self.R_inverse @ right
+        XA = X @ self.A
+        residual = XA + XA.T + self.Q - right.T @ gain
         if self.is_disturbed:
-            worst = self.E.T @ X
-            residual = residual + worst.T @ worst * self.w
+            EX = self.E.T @ X
+            residual = residual + EX.T @ EX * self.w
         return gain, residual
 
     def loop(self, X: Matrix, gains: Matrix) -> Matrix:

@@ -17,7 +17,6 @@ from controller.riccati.closed_loops import ClosedLoops, Poles, poles_of
 from controller.riccati.enclosure import Certificate, Enclosure, data_change, decided
 from controller.riccati.l2_gain import GainBounds
 from controller.riccati.lyapunov import loop_with, stabilizes
-from controller.riccati.refusal import ModeError, why_never
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_aircraft.signals import PlantNames
 from hfa_support.arguments import ArrayLike
@@ -265,7 +264,7 @@ def solve(game: Game) -> Solution:
 
     P = Q + α A'P A - √α A'P G (W + G'P G)⁻¹ √α G'P A,  [K; -δL] = (W + G'P G)⁻¹ √α G'P A
 
-    With cross weights N, A is replaced by A - B R⁻¹N', Q by Q - N R⁻¹N', and K is R⁻¹(B'P + N').
+    With cross weights N, A is replaced by A - B R⁻¹N', Q by Q - N R⁻¹N', and R⁻¹N' is added to K.
 
     The entries of the game are exact numbers. P, K and L are enclosed in ball arithmetic, with as
     many bits as prove each of their digits, and with proofs that both loops are stable and that P
@@ -286,8 +285,6 @@ def solve(game: Game) -> Solution:
     """
     enclosure = decided(game, game.delta)
     if isinstance(enclosure, str):
-        if enclosure == why_never(game):
-            raise ModeError(enclosure)
         if math.isinf(game.delta):
             raise NoSolutionError(enclosure)
         advice = minimum_delta(game).advice(game.delta)

@@ -180,10 +180,10 @@ def _at_least(loop: DisturbedLoop) -> float:
     return math.nextafter(float(square.sqrt().lower()), 0.0) if square > 0 else 0.0
 
 
-def is_below(loop: DisturbedLoop, gain: float) -> bool:
-    """Return whether the gain is proved to be below a number."""
+def is_below(loop: DisturbedLoop, bound: float) -> bool:
+    """Return whether the gain is proved to be below a bound."""
     try:
-        loop.value(gain)
+        loop.value(bound)
     except (FailedError, NotProvedError):
         return False
     return True

@@ -77,7 +77,7 @@ def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly | None:
     B: (n, m)
     """
     n = A.nrows()
-    if _reaches_all(A, B):
+    if _reaches_all_modulo_prime(A, B):
         return None
     reached, A_power_B = B, B
     rank = reached.rank()
@@ -98,8 +98,8 @@ def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly | None:
     return F.charpoly().numer()
 
 
-def _reaches_all(A: fmpq_mat, B: fmpq_mat) -> bool:
-    """Return whether [B AB A²B ...] has the rank n modulo a prime, which proves it in rationals."""
+def _reaches_all_modulo_prime(A: fmpq_mat, B: fmpq_mat) -> bool:
+    """Return whether [B AB A²B ...] has the rank n modulo a prime: True proves it in rationals."""
     from flint import nmod_mat
 
     def modulo(matrix: fmpq_mat) -> nmod_mat:

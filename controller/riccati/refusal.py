@@ -321,14 +321,14 @@ def _unstable_without_disturbance(found: Stabilizing[Matrix]) -> str:
     return ""
 
 
-def why_never(game: Game) -> str:
-    """Return the mode because of which no delta has a value, decided in rationals, or "".
+def refuse_modes(game: Game) -> None:
+    """Raise ModeError if no delta has a value because of one mode, decided in rationals.
 
     Without a disturbance, the stabilizing solution exists if and only if the inputs reach all
     modes that are not stable, and all undamped modes have a cost.
     """
     if len(game.A) > MOST_STATES:
-        return ""
+        return
     # √discount is taken into A if it is rational; modes on the boundary are then decided.
     root = rational_root(game.discount)
     discount = 1.0 if root is not None else game.discount
@@ -339,28 +339,27 @@ def why_never(game: Game) -> str:
         unstable = unstable_root(unreached, discount, is_discrete=game.is_discrete)
     if unstable is not None:
         mode = _mode_text(unstable * math.sqrt(discount), game)
-        return (
+        raise ModeError(
             f"(A, B) is not stabilizable: no input reaches the {mode}; change B or leave that mode"
             " out of A"
         )
     if exact.R.rank() < exact.R.nrows() or discount != 1.0:
-        return ""
+        return
     plain = exact.without_cross_weights
     without_cost = unreachable_modes(plain.A.transpose() * (root or 1), plain.Q)
     undamped = None
     if without_cost is not None:
         undamped = boundary_root(without_cost, is_discrete=game.is_discrete)
     if undamped is not None:
-        return (
+        raise ModeError(
             f"(A, Q) is not detectable: the undamped {_mode_text(undamped, game)} has no cost; give"
             " it weight in Q"
         )
-    return ""
 
 
-def why_never_at(game: Game, delta: float) -> str:
-    """Return why the game has no value at a delta if the Hamiltonian, in discrete time the pencil,
-    has an eigenvalue exactly on the boundary of stability, or "".
+def why_at_boundary(game: Game, delta: float) -> str:
+    """Return why a game has no value whose Hamiltonian, in discrete time its pencil, has an
+    eigenvalue exactly on the boundary of stability, or whose pencil is singular; "" for another.
     """
     boundary = boundary_of(game, delta)
     if boundary is Boundary.SINGULAR and boundary_of(game, math.inf) is Boundary.SINGULAR:

@@ -19,7 +19,6 @@ from controller.riccati.enclosure import Enclosure, UndecidedError, decided_at
 from controller.riccati.equation import Equation, Units, equation_of
 from controller.riccati.lyapunov import FailedError, Lyapunov
 from controller.riccati.rationals import disturbance_costs_nothing
-from controller.riccati.refusal import ModeError, why_never
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import LARGEST
 
@@ -97,7 +96,7 @@ def minimum_delta(game: Game) -> DeltaMin:
 
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorems 4.11 and 3.7.
 
-    Raises NoSolutionError if no δ has a value. The message names the responsible mode.
+    Raises NoSolutionError if no δ has a value; ModeError, if because of one mode.
 
     >>> import hfa
     >>> from controller import minimum_delta
@@ -107,7 +106,7 @@ def minimum_delta(game: Game) -> DeltaMin:
     """
     undisturbed = decided_at(game, math.inf)
     if isinstance(undisturbed, str):
-        raise (ModeError if undisturbed == why_never(game) else NoSolutionError)(undisturbed)
+        raise NoSolutionError(undisturbed)
     if disturbance_costs_nothing(game):
         return DeltaMin(0.0, 0.0)
     search = _Search(game, undisturbed)

@@ -195,33 +195,34 @@ def _solved(optimum: Enclosure, K: arb_mat) -> LoopValue | None:
     """Return D and the gain of the worst disturbance, minus that of the optimum, for u = -K z,
     or None if they are not proved.
 
-    The disturbance L* z + W⁻¹(v + M z) with W W' = V and W M = -E'P B Δ leaves the cost C + M'M
-    of the loop and -v'v. In continuous time, V = δ² and M = 0.
+    With Δ = K - K*, W W' = V = δ² - E'P E and W M = -E'P B Δ, the disturbance L* z + W'⁻¹(v + M z)
+    leaves the cost Δ'(R + B'P B)Δ + M'M of the loop and -v'v. In continuous time, V = δ², M = 0,
+    and R is the weight.
     """
     from flint import arb
 
     game = optimum.game
-    A, B, E = (discounted(ball_matrix(M), game) for M in (game.A, game.B, game.E))
+    A, B, E = (discounted(ball_matrix(matrix), game) for matrix in (game.A, game.B, game.E))
     error = K - optimum.K
     weight, F = symmetric_part(ball_matrix(game.R)), A - B * K
     if game.is_discrete:
         weight = weight + B.transpose() * optimum.P * B
-    charge, delta = error.transpose() * weight * error, math.inf
-    moved, inverse_root = 0 * optimum.L, identity(E.ncols())
+    cost, delta = error.transpose() * weight * error, math.inf
+    M, W_inverse = 0 * optimum.L, identity(E.ncols())
     if math.isfinite(game.delta):
-        slack, delta = inverse_root * arb(game.delta) ** 2, 1.0
+        V, delta = W_inverse * arb(game.delta) ** 2, 1.0  # v has the weight 1
         if game.is_discrete:
-            slack = slack - E.transpose() * optimum.P * E
-        root = _cholesky(slack)
-        if root is None:
+            V = V - E.transpose() * optimum.P * E
+        W = _cholesky(V)
+        if W is None:
             return None
-        inverse_root = root.inv()
+        W_inverse = W.inv()
         if game.is_discrete:
-            moved = -inverse_root * (E.transpose() * optimum.P * B * error)
+            M = -W_inverse * (E.transpose() * optimum.P * B * error)
         F = F + E * optimum.L
-        E = E * inverse_root.transpose()
-        F, charge = F + E * moved, charge + moved.transpose() * moved
-    loop = ClosedLoops(optimum).in_new_states(F, E, charge)
+        E = E * W_inverse.transpose()
+        F, cost = F + E * M, cost + M.transpose() * M
+    loop = ClosedLoops(optimum).in_new_states(F, E, cost)
     try:
         D, L = loop.value(delta)
     except (FailedError, NotProvedError, ZeroDivisionError):
@@ -229,7 +230,7 @@ def _solved(optimum: Enclosure, K: arb_mat) -> LoopValue | None:
     units = optimum.units
     D = scaled_balls(units.value(D), -units.states, -units.states)
     L = scaled_balls(units.gain(L), 0 * units.disturbances, -units.states)
-    return LoopValue(D, inverse_root.transpose() * (L + moved))
+    return LoopValue(D, W_inverse.transpose() * (L + M))
 
 
 def _cholesky(matrix: arb_mat) -> arb_mat | None:

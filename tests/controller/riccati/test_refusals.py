@@ -11,7 +11,7 @@ from controller.riccati.balls import BITS, Balls, precision
 from controller.riccati.candidate import first_units
 from controller.riccati.enclosure import decided, enclosed_in_bits
 from controller.riccati.equation import equation_of
-from controller.riccati.refusal import why_never, why_never_at, why_no_value
+from controller.riccati.refusal import refuse_modes, why_at_boundary, why_no_value
 from hfa import Game
 
 
@@ -29,7 +29,7 @@ def test_no_proof_says_that_a_game_with_a_value_has_none(kind):
         with precision(2 * BITS):
             assert why_no_value(found.equation, found, in_bits=False) == ""
             assert why_no_value(found.equation, None, in_bits=False) == ""
-        assert why_never(game) == ""
+        refuse_modes(game)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -61,8 +61,8 @@ def test_a_frequency_proves_that_the_disturbance_gains_too_much(n, k, dt):
 def test_an_eigenvalue_exactly_on_the_axis_is_decided_in_rationals():
     """x' = -x + d has the gain 1: H has a double eigenvalue 0 at δ = 1, and none above."""
     game = Game([[-1.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]])
-    assert "at least 1" in why_never_at(game, 1.0)
-    assert why_never_at(game, 1.0 + 2.0**-52) == ""
+    assert "at least 1" in why_at_boundary(game, 1.0)
+    assert why_at_boundary(game, 1.0 + 2.0**-52) == ""
 
 
 def test_a_disturbance_that_gains_the_same_at_each_frequency_is_the_reason():
@@ -70,9 +70,9 @@ def test_a_disturbance_that_gains_the_same_at_each_frequency_is_the_reason():
     and the reason is not the input, which has a weight.
     """
     game = Game([[0.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], dt=True)
-    assert "at least 1" in why_never_at(game, 1.0)
+    assert "at least 1" in why_at_boundary(game, 1.0)
     no_weight = Game([[0.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[0.0]], dt=True)
-    assert "not unique" in why_never_at(no_weight, 1.0)
+    assert "not unique" in why_at_boundary(no_weight, 1.0)
 
 
 def test_the_root_of_a_discount_is_not_rounded():
@@ -81,4 +81,4 @@ def test_the_root_of_a_discount_is_not_rounded():
     assert Fraction(A) ** 2 * Fraction(discount) < 1 < Fraction(A) * Fraction(math.sqrt(discount))
     game = Game([[A]], [[0.0]], Q=[[1.0]], R=[[1.0]], dt=True, discount=discount)
     with precision(BITS):
-        assert why_never(game) == ""
+        refuse_modes(game)
