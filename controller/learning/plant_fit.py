@@ -198,18 +198,18 @@ class PlantFit:
         K, L = game.policies(P)
         V = np.vstack([np.eye(n), -K, L])[: len(H)]
         a, J = game.discount, M if game.is_discrete else np.eye(n, len(H))
-        forced = a * (J.T @ P @ change + change.T @ P @ J)
+        dH = a * (J.T @ P @ change + change.T @ P @ J)  # of the Q-function, for the same P
         sizes = self.scales[:n]  # solved in states of size 1, whatever their units
-        outer = np.outer(sizes, sizes)
+        products = np.outer(sizes, sizes)
         loop = M @ V * sizes / sizes[:, None]
-        right = V.T @ forced @ V * outer
+        right = V.T @ dH @ V * products
         if game.is_discrete:
-            dP = solve_discrete_lyapunov(math.sqrt(a) * loop.T, right) / outer
-            forced = forced + a * M.T @ dP @ M
+            dP = solve_discrete_lyapunov(math.sqrt(a) * loop.T, right) / products
+            dH = dH + a * M.T @ dP @ M
         else:
-            dP = solve_continuous_lyapunov(loop.T, -right) / outer
-            forced = forced + J.T @ dP @ M + M.T @ dP @ J
-        return Bands(dP, np.linalg.solve(H[n:, n:], (forced @ V)[n:])[:m])
+            dP = solve_continuous_lyapunov(loop.T, -right) / products
+            dH = dH + J.T @ dP @ M + M.T @ dP @ J
+        return Bands(dP, np.linalg.solve(H[n:, n:], (dH @ V)[n:])[:m])
 
     @cached_property
     def _of_rates(self) -> np.ndarray:
@@ -237,10 +237,10 @@ def _refused_unless_excited(game: Game, transitions: Transitions, scales: np.nda
         raise BadInputError(f"{names[place]} is 0 in every row of the data; excite it")
     scaled, rounding = transitions.begins / scales, transitions.rounding / scales
     gains = np.linalg.lstsq(scaled[:, :n], scaled[:, n:], rcond=None)[0]
-    own = np.abs(scaled[:, n:] - scaled[:, :n] @ gains).max(axis=0)
+    beyond_policy = np.abs(scaled[:, n:] - scaled[:, :n] @ gains).max(axis=0)
     # Rounding moves u and x by half of their last digits, and the fit by half of that.
-    explained = 0.75 * (rounding[n:] + rounding[:n] @ np.abs(gains))
-    by_policy = own <= np.maximum(explained, RANK_TOLERANCE)
+    by_rounding = 0.75 * (rounding[n:] + rounding[:n] @ np.abs(gains))
+    by_policy = beyond_policy <= np.maximum(by_rounding, RANK_TOLERANCE)
     if by_policy.any():
         moved = ", ".join(names[n + place] for place in np.flatnonzero(by_policy))
         raise BadInputError(

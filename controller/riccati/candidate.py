@@ -171,8 +171,8 @@ def sizes_of(X: np.ndarray) -> np.ndarray:
 
 
 def _root_of(X: np.ndarray, game: Game, noise: float) -> np.ndarray | None:
-    """Return the root of |X|, (n, n), by which the states change until it is 1, or None if X is
-    level.
+    """Return the root of |X|, (n, n), by which the states change until it is 1, or None if its
+    eigenvalues are within `LEVEL`, or if the least one may be 0.
 
     Eigenvalues that doubles do not resolve count as the largest one times eps. States without cost
     are left as they are.

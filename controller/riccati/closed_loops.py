@@ -110,7 +110,7 @@ def enclosed_poles(loop: arb_mat) -> Poles:
     V = acb_mat(changed).eig(right=True, algorithm="approx")[1]
     sizes = np.abs([[complex(entry) for entry in row] for row in V.tolist()]).max(0)
     V = (V * acb_mat(ball_matrix(np.diag(1.0 / sizes)))).mid()
-    rows = V.solve(acb_mat(F) * V).tolist()
+    rows = V.solve(acb_mat(F) * V).tolist()  # of D
     values = np.array([complex(row[i].mid()) for i, row in enumerate(rows)])
     radii = []
     for i, row in enumerate(rows):

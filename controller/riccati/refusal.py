@@ -105,7 +105,7 @@ def stabilizing(
     try:
         gains, residual = equation.gains_and_residual(X)
     except ZeroDivisionError:
-        raise NotProvedError("the price at X may be singular") from None
+        raise NotProvedError("the weight at X may be singular") from None
     middle, shape = arithmetic.of(X), symmetric_in(arithmetic, Y)
     loop = bounds.loop(middle, arithmetic.of(gains))
     sensitivity = bounds.sensitivity(middle, loop)
@@ -137,7 +137,7 @@ def proved_zeta(
     largest_change = zeta * size  # of X
     loop_change = sensitivity.loop * largest_change
     if not sensitivity.weight * largest_change <= 0.5:
-        raise NotProvedError("the price near X")
+        raise NotProvedError("the weight near X")
     # The loop F + G of X + Z has the defect of F and |G'Y + Y G|, in discrete time
     # |G'Y F + F'Y G + G'Y G|: less than 1 together. Half of the latter, times ζ, bounds q(Z), as
     # |q(Z)| <= |Z| |G|, in discrete time |Z| |G| |F|: |r| + |q(Z)| is then at most 1/2 ζ.

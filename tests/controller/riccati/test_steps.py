@@ -102,15 +102,15 @@ def test_gain_and_margins_of_a_scalar_loop():
     K = np.array([[0.3]])
     output = math.sqrt(1.0 + 4.0 * 0.3**2)
     solution = hfa.solve(game)
-    level = solution.closed_loops  # loops of any gain in states with value y'y
-    assert level.l2_gain(K).low <= output / 0.5 * (1.0 + 1e-15)
-    assert level.l2_gain(K).high == pytest.approx(output / 0.5, rel=1e-6)
+    closed_loops = solution.closed_loops  # loops of any gain in states with value y'y
+    assert closed_loops.l2_gain(K).low <= output / 0.5 * (1.0 + 1e-15)
+    assert closed_loops.l2_gain(K).high == pytest.approx(output / 0.5, rel=1e-6)
     # f times the optimal gain k: stable for |.8 - f k| < 1, thus f up to 1.8 / k.
     assert solution.loops[0].gain_high == pytest.approx(1.8 / solution.K[0, 0], rel=1e-6)
     # S - 1/2 at z = -1 is the largest: |1 / (1 + l) - 1/2|, l = -.3 / 1.8.
     sensitivity = [abs(1.0 / (1.0 + 0.3 / (z - 0.8)) - 0.5) for z in (1.0, -1.0)]
-    assert level.disk_margin(K).disk == pytest.approx(1.0 / max(sensitivity), rel=1e-6)
-    assert level.disk_margin(K).frequency == pytest.approx(math.pi / 0.2, rel=1e-6)
+    assert closed_loops.disk_margin(K).disk == pytest.approx(1.0 / max(sensitivity), rel=1e-6)
+    assert closed_loops.disk_margin(K).frequency == pytest.approx(math.pi / 0.2, rel=1e-6)
 
 
 def test_short_samples_approach_the_game_in_continuous_time():

@@ -24,9 +24,9 @@ def test_a_gain_above_delta_fails_and_margins_are_of_both_policies(elevator_game
     assert gain.value > gain.limit == game.delta
     assert (gain.ok, verdict.stabilizing, verdict.grade) == (False, True, "fail")
     assert replace(verdict, cost_above_optimum_percent=0.1).grade == "fail"
-    data, level = verdict.to_dict(), solve(game).closed_loops
-    assert data["disk_margin"] == pytest.approx(level.disk_margin(K).disk)
-    assert data["disk_margin_exact"] == pytest.approx(level.disk_margin(solve(game).K).disk)
+    data, closed_loops = verdict.to_dict(), solve(game).closed_loops
+    assert data["disk_margin"] == pytest.approx(closed_loops.disk_margin(K).disk)
+    assert data["disk_margin_exact"] == pytest.approx(closed_loops.disk_margin(solve(game).K).disk)
     assert data["disk_margin"] != pytest.approx(data["disk_margin_exact"], rel=1e-5)
 
 
