@@ -79,7 +79,7 @@ class Model(Reported):
     name: str
     states: Mapping[str, Signal]
     inputs: Mapping[str, Signal]
-    equations: Callable[[Any, Any, Any, Any], tuple[Mapping[str, Any], Mapping[str, Any]]]
+    equations: Callable[..., tuple[Mapping[str, Any], Mapping[str, Any]]]
     parameters: Mapping[str, Signal] = field(default_factory=dict)
     disturbances: Mapping[str, Signal] = field(default_factory=dict)
     outputs: Mapping[str, Signal] = field(default_factory=dict)

@@ -233,7 +233,8 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
     """
     try:
         lowest, highest = ends
-        return lowest + 0.0, highest + 0.0  # a text must fail here, which float() would convert
+        # A text must fail in the sum, which float() would convert.
+        return float(lowest + 0.0), float(highest + 0.0)
     except (TypeError, ValueError) as error:
         raise BadInputError(
             f"{what} is {shown(ends)}; give two numbers, (lowest, highest)"
@@ -277,12 +278,13 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
 
 def _faulty_row(rows: Any) -> str:
     """Return the end of an error message on a list of lists that is not a matrix."""
-    # For example "; row 2 has 1 numbers and row 1 has 2", or "" if no row is faulty.
+    # For example "; row 2 has 1 number, and row 1 has 2", or "" if no row is faulty.
     if not (isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows)):
         return ""
     for number, row in enumerate(rows, 1):
         if len(row) != len(rows[0]):
-            return f"; row {number} has {len(row)} numbers and row 1 has {len(rows[0])}"
+            noun = "number" if len(row) == 1 else "numbers"
+            return f"; row {number} has {len(row)} {noun}, and row 1 has {len(rows[0])}"
         for entry in row:
             if isinstance(entry, bool) or not isinstance(entry, (int, float)):
                 return f"; row {number} has {shown(entry)}"

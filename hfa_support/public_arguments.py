@@ -57,16 +57,20 @@ class _Alternative(NamedTuple):
 
     name: its name, "Sequence" of Sequence[str]
     elements: the kind of its elements, "str" of Sequence[str] and of tuple[str, ...], else ""
+    arguments: number of the arguments of a function, 2 of Callable[[Any, Any], float], else None
     """
 
     name: str
     elements: str = ""
+    arguments: int | None = None
 
     @property
     def word(self) -> str:
         """What a refusal calls the kind, "a list of texts"."""
-        texts = " of texts" if self.elements == "str" else ""
-        return _WORDS.get(self.name, f"a {self.name.rpartition('.')[2]}") + texts
+        what = " of texts" if self.elements == "str" else ""
+        if self.arguments is not None:
+            what = f" of {self.arguments} argument{'s' * (self.arguments != 1)}"
+        return _WORDS.get(self.name, f"a {self.name.rpartition('.')[2]}") + what
 
     def accepts(self, value: Any, module: str) -> bool:
         """Return whether a value is of this kind, which an annotation of a module names."""
@@ -74,6 +78,8 @@ class _Alternative(NamedTuple):
             return False
         if self.name in ("int", "float"):
             return getattr(value, "ndim", 0) == 0  # an array of one number is none
+        if self.arguments is not None:
+            return _takes(value, self.arguments)
         has_texts = self.elements == "str" and isinstance(value, Collection)
         return not has_texts or all(isinstance(element, str) for element in value)
 
@@ -198,10 +204,27 @@ def _kinds_in(annotation: ast.expr) -> Iterator[_Alternative]:
             slice=ast.Tuple(elts=[ast.Name(id=elements), ast.Constant(value=EllipsisType())]),
         ):  # tuple[str, ...]
             yield _Alternative(ast.unparse(kind), elements)
+        case ast.Subscript(
+            value=kind, slice=ast.Tuple(elts=[ast.List(elts=arguments), _])
+        ):  # Callable[[Any], float]
+            yield _Alternative(ast.unparse(kind), arguments=len(arguments))
         case ast.Subscript(value=kind):  # Mapping[str, float]
             yield _Alternative(ast.unparse(kind))
         case _:
             yield _Alternative(ast.unparse(annotation))
+
+
+def _takes(function: Any, count: int) -> bool:
+    """Return whether a function takes this number of arguments; True if it has no signature."""
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return True
+    try:
+        signature.bind(*range(count))
+    except TypeError:
+        return False
+    return True
 
 
 def _is_of(kind: type, name: str, module: str) -> bool:

@@ -111,7 +111,6 @@ def _mat(data: Mapping[str, Any]) -> bytes:
 
 def _for_matlab(data: Any) -> Any:
     """Return data as SciPy writes them: structs, arrays of structs, cell arrays and arrays."""
-    # The last axis of N matrices is N.
     if isinstance(data, Mapping):
         return {_field_name(key): _for_matlab(value) for key, value in data.items()}
     if isinstance(data, list) and data and isinstance(data[0], Mapping):
@@ -127,6 +126,7 @@ def _for_matlab(data: Any) -> Any:
     if not isinstance(data, list | np.ndarray):
         return _numbers(data)
     array = np.asarray(_numbers(data))
+    # N matrices become an array (rows, columns, N).
     return np.moveaxis(array, 0, -1) if array.ndim == 3 else array
 
 

@@ -8,7 +8,7 @@ import pytest
 from cli import refused
 
 from hfa import BadInputError, Model, Signal, trim
-from hfa.extend import About
+from hfa.extend import About, Domain
 
 
 def cart(**declared):
@@ -48,6 +48,7 @@ def cart(**declared):
         ({"states": {"x": Signal(start=math.inf)}}, "nominal, rate, start are"),
         ({"states": {"x": Signal(min=2.0, max=1.0)}}, "min 2 is above max 1"),
         ({"states": {"x": Signal(min=math.nan)}}, "min nan is above max"),
+        ({"states": {"x": Signal(min=1j)}}, r"min, max is \(1j, inf\); give two numbers"),
         ({"outputs": {"position": 1.0}}, "position is 1.0; give a Signal"),
         ({"outputs": ["position"]}, r"outputs is .*; give {name: Signal\(unit\)}"),
         ({"states": {}}, "cart declares no states"),
@@ -64,9 +65,22 @@ def test_wrong_declarations_are_refused(declared, message):
         cart(**declared)
 
 
-def test_wrong_notes_are_refused():
-    with pytest.raises(BadInputError, match="About: notes is of type tuple of int; give a list of"):
-        About(notes=(3,))
+@pytest.mark.parametrize(
+    ("declare", "message"),
+    [
+        (lambda: About(notes=(3,)), "About: notes is of type tuple of int; give a list of"),
+        (lambda: Domain(range={"x": (0.0, 1.0)}), r"range of x is .*; give \(lowest, highest, so"),
+        (lambda: Domain(range={"x": (0.0, "1", "")}), "range of x is .*; give two numbers"),
+        (
+            lambda: Domain(envelope=lambda x: {}),
+            "envelope is of .*; give a function of 2 arguments",
+        ),
+    ],
+)
+def test_wrong_words_on_a_model_are_refused(declare, message):
+    """Each faulty text, range or function is refused with a message that names the fault."""
+    with pytest.raises(BadInputError, match=message):
+        declare()
 
 
 STRAY = ca.SX.sym("stray")

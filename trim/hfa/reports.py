@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def _is_flexible(model: Model) -> bool:
     """Return whether a model is the flexible aircraft with the equations of a `Variant`."""
-    if not model.about.names_schedule:
+    if not model.about.names_schedule:  # then the package of that aircraft is not loaded
         return False
     from hfa_model.declaration import is_hfa
 

@@ -10,10 +10,9 @@ import numpy as np
 
 from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import storable
+from hfa_support.reporting.results import Entries
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import WIDTH, Table, five_decimals, matrix_table, wrapped
-from trim.linear.frequency import responses_at_modes, responses_table
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
 from trim.reports.first_lines import first_lines, mode_lines, without_line_numbers
@@ -71,7 +70,7 @@ def report_of_linear(model: LinearModel, *, responses: bool, beside: Beside | No
     trimmed = Trimmed(model.point)
     blocks = _blocks(model)
     parts: list[Part] = [_matrix(block) for block in blocks]
-    data = storable(model)
+    data: dict[str, Any] = {}  # in addition to that of the model
     if beside is not None:
         parts.append(beside.accuracy)
         data |= beside.data
@@ -86,6 +85,8 @@ def report_of_linear(model: LinearModel, *, responses: bool, beside: Beside | No
         parts.append(Group(title, qualities))
         data["handling_qualities"] = {row.name: row for row in qualities}
     if responses:
+        from trim.linear.frequency import responses_at_modes, responses_table
+
         at_modes = responses_at_modes(model)
         parts.append(responses_table(at_modes, signals.time_unit))
         data |= {"frequencies": at_modes.frequencies, "responses": at_modes.by_channel}
@@ -93,7 +94,8 @@ def report_of_linear(model: LinearModel, *, responses: bool, beside: Beside | No
         parts += beside.printed
     records = _records(model, blocks, None if beside is None else beside.bands)
     notes = without_line_numbers(model.warnings)
-    return Report(_first_lines(model, trimmed, blocks), parts, notes, data, records)
+    title = _first_lines(model, trimmed, blocks)
+    return Report(title, parts, notes, Entries(model, data), records)
 
 
 def _first_lines(model: LinearModel, trimmed: Trimmed, blocks: Sequence[Block]) -> str:

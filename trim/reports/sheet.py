@@ -264,11 +264,11 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     point = trimmed.point
     same = ", ".join(same_as_the_table(trimmed))
     table_lines = [f"condition of the derivatives: {same} as in the table"] if same else []
-    has_assumed = any(margin.nearer and margin.assumed for margin in point.margins.values())
+    variables = variable_rows(trimmed)
     groups: list[_Titled] = [
         ("condition", [*flight_rows(trimmed), balance_row(point)], table_lines),
         ("configuration", configuration_rows(trimmed), configuration_lines(trimmed)),
-        (VARIABLES, variable_rows(trimmed), [ASSUMED] if has_assumed else []),
+        (VARIABLES, variables, _on_stars(variables)),
         ("limits", limit_rows(nearest_first(trimmed)), ()),
     ]
     if point.ok:
@@ -466,8 +466,8 @@ _ROWS = {
     ),
     "stability": ("static margin",),
 }
-#: Beginning or end of the name of a row that is printed too: distances from the condition of the
-#: data, and stick-free gradients.
+#: Ends of the names of rows that are printed too: distances from the condition of the data, and
+#: stick-free gradients.
 _ALSO = (" from the table's", " per g", " per knot")
 
 
@@ -553,12 +553,20 @@ def brief_list(report: Report) -> Report:
 
 def _shortened(group: Group) -> Group:
     """Return a group with the rows that are read first, and the meaning of the stars in them."""
-    rows = []
-    for row in group.rows:
-        value = row.cells()[1]
-        is_named = row.name in _ROWS.get(group.title, ()) or row.name.endswith(_ALSO)
-        is_read_first = is_named or row.tone or (row.name == "load factor" and value != "1")
-        if not row.rare and (value != "0" if group.title == VARIABLES else is_read_first):
-            rows.append(row)
-    has_star = any("*" in row.note for row in rows)
-    return group._replace(rows=tuple(rows), lines=(ASSUMED,) if has_star else ())
+    rows = [row for row in group.rows if not row.rare and _is_read_first(group.title, row)]
+    return group._replace(rows=tuple(rows), lines=_on_stars(rows))
+
+
+def _is_read_first(title: str, row: Row) -> bool:
+    """Return whether a row of the group with a title is a variable, or a figure, to read first."""
+    value = row.cells()[1]
+    if title == VARIABLES:
+        return value != "0"
+    if row.name == "load factor" and value != "1":
+        return True
+    return bool(row.tone) or row.name in _ROWS.get(title, ()) or row.name.endswith(_ALSO)
+
+
+def _on_stars(rows: Iterable[Row]) -> tuple[str, ...]:
+    """Return the meaning of the stars in the notes of rows, or () if there is none."""
+    return (ASSUMED,) if any("*" in row.note for row in rows) else ()
