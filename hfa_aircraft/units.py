@@ -115,7 +115,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
         name: conversion_factor(signal.unit, units[name]) or 1 for name, signal in signals.items()
     }
     per_second = conversion_factor(f"1/{model.time_unit}", "1/s") or 1.0
-    rates = {name: factors[name] * per_second for name in model.states}
+    rate_factors = {name: factors[name] * per_second for name in model.states}
     converted: dict[str, Any] = {
         kind: {
             name: _signal_in(units[name], factors[name], signal)
@@ -123,7 +123,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
         }
         for kind in (*VECTORS.values(), "outputs")
     }
-    for name, factor in rates.items():
+    for name, factor in rate_factors.items():
         rate = model.rate_scale(name) * factor
         converted["states"][name] = converted["states"][name]._replace(rate=rate)
         factors.setdefault(f"{name}_dot", factor)
@@ -131,7 +131,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
     return replace(
         model,
         **converted,
-        equations=_Equations(tuple(factors.items()), tuple(rates.items()), model.equations),
+        equations=_Equations(tuple(factors.items()), tuple(rate_factors.items()), model.equations),
         trim=_scaled(factors, model.trim),
         domain=Domain(
             range={

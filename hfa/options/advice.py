@@ -63,8 +63,8 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
         return advice_on_inputs
     model, condition = given.model, given.condition
     usual = usual_condition(model).imposed
-    weak = _weak_input(given, failure)
-    options: list[str] = []
+    weak = _weak_input(given, failure)  # held at its limit in each trial
+    options: list[str] = []  # with each of them a trim exists
     releasable = _releasable(given)
     unbalanced = [
         name
@@ -79,7 +79,8 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
         return f"a trim exists with {' '.join(f'--free {name}' for name in unbalanced)}"
     for name in releasable:
         is_rate = name not in condition.imposed
-        is_extra = name in given.hold and name not in usual  # without it: the default trim
+        # A value that only the user imposes is freed last: without it, the trim is the default one.
+        is_extra = name in given.hold and name not in usual
         if is_extra and options:
             continue
         freed = release(condition, free=(name,), hold={} if is_rate else weak)

@@ -351,9 +351,7 @@ def _text(function: ca.Function, one_row: bool) -> str:
     scalars = function if function.is_a("SXFunction") else function.expand()
     arguments = tuple(f"x{index}" for index in range(function.n_in()))
     results = tuple(f"y{index}" for index in range(function.n_out()))
-    memory = []
-    read = []
-    write = []
+    memory, read, write = [], [], []  # lines of C
     for index, name in enumerate(arguments):
         size = function.numel_in(index)
         memory.append(f"real {name}[{max(1, size)}];")

@@ -199,7 +199,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     point = float(grid[largest])
     frequency = math.inf
     highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
-    per_widening = max(MANY // len(loop.D) ** 2, 1)
+    per_widening = max(MANY // len(loop.D) ** 2, 1)  # steps until the slack grows tenfold
     count = 0
     while pieces:
         count += 1
@@ -413,25 +413,26 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     def locus(frequencies: np.ndarray) -> np.ndarray:
         return below.at(frequencies)[:, 0, 0]
 
-    seen = locus(grid)
-    real = _crossings(np.imag, locus, grid, seen)
-    imaginary = _crossings(lambda values: np.real(values) + 0.5, locus, grid, seen)
+    seen = locus(grid)  # M - 1/2
+    where_real = _crossings(np.imag, locus, grid, seen)
+    where_imaginary = _crossings(lambda values: np.real(values) + 0.5, locus, grid, seen)
     at_zero, at_infinity = seen[grid == 0.0].real, below.D.ravel()
-    real_values = np.concatenate([at_zero, real.values.real, at_infinity])
+    real_values = np.concatenate([at_zero, where_real.values.real, at_infinity])
     real_values = real_values[~_is_rounding(real_values, seen)]
-    frequencies = only.rate(imaginary.frequencies)
+    frequencies = only.rate(where_imaginary.frequencies)
     # With M = S - I/2, a factor f on the loop reaches -1 where f = (M + 1/2) / (M - 1/2).
     gains = (real_values + 1.0) / real_values
     gains = gains[gains > 0.0]
-    angles = np.angle(imaginary.values / (imaginary.values + 1.0))
+    angles = np.angle(where_imaginary.values / (where_imaginary.values + 1.0))
     phases = np.degrees(np.abs(angles))
+    most_sensitive = float(grid[np.abs(seen + 0.5).argmax()])  # frequency of the largest |M|
     return LoopMargin(
         gain_low=float(gains[gains < 1.0].max(initial=0.0)),
         gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
         phase=float(phases.min(initial=math.inf)),
         crossover=float(frequencies[phases.argmin()]) if phases.size else math.nan,
         delay=float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)),
-        disk=disk_of(only, float(grid[np.abs(seen + 0.5).argmax()])).disk,
+        disk=disk_of(only, most_sensitive).disk,
     )
 
 

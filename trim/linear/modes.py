@@ -117,8 +117,8 @@ def modes_of(
     all_families = {**families, **of_single_states}
     names = []
     for participation in participations:
-        shares_of = {name: _share(participation, all_families[name]) for name in all_families}
-        names.append(max(shares_of, key=shares_of.__getitem__))
+        by_family = {name: _share(participation, all_families[name]) for name in all_families}
+        names.append(max(by_family, key=by_family.__getitem__))
     if np.count_nonzero(eigenvalues == 0.0) > 2:
         names = [
             "neutral" if value == 0.0 else name for name, value in zip(names, values, strict=True)

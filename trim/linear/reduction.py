@@ -95,19 +95,20 @@ def reduced(
     if whole.outputs == whole.states:
         outputs = rows
     n, m = whole.B.shape
+    # Columns of the kept states, the kept inputs, and all disturbances:
     chosen = [*rows, *(n + column for column in columns), *range(n + m, n + m + whole.E.shape[1])]
     by_columns = np.hstack([whole.A, whole.B, whole.E])[:, chosen]
-    shown = np.hstack([whole.C, whole.D, whole.F])[np.ix_(outputs, chosen)]
-    rates = by_columns[rows]
+    CDF = np.hstack([whole.C, whole.D, whole.F])[np.ix_(outputs, chosen)]
+    ABE = by_columns[rows]
     if following:
         _refuse_singular(whole, following)
         A22 = whole.A[np.ix_(following, following)]
         followers_by_columns = -np.linalg.solve(A22, by_columns[following])
-        rates = rates + whole.A[np.ix_(rows, following)] @ followers_by_columns
-        shown = shown + whole.C[np.ix_(outputs, following)] @ followers_by_columns
+        ABE = ABE + whole.A[np.ix_(rows, following)] @ followers_by_columns
+        CDF = CDF + whole.C[np.ix_(outputs, following)] @ followers_by_columns
     ends = np.cumsum([len(rows), len(columns)])
-    A, B, E = np.split(rates, ends, axis=1)
-    C, D, F = np.split(shown, ends, axis=1)
+    A, B, E = np.split(ABE, ends, axis=1)
+    C, D, F = np.split(CDF, ends, axis=1)
     return Matrices(
         A=A,
         B=B,

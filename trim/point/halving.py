@@ -88,7 +88,8 @@ def _halved_steps(
     """Return the ends of Newton's method with halved steps; the arguments are those of `newton`."""
     best = z.copy()
     converged = np.zeros(len(z), dtype=bool)
-    points = np.arange(len(z))  # those that have not converged, at whose best unknowns are:
+    points = np.arange(len(z))  # those that have not converged
+    # Of these points, at their best unknowns:
     residual, jacobian = system.residuals(z, c)
     size = _norm(residual)
     step = newton_step(jacobian, residual, moving)

@@ -188,6 +188,7 @@ def stalled(
     names = ("lift", *(_LARGEST if is_declared else ()))
     _, outputs = model.layout.expressions([components(vector) for vector in symbols], names)
     lift = outputs[0]
+    # reserve: negative beyond the stall
     if is_declared:
         reserve = outputs[1] * outputs[2] * outputs[3] - lift
     else:

@@ -152,6 +152,7 @@ def _flight_words(
     trimmed: Trimmed, imposed: Mapping[str, Any], changed: Iterable[str]
 ) -> Iterator[str]:
     """Yield the texts of `condition_words` on an aircraft with a speed, but for the rates."""
+    # changed: names of the imposed values that are not those of the default trim
     point, model = trimmed.point, trimmed.point.model
     speed = trimmed.roles["speed"]
     yield from _path_words(trimmed)

@@ -441,8 +441,8 @@ class Trimmed:
                     "trim with the least Σ (input / scale)² near the initial point"
                 )
         if point.initial_point:
-            usual = failure(problem, problem.newton(problem.clip(problem.system.start)))
-            sentences.append(f"From the default initial point: {usual}")
+            reason = failure(problem, problem.newton(problem.clip(problem.system.start)))
+            sentences.append(f"From the default initial point: {reason}")
             sentences.append(
                 f"Found from initial point {point.initial_point} of {STARTS} between the limits"
             )

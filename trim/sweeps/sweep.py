@@ -147,7 +147,8 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
         A[chunk] = rows["A"]
         B[chunk] = rows["B"]
         reasons += _reasons(plan, rows)
-        nonsmooth_points |= {first + point: n for point, n in rows["nonsmooth_notes"].items()}
+        of_chunk = rows["nonsmooth_notes"]
+        nonsmooth_points |= {first + point: notes for point, notes in of_chunk.items()}
         one_by_one += int(rows["one_by_one"].sum())
     return Sweep(
         plan=plan,

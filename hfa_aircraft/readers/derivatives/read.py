@@ -286,7 +286,7 @@ class _Equations:
         specific_force += force_of_alphadot / p.mass
 
         # Forces at the point of the derivatives, those of q and alphadot included unless a tail
-        # causes them.
+        # causes them; the steady one, of the moment in reports, is without that of alphadot.
         steady_force = air_force
         force = air_force + force_of_alphadot
         if TAIL_ARM in values:

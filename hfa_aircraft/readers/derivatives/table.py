@@ -220,6 +220,7 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
 
 def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> DerivativeTable:
     """Return the table of the entries after checks of names, units, limits and required entries."""
+    # Pairs of numbers are the limits of control surfaces, and of the thrust.
     pairs = {key: entry for key, entry in entries.items() if isinstance(entry.value, list | tuple)}
     words_that_are_surfaces = {*pairs} & {*WORDS}  # flap = ["0 deg", "30 deg"]
     texts = {key: "" if key in words_that_are_surfaces else _text(key, entries) for key in _TEXTS}
@@ -230,7 +231,7 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Deri
     numbers = {key: entry for key, entry in entries.items() if key not in {*pairs, *_TEXTS}}
     by_kind = _numbers_of(numbers, limits, texts, system)
     values, derivatives = by_kind.values, by_kind.derivatives
-    determined = {
+    determined = {  # derivative of a coefficient -> dimensional one that states it
         derivative.coefficient.name: derivative.name for derivative in by_kind.dimensional
     }
     _refuse_missing(values, {*derivatives, *determined}, source.text or _DICTIONARY)
