@@ -172,7 +172,7 @@ def _with_true_speed(
     model = with_airspeed(model, given)
     condition = replace(condition, model=model)
     resolved = with_speed(model, given)
-    added = set(resolved).difference(given)
+    added = set(resolved).difference(given)  # the speed or the output
     if not added:
         return model, variables, values, condition
     columns = {name: column for name, column in columns.items() if name in resolved}
@@ -358,13 +358,13 @@ def _settle_from_neighbors(
         if not solved.size or not waiting.size:
             return
         _, index = cKDTree(places[solved]).query(places[waiting])
-        neighbour = solved[index]
-        is_new = neighbour != tried_from[waiting]
-        waiting, neighbour = waiting[is_new], neighbour[is_new]
+        neighbor = solved[index]
+        is_new = neighbor != tried_from[waiting]
+        waiting, neighbor = waiting[is_new], neighbor[is_new]
         if not waiting.size:
             return
-        tried_from[waiting] = neighbour
-        z, converged = newton(system, ends.z[neighbour], c[waiting])
+        tried_from[waiting] = neighbor
+        z, converged = newton(system, ends.z[neighbor], c[waiting])
         ends.z[waiting[converged]] = z[converged]
         ends.converged[waiting[converged]] = True
 
