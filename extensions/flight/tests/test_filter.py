@@ -646,6 +646,10 @@ def test_margins_of_a_filters_loop_are_where_it_is_unstable(angle):
         assert (radius(np.ones(5), share * found.unknown_delay) < 1.0) == is_stable
     alone = np.linalg.eigvals((known.Phi - known.Gamma @ gain) @ kept)
     assert found.compensator_radius == pytest.approx(np.abs(alone).max(), rel=1e-9)
+    sentence = (
+        "No delay of all inputs up to 30 samples that the filter does not know makes it unstable."
+    )
+    assert sentence in replace(found, unknown_delay=None).text()
 
 
 def test_a_gain_whose_loop_is_unstable_is_flown_and_reported(point, known, gain):

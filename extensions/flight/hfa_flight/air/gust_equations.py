@@ -75,18 +75,18 @@ def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]
     return declared
 
 
-def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]]:
+def available_components(model: Model, heading: float) -> dict[str, dict[str, float]]:
     """Return the gust components u, v, w, p, q, r that have an effect on `in_gusts(model)`.
 
     The result maps each component to {disturbance: factor}, as `own_disturbances` does.
 
     heading: heading of the trim, rad
     """
-    taken = own_disturbances(model, heading)
+    available = own_disturbances(model, heading)
     for name in ADDED:
-        if name not in taken and _can_be_added(model, name):
-            taken[name] = {ADDED[name]: _SIGN.get(name, 1.0)}
-    return {name: taken[name] for name in ADDED if name in taken}
+        if name not in available and _can_be_added(model, name):
+            available[name] = {ADDED[name]: _SIGN.get(name, 1.0)}
+    return {name: available[name] for name in ADDED if name in available}
 
 
 def missing_states(model: Model, component: str) -> list[str]:
@@ -216,9 +216,9 @@ def _air_of(model: Model, heading: float, winds: Mapping[str, Any]) -> list[Any]
     speed_unit = model.unit(state_of(model, "speed"))
     disturbances = in_gusts(model).disturbances
     air: list[Any] = [0.0, 0.0, 0.0]
-    taken = taken_components(model, heading)
+    available = available_components(model, heading)
     for place, component in enumerate("uvw"):
-        for name, factor in taken.get(component, {}).items():
+        for name, factor in available.get(component, {}).items():
             size = conversion_factor(disturbances[name].unit, speed_unit) or 1.0
             air[place] += factor * size * winds.get(name, 0.0)
     return air

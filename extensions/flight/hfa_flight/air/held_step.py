@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import casadi as ca
@@ -18,7 +19,7 @@ from hfa_support.matrices import spectral_radius
 from trim.point.operating_point import OperatingPoint
 
 #: A time this close to a whole number of samples, in samples, is that number, if it is not 0.
-WHOLE = 1e-6
+_SAMPLES_TOLERANCE = 1e-6
 
 
 class Delay(NamedTuple):
@@ -44,7 +45,7 @@ def in_samples(delay: float, dt: float) -> Delay:
     """
     samples = delay / dt
     nearest = round(samples)
-    if abs(samples - nearest) <= WHOLE * min(samples, 1.0):
+    if abs(samples - nearest) <= _SAMPLES_TOLERANCE * min(samples, 1.0):
         return Delay(nearest, 0.0)
     whole = math.floor(samples)
     return Delay(whole, delay - whole * dt)
@@ -67,21 +68,21 @@ def acting_commands(delay: float, dt: float, seconds: float) -> list[ActingComma
     delay, dt: delay and sample time, s
     """
     # The oldest command ends after the rest of the delay, and each later one a sample later.
-    whole, ends = in_samples(delay, dt)
+    whole, end_of_command = in_samples(delay, dt)
     acting = []
     begin = 0.0
     for samples_ago in range(whole + 1, -1, -1):
-        end = min(ends, seconds)
-        if end - begin > WHOLE * dt:
+        end = min(end_of_command, seconds)
+        if end - begin > _SAMPLES_TOLERANCE * dt:
             acting.append(ActingCommand(samples_ago, end - begin))
             begin = end
-        ends += dt
+        end_of_command += dt
     return acting
 
 
 def step_count(seconds: float, step: float) -> int:
-    """Return the least number of steps, at least 1, that last as long as a time, up to `WHOLE`."""
-    return max(1, math.ceil(seconds / step - WHOLE))
+    """Return the least number of steps, at least 1, that last as long as a time, up to rounding."""
+    return max(1, math.ceil(seconds / step - _SAMPLES_TOLERANCE))
 
 
 #: Longest integration step, in time constants of the fastest mode. The error is 1e-6 of a
@@ -205,3 +206,9 @@ def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...]) -> ca
         lowest, highest = ca.fmin(lowest, after), ca.fmax(highest, after)
     extremes = ca.vertcat(lowest, highest)
     return ca.Function("held_step", [X, U, push, p], [after, extremes])
+
+
+def slices_of(sizes: Sequence[int]) -> list[slice]:
+    """Return the slices of successive parts of a vector."""
+    ends = np.cumsum([0, *sizes]).tolist()
+    return [slice(*pair) for pair in pairwise(ends)]

@@ -19,11 +19,11 @@ from hfa.options.argument_types import option_errors, positive
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import (
     ADDED,
+    available_components,
     heading_of,
     in_gusts,
     kind_of_signal,
     missing_states,
-    taken_components,
     undeclared,
 )
 from hfa_flight.air.gusts import UPDRAFT, Gust, foot_in_length_unit, gust_speed, state_of
@@ -184,7 +184,7 @@ class Turbulence:
     def _taken(self, point: OperatingPoint) -> dict[str, dict[str, float]]:
         """Return component -> disturbance of the model -> factor (`TurbulentAir.taken`)."""
         model = point.model
-        directions = taken_components(model, heading_of(model, point.values))
+        directions = available_components(model, heading_of(model, point.values))
         if self.span is None:
             directions = {name: directions[name] for name in directions if name in "uvw"}
         if not directions:
@@ -255,6 +255,11 @@ def typed_turbulence(text: str) -> Turbulence:
     sizes = [positive(size) if size else None for size in typed]
     altitude, span = [*sizes, None, None][:2]
     return Turbulence(level, altitude, span, spectrum)
+
+
+def level_text(turbulence: Turbulence) -> str:
+    """Return text such as "moderate turbulence", or "turbulence" of an own intensity."""
+    return f"{turbulence.level} turbulence" if isinstance(turbulence.level, str) else "turbulence"
 
 
 def _feet(model: Model) -> float:

@@ -14,7 +14,12 @@ import numpy as np
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.policy import DeployedPolicy
-from hfa_flight.policies.estimate import IMPOSSIBLE, RESTARTS_AFTER, memory_size
+from hfa_flight.policies.estimate import (
+    IMPOSSIBLE,
+    RESTARTS_AFTER,
+    memory_size,
+    memory_slices,
+)
 from hfa_flight.policies.filtered_policy import FilteredPolicy, sample_of
 from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
 from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
@@ -176,7 +181,7 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
         "dt": repr(policy.dt),
         "memory": memory_size(policy.filter),
         "impossible": IMPOSSIBLE,
-        "share": len(policy.filter.Phi) + 2,
+        "share": memory_slices(policy.filter).share.start,
         "fade": policy.fade,
         "restarts_after": RESTARTS_AFTER,
         "sample": c_function(filter_sample(policy), "sample", ("memory", "y"), ("u", "later")),

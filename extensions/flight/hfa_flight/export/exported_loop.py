@@ -17,7 +17,7 @@ from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import ActuatorBank, Scenario
 from hfa_flight.export.c_text import filter_sample
-from hfa_flight.policies.estimate import known_start, memory_size
+from hfa_flight.policies.estimate import known_start, memory_size, memory_slices
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
@@ -129,7 +129,7 @@ def _sampled(policy: FilteredPolicy, y: ca.SX, w: ca.SX, v: ca.SX) -> Sampled:
     memory = ca.SX.sym("memory", memory_size(policy.filter))  # zero before the first sample
     measured = y[policy.point.model.state_places(sensors)] + v[: len(sensors)]
     known = policy.filter
-    before = ca.if_else(memory[len(known.Phi) + 1] == 0, ca.DM(known_start(known)), memory)
+    before = ca.if_else(memory[memory_slices(known).begun] == 0, ca.DM(known_start(known)), memory)
     results = filter_sample(policy).call([before, measured])
     function = ca.Function("sample", [y, ca.vertcat(w, v), memory], results)
     return Sampled(function, policy.dt, tuple(policy.point.u.tolist()))

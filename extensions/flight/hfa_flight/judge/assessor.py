@@ -78,8 +78,8 @@ def _largest_deviations(flight: SampledFlight, cases: Sequence[TrimCase], seed: 
     trims = np.array([deployed.trim_vector(case.point) for case in cases])[owners]
     seconds = min(_SECONDS, _SAMPLES * flight.dt)
     ticks = flight.samples_in_window * flight.windows(seconds)
-    samples = flight.compiled(len(owners), seconds)
-    flown, _ = samples.fly(flight.start(starts, trims), trims, ticks)
+    loop = flight.compiled(len(owners), seconds)
+    flown, _ = loop.fly(flight.start(starts, trims), trims, ticks)
     lowest, highest = flight.extremes(flown.states)
     envelopes = [flight_envelope(deployed.model, case.point) for case in cases]
     least = np.array([envelope.least for envelope in envelopes])[owners, None]
@@ -87,7 +87,7 @@ def _largest_deviations(flight: SampledFlight, cases: Sequence[TrimCase], seed: 
     # Of each flight, the samples before its first one outside; the initial condition counts.
     inside = np.logical_and.accumulate(flight.stays(flown.states, least, most), axis=1)
     inside[:, 0] = True
-    trim = trims[:, None, : lowest.shape[2]]
+    trim = trims[:, None, : lowest.shape[2]]  # the states, before inputs and parameters
     farthest = np.maximum(highest - trim, trim - lowest)
     deviations: np.ndarray = np.where(inside[:, :, None], farthest, 0.0)
     return np.asarray(deviations.max(axis=(0, 1)))

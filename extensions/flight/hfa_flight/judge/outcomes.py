@@ -309,7 +309,8 @@ class CaseFlights:
         """Return the departure of a flight that left the envelope, with its state and limit."""
         times = self.flight.dt * self.left_at[[number]]
         states = self.left_with[[number]]
-        return departure(flight_envelope(case.point.model, case.point), times, states, False)
+        envelope = flight_envelope(case.point.model, case.point)
+        return departure(envelope, times, states, moving_air=False)
 
 
 def fly_cases(

@@ -9,13 +9,13 @@ has happened leaves its limits.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.held_step import parts_of_a_sample, rate_in_push, step_of_integration
+from hfa_flight.air.held_step import parts_of_a_sample, rate_in_push, slices_of, step_of_integration
 from hfa_flight.policies.kalman import KalmanFilter
 
 #: A value is impossible if its innovation is beyond this number of its standard deviations.
@@ -35,30 +35,36 @@ _CALLED = {"cse": True, "never_inline": True}
 
 
 class Estimate(NamedTuple):
-    """Estimate of the states of a filter.
+    """Estimate of the states of a filter, in the order of the memory.
 
     x: deviations from the trim, (n,)
-    P: covariance of their errors, (n, n)
-    G: covariance from which the gains follow, (n, n): P without the samples that have no value
     missed: number of samples in a row with impossible values, (1,)
     begun: 0 before the first values, 1 after a sample at whose values it began first, 2 later, (1,)
     share: share of the policy's command that acts, (1,): an estimate that begins in flight fades
         commands in. Before the first values it is 0 in flight, and 1 if the states are known.
     last: last finite value of each sensor, (p,)
+    P: covariance of the errors of x, (n, n), of which the memory has the lower triangle
+    G: covariance from which the gains follow, (n, n): P without the samples that have no value
     """
 
-    x: ca.SX
-    P: ca.SX
-    G: ca.SX
-    missed: ca.SX
-    begun: ca.SX
-    share: ca.SX
-    last: ca.SX
+    x: Any
+    missed: Any
+    begun: Any
+    share: Any
+    last: Any
+    P: Any
+    G: Any
 
     def packed(self) -> ca.SX:
         """Return the memory of the filter, (memory_size,)."""
-        of_both = _triangle(self.P), _triangle(self.G)
-        return ca.vertcat(self.x, self.missed, self.begun, self.share, self.last, *of_both)
+        return ca.vertcat(*self._replace(P=_triangle(self.P), G=_triangle(self.G)))
+
+
+def memory_slices(known: KalmanFilter) -> Estimate:
+    """Return the slice of each part of an estimate in the memory."""
+    n = len(known.Phi)
+    triangle = n * (n + 1) // 2
+    return Estimate(*slices_of([n, 1, 1, 1, len(known.sensors), triangle, triangle]))
 
 
 def _triangle(P: ca.SX) -> ca.SX:
@@ -72,31 +78,30 @@ def _symmetric(triangle: ca.SX, n: int) -> ca.SX:
 
 
 def memory_size(known: KalmanFilter) -> int:
-    """Return the number of entries of the memory: x, two counts, the share of the command, p
-    values, lower triangles of P and G.
-    """
-    n = len(known.Phi)
-    return n + 3 + len(known.sensors) + n * (n + 1)
+    """Return the number of entries of the memory."""
+    return int(memory_slices(known).G.stop)
 
 
 def known_start(known: KalmanFilter) -> np.ndarray:
     """Return the memory before the first sample of a flight whose beginning is known: the commands
     act at once. Zero is that of a flight whose beginning is not.
     """
-    return np.eye(1, memory_size(known), len(known.Phi) + 2).ravel()
+    memory = np.zeros(memory_size(known))
+    memory[memory_slices(known).share] = 1.0
+    return memory
 
 
 def estimate_in(known: KalmanFilter, memory: ca.SX) -> Estimate:
-    """Return the estimate in a memory, with the stationary P and G before the first sample."""
-    n = len(known.Phi)
-    ends = [0, n, n + 1, n + 2, n + 3, n + 3 + len(known.sensors), memory.numel()]
-    x, missed, begun, share, last, entries = ca.vertsplit(memory, ends)
+    """Return the estimate in a memory. Before the first sample P and G are both the filter's
+    stationary P.
+    """
+    parts = Estimate(*(memory[part] for part in memory_slices(known)))
     at_begin = _triangle(ca.SX(ca.DM(known.P)))
     P, G = (
-        _symmetric(ca.if_else(begun, triangle, at_begin), n)
-        for triangle in ca.vertsplit(entries, at_begin.numel())
+        _symmetric(ca.if_else(parts.begun, triangle, at_begin), len(known.Phi))
+        for triangle in (parts.P, parts.G)
     )
-    return Estimate(x, P, G, missed, begun, share, last)
+    return parts._replace(P=P, G=G)
 
 
 def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> tuple[Estimate, ca.SX]:

@@ -28,8 +28,8 @@ class FilterMargins(Result):
         all inputs; the other inputs are unchanged.
     phase: smallest phase margin of an input, deg.
     delay: smallest delay margin of an input, s.
-    unknown_delay: largest delay of all inputs that the filter does not know, s; None if none
-        up to 30 samples is unstable.
+    unknown_delay: smallest delay of all inputs, unknown to the filter, with which the loop is
+        unstable, s; None if there is none among those that are searched.
     """
 
     compensator_radius: float
@@ -48,15 +48,20 @@ class FilterMargins(Result):
                 f"{self.radius:.4g})."
             )
         alone = "un" * (self.compensator_radius >= 1.0)
-        late = f"none to {_MOST_SAMPLES} samples"
+        late = (
+            f"No delay of all inputs up to {_MOST_SAMPLES} samples that the filter does not know "
+            "makes it unstable."
+        )
         if self.unknown_delay is not None:
-            late = f"{1e3 * self.unknown_delay:.3g} ms"
+            late = (
+                "A delay of all inputs that the filter does not know makes it unstable from "
+                f"{1e3 * self.unknown_delay:.3g} ms on."
+            )
         return (
             f"Linear loop of the gain behind the filter: gain margin {self.gain_low:.3g} to "
             f"{self.gain_high:.3g}, phase {self.phase:.3g} deg, delay "
-            f"{1e3 * self.delay:.3g} ms, the smallest of all inputs. A delay of all inputs that "
-            f"the filter does not know makes it unstable from {late} on. Filter and gain alone are "
-            f"{alone}stable (spectral radius {self.compensator_radius:.4g})."
+            f"{1e3 * self.delay:.3g} ms, the smallest of all inputs. {late} Filter and gain "
+            f"alone are {alone}stable (spectral radius {self.compensator_radius:.4g})."
         )
 
 
@@ -70,10 +75,10 @@ def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
     gain = K @ known.sight
     loop = _delayed(known, gain, 0.0)
     if not loop.radius < 1.0:
-        return FilterMargins(known.radius_alone(K), loop.radius, 1.0, 1.0, 0.0, 0.0, 0.0)
+        return FilterMargins(known.compensator_radius(K), loop.radius, 1.0, 1.0, 0.0, 0.0, 0.0)
     inputs = chain_margins(loop).inputs
     return FilterMargins(
-        compensator_radius=known.radius_alone(K),
+        compensator_radius=known.compensator_radius(K),
         radius=loop.radius,
         gain_low=max(margin.gain_low for margin in inputs),
         gain_high=min(margin.gain_high for margin in inputs),

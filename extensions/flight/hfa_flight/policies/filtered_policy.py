@@ -166,7 +166,7 @@ class FilteredPolicy(SampledPolicy):
             raise BadInputError("a policy without feedback needs no filter; give a policy")
         law.refuse_other_sizes(known.point)
         if fade is None:
-            is_fast = law.gain is not None and known.radius_alone(law.gain) >= 1.0
+            is_fast = law.gain is not None and known.compensator_radius(law.gain) >= 1.0
             fade = _FADE_OF_FAST if is_fast else _FADE
         if not (is_finite(fade) and fade >= 0.0):
             raise BadInputError(f"fade is {shown(fade)}; give a time of at least 0 s")

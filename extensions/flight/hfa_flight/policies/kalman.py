@@ -12,7 +12,13 @@ import numpy as np
 
 from hfa_flight.air.gust_equations import in_gusts, seen_in_air
 from hfa_flight.air.gusts import state_of
-from hfa_flight.air.turbulence import AirFilter, Turbulence, noise_of_sample, turbulence_of
+from hfa_flight.air.turbulence import (
+    AirFilter,
+    Turbulence,
+    level_text,
+    noise_of_sample,
+    turbulence_of,
+)
 from hfa_flight.policies.deployment.sampled_loop import zero_order_hold
 from hfa_support.errors import (
     BadInputError,
@@ -236,7 +242,7 @@ class KalmanFilter(Result):
         slopes = ca.Function("sight", [x], [ca.densify(ca.jacobian(self.seen(x), x))])
         return np.asarray(slopes(0.0))
 
-    def radius_alone(self, K: np.ndarray) -> float:
+    def compensator_radius(self, K: np.ndarray) -> float:
         """Return the spectral radius of this filter and a gain alone, from the measured values to
         the commands.
 
@@ -294,10 +300,7 @@ class KalmanFilter(Result):
         """Return one line on the filter: its sensors, its air and its certificate."""
         missing = [name for name in self.states if name not in self.noise]
         without = f", without a sensor of {', '.join(missing)}" if missing else ""
-        air = "still air"
-        if self.turbulence is not None:
-            level = self.turbulence.level
-            air = f"{level} turbulence" if isinstance(level, str) else "turbulence"
+        air = "still air" if self.turbulence is None else level_text(self.turbulence)
         return (
             f"Kalman filter for {air}, one sample every {1e3 * self.dt:g} ms{without}: spectral "
             f"radius {self.radius:.5f}, Riccati residual {self.residual:.1e}, drift {DRIFT:g} of "

@@ -11,6 +11,7 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.gusts import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
 from hfa_flight.air.scenario import Scenario, Uncertainty
+from hfa_flight.air.turbulence import level_text
 from hfa_flight.needs import band_text, is_enough, need_text, outside_band
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import OpenLoop
@@ -136,11 +137,11 @@ def _all_same(plan: MonteCarlo) -> bool:
 
 def _air_text(scenario: Scenario) -> str:
     """Return the noise and the moving air of a scenario as text, such as " with noise"."""
-    words = " in a gust" * (scenario.gust is not None)
-    turbulence = scenario.uncertainty.turbulence
+    words, turbulence = "", scenario.uncertainty.turbulence
     if turbulence is not None:
-        level = f"{turbulence.level} " if isinstance(turbulence.level, str) else ""
-        words = f" in {level}turbulence"
+        words = f" in {level_text(turbulence)}"
+    elif scenario.gust is not None:
+        words = " in a gust"
     return words + " with noise" * any(scenario.uncertainty.noise.values())
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -20,6 +19,7 @@ from hfa_aircraft.layout import column, components
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
+from hfa_flight.air.held_step import slices_of
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.policy import SAME_TIME, Measurements, Policy
 from hfa_support.errors import BadInputError
@@ -432,9 +432,3 @@ class FlightLoop:
     def state_slices(self) -> StateParts:
         """Slices of the parts of y."""
         return StateParts(*slices_of(self.state_sizes))
-
-
-def slices_of(sizes: Sequence[int]) -> list[slice]:
-    """Return the slices of successive parts of a vector."""
-    ends = np.cumsum([0, *sizes]).tolist()
-    return [slice(*pair) for pair in pairwise(ends)]

@@ -169,7 +169,7 @@ def departure(
     """Return the first departure, or None if there is none.
 
     If several states exceed their limits at that time, the state with the largest excess relative
-    to its range is returned. A value that is not finite has the largest excess.
+    to its range (`_ranges`) is returned. A value that is not finite has the largest excess.
 
     limited: (N, n), absolute states. In moving air, the angle of attack replaces alpha
     moving_air: whether the air moves, for the name of the variable
@@ -178,10 +178,9 @@ def departure(
         return None  # usual case; testing each row would take longer
     row = int(np.argmax(outside(envelope, limited)))
     values = limited[row]
-    width = envelope.highest - envelope.lowest
-    width = np.where(np.isfinite(width), width, 1.0)
     with np.errstate(invalid="ignore"):  # infinite values without limits
-        excess = np.maximum(values - envelope.highest, envelope.lowest - values) / width
+        beyond = np.maximum(values - envelope.highest, envelope.lowest - values)
+        excess = beyond / _ranges(envelope)
     index = int(np.argmax(np.where(np.isfinite(values), excess, np.inf)))
     value = float(values[index])
     limits = envelope.lowest if value < envelope.lowest[index] else envelope.highest
@@ -189,6 +188,12 @@ def departure(
     name = limited_names(envelope.model, moving_air)[index]
     assumed = bool(envelope.assumed[index])
     return Departure(name, float(times[row]), value, float(limits[index]), unit, assumed)
+
+
+def _ranges(limits: Limits) -> np.ndarray:
+    """Return the range of each variable, or its nominal value if a limit is missing, (k,)."""
+    width = limits.highest - limits.lowest
+    return np.where(np.isfinite(width), width, limits.model.nominal(limits.names))
 
 
 def divergence(
@@ -254,7 +259,7 @@ def share_at_limits(model: Model, inputs: np.ndarray) -> dict[str, float]:
 def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, ...]:
     """Return the largest excess of each input that exceeds a control limit during a flight.
 
-    The results are sorted by excess relative to the range of the input, largest first.
+    The results are sorted by excess relative to the range (`_ranges`), largest first.
 
     inputs: (N, m), absolute
     """
@@ -263,12 +268,12 @@ def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, .
     over = inputs.max(axis=0) - limits.highest
     values = np.where(under > over, inputs.min(axis=0), inputs.max(axis=0))
     passed = np.where(under > over, limits.lowest, limits.highest)
-    width = limits.highest - limits.lowest
+    ranges = _ranges(limits)
     excesses = []
     for index in np.flatnonzero(~limits.within(values)).tolist():
         name = limits.names[index]
         excess = ControlExcess(name, float(values[index]), float(passed[index]), model.unit(name))
-        excesses.append((abs(excess.value - excess.limit) / width[index], excess))
+        excesses.append((abs(excess.value - excess.limit) / ranges[index], excess))
     return tuple(excess for _, excess in sorted(excesses, key=lambda pair: -pair[0]))
 
 

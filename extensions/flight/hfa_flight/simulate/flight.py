@@ -500,11 +500,11 @@ class Flight(StatesAndInputs, Result, Reported):
 
         The cost is included if there are weights.
         """
-        through_air = bool(self.deviations.winds) and has_angle_of_attack(self.model)
+        with_angle_of_attack = bool(self.deviations.winds) and has_angle_of_attack(self.model)
         parts: list[Part] = []
-        parts.append(self._state_table(through_air))
+        parts.append(self._state_table(with_angle_of_attack))
         gust = self.loop.scenario.gust
-        if through_air:
+        if with_angle_of_attack:
             parts.append(OVER_GROUND)
         elif gust is not None and ALPHA in self.model.states:
             parts.append(LIMITED_OVER_GROUND)
@@ -533,8 +533,8 @@ class Flight(StatesAndInputs, Result, Reported):
         notes = [UNDISTURBED] if largest <= _STILL else []
         return Report(self.title(), parts, notes, Entries(self), self._record_table())
 
-    def _state_table(self, through_air: bool) -> Table:
-        """Return a table of the states, one row each: deviations, errors, envelope, prediction."""
+    def _state_table(self, with_angle_of_attack: bool) -> Table:
+        """Return a table of the states, one row each; in moving air alpha has a second row."""
         model = self.model
         differences = self.largest_difference_from_linear
         header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
@@ -550,7 +550,9 @@ class Flight(StatesAndInputs, Result, Reported):
         ):
             unit = model.unit(state)
             limits = limits_text(low, high, unit) + ", assumed" * is_assumed
-            names = (state, ANGLE_OF_ATTACK) if state == ALPHA and through_air else (state,)
+            names = (
+                (state, ANGLE_OF_ATTACK) if state == ALPHA and with_angle_of_attack else (state,)
+            )
             for name in names:
                 cells = [name, shown_unit(unit)]
                 cells.append(short_number(largest[name], unit))

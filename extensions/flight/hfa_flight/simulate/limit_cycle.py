@@ -129,24 +129,24 @@ class _Swings(NamedTuple):
 
 
 def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
-    """Return the oscillation of values about their least-squares line."""
+    """Return the oscillation of values about a line, or None for few crossings of the line."""
     off_line = values - np.polyval(np.polyfit(times, values, 1), times)
     for _ in range(_ROUNDS):
         crossings = np.flatnonzero(np.diff(off_line < 0.0))
         if len(crossings) < CROSSINGS:
             return None
-        before = off_line[crossings]
+        before, after = off_line[crossings], off_line[crossings + 1]
         step = times[crossings + 1] - times[crossings]
-        when = times[crossings] + step * before / (before - off_line[crossings + 1])
-        frequency = float(np.pi * (len(when) - 1) / (when[-1] - when[0]))
+        crossed_at = times[crossings] + step * before / (before - after)
+        frequency = float(np.pi * (len(crossings) - 1) / (crossed_at[-1] - crossed_at[0]))
         off_line = values - _line(times, values, frequency)
-    parts = [np.abs(part) for part in np.split(off_line, crossings + 1)[1:-1]]
-    peaks = np.array([_peak(part) for part in parts])
-    places = [begin + 1 + part.argmax() for begin, part in zip(crossings, parts, strict=False)]
-    pairs = (peaks[:-1] + peaks[1:]) / 2.0  # cancels an offset
+    halves = [np.abs(half) for half in np.split(off_line, crossings + 1)[1:-1]]
+    peaks = np.array([_peak(half) for half in halves])
+    places = [begin + 1 + half.argmax() for begin, half in zip(crossings, halves, strict=False)]
+    amplitudes = (peaks[:-1] + peaks[1:]) / 2.0  # the mean of neighbors cancels an offset
     middles = (times[places][:-1] + times[places][1:]) / 2.0
-    rate = -np.polyfit(middles, np.log(pairs), 1)[0]
-    return _Swings(float(pairs.mean()), frequency, float(rate))
+    rate = -np.polyfit(middles, np.log(amplitudes), 1)[0]
+    return _Swings(float(amplitudes.mean()), frequency, float(rate))
 
 
 def _peak(values: np.ndarray) -> float:
@@ -160,7 +160,7 @@ def _peak(values: np.ndarray) -> float:
 
 
 def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray:
-    """Return the straight line through an oscillating signal, (N,), without the oscillation."""
+    """Return the straight line, (N,), that is fitted together with a sine of a frequency, rad/s."""
     t = times - times.mean()
     terms = [np.ones_like(t), t, np.cos(frequency * t), np.sin(frequency * t)]
     fitted, *_ = np.linalg.lstsq(np.column_stack(terms), values, rcond=None)

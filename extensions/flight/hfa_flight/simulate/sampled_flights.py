@@ -23,9 +23,8 @@ import numpy as np
 
 from controller.critic.network.layers import RowNetwork
 from hfa_aircraft.batch_simulation import History, Over, Stepper, is_within, simulate_batch
-from hfa_flight.air.held_step import Delay, held_step, in_samples, step_count
+from hfa_flight.air.held_step import Delay, held_step, in_samples, slices_of, step_count
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.simulate.closed_loop import slices_of
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.row_code import row_code
 
