@@ -1,6 +1,8 @@
 """The smallest gust with which a policy leaves its limits."""
 
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -11,6 +13,7 @@ from scipy.optimize import minimize_scalar
 
 import hfa
 from hfa_flight import Scenario, smallest_gusts
+from hfa_support.units import conversion_factor
 
 #: v' = 3 (w - v): carried by the air at 10 ft/s, with other limits up and down.
 KITE = hfa.Model(
@@ -52,6 +55,23 @@ def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
         assert (threshold.by, threshold.length) == ("v", 5.0)
     assert found.smallest == down
     assert [threshold.peak for threshold in none] == [None, None]
+
+
+def test_peaks_are_in_the_unit_of_the_declared_updraft():
+    """With an updraft in kt beside a speed in ft/s, the same gusts leave, up to the same airspeed."""
+    knot = conversion_factor("kt", "ft/s")
+
+    def equations(x, u, p, w):
+        return KITE.equations(x, u, p, SimpleNamespace(updraft=knot * w.updraft))
+
+    in_knots = replace(KITE, equations=equations, disturbances={"updraft": hfa.Signal("kt")})
+    found, other = (
+        smallest_gusts(model, hfa.trim(model), None, [5.0, 0.5], scenario=COARSE)
+        for model in (KITE, in_knots)
+    )
+    flown = [knot * threshold.inside for threshold in other.thresholds]
+    assert flown == pytest.approx([threshold.inside for threshold in found.thresholds])
+    assert "updraft [kt]" in str(other.report())
 
 
 def fluttering():

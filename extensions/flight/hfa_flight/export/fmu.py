@@ -172,11 +172,10 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
     for kind in ("ModelExchange", "CoSimulation") if loop.sampled is None else ("CoSimulation",):
         able = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
         able |= {"canHandleVariableCommunicationStepSize": "true"} if kind == "CoSimulation" else {}
-        listed = xml.SubElement(
-            xml.SubElement(root, kind, able, modelIdentifier=IDENTIFIER), "SourceFiles"
-        )
+        described = xml.SubElement(root, kind, able, modelIdentifier=IDENTIFIER)
+        sources = xml.SubElement(described, "SourceFiles")
         for name in (SOURCE, WRAPPER):
-            xml.SubElement(listed, "File", name=name)
+            xml.SubElement(sources, "File", name=name)
     units = xml.SubElement(root, "UnitDefinitions")
     xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
     listed_variables = xml.SubElement(root, "ModelVariables")

@@ -204,7 +204,7 @@ class CaseFlights:
     def fly(self, progress: Progress | None) -> None:
         """Simulate all flights, each until it ends or its duration has elapsed."""
         count, state_size = self.first.shape
-        samples = self.flight.compiled(count, self.seconds)
+        loop = self.flight.compiled(count, self.seconds)
         window = self.flight.samples_in_window
         windows = self._windows
 
@@ -218,7 +218,7 @@ class CaseFlights:
                     shown(flown.first // window + 1, windows)
                 return self._over(replace(flown, flights=numbers[flown.flights]))
 
-            samples.fly(
+            loop.fly(
                 self.first[numbers],
                 self.trims[numbers],
                 windows * window,

@@ -111,10 +111,10 @@ def surviving_boxes(
 
 
 def _surviving_shares(
-    samples: CompiledSamples, point: OperatingPoint, box: np.ndarray, directions: np.ndarray
+    loop: CompiledSamples, point: OperatingPoint, box: np.ndarray, directions: np.ndarray
 ) -> np.ndarray:
     """Return the largest of the `_SHARES` of a box up to which flights stay, by direction, (D,)."""
-    model, flight = point.model, samples.flight
+    model, flight = point.model, loop.flight
     rows = model.state_places(model.linear)
     count = len(directions) * len(_SHARES)
     starts = np.tile(point.x, (count, 1))
@@ -122,7 +122,7 @@ def _surviving_shares(
     starts[:, rows] += deviations.reshape(count, len(box))
     trims = np.tile(flight.deployed.trim_vector(point), (count, 1))
     ticks = step_count(_SURVIVED, flight.dt)
-    flown, _ = samples.fly(flight.start(starts, trims), trims, ticks)
+    flown, _ = loop.fly(flight.start(starts, trims), trims, ticks)
     envelope = flight_envelope(model, point)
     stays = flight.stays(flown.states, envelope.least, envelope.most).all(axis=1)
     stays = stays.reshape(len(directions), len(_SHARES))

@@ -282,9 +282,9 @@ class Transcription:
             lbx=below,
             ubx=above,
         )
-        row = np.array(solved["x"]).ravel()
+        unknowns = np.array(solved["x"]).ravel()
         m = len(problem.inputs)
-        inner = row[m:].reshape(self.intervals, -1)
+        inner = unknowns[m:].reshape(self.intervals, -1)
         z = inner[:, :-m].reshape(self.intervals, DEGREE, -1) * of_states
         violation = np.abs(np.array(solved["g"])).max()
         end = z[-1, -1, : len(start)]
@@ -292,10 +292,10 @@ class Transcription:
             lengths=lengths,
             start=start,
             z=z,
-            v=np.vstack([row[:m], inner[:, -m:]]) * of_inputs,
+            v=np.vstack([unknowns[:m], inner[:, -m:]]) * of_inputs,
             cost=float(solved["f"]) / scale,
             tail=float(end @ problem.P @ end),
-            feasible=bool(np.isfinite(row).all() and violation <= FEASIBLE),
+            feasible=bool(np.isfinite(unknowns).all() and violation <= FEASIBLE),
         )
 
     def _bounds(self, begin: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:

@@ -322,10 +322,10 @@ class KeptInside(Policy):
             if tick % self.ticks:
                 return latest
             z = known.when_acting(problem.followed_of(trim + measured))
-            acted = measured.copy()
+            when_acting = measured.copy()
             if self.delay:
-                acted[problem.followed_places] = z * problem.sizes.states
-            held = policy_held(tick, acted)
+                when_acting[problem.followed_places] = z * problem.sizes.states
+            held = policy_held(tick, when_acting)
             (u,) = command.at(tick * step, measured, held)
             v = u[problem.moved] / problem.sizes.inputs
             inside = nearest(z, v)

@@ -154,13 +154,14 @@ def _policy_of_object(
         return scheduled_gains("scheduled gains", given, point, condition).in_scenario(scenario)
     if isinstance(given, Solution):
         given.game.refuse_steps("hfa.fly")
-    if hasattr(given, "K"):
+    if hasattr(given, "K"):  # a solution, or a critic with a linear policy
         return GainPolicy(getattr(given, "origin", "exact"), given.K), scenario
     if isinstance(given, Expansion):
         given = given.policy
     if isinstance(given, ca.Function) and given.n_in() == 1:
         return function_policy(given.name(), given, point), scenario
-    if callable(given) and not hasattr(given, "ninputs"):  # a system of python-control
+    # A system of python-control, which has ninputs, is callable too.
+    if callable(given) and not hasattr(given, "ninputs"):
         return _python_policy(given, point, scenario.interval).in_scenario(scenario)
     if isinstance(given, Deployment):
         return behind_own_filter(given, point).in_scenario(scenario)

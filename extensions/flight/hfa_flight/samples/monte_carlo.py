@@ -224,14 +224,14 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     scenario = result.loop.scenario
     deviations = result.deviations
     states = list(plan.model.states)
-    trim = plan.point.u
+    inputs_at_trim = plan.point.u
     time_flown = scenario.duration if result.departure is None else result.departure.time
     end = round(time_flown / scenario.step)  # 0 if turbulence exceeds the envelope at the start
     begin = end // 2 if scenario.gust is not None and scenario.gust.rises else 0
     errors = deviations.errors[:end]
     inputs = deviations.inputs[:end]
     angles = deviations.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
-    left = cycle = -1
+    left = cycle = -1  # no index: none
     if result.departure is not None:
         limited = limited_names(plan.model, scenario.moving_air)
         left = limited.index(result.departure.state)
@@ -246,9 +246,9 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
         "peak_error": np.abs(errors).max(axis=0, initial=0.0),
         "peak_angle_of_attack": np.abs(angles).max(initial=0.0),
         "effort": _rms(inputs[begin:]),
-        "at_limit": list(share_at_limits(plan.model, inputs + trim).values()),
-        "lowest_input": inputs.min(axis=0, initial=np.inf) + trim,
-        "highest_input": inputs.max(axis=0, initial=-np.inf) + trim,
+        "at_limit": list(share_at_limits(plan.model, inputs + inputs_at_trim).values()),
+        "lowest_input": inputs.min(axis=0, initial=np.inf) + inputs_at_trim,
+        "highest_input": inputs.max(axis=0, initial=-np.inf) + inputs_at_trim,
         "final": result.states[end],
     }
 

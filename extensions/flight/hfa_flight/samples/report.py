@@ -199,23 +199,25 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
     obeyed = limits.within(flown["lowest_input"]) & limits.within(flown["highest_input"])
     limited = limited_names(model, plan.scenario.moving_air)
     oscillating = (*model.inputs, *model.states)
-    count = int((inside & obeyed.all(axis=1) & (cycle < 0)).sum())
+    within_limits = int((inside & obeyed.all(axis=1) & (cycle < 0)).sum())
     outcomes = {
         "schema": "hfa.monte-carlo-summary/1",
-        "ok": is_enough(count, plan.members, plan.share),
+        "ok": is_enough(within_limits, plan.members, plan.share),
         "dynamics": model.name,
         "policy": plan.policy.name,
         "members": plan.members,
         "seed": plan.seed,
         "duration": plan.scenario.duration,
-        "within_limits": count,
+        "within_limits": within_limits,
         "held": int(inside.sum()),
         "first_left": None if inside.all() else float(flown["flown"][~inside].min()),
         "left_an_hour": 3600.0 * int((~inside).sum()) / max(float(flown["flown"].sum()), 1e-9),
         "left": {name: int((left == index).sum()) for index, name in enumerate(limited)},
         "left_95": outside_band(int((~inside).sum()), plan.members),
         "exceeded": dict(zip(model.inputs, (~obeyed).sum(axis=0).tolist(), strict=True)),
-        "limit_cycle": {name: int((cycle == at).sum()) for at, name in enumerate(oscillating)},
+        "limit_cycle": {
+            name: int((cycle == index).sum()) for index, name in enumerate(oscillating)
+        },
         "quantiles": np.array(_QUANTILES),
         **_quantiles(model, flown, inside),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -69,7 +70,7 @@ def flight_figure(figure: Figure, envelope: Limits, curves: Sequence[Curve], tit
     ] or names
     limits = {name: [signal.min, signal.max] for name, signal in model.inputs.items()}
     limits |= envelope_data(envelope, ANGLE_OF_ATTACK in names)
-    rows = -(-len(moving) // _COLUMNS)
+    rows = math.ceil(len(moving) / _COLUMNS)
     figure.set_size_inches(10.0, 1.2 + 1.7 * rows)
     panels = figure.subplots(rows, _COLUMNS, sharex=True, squeeze=False).ravel()
     handles = {}

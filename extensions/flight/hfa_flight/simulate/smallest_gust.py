@@ -11,6 +11,7 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import (
     UPDRAFT,
     Gust,
@@ -31,6 +32,7 @@ from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, short_number
+from hfa_support.units import conversion_factor
 from trim.point.operating_point import OperatingPoint
 
 #: Default lengths of complete gusts, ft. FAR 25.341 has 60 to 700 ft, twice the gradient distance.
@@ -73,7 +75,8 @@ class GustThreshold(NamedTuple):
     """Smallest gust of a length and a direction with which a flight leaves the limits.
 
     length: of the complete gust, in the unit of length of the aircraft
-    inside: largest flown peak below the threshold that stays inside, negative for a downdraft
+    inside: largest flown peak below the threshold that stays inside, in the unit of the updraft,
+        negative for a downdraft
     peak: smallest flown peak that leaves, within .5 % of `inside`; None if none up to the airspeed
     by: variable that leaves first, or ""
     time: time of the departure, s, or None
@@ -123,8 +126,7 @@ class SmallestGusts(Result, Reported):
 
     def report(self) -> Report:
         """Return the report: a row for each length, with both directions."""
-        length = length_unit_of(self.point.model)
-        speed = f"{length}/s"
+        length, speed = length_unit_of(self.point.model), _unit_of_peak(self.point.model)
         rows = []
         for up, down in zip(self.thresholds[::2], self.thresholds[1::2], strict=True):
             cells = [*_cells(up, speed), *_cells(down, speed)]
@@ -154,11 +156,16 @@ class SmallestGusts(Result, Reported):
         if least is None or least.peak is None:
             return "Smallest gust: none up to the airspeed leaves the limits"
         kind = "updraft" if least.peak > 0.0 else "downdraft"
-        unit = length_unit_of(self.point.model)
+        length, speed = length_unit_of(self.point.model), _unit_of_peak(self.point.model)
         return (
-            f"Smallest gust: {kind} of {short_number(abs(least.peak), '')} {unit}/s, "
-            f"{least.length:g} {unit} long, leaves by {least.by}"
+            f"Smallest gust: {kind} of {short_number(abs(least.peak), '')} {speed}, "
+            f"{least.length:g} {length} long, leaves by {least.by}"
         )
+
+
+def _unit_of_peak(model: Model) -> str:
+    """Return the unit of the updraft, such as "ft/s"."""
+    return in_gusts(model).unit(UPDRAFT)
 
 
 def _cells(threshold: GustThreshold, unit: str) -> tuple[str, str]:
@@ -215,13 +222,15 @@ def smallest_gusts(
     ).on(model)
     flown_policy, own_scenario = policy_and_scenario(policy, point, own_scenario)
     loop = FlightLoop(NonlinearPlant(model, point), flown_policy, own_scenario)
+    of_peak = conversion_factor(f"{length_unit_of(model)}/s", _unit_of_peak(model)) or 1.0
     notes = flown_policy.notes()
     compiled = CompiledLoop(loop, 200 * len(gust_lengths))
     thresholds: list[GustThreshold] = []
     flights = 0
     for length in gust_lengths.tolist():
         for sign in (1.0, -1.0):
-            search = _Search(compiled, within, OneMinusCosine(length, 0.0, speed))
+            gust = OneMinusCosine(length, 0.0, speed)
+            search = _Search(compiled, within, gust, speed * of_peak)
             thresholds.append(search.threshold(sign))
             flights += search.flights
             if progress is not None:
@@ -236,17 +245,21 @@ class _Search:
     loop: CompiledLoop
     envelope: Limits
     gust: OneMinusCosine
+    airspeed: float  # in the unit of the peak
     flights: int = 0  # number of gusts flown
 
     def threshold(self, sign: float) -> GustThreshold:
         """Return the threshold of updrafts (1) or downdrafts (-1)."""
-        inside, outside = 0.0, _FIRST * self.gust.speed
-        while (departure := (flight := self._flight(sign * outside)).departure) is None:
+        inside, outside = 0.0, _FIRST * self.airspeed
+        flight = self._flight(sign * outside)
+        while flight.departure is None:
             inside = outside
-            if inside >= self.gust.speed:
+            if inside >= self.airspeed:
                 return GustThreshold(self.gust.length, sign * inside, None, "", None)
             ratio = _COARSE if self._is_within_half(flight) else _RATIO
-            outside = min(ratio * outside, self.gust.speed)
+            outside = min(ratio * outside, self.airspeed)
+            flight = self._flight(sign * outside)
+        departure = flight.departure
         while outside > ACCURACY * inside:
             middle = 0.5 * (inside + outside)
             in_middle = self._flight(sign * middle).departure
