@@ -458,10 +458,10 @@ def _data_change(enclosure: Enclosure) -> float:
     sizes = sizes_of(P.midpoint)
     is_known = sizes > np.diag(P.radius)
     weights = np.where(is_known, 1.0 / np.where(is_known, sizes, 1.0), 0.0)
-    T = from_T = np.eye(len(F))
+    T = T_inverse = np.eye(len(F))  # V, P, K and L are of the states y, F of T y
     if exact_T is not None:
-        T, from_T = midpoints(exact_T), midpoints(exact_T.inv())
-    V = from_T @ _adjoint(F, (T * weights) @ T.T, is_discrete=equation.is_discrete) @ from_T.T
+        T, T_inverse = midpoints(exact_T), midpoints(exact_T.inv())
+    V = T_inverse @ _adjoint(F, (T * weights) @ T.T, is_discrete=equation.is_discrete) @ T_inverse.T
     gains = found.gains.midpoint @ T
     K, L = gains[: len(inputs)], -gains[len(inputs) :]
     E = np.ldexp(game.E, np.add.outer(-states, disturbances))
@@ -469,9 +469,9 @@ def _data_change(enclosure: Enclosure) -> float:
         L = 0.0 * E.T
     elif not equation.is_discrete:
         L = float(equation.w) * E.T @ P.midpoint
-    of_F = P.midpoint @ (from_T @ F @ T @ V if equation.is_discrete else V)
+    of_F = P.midpoint @ (T_inverse @ F @ T @ V if equation.is_discrete else V)
     twice = 2.0 * math.sqrt(game.discount) * of_F
-    terms = (
+    terms = (  # what a change of the matrix is multiplied by, the matrix, units of both sides
         (twice, game.A, -states, states),
         (twice @ K.T, game.B, -states, inputs),
         (twice @ L.T, game.E, -states, disturbances),
