@@ -490,7 +490,8 @@ def _with_all(linear: LinearModel, stored: Mapping[str, Any], name: str) -> Line
     F = _stored("F", stored, (k, len(disturbances)))
     Y0 = _stored("output_offsets", stored, (k,))
     X0, U0 = _stored("state_offsets", stored, (n,)), _stored("input_offsets", stored, (m,))
-    outputs = _signals(linear.outputs, words(stored, "output_units"), Y0)
+    output_units = words(stored, "output_units") or ("1",) * k
+    outputs = _signals(linear.outputs, output_units, Y0)
     rows = map(OutputRow, outputs.values(), linear.C, linear.D, F)
     warnings = words(stored, "warnings")
     of_plant = LINEAR if LINEAR in warnings else LINEAR_WITH_OFFSETS
