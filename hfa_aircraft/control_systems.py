@@ -36,7 +36,7 @@ def plant_model(
     B: np.ndarray,
     outputs: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> Model:
-    """Return the model x' = A x + B u, trimmed at the origin.
+    """Return the model x' = A x + B u, trimmed at the origin (`plant_about` has offsets).
 
     name: name of the model
     names: names and units of all states and inputs. An empty unit becomes 1.

@@ -199,11 +199,11 @@ def _cover(
             texts[name] = "; ".join(dict.fromkeys(noted))
     if model.about.atmosphere:
         texts["atmosphere"] = model.about.atmosphere
-    named: dict[str, list[str]] = {}
+    by_result: dict[str, list[str]] = {}  # result -> number and name of its conditions
     for called, condition in zip(_called(conditions), conditions, strict=True):
         if condition.result != TRIMMED:
-            named.setdefault(condition.result, []).append(called)
-    return texts | {result: ", ".join(names) for result, names in named.items()}
+            by_result.setdefault(condition.result, []).append(called)
+    return texts | {result: ", ".join(names) for result, names in by_result.items()}
 
 
 def _loading_text(name: str, known: Sequence[tuple[OperatingPoint, Quantity]]) -> str:
@@ -254,14 +254,14 @@ def _column(cells: Sequence[Any]) -> list[str]:
     ):
         decimals -= 1  # no zeros at the end of all
     texts = iter([f"{number:z.{decimals}f}" for number in shown])
-    found = []
+    in_column = []
     for cell in cells:
         text = next(texts) if isinstance(cell, _Number) else cell
         if isinstance(cell, _Number):
             is_used = math.isfinite(cell.share) and float(text) != 0.0
             text = Cell(f"{text} ({cell.share:.0f} %)" if is_used else text, cell.tone)
-        found.append(text)
-    return found
+        in_column.append(text)
+    return in_column
 
 
 def _used_controls(conditions: Sequence[Condition]) -> list[str]:
