@@ -41,7 +41,7 @@ from controller.riccati.lyapunov import (
 )
 from controller.riccati.rationals import disturbance_costs_nothing
 from trim.linear.frequency_response import is_stable_in_doubles
-from trim.linear.margins import ClosedLoop, DiskMargin, disk_of, loop_of
+from trim.linear.margins import ClosedLoop, DiskMargin, disk_of, loop_of, spread
 
 if TYPE_CHECKING:
     from flint import arb_mat
@@ -105,8 +105,7 @@ def enclosed_poles(loop: arb_mat) -> Poles:
     units = loop_units(midpoints(loop))
     F = scaled_balls(loop, -units, units)
     # Multiple eigenvalues differ where the loop is changed by a quarter of its digits.
-    change = ball_matrix(np.cos(np.arange(len(units) ** 2)).reshape(len(units), -1))
-    changed = (F + change * (norm(F) * half_the_bits() ** 1.5)).mid()
+    changed = (F + ball_matrix(spread(len(units))) * (norm(F) * half_the_bits() ** 1.5)).mid()
     V = acb_mat(changed).eig(right=True, algorithm="approx")[1]
     sizes = np.abs([[complex(entry) for entry in row] for row in V.tolist()]).max(0)
     V = (V * acb_mat(ball_matrix(np.diag(1.0 / sizes)))).mid()

@@ -64,6 +64,8 @@ SETTLED = 1e-10
 CHANGE = 1e-13
 #: Number of times in which a response is computed from the modes and corrected.
 ROUNDS = 3
+#: A smaller last correction, relative to the response, is followed by one of its square.
+NEAR = 1e-9
 #: Interval of frequencies, rad/s.
 Piece = tuple[float, float]
 
@@ -121,11 +123,11 @@ class ClosedLoop:
 
     @cached_property
     def modes(self) -> Modes:
-        """Modes of A, which is changed by rounding: then its eigenvectors are independent."""
-        change = (
-            np.cos(np.arange(self.A.size)).reshape(self.A.shape) * CHANGE * np.linalg.norm(self.A)
-        )
-        values, vectors = np.linalg.eig(self.A + change)
+        """Modes of A, which is changed by rounding if its eigenvectors are nearly dependent."""
+        values, vectors = np.linalg.eig(self.A)
+        if not np.linalg.cond(vectors) < 1.0 / CHANGE:
+            change = spread(len(self.A)) * CHANGE * np.linalg.norm(self.A)
+            values, vectors = np.linalg.eig(self.A + change)
         return Modes(values, vectors, np.linalg.inv(vectors))
 
     @property
@@ -136,7 +138,8 @@ class ClosedLoop:
     def at(self, frequencies: np.ndarray) -> np.ndarray:
         """Return M(jω), (N, m, m), at finite frequencies ω, (N,).
 
-        By the modes of A, corrected by residuals: each frequency takes n² operations.
+        By the modes of A, corrected by residuals: each frequency takes n² operations. Where the
+        corrections do not shrink, as where |A| is far above its slow poles, by equations.
         """
         values, vectors, inverse = self.modes
         s = 1j * np.repeat(frequencies, self.B.shape[1])
@@ -144,7 +147,11 @@ class ClosedLoop:
         x = np.zeros(right.shape, dtype=complex)
         for _ in range(ROUNDS):
             residual = right - s * x + self.A @ x
-            x += vectors @ (inverse @ residual / (s - values[:, None]))
+            correction = vectors @ (inverse @ residual / (s - values[:, None]))
+            x += correction
+        is_lost = ~(np.abs(correction).max(0) <= NEAR * np.abs(x).max(0))
+        matrices = s[is_lost, None, None] * np.eye(len(self.A)) - self.A
+        x[:, is_lost] = np.linalg.solve(matrices, right.T[is_lost, :, None])[:, :, 0].T
         outputs = (self.C @ x).reshape(len(self.C), len(frequencies), self.B.shape[1])
         return self.D + np.moveaxis(outputs, 1, 0)
 
@@ -155,6 +162,11 @@ class ClosedLoop:
         - sampled loop: the angle of z, divided by dt
         """
         return 2.0 * np.arctan(frequencies) / self.dt if self.dt else frequencies
+
+
+def spread(n: int) -> np.ndarray:
+    """Return numbers between -1 and 1 that are as good as random, (n, n)."""
+    return np.cos(np.arange(float(n * n)) ** 1.5).reshape(n, n)
 
 
 def loop_of(
@@ -169,7 +181,11 @@ def loop_of(
         frequencies are then in rad per step
     """
     A, units = balanced(closed)
-    loop = System(A, enters / units[:, None], leaves * units, 0.5 * np.eye(len(leaves)))
+    B, C = enters / units[:, None], leaves * units
+    with np.errstate(all="ignore"):  # units of the inputs in which each enters as much as it leaves
+        inputs = np.sqrt(np.linalg.norm(C, axis=1) / np.linalg.norm(B, axis=0))
+    inputs = np.where((inputs > 0.0) & np.isfinite(inputs), inputs, 1.0)
+    loop = System(A, B * inputs, C / inputs[:, None], 0.5 * np.eye(len(C)))
     if dt is None:
         return ClosedLoop(*loop)
     return ClosedLoop(*in_continuous_time(loop), dt=float(dt))
@@ -453,7 +469,10 @@ def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
     mass = np.diag(np.repeat([1.0, 0.0], [2 * n, 1]))
     # The eigenvalues λ of the pencil are those 1 / (λ - shift) of an inverse; 0 for infinite ones.
     shift = 0.37  # is no eigenvalue
-    inverses = np.linalg.eigvals(np.linalg.solve(system - shift * mass, mass))
+    try:
+        inverses = np.linalg.eigvals(np.linalg.solve(system - shift * mass, mass))
+    except np.linalg.LinAlgError:  # every number is a zero, as where the loop gain is 0
+        return np.zeros(0)
     return unit * np.abs((1.0 / inverses[inverses != 0.0]).imag)
 
 

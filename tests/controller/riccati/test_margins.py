@@ -135,3 +135,31 @@ def test_large_gain_margins_keep_their_digits(k):
     """The loop k / (s + 1)³ tolerates 8 / k times its gain."""
     game = Game(np.diag([1.0, 1.0], 1) - np.eye(3), [[0.0], [0.0], [1.0]], Q=np.eye(3), R=[1.0])
     assert hfa.margins(game, [[k, 0.0, 0.0]])["u1"].gain_high == pytest.approx(8.0 / k, rel=1e-9)
+
+
+def test_an_input_without_a_gain_tolerates_all_changes():
+    """The loop gain of the second input is 0: any gain and phase are tolerated."""
+    linear = hfa.LinearModel.of(np.diag([1.0, -2.0]), np.eye(2))
+    first, second = hfa.margins(linear, [[2.0, 0.0], [0.0, 0.0]]).values()
+    assert (first.gain_low, first.gain_high) == (0.5, math.inf)
+    assert (second.gain_low, second.gain_high, second.phase) == (0.0, math.inf, math.inf)
+
+
+def test_a_fast_actuator_does_not_blur_the_slow_modes():
+    """The phase margin of k / s is 90 deg, whatever the rate of the actuator after it."""
+    for rate in (1e6, 1e9, 1e11):
+        linear = hfa.LinearModel.of([[0.0, 1.0], [0.0, -rate]], [[0.0], [rate]])
+        found = hfa.margins(linear, [[1e-2, 0.0]])["u1"]
+        phase = 90.0 - math.degrees(math.atan(1e-2 / rate))
+        assert (found.phase, found.crossover) == pytest.approx((phase, 1e-2), rel=1e-9)
+
+
+def test_the_disk_margin_does_not_depend_on_the_units_of_the_inputs():
+    """Inputs in units that differ by ten orders have the margins of like units."""
+    A, B = np.diag([1.0, -1.0], 1) + np.diag([0.0, -1.0, 1.0]), np.array([[0, 1.0], [1, 0], [1, 2]])
+    K = solve(Game(A, B, Q=np.eye(3), R=np.eye(2))).K
+    found = []
+    for units in (np.ones(2), np.array([1e-4, 1e6])):
+        game = Game(A, B * units, Q=np.eye(3), R=np.diag(units**2))
+        found.append(solve(game).closed_loops.disk_margin([[1.5], [0.8]] * K / units[:, None]))
+    assert tuple(found[1]) == pytest.approx(tuple(found[0]), rel=1e-5)
