@@ -440,7 +440,7 @@ def scenario_of(
 ) -> Scenario:
     """Return the scenario that the options specify for a trim.
 
-    A sample has 10 ms. The tick is the longest whole number of ms that divides it and the delay.
+    The tick is the longest whole number of ms that divides a sample and the delay.
 
     hold: values of --hold, whose altitude is the one of the turbulence
     drawn: whether the scenario is of several flights, with random errors of parameters
@@ -461,7 +461,7 @@ def scenario_of(
     names = model.linear
     common = Scenario(
         duration=duration,
-        tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
+        tick=math.gcd(round(1000.0 * _SAMPLE), round(1000.0 * delay)) / 1000.0,
         sample=_SAMPLE,
         initial=np.array([initial.get(name, 0.0) for name in model.states]),
         disturbance=constant(np.array([disturbed.get(name, 0.0) for name in names])),

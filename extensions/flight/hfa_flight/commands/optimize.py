@@ -154,7 +154,7 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     flight was found, or a policy of --policy does not converge within the limits; with --starts,
     from every initial condition, or from the share of --need.
     """
-    from hfa_flight.plan import starts_table as flights
+    from hfa_flight.plan import starts_table
     from hfa_flight.plan.problem import flight_problem
 
     _refuse_contradictions(request)
@@ -171,13 +171,15 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     policies = {_EXACT: exact_policy(game), **judged} if np.isfinite(game.delta) else judged
     if request.starts is not None:
         progress = ProgressLine("optimize")
-        table = flights.optimize_starts(
+        table = starts_table.optimize_starts(
             problem, request.starts, policies, seed=request.seed, progress=progress
         )
         table = replace(table, judged=[*judged], share=request.need.get(SHARE, ALL))
         return Outcome(report=table.report(), ok=table.ok, source=given.source)
     initial = trimmed(given) if request.to else deviations
-    best = flights.optimize(model, point, initial, game.Q, game.R, limits=limits, policies=policies)
+    best = starts_table.optimize(
+        model, point, initial, game.Q, game.R, limits=limits, policies=policies
+    )
     rows = [row for row in best.policies if row.policy in judged]
     failures = [f"FAIL: {row.policy}: {row.outcome()}" for row in rows if not row.converges]
     report = best.report()

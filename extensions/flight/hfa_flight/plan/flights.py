@@ -211,7 +211,7 @@ class Flights:
 
     @cached_property
     def step(self) -> float:
-        """Integration step, s, at most `_STEP`.
+        """Integration step, s, at most `_LONGEST_STEP`.
 
         The step resolves the fastest mode of the aircraft and of the linear loop.
         """

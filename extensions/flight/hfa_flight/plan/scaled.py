@@ -267,7 +267,8 @@ class Grid:
         first_sample = age
         for _ in range(self._count):
             wanted = max(1, 2 * (first_sample - age) // self._fine)
-            length = min(1 << (wanted.bit_length() - 1), self._longest)
+            power_of_two = 1 << (wanted.bit_length() - 1)  # the largest up to `wanted`
+            length = min(power_of_two, self._longest)
             # A hold begins and ends at a multiple of its length, so that later plans have it, too.
             while first_sample % length:
                 length //= 2

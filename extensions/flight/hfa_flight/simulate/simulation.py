@@ -332,13 +332,13 @@ class CompiledLoop:
             over = over_at(rows)
             if over.any():
                 last = first + math.ceil(over.argmax() / per_tick)
-            ends = over.any() or last == ticks
+            is_last = over.any() or last == ticks
             # The last row is the first of the next window, if there is one.
-            kept = slice((last - first) * per_tick + (1 if ends else 0))
+            kept = slice((last - first) * per_tick + (1 if is_last else 0))
             parts.append(_Rows(*(part[kept] for part in rows)))
             if progress is not None:
-                progress(ticks if ends else last, ticks)
-            if ends:
+                progress(ticks if is_last else last, ticks)
+            if is_last:
                 break
         flight = self._flight(*map(np.concatenate, zip(*parts, strict=True)))
         diverged = ~np.isfinite(flight.states).all(axis=1)
