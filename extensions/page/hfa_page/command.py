@@ -136,7 +136,7 @@ def report(request: ReportRequest) -> Outcome:
         html = page(job, sections, whole, provenance(request, source))
         lines.append(_written(html, whole, place))
     if job.regeneration is None:
-        lines.append(f"Trimmed: {job.slider.sweep.trimmed.sum()} of {len(job.slider.points)}")
+        lines.append(f"Trimmed: {job.slider.trimmed} of {len(job.slider.points)}")
     else:
         lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
         lines.append(

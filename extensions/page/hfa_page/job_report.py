@@ -197,9 +197,8 @@ def verdicts(job: MainJob) -> Table:
             rows.append((f"game at {angle.label} certified", solved))
         if pairs:
             rows.append((f"learned critic at {angle.label} exact", verdict_text(angle.ok)))
-    trimmed = int(job.slider.sweep.trimmed.sum())
     values = "angles" if pairs else f"values of {job.slider.sweep.variables[-1]}"
-    rows.append((f"trimmed of {len(job.slider.points)} {values}", Cell(str(trimmed))))
+    rows.append((f"trimmed of {len(job.slider.points)} {values}", Cell(str(job.slider.trimmed))))
     return Table(("check", "verdict"), rows)
 
 

@@ -35,6 +35,7 @@ from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
+from trim.point.solve import trim
 from trim.reports.book import Condition
 from trim.sweeps.result import Sweep
 from trim.sweeps.sweep import sweep
@@ -121,6 +122,11 @@ class Slider:
     points: tuple[Position, ...]
     first: int
 
+    @property
+    def trimmed(self) -> int:
+        """Number of points with a trim."""
+        return sum(point.model is not None for point in self.points)
+
 
 def slider_over(
     model: Model,
@@ -139,16 +145,18 @@ def slider_over(
     start: initial point of the search for these trims, or None
     """
 
-    swept = sweep(model, {model.schedule: values}, condition=condition, start=start)
-    positions = []
-    for number, value in enumerate(values.tolist()):
+    def position(value: float) -> Position:
+        # Not from the sweep: the page has the numbers of `hfa trim` to the bit.
         at_value = condition.at(value, {model.schedule: value})
-        position = Position(value, at_value, reason=swept.reasons[number])
-        if not position.reason:
-            linear = linearize(model, swept[number].point, outputs=outputs)
-            position = replace(position, model=linear)
-        positions.append(position)
-    return Slider(swept, tuple(positions), values.tolist().index(first))
+        try:
+            point = trim(model, at_value, start)
+        except NoSolutionError as error:
+            return Position(value, at_value, reason=str(error))
+        return Position(value, at_value, linearize(model, point, outputs=outputs))
+
+    swept = sweep(model, {model.schedule: values}, condition=condition, start=start)
+    listed = values.tolist()
+    return Slider(swept, tuple(map(position, listed)), listed.index(first))
 
 
 def values_about(point: OperatingPoint) -> np.ndarray:
