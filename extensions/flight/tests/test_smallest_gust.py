@@ -13,7 +13,6 @@ from scipy.optimize import minimize_scalar
 
 import hfa
 from hfa_flight import Scenario, smallest_gusts
-from hfa_support.units import conversion_factor
 
 #: v' = 3 (w - v): carried by the air at 10 ft/s, with other limits up and down.
 KITE = hfa.Model(
@@ -59,7 +58,7 @@ def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
 
 def test_peaks_are_in_the_unit_of_the_declared_updraft():
     """With an updraft in kt beside a speed in ft/s, the same gusts leave, up to the same airspeed."""
-    knot = conversion_factor("kt", "ft/s")
+    knot = 1852.0 / 0.3048 / 3600.0  # ft/s
 
     def equations(x, u, p, w):
         return KITE.equations(x, u, p, SimpleNamespace(updraft=knot * w.updraft))
