@@ -69,7 +69,7 @@ class SignFunction(Generic[Middle]):
             inverse = _inverse(matrix)
             # This factor brings the eigenvalues near ±1 soon.
             c = math.sqrt(_size(inverse) / size)
-            if not math.isfinite(c):
+            if not 0.0 < c < math.inf:
                 raise FailedError("the sign is not finite")
             is_near = 0.9 < c < 1.1 or step > NEWTON_STEPS // 2
             c = 1.0 if is_near else c
@@ -250,7 +250,7 @@ def stability_of(loop: arb_mat, *, is_discrete: bool) -> bool | None:
     units = loop_units(midpoints(loop))
     F = Balls(scaled_balls(loop, -units, units))
     is_stable = None
-    with suppress(FailedError):
+    with suppress(FailedError), np.errstate(all="ignore"):
         in_doubles = DoubleBalls.of(F)
         is_stable = _by_shape(in_doubles, in_doubles.midpoint, is_discrete=is_discrete)
     if is_stable is None:

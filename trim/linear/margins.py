@@ -441,13 +441,15 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     gains = gains[gains > 0.0]
     angles = np.angle(where_imaginary.values / (where_imaginary.values + 1.0))
     phases = np.degrees(np.abs(angles))
+    with np.errstate(divide="ignore"):  # no delay changes the phase at 0
+        delays = np.mod(angles, 2.0 * np.pi) / frequencies
     most_sensitive = float(grid[np.abs(seen + 0.5).argmax()])  # frequency of the largest |M|
     return LoopMargin(
         gain_low=float(gains[gains < 1.0].max(initial=0.0)),
         gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
         phase=float(phases.min(initial=math.inf)),
         crossover=float(frequencies[phases.argmin()]) if phases.size else math.nan,
-        delay=float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)),
+        delay=float(delays.min(initial=math.inf)),
         disk=disk_of(only, most_sensitive).disk,
     )
 

@@ -145,6 +145,15 @@ def test_an_input_without_a_gain_tolerates_all_changes():
     assert (second.gain_low, second.gain_high, second.phase) == (0.0, math.inf, math.inf)
 
 
+def test_a_loop_gain_of_one_at_rest_tolerates_all_delays():
+    """|1 / (s + 1)| is 1 at 0 rad/s only, where no delay changes the phase, without a warning."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        linear = hfa.LinearModel.of(np.diag([-1.0, -2.0]), np.eye(2))
+        found = hfa.margins(linear, np.diag([1.0, 0.0]))["u1"]
+    assert (found.phase, found.delay) == (180.0, math.inf)
+
+
 def test_a_fast_actuator_does_not_blur_the_slow_modes():
     """The phase margin of k / s is 90 deg, whatever the rate of the actuator after it."""
     for rate in (1e6, 1e9, 1e11):
