@@ -9,17 +9,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from hfa_support.reporting.results import Entries
 from hfa_support.reporting.rows import Group, Sheet
-from hfa_support.reporting.text import (
-    Table,
-)
+from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Who signs a book, and what is left blank for a signature.
 SIGNERS = ("author", "checked", "approved")
-
-
 BLANKS = ("name", "date", "signature")
 
 
