@@ -46,7 +46,7 @@ from trim.point.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
     from hfa_flight.air.signals import CommandSteps
-    from hfa_flight.policies.policy import GainPolicy, Policy
+    from hfa_flight.policies.policy import Policy
     from trim.point.condition import TrimCondition
 
 #: Word of --policy without a policy, with which commands are steps of inputs; word of the game's
@@ -86,31 +86,26 @@ def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
 
 
 def numbers(
-    form: str, count: int, otherwise: tuple[float, ...] = ()
-) -> Callable[[str], tuple[float, ...]]:
-    """Return a function that converts a text such as "1:2:3" to a tuple of `count` numbers.
-
-    The function raises BadInputError for a wrong number of parts, or for a part that is not a
-    number.
+    text: str, *, form: str, count: int, otherwise: tuple[float, ...] = ()
+) -> tuple[float, ...]:
+    """Return the `count` numbers of a text such as "1:2:3".
 
     form: description of the text for error messages
     otherwise: default values of the last numbers. The text may omit these numbers
+
+    Raises BadInputError for a wrong number of parts, or for a part that is not a number.
     """
-
-    def convert(text: str) -> tuple[float, ...]:
-        parts = text.split(":")
-        least = count - len(otherwise)
-        if not least <= len(parts) <= count:
-            raise BadInputError(f"is {text!r}; give {form}")
-        return (*(number(part) for part in parts), *otherwise[len(parts) - least :])
-
-    return convert
+    parts = text.split(":")
+    least = count - len(otherwise)
+    if not least <= len(parts) <= count:
+        raise BadInputError(f"is {text!r}; give {form}")
+    return (*(number(part) for part in parts), *otherwise[len(parts) - least :])
 
 
 def actuators_option() -> Any:
     """Return the option --actuators."""
     about = "add actuators of first order with lag (s) and rate limit (deg/s)"
-    kind = numbers(_ACTUATORS, 2)
+    kind = partial(numbers, form=_ACTUATORS, count=2)
     return option(about, _ACTUATORS, kind, rare=True)
 
 
@@ -133,13 +128,6 @@ def _word_or_file(words: tuple[str, ...], text: str) -> str | Path:
     if not Path(text).suffix:
         raise BadInputError(f"is {shortened(text)!r}; {choice_of(text, words)}, or give a file")
     return critic_path(text)
-
-
-def kind_of(policy: str | Path) -> str:
-    """Return the kind of a policy of --policy: its word, or what its file contains."""
-    from hfa_flight.policies.given import kind_of_file
-
-    return policy if isinstance(policy, str) else kind_of_file(policy)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,8 +169,10 @@ class PolicyOptions(TrimOptions, WeightOptions, ReadingOptions):
 
     @cached_property
     def kind(self) -> str:
-        """The kind of `flown`."""
-        return kind_of(self.flown)
+        """The kind of the policy `flown`: its word, or what its file contains."""
+        from hfa_flight.policies.given import kind_of_file
+
+        return self.flown if isinstance(self.flown, str) else kind_of_file(self.flown)
 
 
 def require_policy(request: PolicyOptions, name: str) -> None:
@@ -225,25 +215,20 @@ def policy_of_word(
     limits: state -> (lowest, highest), replacing the limits of the flight envelope
     settings: horizon and margin of the predictive policy, None for the default
     """
+    from controller.riccati.gare import solve
+    from hfa_flight.policies.policy import GainPolicy
+
+    if word == EXACT:
+        return GainPolicy(EXACT, solve(game).K)
     from hfa_flight.plan.predictive import predictive
     from hfa_flight.plan.state_dependent import state_dependent
 
-    if word == EXACT:
-        return exact_policy(game)
     game.refuse_cross_weights(f"--policy {word}")
     of_game = (point.model, point, game.Q, game.R)
     if word != PREDICTIVE:
         return state_dependent(*of_game, delta=game.delta, E=game.E, limits=limits)
     given: dict[str, Any] = {name: value for name, value in settings.items() if value is not None}
     return predictive(*of_game, delta=game.delta, budget=math.inf, limits=limits, **given)
-
-
-def exact_policy(game: Game) -> GainPolicy:
-    """Return the exact gain of a game as a policy."""
-    from controller.riccati.gare import solve
-    from hfa_flight.policies.policy import GainPolicy
-
-    return GainPolicy(EXACT, solve(game).K)
 
 
 def noted_game(weights: Mapping[str, Any], linear: LinearModel) -> Game:
@@ -278,11 +263,13 @@ def policy_of_options(
     condition: function from the scheduling variable to the trim condition of a gain table
     commands: steps that a gain table follows
     """
+    from controller.riccati.gare import solve
     from hfa_flight.policies.given import policy_of_file
+    from hfa_flight.policies.policy import GainPolicy
 
     path, weights = request.flown, given_weights(request, linear.model)
     if not isinstance(path, Path):
-        return exact_policy(noted_game(weights, linear))
+        return GainPolicy(EXACT, solve(noted_game(weights, linear)).K)
     game = weighted_game(weights, linear).game if request.kind in (GAIN, NETWORK) else None
     return policy_of_file(path, linear.point, game, reading_of(request), condition, commands)
 
@@ -342,13 +329,11 @@ def _gust(text: str) -> tuple[float, ...] | SmallestGust:
     if word == SMALLEST:
         return SmallestGust(tuple(listed_numbers(lengths)) if lengths else None)
     form = f"{_GUST} or {SMALLEST}[:LENGTH,...]"
-    return numbers(form, 3, otherwise=(0.0,))(text)
+    return numbers(text, form=form, count=3, otherwise=(0.0,))
 
 
-def gust_at(
-    typed: tuple[float, ...] | SmallestGust | None, point: OperatingPoint, duration: float
-) -> OneMinusCosine | None:
-    """Return the gust of the option --gust at the speed of a trim, or None without a single gust.
+def gust_at(typed: tuple[float, ...], point: OperatingPoint, duration: float) -> OneMinusCosine:
+    """Return the gust of the option --gust at the speed of a trim.
 
     typed: length, peak and start of the gust, in the units of the model and s
     duration: s
@@ -356,8 +341,6 @@ def gust_at(
     Raises BadInputError if the gust begins outside the duration, its length is not positive, or the
     model has no state or output `speed`.
     """
-    if typed is None or isinstance(typed, SmallestGust):
-        return None
     length, peak, begin = typed
     if not 0 <= begin < duration:
         raise BadInputError(
@@ -465,7 +448,7 @@ def scenario_of(
         sample=_SAMPLE,
         initial=np.array([initial.get(name, 0.0) for name in model.states]),
         disturbance=constant(np.array([disturbed.get(name, 0.0) for name in names])),
-        actuators=actuators_of(model, request.actuators),
+        actuators=None if request.actuators is None else actuators_of(model, *request.actuators),
         delay=delay,
         air={
             name: constant(np.array([value]))
@@ -473,7 +456,9 @@ def scenario_of(
             if name not in names
         },
     )
-    gust: Gust | None = gust_at(request.gust, point, common.duration)
+    gust: Gust | None = None
+    if request.gust is not None and not isinstance(request.gust, SmallestGust):
+        gust = gust_at(request.gust, point, common.duration)
     if gust is not None and request.turbulence is not None:
         raise BadInputError("--gust and --turbulence cannot be combined; remove one of the two")
     turbulence = at_held_altitude(request.turbulence, hold)
@@ -484,18 +469,16 @@ def scenario_of(
     return replace(common, errors=errors, uncertainty=uncertainty, gust=gust).on(model)
 
 
-def actuators_of(model: Model, typed: tuple[float, ...] | None) -> ActuatorBank | None:
-    """Return the actuators that --actuators specifies, or None without --actuators.
+def actuators_of(model: Model, lag: float, degrees_per_second: float) -> ActuatorBank:
+    """Return actuators of all inputs of a model, within their control limits.
 
     The rate limit applies to the surfaces. These are the inputs in rad or deg.
 
-    typed: lag in s, rate limit in deg/s
+    lag: s
+    degrees_per_second: rate limit
 
     Raises BadInputError if a number is out of range.
     """
-    if typed is None:
-        return None
-    lag, degrees_per_second = typed
     if degrees_per_second <= 0:
         raise BadInputError(
             f"the rate limit of --actuators is {degrees_per_second:g} deg/s; give a positive "

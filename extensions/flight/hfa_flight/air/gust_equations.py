@@ -10,7 +10,7 @@ air (`in_gusts`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -52,13 +52,14 @@ _OVER_GROUND = (
 )
 
 
-def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]]:
-    """Return the gust components u, v, w, p, q, r for which a model declares disturbances.
+def gust_factors(model: Model, trim: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Return gust component u, v, w, p, q or r -> {disturbance: factor}, for those that a model
+    declares.
 
-    The result maps each component to {disturbance: factor}. The value of a disturbance is the sum
-    of factor times component. Disturbances to the north and east are resolved along the heading.
+    The value of a disturbance is the sum of factor times component. Disturbances to the north and
+    east are resolved along the heading of the trim.
 
-    heading: heading of the trim, rad
+    trim: state -> value at the trim. Without a yaw, the heading is 0
     """
     declared = {
         name: {added: _SIGN.get(name, 1.0)}
@@ -66,27 +67,16 @@ def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]
         if added in model.disturbances
     }
     if {"gust_north", "gust_east"} <= set(model.disturbances):
+        heading = 0.0
+        if "yaw" in model.states:
+            heading = trim.get("yaw", 0.0) * (conversion_factor(model.unit("yaw"), "rad") or 1.0)
         cosine = float(np.cos(heading))
         sine = float(np.sin(heading))
         declared.setdefault("u", {"gust_north": cosine, "gust_east": sine})
         declared.setdefault("v", {"gust_north": -sine, "gust_east": cosine})
     if "headwind" in model.disturbances:
         declared.setdefault("u", {"headwind": -1.0})
-    return declared
-
-
-def available_components(model: Model, heading: float) -> dict[str, dict[str, float]]:
-    """Return the gust components u, v, w, p, q, r that have an effect on `in_gusts(model)`.
-
-    The result maps each component to {disturbance: factor}, as `own_disturbances` does.
-
-    heading: heading of the trim, rad
-    """
-    available = own_disturbances(model, heading)
-    for name in ADDED:
-        if name not in available and _can_be_added(model, name):
-            available[name] = {ADDED[name]: _SIGN.get(name, 1.0)}
-    return {name: available[name] for name in ADDED if name in available}
+    return {name: declared[name] for name in ADDED if name in declared}
 
 
 def missing_states(model: Model, component: str) -> list[str]:
@@ -141,11 +131,6 @@ def undeclared(model: Model, disturbance: str, what: str) -> str:
     return f"{model.name} declares no disturbance {disturbance}, which {what} requires; {change}"
 
 
-def _can_be_added(model: Model, component: str) -> bool:
-    """Return whether `in_gusts` can add the disturbance of a gust component to a model."""
-    return not (missing_states(model, component) or kind_of_signal(model, ADDED[component]))
-
-
 @lru_cache(maxsize=16)
 def in_gusts(model: Model) -> Model:
     """Return the model with added disturbances (`ADDED`) for undeclared gust components.
@@ -160,8 +145,14 @@ def in_gusts(model: Model) -> Model:
 
     Approximation: gyroscopic moments are evaluated at ω_a, an error of second order in the rates.
     """
-    own = own_disturbances(model, 0.0)
-    added = [name for name in ADDED if name not in own and _can_be_added(model, name)]
+    declared = gust_factors(model, {})
+    added = [
+        name
+        for name in ADDED
+        if name not in declared
+        and not missing_states(model, name)
+        and not kind_of_signal(model, ADDED[name])
+    ]
     if not added:
         return model
     speed = model.unit(state_of(model, "speed"))
@@ -194,34 +185,20 @@ def seen_in_air(
     motion = {name: values[state.name] * state.size for name, state in states.items()}
     at_trim = {name: trim[state.name] * state.size for name, state in states.items()}
     velocity = _velocity(motion)
-    air = _air_of(model, heading_of(model, trim), winds)
-    flow = _flow(velocity - _in_body_axes(air, motion))
-    path = _in_level_axes(_velocity(at_trim), at_trim)
-    flow["speed"] = ca.dot(_in_level_axes(velocity, motion), path / ca.norm_2(path))
-    return {states[name].name: flow[name] / states[name].size for name in flow if name in states}
-
-
-def heading_of(model: Model, trim: Mapping[str, float]) -> float:
-    """Return the heading of a trim, state -> value, in rad; 0 without a state yaw."""
-    if "yaw" not in model.states:
-        return 0.0
-    return trim["yaw"] * (conversion_factor(model.unit("yaw"), "rad") or 1.0)
-
-
-def _air_of(model: Model, heading: float, winds: Mapping[str, Any]) -> list[Any]:
-    """Return the velocity (u, v, w) of the air, in the unit of the speed.
-
-    winds: disturbance of `in_gusts(model)` -> value
-    """
-    speed_unit = model.unit(state_of(model, "speed"))
-    disturbances = in_gusts(model).disturbances
-    air: list[Any] = [0.0, 0.0, 0.0]
-    available = available_components(model, heading)
+    # velocity (u, v, w) of the air in level axes, in the unit of the speed
+    in_level_axes: list[Any] = [0.0, 0.0, 0.0]
+    moving = in_gusts(model)
+    factors = gust_factors(moving, trim)
     for place, component in enumerate("uvw"):
-        for name, factor in available.get(component, {}).items():
-            size = conversion_factor(disturbances[name].unit, speed_unit) or 1.0
-            air[place] += factor * size * winds.get(name, 0.0)
-    return air
+        for name, factor in factors.get(component, {}).items():
+            unit = moving.disturbances[name].unit
+            size = conversion_factor(unit, model.unit(states["speed"].name)) or 1.0
+            in_level_axes[place] += factor * size * winds.get(name, 0.0)
+    to_level = _to_level_axes(motion)
+    flow = _flow(velocity - ca.mtimes(to_level.T, ca.vertcat(*in_level_axes)))
+    path = ca.mtimes(_to_level_axes(at_trim), _velocity(at_trim))
+    flow["speed"] = ca.dot(ca.mtimes(to_level, velocity), path / ca.norm_2(path))
+    return {states[name].name: flow[name] / states[name].size for name in flow if name in states}
 
 
 def _velocity(motion: Mapping[str, Any]) -> Any:
@@ -230,20 +207,6 @@ def _velocity(motion: Mapping[str, Any]) -> Any:
     motion: standard name of a state -> its value
     """
     return motion["speed"] * wind_axes(motion["alpha"], motion.get("beta", 0.0))[:, 0]
-
-
-def _in_body_axes(air: Sequence[Any], motion: Mapping[str, Any]) -> Any:
-    """Return the velocity of the air in body axes, (3,).
-
-    air: velocity forward along the heading, to the right and down, in level axes
-    motion: standard name of a state -> its value
-    """
-    return ca.mtimes(_to_level_axes(motion).T, ca.vertcat(*air))
-
-
-def _in_level_axes(velocity: Any, motion: Mapping[str, Any]) -> Any:
-    """Return a velocity in body axes, (3,), in level axes along the heading."""
-    return ca.mtimes(_to_level_axes(motion), velocity)
 
 
 def _to_level_axes(motion: Mapping[str, Any]) -> Any:
@@ -285,7 +248,8 @@ class _InGusts:
         standard = _standard_states(self.model)
         motion = {name: getattr(x, state.name) * state.size for name, state in standard.items()}
         velocity = _velocity(motion)
-        velocity_in_air = velocity - _in_body_axes([gust[name] for name in "uvw"], motion)
+        air = ca.vertcat(*(gust[name] for name in "uvw"))
+        velocity_in_air = velocity - ca.mtimes(_to_level_axes(motion).T, air)
         rates = ca.vertcat(*(motion.get(name, 0.0) for name in _RATES.values()))
         rates_in_air = rates + ca.vertcat(gust["p"], gust["q"], gust["r"])
         relative = _flow(velocity_in_air)

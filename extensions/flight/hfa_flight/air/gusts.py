@@ -105,19 +105,17 @@ class Gust:
     """Base class of gusts.
 
     names: disturbances of the model that the gust sets
-    held_size: number of inputs of the gust that are constant during a tick
     rises: whether the gust begins in calm and is stationary only later
     """
 
     names: tuple[str, ...] = (UPDRAFT,)
-    held_size = 0
     rises = False
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
         """Return the gust at a time, as disturbance of the model -> value.
 
         t: s
-        held: (held_size,), held inputs of the tick
+        held: `held_inputs` of the sample, as symbols
         """
         raise NotImplementedError
 
@@ -133,7 +131,7 @@ class Gust:
         return ""
 
     def held_inputs(self, sample: int) -> np.ndarray:
-        """Return the held inputs of a sample, (held_size,)."""
+        """Return the inputs of `winds` that are constant during a sample."""
         return np.zeros(0)
 
 

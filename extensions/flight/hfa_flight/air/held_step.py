@@ -32,11 +32,6 @@ class Delay(NamedTuple):
     whole: int
     rest: float
 
-    @property
-    def is_whole(self) -> bool:
-        """True if the delay is a whole number of samples."""
-        return self.rest == 0.0
-
 
 def in_samples(delay: float, dt: float) -> Delay:
     """Return a delay in samples.

@@ -10,6 +10,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.random import SeedSequence
 
 from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.model import Model
@@ -160,7 +161,7 @@ class Uncertainty:
         The ratios are positive, with the mean 1 and the standard deviation s.
         """
         sigma = np.sqrt(np.log1p(np.array(list(self.errors.values()), dtype=float) ** 2))
-        random = np.random.default_rng(_sequence(seed, member, _ERRORS))
+        random = np.random.default_rng(SeedSequence(seed, spawn_key=(member, _ERRORS)))
         return np.asarray(np.exp(sigma * random.standard_normal(len(sigma)) - sigma**2 / 2))
 
     def samples(
@@ -173,13 +174,8 @@ class Uncertainty:
         levels = np.array([self.noise.get(name, 0.0) for name in names])
         if not levels.any():
             return None
-        random = np.random.default_rng(_sequence(seed, member, _NOISE))
+        random = np.random.default_rng(SeedSequence(seed, spawn_key=(member, _NOISE)))
         return levels * random.standard_normal((count, len(levels)))
-
-
-def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
-    """Return the seed sequence of a member for one kind of random quantity, such as noise."""
-    return np.random.SeedSequence(seed, spawn_key=(member, kind))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -202,6 +198,12 @@ class Scenario(Reported):
     delay: delay of every command, s, a whole number of ticks
     sample: interval of the noise, of turbulence and of a filter or function that acts as the
         policy, s, a whole number of ticks. Default: a tick
+    ticks: number of ticks of the flight
+    steps_per_tick: number of rows in a tick
+    interval: duration of a sample, s
+    ticks_per_sample: number of ticks in a sample
+    sample_count: number of samples of the flight
+    delayed_ticks: number of ticks by which every command is delayed
 
     Raises BadInputError if times are not multiples of each other or are too long, a factor is not
     positive, the delay or the sample is not a whole number of ticks, or there are both a gust and
@@ -227,11 +229,27 @@ class Scenario(Reported):
     air: Mapping[str, Waveform] = field(default_factory=dict)
     delay: float = 0.0
     sample: float | None = None
+    ticks: int = field(init=False, repr=False, default=0)
+    steps_per_tick: int = field(init=False, repr=False, default=0)
+    interval: float = field(init=False, repr=False, default=0.0)
+    ticks_per_sample: int = field(init=False, repr=False, default=0)
+    sample_count: int = field(init=False, repr=False, default=0)
+    delayed_ticks: int = field(init=False, repr=False, default=0)
 
     def __post_init__(self) -> None:
         """Raise BadInputError if times do not fit each other, or for an invalid factor or delay."""
         check_fields(self)
+        interval = self.tick if self.sample is None else self.sample
+        object.__setattr__(self, "interval", interval)
         self._refuse_wrong_times()
+        for name, count in (
+            ("ticks", round(self.duration / self.tick)),
+            ("steps_per_tick", round(self.tick / self.step)),
+            ("ticks_per_sample", round(interval / self.tick)),
+            ("sample_count", step_count(self.duration, interval)),
+            ("delayed_ticks", in_samples(self.delay, self.tick).whole),
+        ):
+            object.__setattr__(self, name, count)
         for name, factor in self.errors.items():
             refuse_unless_positive(f"the factor on {name}", factor)
         if not isinstance(self.gust, Gust | None):
@@ -268,35 +286,10 @@ class Scenario(Reported):
         if not 0.0 < self.interval < math.inf:
             raise BadInputError(f"sample is {self.interval:g} s; give a finite time above 0 s")
         for name, time in (("delay", self.delay), ("sample", self.interval)):
-            if not in_samples(time, self.tick).is_whole:
+            if in_samples(time, self.tick).rest:
                 raise BadInputError(
                     f"{name} is {time:g} s; give a multiple of the tick, {self.tick:g} s"
                 )
-
-    @property
-    def steps_per_tick(self) -> int:
-        """Number of rows in a tick."""
-        return round(self.tick / self.step)
-
-    @property
-    def delayed_ticks(self) -> int:
-        """Number of ticks by which every command is delayed."""
-        return in_samples(self.delay, self.tick).whole
-
-    @property
-    def interval(self) -> float:
-        """Duration of a sample, s."""
-        return self.tick if self.sample is None else self.sample
-
-    @property
-    def ticks_per_sample(self) -> int:
-        """Number of ticks in a sample."""
-        return round(self.interval / self.tick)
-
-    @property
-    def sample_count(self) -> int:
-        """Number of samples of the flight."""
-        return step_count(self.duration, self.interval)
 
     @property
     def moving_air(self) -> bool:
@@ -366,11 +359,6 @@ class Scenario(Reported):
         step = tick / step_count(tick, longest_step)
         return replace(self, duration=count * tick, tick=tick, step=step, sample=sample)
 
-    @property
-    def ticks(self) -> int:
-        """Number of ticks of the flight."""
-        return round(self.duration / self.tick)
-
     def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
         """Return the scenario of a member, with its random quantities drawn.
 
@@ -378,20 +366,18 @@ class Scenario(Reported):
         """
         uncertain = self.uncertainty
         errors = dict(self.errors)
-        factors = uncertain.factors(seed, member).tolist()
-        for name, factor in zip(uncertain.errors, factors, strict=True):
-            errors[name] = errors.get(name, 1.0) * factor
+        if uncertain.errors:
+            factors = uncertain.factors(seed, member).tolist()
+            for name, factor in zip(uncertain.errors, factors, strict=True):
+                errors[name] = errors.get(name, 1.0) * factor
+        samples = None
+        if uncertain.noise:
+            samples = uncertain.samples(seed, member, self.sample_count, point.model.linear)
         gust = self.gust
         if uncertain.turbulence is not None:
-            air = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
-            gust = uncertain.turbulence.air(point, self.interval, self.sample_count, air)
-        return replace(
-            self,
-            errors=errors,
-            gust=gust,
-            uncertainty=Uncertainty(),
-            samples=uncertain.samples(seed, member, self.sample_count, point.model.linear),
-        )
+            air = SeedSequence(seed, spawn_key=(member, _AIR)).generate_state(1, np.uint64)
+            gust = uncertain.turbulence.air(point, self.interval, self.sample_count, int(air[0]))
+        return replace(self, errors=errors, gust=gust, uncertainty=Uncertainty(), samples=samples)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the scenario for JSON, without the uncertainty; of drawn noise its deviations.

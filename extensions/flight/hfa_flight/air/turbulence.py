@@ -19,8 +19,7 @@ from hfa.options.argument_types import option_errors, positive
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import (
     ADDED,
-    available_components,
-    heading_of,
+    gust_factors,
     in_gusts,
     kind_of_signal,
     missing_states,
@@ -156,18 +155,27 @@ class Turbulence:
         this level there, if no speed is recognized, or if the model supports no component.
         """
         model = point.model
-        feet = _feet(model)
+        speed = state_of(model, "speed")
+        if not speed or conversion_factor("ft/s", model.unit(speed)) is None:
+            raise BadInputError(
+                f"{model.name} has no state or output in a unit of speed that is recognized as its "
+                "speed, which turbulence requires; an aircraft in Python may declare a state or "
+                "output speed in m/s"
+            )
+        feet = foot_in_length_unit(model)
         height = state_of(model, "altitude")
+        # An altitude may be in another unit of length than the speed.
+        foot_of_altitude = (height and conversion_factor("ft", model.unit(height))) or feet
+        altitude = trimmed_at = None
+        if height in model.states:
+            trimmed_at = float(point.values[height]) / foot_of_altitude
         if isinstance(self.level, str):
-            altitude = self._altitude(point) / _foot_of_altitude(model)
+            typed = self._altitude_of_trim(point) if self.altitude is None else self.altitude
+            altitude = typed / foot_of_altitude
             scales = scales_and_intensities(self.level, altitude, self.spectrum)
         else:
-            altitude = None
             intensity, scale = self.level
             scales = Scales((scale / feet,) * 3, (intensity / feet,) * 3)
-        trimmed_at = None
-        if height in model.states:
-            trimmed_at = float(point.values[height]) / _foot_of_altitude(model)
         return TurbulentAir(
             self,
             *scales,
@@ -184,7 +192,8 @@ class Turbulence:
     def _taken(self, point: OperatingPoint) -> dict[str, dict[str, float]]:
         """Return component -> disturbance of the model -> factor (`TurbulentAir.taken`)."""
         model = point.model
-        directions = available_components(model, heading_of(model, point.values))
+        moving = in_gusts(model)
+        directions = gust_factors(moving, point.values)
         if self.span is None:
             directions = {name: directions[name] for name in directions if name in "uvw"}
         if not directions:
@@ -195,12 +204,11 @@ class Turbulence:
                 f"{model.name} has neither a gust input nor the states {needed} in rad, which "
                 f"turbulence requires; declare these, or a disturbance {UPDRAFT}"
             )
-        disturbances = in_gusts(model).disturbances
         taken: dict[str, dict[str, float]] = {}
         for component, winds in directions.items():
             given = "ft/s" if component in "uvw" else "rad/s"
             for wind, direction in winds.items():
-                unit = disturbances[wind].unit
+                unit = moving.disturbances[wind].unit
                 size = conversion_factor(given, unit)
                 if size is None:
                     raise BadInputError(
@@ -210,10 +218,11 @@ class Turbulence:
                 taken.setdefault(component, {})[wind] = direction * size
         return taken
 
-    def _altitude(self, point: OperatingPoint) -> float:
-        """Return the altitude at which the turbulence is evaluated, in the unit of the model."""
-        if self.altitude is not None:
-            return self.altitude
+    def _altitude_of_trim(self, point: OperatingPoint) -> float:
+        """Return the altitude of the trim in the unit of the model.
+
+        Raises BadInputError without an altitude, or for the one that the model starts from.
+        """
         model = point.model
         give = f"give --turbulence {self.level}:ALTITUDE (in Python altitude=)"
         name = state_of(model, "altitude")
@@ -260,25 +269,6 @@ def typed_turbulence(text: str) -> Turbulence:
 def level_text(turbulence: Turbulence) -> str:
     """Return text such as "moderate turbulence", or "turbulence" of an own intensity."""
     return f"{turbulence.level} turbulence" if isinstance(turbulence.level, str) else "turbulence"
-
-
-def _feet(model: Model) -> float:
-    """Return the length of a foot in the model's unit of length."""
-    name = state_of(model, "speed")
-    if not name or conversion_factor("ft/s", model.unit(name)) is None:
-        raise BadInputError(
-            f"{model.name} has no state or output in a unit of speed that is recognized as its "
-            "speed, which turbulence requires; an aircraft in Python may declare a state or output "
-            "speed in m/s"
-        )
-    return foot_in_length_unit(model)
-
-
-def _foot_of_altitude(model: Model) -> float:
-    """Return the length of a foot in the unit of the altitude, by default that of the speed."""
-    name = state_of(model, "altitude")
-    unit = model.unit(name) if name else ""
-    return conversion_factor("ft", unit) or _feet(model)
 
 
 class Scales(NamedTuple):
@@ -370,25 +360,13 @@ class TurbulentAir(Gust):
         """Names of the model's disturbances that the turbulence sets."""
         return tuple(dict.fromkeys(name for factors in self.taken.values() for name in factors))
 
-    @property
-    def held_size(self) -> int:  # type: ignore[override]  # computed
-        """Number of held inputs: time, values and slopes at the start of a sample."""
-        return 1 + 2 * len(self.names)
-
     def held_inputs(self, sample: int) -> np.ndarray:
         """Return [time; values; slopes] of the disturbances at the start of a sample.
 
         The values are those of `values`, and the slopes their time derivatives during the sample.
         """
-        row: np.ndarray = self._rows[sample]
-        return row
-
-    @cached_property
-    def _rows(self) -> np.ndarray:
-        """Held inputs of all samples, one in each row."""
-        now, later = self.values[:-1], self.values[1:]
-        times = self.interval * np.arange(len(now))
-        return np.column_stack([times, now, (later - now) / self.interval])
+        now, later = self.values[sample : sample + 2]
+        return np.array([self.interval * sample, *now, *((later - now) / self.interval)])
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
         """Return the turbulence at time t, as disturbance of the model -> value."""
@@ -476,26 +454,29 @@ class AirFilter:
 
         Its equations of p, q and r are those of `TurbulentAir`.
         """
+        from scipy.linalg import block_diag
+
         along, across = FILTERS[air.turbulence.spectrum]
-        shapes = ((along, 2.0), (across, 1.0), (across, 1.0))
         parts = []
-        for (shape, factor), length, intensity in zip(
-            shapes, air.lengths, air.intensities, strict=True
+        # 2 and 1 are the factors of L/π in the specified spectra of u, and of v and w.
+        for shape, factor, length, intensity in zip(
+            (along, across, across), (2.0, 1.0, 1.0), air.lengths, air.intensities, strict=True
         ):
             tau = length / air.speed
             parts.append(_cascade(shape, tau, intensity * np.sqrt(factor * tau / np.pi)))
         span = air.turbulence.span
+        if span is not None:
+            span = span / air.feet
+            roll_gain = air.intensities[2] * np.sqrt(0.8 / air.speed)
+            roll_gain *= (np.pi / (4 * span)) ** (1 / 6)
+            roll_gain /= air.lengths[2] ** (1 / 3)
+            pole = np.array([[1 / (4 * span / (np.pi * air.speed))]])
+            parts.append(_Filter(-pole, pole, np.array([[roll_gain]])))
+        # in parallel, each with a noise of its own
+        components = _Filter(*(block_diag(*blocks) for blocks in zip(*parts, strict=True)))
         if span is None:
-            A, B, C = _in_parallel(parts)
-            without_rates = np.vstack([C, np.zeros_like(C)])
-            return cls(A, B, without_rates, air.interval)
-        span = span / air.feet
-        roll_gain = air.intensities[2] * np.sqrt(0.8 / air.speed)
-        roll_gain *= (np.pi / (4 * span)) ** (1 / 6)
-        roll_gain /= air.lengths[2] ** (1 / 3)
-        lag = 4 * span / (np.pi * air.speed)
-        rolling = _Filter(np.array([[-1 / lag]]), np.array([[1 / lag]]), np.array([[roll_gain]]))
-        components = _in_parallel([*parts, rolling])
+            A, B, C = components
+            return cls(A, B, np.vstack([C, np.zeros_like(C)]), air.interval)
         # q is the gradient of w in row 2, and r that of v in row 1.
         for row, sign, share in ((2, 1.0, 4.0), (1, -1.0, 3.0)):
             lag = share * span / (np.pi * air.speed)
@@ -519,9 +500,18 @@ class AirFilter:
 
     @cached_property
     def step(self) -> tuple[np.ndarray, np.ndarray]:
-        """Transition matrix Φ and noise gain G of a sample, x⁺ = Φ x + G ξ, ξ ~ N(0, I)."""
+        """Transition matrix Φ and noise gain G of a sample, x⁺ = Φ x + G ξ, ξ ~ N(0, I).
+
+        G is the symmetric root of the correlations times the standard deviations: it is unique,
+        whatever the units of the states and the eigenvectors of equal eigenvalues (of v and w).
+        """
         Phi, covariance = noise_of_sample(self.A, self.noise, self.interval)
-        return Phi, _root(covariance)
+        deviations = np.sqrt(np.diag(covariance))
+        deviations[deviations == 0.0] = 1.0
+        correlations = covariance / np.outer(deviations, deviations)
+        values, vectors = np.linalg.eigh(correlations)
+        root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+        return Phi, deviations[:, None] * root
 
     def risen(self, time: float) -> float:
         """Return the smallest ratio of the intensity of u, v or w at a time to the stationary one.
@@ -598,13 +588,6 @@ def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
     return _Filter(A, b, size * of_states[None])
 
 
-def _in_parallel(parts: list[_Filter]) -> _Filter:
-    """Return filters in parallel, each with its own noise input and its own output."""
-    from scipy.linalg import block_diag
-
-    return _Filter(*(block_diag(*blocks) for blocks in zip(*parts, strict=True)))
-
-
 def _with_gradient(known: _Filter, row: int, lag: float, gain: float) -> _Filter:
     """Return a filter with the further output gain (y - x), where lag x' = y - x.
 
@@ -617,16 +600,3 @@ def _with_gradient(known: _Filter, row: int, lag: float, gain: float) -> _Filter
     gradient = gain * C[row]
     gradient[-1] = -gain
     return _Filter(A, B, np.vstack([C, gradient]))
-
-
-def _root(covariance: np.ndarray) -> np.ndarray:
-    """Return G with G G' equal to a positive semidefinite covariance matrix, up to rounding.
-
-    G is the symmetric root of the correlations times the standard deviations: it is unique,
-    whatever the units of the states and the eigenvectors of equal eigenvalues (those of v and w).
-    """
-    scale = np.sqrt(np.diag(covariance))
-    scale[scale == 0.0] = 1.0
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    roots = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
-    return np.asarray(scale[:, None] * roots)

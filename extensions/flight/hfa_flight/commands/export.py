@@ -172,7 +172,7 @@ def _write_fmu(
     from hfa_flight.export.fmu import write_fmu
 
     model = given.model
-    actuators = actuators_of(model, request.actuators)
+    actuators = None if request.actuators is None else actuators_of(model, *request.actuators)
     linear = noted_linear_model(model, point)
     steering = None
     if request.filter or request.policy is not None:

@@ -348,14 +348,13 @@ def _steering(
 ) -> _Steering:
     """Return the policy that the options specify, with its reference and tracking."""
     model = given.model
-    steps = command_steps(commands)
-    flown = request.flown
-    if flown == NONE:
+    if request.flown == NONE:
         if request.policy is None:
             warn(f"no --policy is given: no policy acts (--policy {NONE})")
-        return _Steering(open_loop(steps, tuple(model.inputs)))
+        return _Steering(open_loop(command_steps(commands), tuple(model.inputs)))
     linear = noted_linear_model(model, point)
     if request.kind in (DEPLOYMENT, TABLE):
+        steps = command_steps(commands)
         return _Steering(policy_of_options(request, linear, given.common.at, steps))
     if request.kind in LAWS:
         planned = policy_of_word(
@@ -367,9 +366,9 @@ def _steering(
             margin=request.margin,
         )
         return _Steering(planned)
-    for name in steps.names:
+    reference = CommandedStates(command_steps(commands), model.linear) if commands else None
+    for name in commands:
         refuse_unknown("a gain cannot follow a command of", name, model.linear)
-    reference = CommandedStates(steps, model.linear) if steps.names else None
     signals = deviation_signals(request.reference, model)
     policy = policy_of_options(request, linear)
     if not signals:

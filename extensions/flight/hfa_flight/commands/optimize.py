@@ -26,8 +26,6 @@ from hfa_flight.options import (
     EXACT,
     FORMER_POLICIES,
     NONE,
-    exact_policy,
-    kind_of,
     policy_of_word,
     policy_option,
 )
@@ -114,15 +112,13 @@ def _policy(
     given: str | Path, game: Game, point: OperatingPoint, limits: Mapping[str, Any]
 ) -> tuple[str, Any]:
     """Return the name of a policy of --policy, and the policy."""
-    from hfa_flight.policies.given import policy_of_file
+    from hfa_flight.policies.given import kind_of_file, policy_of_file
 
-    kind = kind_of(given)
     if not isinstance(given, Path):
-        if kind == EXACT:
-            return _EXACT, exact_policy(game)
-        return kind, None if kind == NONE else policy_of_word(kind, game, point, limits)
+        named = _EXACT if given == EXACT else given
+        return named, None if given == NONE else policy_of_word(given, game, point, limits)
     policy = policy_of_file(given, point, game)
-    named = {DEPLOYMENT: "policy", TABLE: "gains"}.get(kind, "critic")
+    named = {DEPLOYMENT: "policy", TABLE: "gains"}.get(kind_of_file(given), "critic")
     return f"{named} of {given}", policy
 
 
@@ -168,7 +164,9 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     game.refuse_cross_weights("the cost of hfa optimize")
     problem = flight_problem(model, point, game.Q, game.R, limits=limits)
     judged = dict(_policy(what, game, point, limits) for what in request.policy)
-    policies = {_EXACT: exact_policy(game), **judged} if np.isfinite(game.delta) else judged
+    policies = judged
+    if np.isfinite(game.delta):
+        policies = {_EXACT: policy_of_word(EXACT, game, point, limits), **judged}
     if request.starts is not None:
         progress = ProgressLine("optimize")
         table = starts_table.optimize_starts(

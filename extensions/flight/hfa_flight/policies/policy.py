@@ -49,6 +49,7 @@ class Policy(Reported):
     held: (N, h), inputs of the policy that are constant during a tick: row k during tick k, and the
       last row afterwards
     identity: JSON data that identify the policy
+    sizes: numbers of inputs and of states of the linear model, or None if a trim gave them
     predicts: whether the linear model is flown with the policy too, as a prediction
     """
 
@@ -57,11 +58,7 @@ class Policy(Reported):
     name: str
     held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
     identity: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
-
-    @property
-    def sizes(self) -> tuple[int, int] | None:
-        """Numbers of inputs and of states of the linear model, or None if a trim gave them."""
-        return None
+    sizes: tuple[int, int] | None = field(init=False, repr=False, default=None)
 
     def refuse_other_sizes(self, point: OperatingPoint) -> None:
         """Raise BadInputError if the policy is for other numbers of inputs or states."""
@@ -138,19 +135,14 @@ class GainPolicy(Policy):
                 f"the gain has shape {np.shape(self.K)}; give a matrix of finite numbers, "
                 "inputs x states"
             )
-        for name, value in (("K", K), ("held", K.ravel("F")[None]), ("identity", {"K": K})):
+        fields = {"K": K, "sizes": K.shape, "held": K.ravel("F")[None], "identity": {"K": K}}
+        for name, value in fields.items():
             object.__setattr__(self, name, value)
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs u = -K z + u_d(t), (m,)."""
         feedback = -ca.mtimes(ca.reshape(held, *self.K.shape), measurements.error)
         return feedback if self.feedforward is None else feedback + self.feedforward.at(t)
-
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """Shape of K."""
-        m, k = self.K.shape
-        return m, k
 
     @property
     def gain(self) -> np.ndarray:
@@ -182,10 +174,10 @@ class FunctionPolicy(Policy):
         """Return the commanded inputs π(z), (m,), clipped to the limits."""
         return self.limited(measurements.error)
 
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """Numbers of results and arguments of π."""
-        return self.function.numel_out(0), self.function.numel_in(0)
+    def __post_init__(self) -> None:
+        """Store the numbers of results and arguments of π in `sizes`."""
+        sizes = self.function.numel_out(0), self.function.numel_in(0)
+        object.__setattr__(self, "sizes", sizes)
 
     @property
     def gain(self) -> np.ndarray:
@@ -382,9 +374,9 @@ class SampledPolicy(Policy):
         Raises BadInputError if the delay is not a whole number of the ticks.
         """
         tick = scenario.tick
-        if not in_samples(self.dt, tick).is_whole:
+        if in_samples(self.dt, tick).rest:
             tick = self.dt
-            if not in_samples(scenario.delay, tick).is_whole:
+            if in_samples(scenario.delay, tick).rest:
                 raise BadInputError(
                     f"the delay is {scenario.delay:g} s; give a multiple of the sample time "
                     f"{self.dt:g} s, or a tick that divides both"

@@ -268,7 +268,7 @@ class FlightLoop:
             parameters=len(model.parameters) if self.plant.uncertain else 0,
             policy=self.policy.held.shape[1],
             noise=0 if scenario.samples is None else len(model.linear),
-            gust=0 if scenario.gust is None else scenario.gust.held_size,
+            gust=0 if scenario.gust is None else scenario.gust.held_inputs(0).size,
             begin=1 if self.breaks.size else 0,
             delay=2 + 2 * len(model.inputs) if scenario.delayed_ticks else 0,
         )

@@ -51,8 +51,6 @@ AFTER = 5.0
 class _HeldGust(Gust):
     """1-cosine updraft at the start of a flight, whose length and peak are held inputs."""
 
-    held_size = 2
-
     def __init__(self, gust: OneMinusCosine) -> None:
         self.gust = gust
 

@@ -372,7 +372,7 @@ def searched_delays(nominal: NominalLoop, dt: float, deployed_delay: float) -> D
     dt, deployed_delay: s
     """
     deployed = in_samples(deployed_delay, dt)
-    first = deployed.whole + (not deployed.is_whole)
+    first = deployed.whole + (deployed.rest > 0.0)
     most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
     radii: list[float] = []
     for samples in range(most + 1):
