@@ -27,7 +27,7 @@ from hfa_support.reporting.results import Matrix
 
 #: Largest difference between W and P of one critic, relative to sqrt(|P_ii P_jj|): the rounding of
 #: six printed digits.
-_TOGETHER = 1e-6
+_ROUNDING = 1e-6
 #: Possible outputs of a network: V, ∂V/∂z, u.
 FUNCTIONS = ("V", "gradient", "policy")
 
@@ -140,9 +140,9 @@ class Critic(Reported):
             u = -0.5 * ca.DM(self.slope_gain) @ self.gradient(z)
             if self.F is not None:
                 u -= ca.DM(self.F) @ z
-        else:  # -K z, and the same slope of the terms of V beyond z'Pz
+        else:
             u = -ca.DM(self.K) @ z
-            if self.slope_gain is not None:
+            if self.slope_gain is not None:  # K follows from z'Pz; this from the other terms of V
                 u -= 0.5 * ca.DM(self.slope_gain) @ ca.gradient(self._beyond_quadratic(z), z)
         return ca.Function("policy", [z], [ca.densify(u)])
 
@@ -196,11 +196,11 @@ class Critic(Reported):
 def _monomials(z: ca.SX, exponents: np.ndarray) -> ca.SX:
     """Return the monomials of z with these exponents (M, n) as expressions, (M,)."""
     states, one = ca.vertsplit(z), ca.SX(1.0)
-    factors = [
+    factors_of_monomials = [
         [state**power for state, power in zip(states, powers, strict=True) if power]
         for powers in exponents.tolist()
     ]
-    return ca.vertcat(*(reduce(mul, of_monomial, one) for of_monomial in factors))
+    return ca.vertcat(*(reduce(mul, factors, one) for factors in factors_of_monomials))
 
 
 def from_gain(game: Game, K: ArrayLike) -> Critic:
@@ -243,7 +243,8 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
         raise BadInputError(f"P is {shape_text(P.shape)}; give {n} x {n}, states x states")
     P = checked_matrix("P", P, LARGEST_CRITIC_ENTRY)
     K = game.gain((P + P.T) / 2.0)  # z'Pz depends on this part
-    return Critic(K, P, "P", slope_gain=_slope_gain(game), is_discrete=game.is_discrete)
+    slope_gain = None if game.is_discrete else game.R_inverse_B_transposed
+    return Critic(K, P, "P", slope_gain=slope_gain, is_discrete=game.is_discrete)
 
 
 def from_parts(
@@ -265,15 +266,19 @@ def from_parts(
 
     Raises BadInputError if a shape or number is wrong, or if W and P define different values.
     """
-    by_gain = from_gain(game, parts["K"]) if "K" in parts else None
+    K = None
+    if "K" in parts:
+        K = game.checked_gain(in_order("K", parts["K"], game.names.inputs, game.names.states))
     by_matrix = from_value(game, parts["P"]) if "P" in parts else None
     by_weights = from_weights(game, parts["W"], basis) if "W" in parts else None
     if by_matrix is not None and by_weights is not None and by_weights.P is not None:
         P, sizes = parts["P"], np.sqrt(np.abs(np.diag(parts["P"])))
-        if not np.all(np.abs(P - by_weights.P) <= _TOGETHER * np.outer(sizes, sizes)):
+        if not np.all(np.abs(P - by_weights.P) <= _ROUNDING * np.outer(sizes, sizes)):
             raise BadInputError("W and P define different value functions; leave out W or P")
-    critic = by_weights or by_matrix or by_gain
-    assert critic is not None  # at least one part is given
+    critic = by_weights or by_matrix
+    if critic is None:
+        assert K is not None  # at least one part is given
+        critic = Critic(K, is_discrete=game.is_discrete)
     if policy is not None:
         z = ca.SX.sym("z", len(game.A))
         outputs = {"policy": policy(z)}
@@ -281,13 +286,13 @@ def from_parts(
             outputs["V"] = critic.value(z)
         of_outputs = from_functions(game, z, outputs, f"{critic.origin} and policy_weights")
         return replace(of_outputs, weights=critic.weights, basis=critic.basis, has_weights=True)
-    if by_gain is None or critic is by_gain:
+    if K is None or critic.P is None:  # only a value, or only a gain
         return critic
-    K, functions = by_gain.K, dict(critic.network)  # the value is unchanged
+    functions = dict(critic.network)
     if functions:
         z = ca.SX.sym("z", len(game.A))
         functions["policy"] = ca.Function("policy", [z], [ca.densify(-ca.DM(K) @ z)])
-    return replace(
+    return replace(  # V of W or P, with the policy -K z
         critic,
         K=K,
         origin=f"{critic.origin} and K",
@@ -374,9 +379,10 @@ def from_functions(
     )
     if u is not None:
         return critic
+    if game.is_discrete:
+        return _with_one_step_policy(game, critic)
     F = game.F if game.N.any() else None
-    of_value = replace(critic, slope_gain=_slope_gain(game), F=F)
-    return _with_one_step_policy(game, of_value)
+    return replace(critic, slope_gain=game.R_inverse_B_transposed, F=F)
 
 
 def _refuse_not_finite(at_trim: Mapping[str, np.ndarray]) -> None:
@@ -390,14 +396,9 @@ def _refuse_not_finite(at_trim: Mapping[str, np.ndarray]) -> None:
             )
 
 
-def _slope_gain(game: Game) -> np.ndarray | None:
-    """Return R⁻¹B' of the policy that a value implies, or None in discrete time."""
-    return None if game.is_discrete else game.R_inverse_B_transposed
-
-
 def _with_one_step_policy(game: Game, critic: Critic) -> Critic:
     """Return the critic of a value in discrete time with the policy optimal for one step."""
-    if not game.is_discrete or critic.is_quadratic or not critic.is_finite:
+    if critic.is_quadratic or not critic.is_finite:  # K is that policy, or cannot be judged
         return critic
     from controller.critic.features import policy_of_next
 
@@ -414,16 +415,18 @@ def _derivative(expression: ca.SX, z: ca.SX, point: np.ndarray | None = None) ->
     """Return ∂expression/∂z at a point (n,), by default 0, (k, n), for k entries."""
     if point is None:
         point = np.zeros(z.numel())
-    weights = type(z).sym("w", expression.numel())
-    rows = ca.Function("rows", [z, weights], [ca.jtimes(expression, z, weights, True)])
-    each_row = rows(np.tile(point[:, None], expression.numel()), np.eye(expression.numel()))
-    return np.array(each_row).T
+    k = expression.numel()
+    w = type(z).sym("w", k)
+    times_w = ca.jtimes(expression, z, w, True)  # (∂expression/∂z)'w
+    function = ca.Function("times_w", [z, w], [times_w])
+    return np.array(function(np.tile(point[:, None], k), np.eye(k))).T  # a call for each unit w
 
 
 #: Distances from z = 0 at which K is compared on both sides, in sizes of the states.
 _BESIDE, _NEARER = 1e-9, 1e-12
-#: Change of K between both sides that is not smooth, relative to K, and its least part that is left
-#: at the smaller distance. Of a smooth u, `_NEARER` / `_BESIDE` is left, a thousandth.
+#: Least change of K between both sides at a nonsmooth point, relative to K, and the least share of
+#: it between both sides at the smaller distance. Of a smooth u, the share is `_NEARER` / `_BESIDE`,
+#: a thousandth.
 _NONSMOOTH = 1e-3
 _LEFT = 0.5
 #: Size of the states without a box, relative to those that cost 1: the cost's unit says nothing of
@@ -432,29 +435,30 @@ _WITHOUT_BOX = 1e-200
 
 
 def _gain_at_0(game: Game, u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
-    """Return K = -∂u/∂z at z = 0, the mean of both sides if nonsmooth, and whether it is."""
+    """Return K = -∂u/∂z at z = 0, or the mean of both sides, and whether u is nonsmooth there."""
     sizes = game.half_widths
-    if sizes is None:  # the ratios of the states that cost 1
+    if sizes is None:  # in the ratios of the states that cost 1
         costs = np.diag(game.Q)
         sizes = _WITHOUT_BOX * np.where(costs > 0.0, costs, 1.0) ** -0.5
-    without_units = sizes * np.sqrt(np.diag(game.R))[:, None]  # by the inputs that cost 1
+    without_units = sizes * np.sqrt(np.diag(game.R))[:, None]  # divides u by inputs that cost 1
 
     def largest_entry(K: np.ndarray) -> float:
         return float(np.abs(K * without_units).max(initial=0.0))
 
-    before, after = _gains_beside_0(u, z, _BESIDE * sizes)
-    nearer_before, nearer_after = _gains_beside_0(u, z, _NEARER * sizes)
-    change = largest_entry(after - before)
-    remains = largest_entry(nearer_after - nearer_before) > _LEFT * change
-    size = largest_entry(np.array([before, after]))
-    if np.isfinite(size) and change > _NONSMOOTH * size and remains:
-        return (before + after) / 2.0, True
+    one_side, other_side = _gains_beside_0(u, z, _BESIDE * sizes)
+    change = largest_entry(other_side - one_side)
+    change_nearer = largest_entry(np.subtract(*_gains_beside_0(u, z, _NEARER * sizes)))
+    size = largest_entry(np.array([one_side, other_side]))
+    # Of a smooth u, the change is proportional to the distance.
+    if np.isfinite(size) and change > _NONSMOOTH * size and change_nearer > _LEFT * change:
+        return (one_side + other_side) / 2.0, True
     return -_derivative(u, z), False
 
 
 def _gains_beside_0(u: ca.SX, z: ca.SX, distances: np.ndarray) -> np.ndarray:
     """Return K = -∂u/∂z at two opposite states at distances (n,) from z = 0, (2, m, n)."""
-    direction = 1.0 + np.arange(z.numel()) * 0.618 % 1.0  # on no common switching plane
+    # Unequal entries: on no plane where policies switch, such as z1 = 0 or z1 = z2.
+    direction = 1.0 + np.arange(z.numel()) * 0.618 % 1.0
     return np.array([-_derivative(u, z, side * distances * direction) for side in (1.0, -1.0)])
 
 
@@ -502,20 +506,16 @@ def from_weights(
             f"W has {weights.size} weights, but basis {psi.name!r} of {n} states has {psi.size} "
             f"functions; give {f'the basis {names}' if names else instead}"
         )
-    P = psi.matrix(weights)
-    critic = Critic(
-        game.gain(P),
-        P,
-        "weights",
+    critic = replace(
+        from_value(game, psi.matrix(weights)),
+        origin="weights",
         weights=weights,
         basis=psi,
         constant=constant,
         precision=precision,
-        slope_gain=_slope_gain(game),
         has_weights=True,
-        is_discrete=game.is_discrete,
     )
-    return _with_one_step_policy(game, critic)
+    return _with_one_step_policy(game, critic) if game.is_discrete else critic
 
 
 def _from_listed_functions(

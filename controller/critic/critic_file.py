@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic, from_parts, from_q_function, polynomial_policy
-from controller.critic.features import blocks_in_order, is_list
+from controller.critic.features import blocks_in_order
 from controller.critic.network.declared import NOTHING, SUFFIXES
 from controller.critic.reading import DIMENSIONS, CriticFile, Reading, in_plant_units
 from controller.game.basis import Basis
@@ -59,8 +59,8 @@ _USED = (
     "Ts",
     "plant",
 )
-#: Relative difference of an entry that six printed digits do not show, and, relative to the largest
-#: entry, that of a 0 by rounding.
+#: Largest difference of equal entries, relative to the entry (six printed digits), or to the
+#: largest entry (a 0 by rounding).
 _SAME, _ZERO = 1e-6, 1e-15
 
 
@@ -125,15 +125,16 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
     """Return the critic in the entries of a file of arrays."""
     refuse_other_step(entries, game.dt)
     scales = file_scales(entries, game.names)
-    notes = [*_other_game(entries, game, scales)]
-    of_critic, reader = ["W", "P", "K", "policy_weights"], _critic_of_parts
-    of_critic += [name for name, beside in (("basis", "W"), ("S", "K")) if beside in entries]
-    if game.is_discrete:
-        of_critic += ["L"]
-        if "H" in entries:
-            of_critic, reader = ["H", "H_signals", "P", "K", "L"], _critic_of_q_function
-    notes += unused(entries, (*_USED, *of_critic), f"read: {', '.join(of_critic)}")
-    critic = reader(entries, game, reading, scales)
+    notes = [*_other_signals(entries, game.names), *_other_matrices(entries, game, scales)]
+    if game.is_discrete and "H" in entries:
+        read = ["H", "H_signals", "P", "K", "L"]
+        critic = _critic_of_q_function(entries, game, scales)
+    else:
+        read = ["W", "P", "K", "policy_weights"]
+        read += [name for name, beside in (("basis", "W"), ("S", "K")) if beside in entries]
+        read += ["L"] if game.is_discrete else []
+        critic = _critic_of_parts(entries, game, reading, scales)
+    notes += unused(entries, (*_USED, *read), f"read: {', '.join(read)}")
     return replace(critic, declared=NOTHING._replace(notes=tuple(notes))) if notes else critic
 
 
@@ -146,17 +147,11 @@ def _critic_of_parts(
         L = in_plant_units({"L": numbers_in("L", entries["L"])}, scales)["L"]
     if UNKNOWN in entries:
         entries = {part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
-    if reading.basis is None and "basis" in entries and "W" in entries:
-        named = words(entries, "basis")
-        if len(named) != 1:
-            raise BadInputError("the entry basis is not one name; give a name such as 'quadratic'")
-        reading = replace(reading, basis=named[0])
-    psi = reading.psi(game)
-    if isinstance(psi, ca.Function):  # functions of the states in the file's units
-        z = ca.SX.sym("z", len(game.A))
-        psi = ca.Function("basis", [z], [psi(ca.DM(scales.states) * z)])
+    # Without W, the basis is only checked if the user named one.
+    has_basis = "W" in entries or reading.basis is not None
+    psi = _basis_of_weights(entries, game, reading, scales) if has_basis else None
     parts = single_parts(entries, scales, psi)
-    if is_list(reading.basis or "") and "W" not in parts:
+    if "W" not in parts and isinstance(psi, ca.Function):
         raise BadInputError(
             "--basis lists functions, but the file contains no W; add W, or give --basis a name"
         )
@@ -168,12 +163,26 @@ def _critic_of_parts(
                 f"policy_weights has {len(weights)} rows; give one for each of the {m} inputs"
             )
         policy = polynomial_policy(weights / scales.inputs[:, None], scales.states)
-    return replace(from_parts(game, parts, psi, policy), L=L)
+    return replace(from_parts(game, parts, "quadratic" if psi is None else psi, policy), L=L)
 
 
-def _critic_of_q_function(
+def _basis_of_weights(
     entries: Mapping[str, Any], game: Game, reading: Reading, scales: FileScales
-) -> Critic:
+) -> Basis | ca.Function:
+    """Return ψ of the weights in a file: of the user, else of the entry basis, else quadratic."""
+    if reading.basis is None and "basis" in entries:
+        named = words(entries, "basis")
+        if len(named) != 1:
+            raise BadInputError("the entry basis is not one name; give a name such as 'quadratic'")
+        reading = replace(reading, basis=named[0])
+    psi = reading.psi(game)
+    if isinstance(psi, ca.Function):  # functions of the states in the file's units
+        z = ca.SX.sym("z", len(game.A))
+        psi = ca.Function("basis", [z], [psi(ca.DM(scales.states) * z)])
+    return psi
+
+
+def _critic_of_q_function(entries: Mapping[str, Any], game: Game, scales: FileScales) -> Critic:
     """Return the critic of the Q-function H in a file, with the P, K and L that it has."""
     stored = {name: numbers_in(name, entries[name]) for name in "HPKL" if name in entries}
     stored["H"] = _in_order_of(game, stored["H"], words(entries, "H_signals"))
@@ -187,7 +196,7 @@ def _in_order_of(game: Game, H: np.ndarray, signals: tuple[str, ...]) -> np.ndar
         return H
     disturbances = numbered("w", game.E.shape[1])
     blocks = {"x": game.names.states, "u": game.names.inputs, "w": disturbances}
-    places = blocks_in_order(signals, blocks)
+    places = blocks_in_order(signals, blocks)  # in H, of the signals in the order of the plant
     if H.shape != (len(places),) * 2:
         raise BadInputError(
             f"H is {shape_text(H.shape)}, but H_signals lists {len(places)} signals; list each of "
@@ -196,18 +205,18 @@ def _in_order_of(game: Game, H: np.ndarray, signals: tuple[str, ...]) -> np.ndar
     return H[np.ix_(places, places)]
 
 
-def _other_game(entries: Mapping[str, Any], game: Game, scales: FileScales) -> Iterator[str]:
-    """Yield notes on what a file says of its signals and its game, where it differs."""
+def _other_signals(entries: Mapping[str, Any], plant: PlantNames) -> Iterator[str]:
+    """Yield notes on signals, units and plant of a file that differ from those of the game."""
     for key in ("states", "inputs"):
-        of_file, of_plant = words(entries, key), getattr(game.names, key)
+        of_file, of_plant = words(entries, key), getattr(plant, key)
         if of_file and ", ".join(of_file).lower() != ", ".join(of_plant).lower():
             texts = [shortened(", ".join(names), 200) for names in (of_file, of_plant)]
             yield f"{key} {texts[0]} of the file, taken as {texts[1]}"
-    plant = ", ".join(words(entries, "plant"))
-    if plant not in ("", game.names.origin):
-        yield f"of {plant}; the game is of {game.names.origin}"
+    origin = ", ".join(words(entries, "plant"))
+    if origin not in ("", plant.origin):
+        yield f"of {origin}; the game is of {plant.origin}"
     for signal in ("state", "input"):
-        names, units = getattr(game.names, f"{signal}s"), getattr(game.names, f"{signal}_units")
+        names, units = getattr(plant, f"{signal}s"), getattr(plant, f"{signal}_units")
         of_file = words(entries, f"{signal}_units")
         converted = [
             f"{name} from {unit_of_file} to {unit}"
@@ -216,30 +225,28 @@ def _other_game(entries: Mapping[str, Any], game: Game, scales: FileScales) -> I
         ]
         if converted:
             yield f"converted {', '.join(converted)}"
+
+
+def _other_matrices(entries: Mapping[str, Any], game: Game, scales: FileScales) -> Iterator[str]:
+    """Yield notes on A, B, E, Q, R, N, delta and discount of a file that the game does not have."""
     x, u = scales
     factors = {"A": x / x[:, None], "B": u / x[:, None], "E": 1.0 / x[:, None]}
     factors |= {"Q": np.outer(x, x), "R": np.outer(u, u), "N": np.outer(x, u)}
-    for name in _OF_THE_GAME:
-        if name not in entries:
+    for name in (name for name in _OF_THE_GAME if name in entries):
+        entry, own = entries[name], np.asarray(getattr(game, name))
+        if own.ndim == 0:  # delta or discount; JSON has null for an infinite delta
+            stored = np.asarray(math.inf if entry is None else one_number(name, entry))
+            if not np.isclose(stored, own, _SAME, 0.0):
+                yield f"{name} of the file is not that of the game: {stored:g} in place of {own:g}"
             continue
-        own = np.asarray(getattr(game, name))
-        stored = _entry_of_game(name, entries[name], own)
-        if stored.shape == own.shape:
-            zero = _ZERO * np.abs(own).max() if own.ndim else 0.0
-            if np.allclose(stored * factors.get(name, 1.0), own, _SAME, zero):
+        stored = numbers_in(name, entry)
+        if name in "QR" and stored.ndim == 1:
+            stored = np.diag(stored)
+        if stored.size == own.size:
+            converted = stored.reshape(own.shape) * factors[name]
+            if np.allclose(converted, own, _SAME, _ZERO * np.abs(own).max()):
                 continue
-        values = "" if own.ndim else f": {stored:g} in place of {own:g}"
-        yield f"{name} of the file is not that of the game{values}"
-
-
-def _entry_of_game(name: str, entry: Any, own: np.ndarray) -> np.ndarray:
-    """Return an entry of a game in a file, in the shape of that of a game if it may have it."""
-    if own.ndim == 0:
-        return np.asarray(math.inf if entry is None else one_number(name, entry))  # null in JSON
-    stored = numbers_in(name, entry)
-    if name in "QR" and stored.ndim == 1:
-        stored = np.diag(stored)
-    return stored.reshape(own.shape) if stored.size == own.size else stored
+        yield f"{name} of the file is not that of the game"
 
 
 def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
@@ -249,17 +256,6 @@ def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     """
     of_gain = {name: entry for name, entry in entries.items() if name not in ("W", "P")}
     return single_parts(of_gain, file_scales(entries, plant), None)["K"]
-
-
-def matrix_of_gain(K: Any, inputs: int | None = None) -> np.ndarray:
-    """Return a gain as a matrix (m, n) of finite numbers, a vector (n,) as the row of one input.
-
-    inputs: m, or None if it is not known
-    """
-    gain = numbers_in("K", K)
-    if gain.ndim == 1 and inputs in (None, 1):
-        gain = gain[None]
-    return checked_matrix("K", gain, LARGEST_CRITIC_ENTRY)
 
 
 #: Schemas of files with P and K of a game, beside H in discrete time.
@@ -275,12 +271,14 @@ def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> No
     dt: sample time of the game, s, True if it is not known, None in continuous time
     """
     stored = sample_time(entries) or is_discrete(entries) or "H" in entries
-    is_known = stored or "time" in entries or str(entries.get("schema")) in _OF_A_GAME
+    has_time = stored or "time" in entries or str(entries.get("schema")) in _OF_A_GAME
     is_same_kind = bool(stored) == (dt is not None)
-    is_any_step = not stored or stored is True or dt is True
-    if not is_known or (
-        is_same_kind and (is_any_step or math.isclose(stored, dt or 0.0, rel_tol=1e-6))
-    ):
+    is_other_step = (  # not if one of them is not known (True)
+        isinstance(stored, float)
+        and isinstance(dt, float)
+        and not math.isclose(stored, dt, rel_tol=1e-6)
+    )
+    if not has_time or (is_same_kind and not is_other_step):
         return
     raise BadInputError(
         f"the file has a policy in {_time_text(stored)}, but the game is in {_time_text(dt)}; give "
@@ -333,8 +331,6 @@ def read_critic(
             )
         with prefix_errors(path):
             return Critic(gain_in(entries, PlantNames()))
-    if isinstance(basis, list):
-        basis = ", ".join(basis)
     return critic_in(path, game, Reading(basis, network, activation, scale, linear))
 
 
@@ -445,8 +441,8 @@ def single_parts(
             raise BadInputError(
                 f"{name} has shape {values.shape}; give W as a row or column, P and K as matrices"
             )
-        flat = values.reshape(-1) if name == "W" else values
-        if name == "K":
-            flat = matrix_of_gain(values, len(scales.inputs) or None)
-        parts[name] = checked_matrix(name, flat, LARGEST_CRITIC_ENTRY, DIMENSIONS[name])
+        shaped = values.reshape(-1) if name == "W" else values
+        if name == "K" and values.ndim == 1 and len(scales.inputs) <= 1:  # 0 if not known
+            shaped = values[None]
+        parts[name] = checked_matrix(name, shaped, LARGEST_CRITIC_ENTRY, DIMENSIONS[name])
     return in_plant_units(parts, scales, basis)

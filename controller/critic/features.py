@@ -105,9 +105,9 @@ def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.
 def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.SX:
     """Return the CasADi expression of one node of the Python syntax tree of a formula."""
     match node:
-        case ast.Constant(value=int() | float() as number) if is_finite(number) and not isinstance(
-            number, bool
-        ):
+        case ast.Constant(value=bool()):  # is an int
+            pass
+        case ast.Constant(value=int() | float() as number) if is_finite(number):
             return ca.SX(float(number))
         case ast.Name(id=name) if name in symbols:
             return symbols[name]
@@ -162,8 +162,8 @@ def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
 
 
 #: Newton's method: largest number of steps, and largest permitted residual. The residual is
-#: relative to the terms, which vanish at the trim, but at least to those at the edge of the box, or
-#: at states with the value 1 if the box is unknown.
+#: relative to the larger of the terms at the state, which vanish at the trim, and of those at the
+#: edge of the box (at states with the value 1 if the box is unknown).
 _STEPS = 20
 _LEFT = 1e-9
 
@@ -188,23 +188,24 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
     scaled = symbols_for([gradient], len(actions.sizes))
     a = ca.DM(actions.sizes) * scaled
     after = ca.DM(problem.A) @ x + ca.DM(actions.columns) @ a
-    # half the slopes, along the actions, of their cost, of the cross terms and of the value after
-    # the step, in units of the weight of an action times its size
+    # The slope is half the derivative of the cost with respect to a: of a itself, of the cross
+    # terms and of the value after the step, in units of the weight of an action times its size.
     of_weight = ca.DM(actions.weight) @ a
     of_cross = ca.DM(actions.cross) @ x
     of_value = 0.5 * problem.discount * (ca.DM(actions.columns).T @ gradient(after))
     units = ca.DM(np.abs(np.diag(actions.weight)) * actions.sizes)
     slope = ca.densify((of_weight + of_cross + of_value) / units)
     terms = (ca.fabs(of_weight) + ca.fabs(of_cross) + ca.fabs(of_value)) / units
-    at_edge = 1.0  # the largest sqrt(x'P x) of one state at the edge of the box
+    # Largest sqrt(x'P x) of one state at the edge of the box. `sizes` and thus the terms are those
+    # at states with x'P x = 1, and proportional to this root.
+    at_edge = 1.0
     if problem.half_widths is not None:
         roots = np.sqrt(np.diag(P).clip(0.0)) * problem.half_widths
         at_edge = float(np.max(roots)) or 1.0
     residual = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), at_edge)
-    # `root` can be called with MX only
     options = {"max_iter": _STEPS, "error_on_fail": False, "show_eval_warnings": False}
     root = ca.rootfinder("root", "newton", {"x": scaled, "p": x, "g": slope}, options)
-    state = ca.MX.sym("x", len(problem.A))
+    state = ca.MX.sym("x", len(problem.A))  # a rootfinder can be called with MX only
     start = ca.DM(actions.gains / actions.sizes[:, None]) @ state
     saddle = root(x0=start, p=state)["x"]
     has_converged = ca.Function("residual", [x, scaled], [residual])(state, saddle) <= _LEFT
@@ -223,7 +224,7 @@ class _Actions(NamedTuple):
 
 
 def _actions(problem: Game, P: np.ndarray) -> _Actions:
-    """Return the actions of a step of a game, whose value begins with x'P x."""
+    """Return the actions of a step of a game, with the policies of the value x'P x."""
     n, m = problem.B.shape
     K, L = problem.policies(P)
     columns, weight, cross, gains = problem.B, problem.R, problem.N.T, -K
@@ -235,5 +236,5 @@ def _actions(problem: Game, P: np.ndarray) -> _Actions:
         gains = np.vstack([gains, problem.delta * L])
     values = np.diag(P)
     costly = values > 0.0
-    sizes = np.abs(gains[:, costly]) @ values[costly] ** -0.5
+    sizes = np.abs(gains[:, costly]) @ values[costly] ** -0.5  # x_i = 1/sqrt(P_ii) costs 1
     return _Actions(columns, weight, cross, gains, np.where(sizes > 0.0, sizes, 1.0))

@@ -13,9 +13,7 @@ from controller.critic.critic import Critic
 from controller.critic.features import basis_of
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
-from hfa_aircraft.readers.matrices_file import (
-    FileScales,
-)
+from hfa_aircraft.readers.matrices_file import FileScales
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -37,7 +35,7 @@ class Reading:
     linear: linear model of the game at a trim of an aircraft, or None for another plant
     """
 
-    basis: str | None = None
+    basis: str | list[str] | None = None
     network: str = ""
     activation: str | None = None
     scale: np.ndarray | None = None
@@ -84,7 +82,7 @@ def in_plant_units(
     if isinstance(basis, Basis) and len(states) == basis.states:
         factors["W"] = basis.scaling(states)
     if "H" in parts:
-        of_signals = np.concatenate(scales)
+        of_signals = np.concatenate([scales.states, scales.inputs])
         disturbances = np.atleast_1d(parts["H"]).shape[-1] - len(of_signals)
         of_signals = np.pad(of_signals, (0, max(disturbances, 0)), constant_values=1.0)
         factors["H"] = np.outer(of_signals, of_signals)

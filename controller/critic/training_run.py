@@ -155,7 +155,7 @@ class TrainingRun(Result, Reported):
         """
         if self.excitation.rank < self.excitation.size:
             return f"the data have rank {self.excitation.rank} of {self.excitation.size}"
-        if not self.settling_residual <= SETTLED:
+        if not self.settling_residual <= SETTLED:  # true for a nan too
             last = self.settling_residual
             return f"the residual does not settle: {last:.3g} at the end, above {SETTLED:g}"
         if self.data is not None and self.data.misfit > SETTLED:
@@ -189,7 +189,7 @@ class TrainingRun(Result, Reported):
             of_states = ", ".join(f"{name} {deviation:.3g}" for name, deviation in noise)
             kind = "rates" if self.data.hold is None and self.H is None else "next states"
             of_data = [f"Recorded: {self.data.text()}", f"Noise of {kind}: {of_states}"]
-            parts[:0] = [*of_data, *self.data.notes]
+            parts = [*of_data, *self.data.notes, *parts]
             of_P = matrix_table("±P (95 %)", names.states, names.states, self.P_band)
             parts += [of_P, matrix_table("±K (95 %)", names.inputs, names.states, self.K_band)]
         if numbers := [(name, f"{value:.4g}") for name, value in self.diagnostics.items()]:

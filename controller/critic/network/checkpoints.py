@@ -171,23 +171,24 @@ LAYOUTS = (
 
 
 def checkpoint_of(tensors: Tensors) -> tuple[dict[str, np.ndarray], Declared] | None:
-    """Return the tensors that no normalizer and box uses, and what a checkpoint states.
+    """Return the tensors of a checkpoint without those of its normalizer and action box, and what
+    the checkpoint states of its policy.
 
-    The result is None for a file of no known layout.
+    The result is None if the names of the tensors fit no layout of `LAYOUTS`.
     """
     for layout in LAYOUTS:
-        root = _root(layout, tensors)
+        root = _root(layout, tensors)  # precedes the names of the policy's layers, such as "actor."
         if root is None:
             continue
-        normalizer, notes, used = _normalizer(layout.running, tensors)
-        used += _of_box(root) if layout.has_box else ()
+        normalizer, notes, names_of_statistics = _normalizer(layout.running, tensors)
+        used = (*names_of_statistics, *(_names_of_box(root) if layout.has_box else ()))
         others = {name: array for name, array in tensors.items() if name not in used}
         return others, Declared(
-            layout.algorithm,
-            words_in(layout.words.replace("{}", root), tensors),
-            layout.activation,
-            _box(layout, root, tensors),
-            normalizer,
+            algorithm=layout.algorithm,
+            network=words_in(layout.words.replace("{}", root), tensors),
+            activation=layout.activation,
+            action=_action_of(layout, root, tensors),
+            normalizer=normalizer,
             has_mean=layout.has_mean,
             notes=notes,
         )
@@ -204,19 +205,25 @@ def words_in(words: str, tensors: Tensors) -> str:
 def _root(layout: Layout, tensors: Tensors) -> str | None:
     """Return what precedes the names of a layout's layers in a file, or None for another layout."""
     heads = [found for name in tensors if (found := re.fullmatch(layout.head, name))]
-    has_others = layout.without and any(re.fullmatch(layout.without, name) for name in tensors)
-    if not heads or has_others or not any(re.search(layout.beside, name) for name in tensors):
+    has_excluded = layout.without and any(re.fullmatch(layout.without, name) for name in tensors)
+    has_required = any(re.search(layout.beside, name) for name in tensors)
+    if not heads or has_excluded or not has_required:
         return None
     root = heads[0]["root"]
-    if layout.has_box and not {*_of_box(root)} <= tensors.keys():
+    if layout.has_box and not {*_names_of_box(root)} <= tensors.keys():
         return None
     words = layout.words.replace("{}", root)
-    for name, array in tensors.items():
-        is_layer = array.ndim == 2 and name.startswith(root) and name.endswith("weight")
-        is_own = has_word(name, words) or is_deviation(name) or is_of_critic(name)
-        if is_layer and not is_own and (root or layout.has_box):
-            return None
-    return root
+    layers = (
+        name for name, array in tensors.items() if array.ndim == 2 and name.endswith("weight")
+    )
+    has_other_layers = any(
+        name.startswith(root)
+        and not (has_word(name, words) or is_deviation(name) or is_of_critic(name))
+        for name in layers
+    )
+    # A further layer below the root may act on the policy. Without root and box, it may be of any
+    # other network.
+    return None if has_other_layers and (root or layout.has_box) else root
 
 
 def _normalizer(
@@ -226,27 +233,27 @@ def _normalizer(
     if running is None:
         return None, (), ()
     for name in tensors:
-        spread = name.removesuffix(name.rpartition(".")[2]) + running.spread
-        if re.fullmatch(running.mean, name) and spread in tensors:
-            mean, numbers = (np.ravel(tensors[key]).astype(float) for key in (name, spread))
-            deviation = np.sqrt(numbers) if running.is_variance else numbers
+        name_of_spread = f"{name.rpartition('.')[0]}.{running.spread}"  # of the same module
+        if re.fullmatch(running.mean, name) and name_of_spread in tensors:
+            mean, spread = (np.ravel(tensors[key]).astype(float) for key in (name, name_of_spread))
+            deviation = np.sqrt(spread) if running.is_variance else spread
             variance = (deviation + running.outer) ** 2
             normalizer = Normalizer(mean, variance, running.inner, running.clip, _WHOSE)
-            return normalizer, notes_on_statistics(mean, numbers), (name, spread)
+            return normalizer, notes_on_statistics(mean, spread), (name, name_of_spread)
     return None, (), ()
 
 
-def _of_box(root: str) -> tuple[str, str]:
-    """Return the names of the tensors of a box: its half-widths and its middle."""
+def _names_of_box(root: str) -> tuple[str, str]:
+    """Return the names of the tensors of an action box: of its half-widths and its middle."""
     return f"{root}action_scale", f"{root}action_bias"
 
 
-def _box(layout: Layout, root: str, tensors: Tensors) -> ActionBox:
-    """Return the way from the output of the network to the action."""
+def _action_of(layout: Layout, root: str, tensors: Tensors) -> ActionBox:
+    """Return the way from the output of a checkpoint's network to the action."""
     if not layout.has_box:
         return ActionBox(layout.squash)
-    half, middle = (np.ravel(tensors[name]).astype(float) for name in _of_box(root))
-    return ActionBox(layout.squash, middle - half, middle + half)
+    half_width, middle = (np.ravel(tensors[name]).astype(float) for name in _names_of_box(root))
+    return ActionBox(layout.squash, middle - half_width, middle + half_width)
 
 
 def _layout(algorithm: str, words: str, activation: str, squash: str) -> Layout:
@@ -314,10 +321,10 @@ def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Declared]:
 
 def _declared_in(data: Mapping[str, Any], tensors: Tensors) -> Declared:
     """Return what the member `data` of a zip states of the policy with these tensors."""
-    actions = _stored_box(data, "action_space", "actions")
+    actions = _stored_box(data, "action")
     settings = _settings_of(data)
     of_class = _class_of(data, tensors)
-    observations = _stored_box(data, "observation_space", "observations")
+    observations = _stored_box(data, "observation")
     activation = settings.get("activation_fn")
     class_of_activation = str(getattr(activation, "made_of", activation)).rpartition(".")[2]
     return Declared(
@@ -352,15 +359,16 @@ def _action_box(
     of_class: Layout, actions: _Box, data: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> ActionBox:
     """Return the way from the output of a policy's network to its action."""
-    uses_sde = bool(settings.get("use_sde", data.get("use_sde", False)))
+    uses_sde = bool(settings.get("use_sde", data.get("use_sde", False)))  # exploration gSDE
     squash = of_class.squash
     if of_class.algorithm in ("A2C", "ARS") and settings.get("squash_output") is not None:
         squash = "tanh" if settings["squash_output"] else ""
+    # Only with gSDE does this class apply tanh. In any case, [-1, 1] is mapped to the box.
     if of_class.algorithm == "A2C" and squash and not uses_sde:
         squash = "linear"
-    is_clipped = of_class.words == _SAC.words and uses_sde
+    is_clipped = of_class.words == _SAC.words and uses_sde  # also TQC
     clip_mean = _number(settings, "clip_mean", _CLIP_MEAN) if is_clipped else 0.0
-    return ActionBox(squash, actions.low, actions.high, clip_mean or math.inf)
+    return ActionBox(squash, actions.low, actions.high, clip_mean or math.inf)  # 0: not clipped
 
 
 def _class_of(data: Mapping[str, Any], tensors: Tensors) -> Layout:
@@ -389,7 +397,7 @@ def _algorithm(of_class: Layout, data: Mapping[str, Any], settings: Mapping[str,
     """Return the name of the algorithm that trained a policy of a class."""
     if of_class is _ON_POLICY:
         return next((name for key, name in _ALGORITHMS.items() if key in data), "A2C")
-    is_ddpg = of_class is _TD3 and settings.get("n_critics") == 1  # as its constructor sets it
+    is_ddpg = of_class is _TD3 and settings.get("n_critics") == 1  # set by the class DDPG
     return "DDPG" if is_ddpg else of_class.algorithm
 
 
@@ -465,38 +473,47 @@ class _Box(NamedTuple):
     names: tuple[str, ...] = ()
 
 
-def _stored_box(data: Mapping[str, Any], name: str, what: str) -> _Box:
-    """Return the Box in an entry of the zip, or its dictionary of observations as one Box."""
-    space = _stored(data, name)
-    parts = getattr(space, "spaces", None)
-    parts = parts if isinstance(parts, dict) and what == "observations" else {"": space}
-    low: list[Any] = []
-    high: list[Any] = []
+def _stored_box(data: Mapping[str, Any], what: str) -> _Box:
+    """Return the Box in an entry of the zip, or its dictionary of observations as one Box.
+
+    what: "action" or "observation"
+    """
+    space = _stored(data, f"{what}_space")
+    spaces = getattr(space, "spaces", None)
+    if what == "action" or not isinstance(spaces, dict):
+        return _checked_box(space, what, "")
+    boxes = {key: _checked_box(part, what, str(key)) for key, part in spaces.items()}
+    low, high = (np.concatenate([box[end] for box in boxes.values()]) for end in (0, 1))
     names: list[str] = []
-    for key, part in parts.items():
-        kind = getattr(part, "made_of", type(part).__name__).rpartition(".")[2]
-        if kind == "Discrete" and what == "actions":
-            raise BadInputError(
-                f"the policy chooses one of {getattr(part, 'n', 'several')} discrete actions, as "
-                "that of DQN does, and is no input u(x); train a policy with a Box of actions"
-            )
-        ends: list[Any] = [getattr(part, end, None) for end in ("low", "high")]
-        if not all(isinstance(end, np.ndarray) for end in ends):
-            raise BadInputError(
-                f"the space of the {what} {shortened(str(key))} is a {shortened(kind)}, but only a "
-                "Box is supported; train a policy with a Box"
-            )
-        if ends[0].shape != ends[1].shape or ends[0].ndim != 1 or np.any(ends[0] > ends[1]):
-            raise BadInputError(
-                f"the Box of the {what} has {ends[0].ndim} axes or has a lower limit above the "
-                "upper limit; train a policy with a flat Box"
-            )
-        low.append(ends[0])
-        high.append(ends[1])
-        count = len(ends[0])
+    for key, box in boxes.items():
+        count = box.low.size
         names += [f"{key}[{place}]" if count > 1 else str(key) for place in range(count)]
-    lowest, highest = (np.concatenate(ends).astype(float) for ends in (low, high))
-    return _Box(lowest, highest, () if space in parts.values() else tuple(names))
+    return _Box(low, high, tuple(names))
+
+
+def _checked_box(space: Any, what: str, key: str) -> _Box:
+    """Return the Box that a pickle contains. Raises BadInputError for another space.
+
+    what, key: subject of the message: "action" or "observation", and an entry of a dictionary
+    """
+    kind = getattr(space, "made_of", type(space).__name__).rpartition(".")[2]
+    if kind == "Discrete" and what == "action":
+        raise BadInputError(
+            f"the policy chooses one of {getattr(space, 'n', 'several')} discrete actions, as "
+            "that of DQN does, and is no input u(x); train a policy with a Box of actions"
+        )
+    low, high = getattr(space, "low", None), getattr(space, "high", None)
+    if not (isinstance(low, np.ndarray) and isinstance(high, np.ndarray)):
+        raise BadInputError(
+            f"the space of the {what}s {shortened(key)} is a {shortened(kind)}, but only a "
+            "Box is supported; train a policy with a Box"
+        )
+    if low.shape != high.shape or low.ndim != 1 or np.any(low > high):
+        raise BadInputError(
+            f"the Box of the {what}s has {low.ndim} axes or has a lower limit above the "
+            "upper limit; train a policy with a flat Box"
+        )
+    return _Box(low.astype(float), high.astype(float))
 
 
 def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
@@ -515,18 +532,13 @@ def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
             )
         if getattr(stored, "norm_obs", True) is False:
             return None, 0
-        running_means = _statistics(stored)
+        running = _statistics(stored)
         mean, variance = (
-            np.concatenate(
-                [
-                    np.ravel(numbers_in(f"its {name}", running.get(name)))
-                    for running in running_means
-                ]
-            )
+            np.concatenate([np.ravel(numbers_in(f"its {name}", of.get(name))) for of in running])
             for name in ("mean", "var")
         )
         epsilon, clip = (_number(vars(stored), name) for name in ("epsilon", "clip_obs"))
-        count = running_means[0].get("count")
+        count = running[0].get("count")
         seen = int(count) if isinstance(count, (int, float)) else 0
         return Normalizer(mean, variance, epsilon, clip, Path(path).name), seen
 

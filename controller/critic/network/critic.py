@@ -54,27 +54,27 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
         raise BadInputError(
             f"Q(x, u) has neither a minimum nor a maximum over u at x = 0; {_ADVICE}"
         )
-    root = ca.chol(sign * curvature)
+    root = ca.chol(sign * curvature)  # upper triangular, nan if it is not definite
     policy = -ca.solve(root, ca.solve(root.T, sign * slope))
     return ca.Function("policy", [x], [policy])
 
 
 def _degree(Q: ca.Function, states: int) -> float:
     """Return an upper bound on the degree of Q in u, or inf if Q may not be a polynomial."""
-    degrees = np.zeros(Q.sz_w())
+    degrees = np.zeros(Q.sz_w())  # of the numbers in the registers
     largest = 0.0
     for index in range(Q.n_instructions()):
         operation = Q.instruction_id(index)
-        inputs = Q.instruction_input(index)
-        outputs = Q.instruction_output(index)
+        read = Q.instruction_input(index)  # registers, or (argument, place) of OP_INPUT
+        written = Q.instruction_output(index)
         if operation == ca.OP_OUTPUT:
-            largest = max(largest, degrees[inputs[0]])
+            largest = max(largest, degrees[read[0]])
         elif operation == ca.OP_INPUT:
-            degrees[outputs[0]] = float(inputs[1] >= states)
+            degrees[written[0]] = float(read[1] >= states)  # the argument is [x u]
         elif operation == ca.OP_CONST:
-            degrees[outputs[0]] = 0.0
+            degrees[written[0]] = 0.0
         else:
-            degrees[outputs[0]] = _degree_of(operation, [degrees[i] for i in inputs])
+            degrees[written[0]] = _degree_of(operation, [degrees[i] for i in read])
     return float(largest)
 
 
@@ -193,7 +193,7 @@ def _on_basis(
 ) -> Critic:
     """Return the critic V of a single layer whose inputs are the functions of a basis."""
     layer = stored.on_basis
-    assert layer is not None  # the caller found one layer
+    assert layer is not None  # the caller has checked it
     if len(layer.weight) != 1:
         raise BadInputError(
             f"the single layer on the basis functions has {len(layer.weight)} outputs; give a "
@@ -232,10 +232,11 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}
     for name, size in sizes.items():
-        fitting = [kind for kind in ([name] if name in counts else counts) if counts[kind] == size]
+        permitted = [name] if name in counts else counts
+        fitting = [kind for kind in permitted if counts[kind] == size]
         if is_taken_as_policy(name, size, m):
             fitting = ["policy"]
-        elif fitting == ["gradient", "V+policy"]:  # 1 + m = n: V+policy must be named
+        elif fitting == ["gradient", "V+policy"]:  # n = 1 + m: the user must name V+policy
             fitting = ["gradient"]
         if not fitting:
             meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
@@ -244,7 +245,8 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
                 f"the network has {size} outputs, but for this plant {meanings}; give a network "
                 f"with such a number of outputs{hint}"
             )
-        if len(fitting) > 1 or (len(sizes) > 1 and name not in counts):
+        is_unnamed_of_several = len(sizes) > 1 and name not in counts
+        if len(fitting) > 1 or is_unnamed_of_several:
             words = f"{fitting[0]}={'' if name in OUTPUTS else name}"
             among = f", among {shortened(', '.join(sizes))}," if len(sizes) > 1 else ""
             raise BadInputError(

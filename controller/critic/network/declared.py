@@ -15,7 +15,13 @@ from hfa_support.reporting.results import Result, Vector
 
 #: Suffixes of the files of networks.
 SUFFIXES = (
-    *(".onnx", ".pkl", ".pt", ".pth", ".cleanrl_model", ".safetensors", ".msgpack"),
+    ".onnx",
+    ".pkl",
+    ".pt",
+    ".pth",
+    ".cleanrl_model",
+    ".safetensors",
+    ".msgpack",
     ".zip",
 )
 

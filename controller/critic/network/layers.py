@@ -221,12 +221,14 @@ def layers_of(
         return network_of(selected(part), part)
     except BadInputError as error:
         refusal = error
+    # Not one network: without words, the tensors of the critic for V, and the others otherwise.
     of_kind = {name: of_layers[name] for name in of_layers if is_of_critic(name) == (kind == "V")}
     if not part and 0 < len(of_kind) < len(of_layers):
         try:
             return network_of(of_kind, part)
         except BadInputError as error:
             refusal = error
+    # No network: the last refusal is raised, with words that would select one.
     for words in _selections(of_layers, kind):
         with suppress(BadInputError):
             outputs = network_of(selected(words), words)[-1].outputs
@@ -238,7 +240,7 @@ def layers_of(
 
 
 def _no_such_part(part: str, tensors: Tensors) -> BadInputError:
-    """Return the error that no tensor of a file has a name that was asked for."""
+    """Return the error that the words of `part` select no tensor of a file."""
     names = roots(tensors)
     advice = "this is a single network: remove the name"
     if names:
@@ -247,7 +249,7 @@ def _no_such_part(part: str, tensors: Tensors) -> BadInputError:
 
 
 def _with_selection(error: BadInputError, tensors: Tensors, words: str) -> BadInputError:
-    """Return the error with words that select a network."""
+    """Return an error, with the networks of the file and words that select one as its remedy."""
     listed = shortened(", ".join(roots(tensors)), 200)
     return BadInputError(
         f"{str(error).partition('; ')[0]}; select one of the networks {listed}, for example "
@@ -257,7 +259,10 @@ def _with_selection(error: BadInputError, tensors: Tensors, words: str) -> BadIn
 
 
 def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
-    """Yield words that may select a network of a kind, likely ones first: names, neighbors."""
+    """Yield words that may select a network of a kind, likely ones first.
+
+    First single names of networks, then names that follow each other in the file, joined by +.
+    """
     names = roots(tensors)
 
     def rank(name: str) -> int:
@@ -265,9 +270,8 @@ def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
         is_value = is_of_critic(name)
         if kind == "V":
             return 0 if is_value else 1
-        if _OF_POLICIES.search(name):
-            return 0
-        return 2 if is_value else 1
+        is_policy = _OF_POLICIES.search(name)
+        return 0 if is_policy else 2 if is_value else 1
 
     modules = [name.partition(".")[0] for name in names]
     yield from sorted(dict.fromkeys([*names, *modules]), key=rank)
@@ -282,15 +286,15 @@ def _chain(tensors: Tensors, part: str, is_ordered: bool) -> list[Layer]:
     layers = []
     for name, array in tensors.items():
         if name.rpartition(".")[2] == "bias" and name.removesuffix("bias") + "weight" in tensors:
-            continue
+            continue  # read with its weight
         stem = name.removesuffix("weight")
         if not name.endswith("weight") or array.ndim != 2:
             raise _no_layer(name, array, "is not a weight or bias of a linear layer")
         bias = tensors.get(f"{stem}bias", np.zeros(len(array)))
         if bias.shape != array.shape[:1]:
             if bias.shape == array.shape[1:]:
-                transposed = f"looks transposed: its bias is {bias.shape}; save its transpose "
-                raise _no_layer(name, array, f"{transposed}{array.shape[::-1]}")
+                reason = f"looks transposed: its bias is {bias.shape}"
+                raise _no_layer(name, array, reason, f"save its transpose {array.shape[::-1]}")
             raise _no_layer(f"{stem}bias", bias, "is not the bias of its layer")
         layers.append(Layer(stem.removesuffix("."), array, bias))
     layers = _as_saved(layers) if is_ordered else _as_numbered(layers, part)
@@ -304,14 +308,15 @@ def _chain(tensors: Tensors, part: str, is_ordered: bool) -> list[Layer]:
     return layers
 
 
-def _no_layer(name: str, array: np.ndarray, reason: str) -> BadInputError:
+def _no_layer(
+    name: str, array: np.ndarray, reason: str, remedy: str = "export the network to ONNX"
+) -> BadInputError:
     """Return the error that a tensor is no layer of a network, for a reason."""
-    remedy = "" if "; " in reason else "; export the network to ONNX"
-    return BadInputError(f"tensor {shortened(name)!r} {array.shape} {reason}{remedy}")
+    return BadInputError(f"tensor {shortened(name)!r} {array.shape} {reason}; {remedy}")
 
 
 def _kind(layer: Layer) -> str:
-    """Return the kind of a layer: its name with each number replaced by #."""
+    """Return the name of a layer with each number replaced by #, as "model.#" for "model.0"."""
     return re.sub(r"\d+", "#", layer.name)
 
 
@@ -343,6 +348,7 @@ def _as_numbered(layers: list[Layer], part: str) -> list[Layer]:
         """Return the places of the words that select a layer."""
         return [place for place, word in enumerate(words) if has_word(f"{layer.name}.", word)]
 
+    # Numbers order the layers that a word selects if their names differ in nothing else.
     if len({(tuple(places(layer)), _kind(layer)) for layer in layers}) > len(words):
         names = shortened(", ".join(layer.name for layer in layers), 80)
         raise BadInputError(
@@ -356,8 +362,7 @@ def _as_numbered(layers: list[Layer], part: str) -> list[Layer]:
 def refuse_others(others: Tensors, network_inputs: int, network_outputs: int) -> None:
     """Raise BadInputError if a tensor that is not read may act on a network.
 
-    Tensors of critics, other linear layers, and the standard deviation of an action are accepted,
-    the last unless it has an entry for each input.
+    Tensors of critics, other linear layers, and the standard deviation of an action are accepted.
 
     others: tensors of a state dict that belong to no network that is read
     network_inputs, network_outputs: number of inputs and of outputs of the network
@@ -366,8 +371,10 @@ def refuse_others(others: Tensors, network_inputs: int, network_outputs: int) ->
     for name, array in others.items():
         if f"{name.removesuffix('bias')}weight" in weights or name in weights or is_of_critic(name):
             continue
-        may_scale_inputs = array.size == network_inputs and array.size != network_outputs
-        if may_scale_inputs or not is_deviation(name):
+        # A deviation with an entry for each input, and not for each output, may be a divisor of the
+        # inputs instead of the deviation of an action.
+        is_of_inputs = array.size == network_inputs and array.size != network_outputs
+        if not is_deviation(name) or is_of_inputs:
             raise BadInputError(
                 f"tensor {shortened(name)!r} {array.shape} is not a layer and may act on the "
                 f"network's inputs or outputs; {_ADVICE}"

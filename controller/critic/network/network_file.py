@@ -174,7 +174,10 @@ class Asked(NamedTuple):
 
 
 class _Contents(NamedTuple):
-    """Tensors by name, whether they are in the order of evaluation, and what the file states."""
+    """Tensors by name, whether they are in the order of evaluation, and what the file states.
+
+    activations: layer -> its activation, of a torch module; None if the file has no activations
+    """
 
     tensors: Mapping[str, np.ndarray]
     is_ordered: bool
@@ -227,8 +230,8 @@ def _in_file(path: Path) -> _Contents:
     if suffix == ".zip" and is_stable_baselines(path):
         tensors, declared = read_zip(path)
         return _Contents(tensors, is_ordered=True, declared=declared)
-    stored = stored_in(regular_file(path).read_bytes(), suffix)
-    return _contents(stored, is_ordered=suffix in ORDERED)
+    content = regular_file(path).read_bytes()
+    return _contents(stored_in(content, suffix), is_ordered=suffix in ORDERED)
 
 
 def _in_memory(source: Any) -> _Contents:
@@ -250,6 +253,7 @@ def _contents(stored: Any, *, is_ordered: bool) -> _Contents:
         return _Contents(tensors, is_ordered, activations=activations)
     found = flattened(stored)
     flat = without_training(_as_layers(found))
+    # flax sorts its layers by name.
     is_ordered = is_ordered and not any(name.endswith("kernel") for name in found)
     tensors, declared = checkpoint_of(flat) or (flat, NOTHING)
     return _Contents(tensors, is_ordered, declared)
@@ -260,7 +264,7 @@ def _as_layers(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     as_torch = {}
     for flax_name, array in tensors.items():
         name = flax_name.replace("/", ".")
-        if name.endswith(".kernel"):
+        if name.endswith(".kernel"):  # (n, k) in flax, (k, n) in torch
             name, array = f"{name.removesuffix('kernel')}weight", array.T
         as_torch[name] = array
     return as_torch
@@ -279,23 +283,24 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         )
     if declared.network:
         parts = _with_policy(parts, declared.network)
-    words = "+".join(filter(None, parts.values()))
+    all_words = "+".join(filter(None, parts.values()))
 
     def check(kind: str, layers: list[Layer], is_named: bool) -> None:
         """Raise BadInputError if layers do not fit the plant, or others may act on them."""
-        is_alone = bool(words) or sum(array.ndim == 2 for array in tensors.values()) == 1
-        if len(layers) == 1 and is_alone and layers[0].inputs == asked.basis_size:
-            return
-        check_width(layers[0].inputs, asked.states, 0 if kind == "policy" else asked.inputs)
-        # Nothing acts on layers that are named, or on the observations of a zip.
-        if not is_named and declared.inputs != layers[0].inputs:
+        inputs = layers[0].inputs
+        is_alone = bool(all_words) or sum(array.ndim == 2 for array in tensors.values()) == 1
+        if len(layers) == 1 and is_alone and inputs == asked.basis_size:
+            return  # the weights of the basis
+        check_width(inputs, asked.states, 0 if kind == "policy" else asked.inputs)
+        # Nothing else acts on layers that the user names, or on all observations that a zip states.
+        if not is_named and inputs != declared.inputs:
             of_network = {layer.name for layer in layers}
             others = {
                 name: array
                 for name, array in tensors.items()
-                if _layer(name) not in of_network and not has_word(name, words)
+                if _layer(name) not in of_network and not has_word(name, all_words)
             }
-            refuse_others(others, layers[0].inputs, layers[-1].outputs)
+            refuse_others(others, inputs, layers[-1].outputs)
 
     networks = {
         kind: layers_of(tensors, kind, part, contents.is_ordered, partial(check, kind), asked.sizes)
@@ -307,8 +312,7 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
     declared = _with_note_on_unread(declared, tensors, networks)
     on_basis = _layer_on_basis(networks, asked)
     if on_basis is not None:
-        chain = f"{asked.basis_size} functions -> 1"
-        return NetworkFile({}, chain, precision, declared, on_basis)
+        return NetworkFile({}, f"{asked.basis_size} functions -> 1", precision, declared, on_basis)
     functions: dict[str, ca.Function] = {}
     rows: dict[str, RowNetwork] = {}
     chains = [declared.algorithm] if declared.algorithm else []
@@ -322,7 +326,10 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
 
 
 def _of_mean(layers: list[Layer]) -> tuple[list[Layer], str]:
-    """Return the layers with the first half of their outputs, the mean, and a note on the rest."""
+    """Return a policy's layers to the mean, the first half of the outputs, and a note on the rest.
+
+    The other half are the standard deviations of the random action.
+    """
     *before, last = layers
     half = last.outputs // 2
     mean = last._replace(weight=last.weight[:half], bias=last.bias[:half])
@@ -356,7 +363,7 @@ def refuse_normalizer(declared: Declared) -> None:
 
 
 def _layer(tensor: str) -> str:
-    """Return the layer of a tensor."""
+    """Return the name of the layer of a tensor, "model.0" of "model.0.weight"."""
     return tensor.rpartition(".")[0]
 
 
@@ -375,10 +382,10 @@ def _requested_parts(network: str) -> dict[str, str]:
 
 
 def _with_policy(parts: Mapping[str, str], words: str) -> dict[str, str]:
-    """Return the requested parts, with the words that select the policy by default."""
+    """Return the requested parts, kind -> words, where a policy without words has those given."""
     filled = {}
     for kind, part in parts.items():
-        if not part and kind in ("", "policy"):
+        if not part and kind in ("", "policy"):  # without a kind, too: the file is of a policy
             filled["policy"] = words
         else:
             filled[kind] = part
@@ -388,6 +395,7 @@ def _with_policy(parts: Mapping[str, str], words: str) -> dict[str, str]:
 def _layer_on_basis(networks: Mapping[str, list[Layer]], asked: Asked) -> Layer | None:
     """Return the single layer whose inputs are the functions of the basis, or None."""
     kind, layers = next(iter(networks.items()))
+    # One input may be the only state, or the only function of the basis, as of V = w x².
     acts_on_the_state = asked.states == asked.basis_size == 1 and kind != "V"
     if len(layers) == 1 and layers[0].inputs == asked.basis_size and not acts_on_the_state:
         return layers[0]
@@ -397,7 +405,10 @@ def _layer_on_basis(networks: Mapping[str, list[Layer]], asked: Asked) -> Layer 
 def _with_activations(
     layers: list[Layer], contents: _Contents, activation: str | None
 ) -> list[Layer]:
-    """Return the layers with their activations: of the file, or "between,last" of the caller."""
+    """Return the layers with their activations: those of the file, or those that the caller asks.
+
+    activation: "between" the layers or "between,last", or None
+    """
     if contents.activations is not None:
         if activation is not None:
             raise BadInputError("the module already contains its activations; remove activation")

@@ -74,7 +74,10 @@ def _sum(x: Any, axes: Any = None, keepdims: int = 1, noop_with_empty_axes: int 
 
 
 def _mean(x: Any, *axes: Any, **how: int) -> Any:
-    """Return the mean of the entries of a row, with the exception of `_sum`."""
+    """Return the mean of the entries of a row, or the row itself if it states no axes on purpose.
+
+    `_sum` returns one entry, to divide by the number of entries, or the row, to divide by 1.
+    """
     total = _sum(x, *axes, **how)
     return total * (total.numel() / x.numel())
 
@@ -105,7 +108,7 @@ def _batch_norm(
 
 
 def _slice(x: Any, starts: Any, ends: Any, axes: Any = None, steps: Any = None) -> Any:
-    """Return the entries of a row from start to end, with the limits of its last axis."""
+    """Return the entries of a row from start to end. Of several axes, the last is that of a row."""
     step = 1 if steps is None else np.ravel(steps)[-1]
     columns = slice(int(np.ravel(starts)[-1]), int(np.ravel(ends)[-1]), int(step))
     return x[:, list(range(x.numel()))[columns]]
@@ -235,13 +238,14 @@ def graph_functions(
 
 
 def _notes_on_normalizer(graph: Any, traced: _Traced) -> tuple[str, ...]:
-    """Return a note on constants 0 and 1 that a graph subtracts and divides by first."""
+    """Return a note if a graph begins with (x - mean) / deviation of a normalizer without data."""
     inputs = {item.name for item in graph.input}
     for minus, over in pairwise(graph.node):
         is_pair = (minus.op_type, over.op_type, over.input[:1]) == ("Sub", "Div", minus.output)
-        constants = {minus.input[-1], over.input[-1]} - traced.rows.keys()
-        if is_pair and minus.input[0] in inputs and len(constants) == 2:
-            return notes_on_statistics(*(traced.arrays[node.input[1]] for node in (minus, over)))
+        mean, deviation = minus.input[-1], over.input[-1]
+        are_constants = traced.rows.keys().isdisjoint((mean, deviation))
+        if is_pair and minus.input[0] in inputs and are_constants:
+            return notes_on_statistics(traced.arrays[mean], traced.arrays[deviation])
     return ()
 
 
@@ -328,14 +332,12 @@ class _Operator:
 
         self._refuse_size([array for array in arguments if array is not None])
         helper = self._onnx.helper
-        inputs = {
+        inputs = {  # an argument without a name is left out
             name: array for name, array in zip(self._node.input, arguments, strict=True) if name
         }
-        infos_in, infos_out = (
-            [helper.make_empty_tensor_value_info(name) for name in names]
-            for names in (inputs, self._node.output)
-        )
-        graph = helper.make_graph([self._node], "node", infos_in, infos_out)
+        of_inputs = [helper.make_empty_tensor_value_info(name) for name in inputs]
+        of_outputs = [helper.make_empty_tensor_value_info(name) for name in self._node.output]
+        graph = helper.make_graph([self._node], "node", of_inputs, of_outputs)
         single = helper.make_model(graph, opset_imports=self._opsets)
         with self._refused(), np.errstate(all="ignore"):
             results = ReferenceEvaluator(single).run(None, inputs)
@@ -343,11 +345,11 @@ class _Operator:
         if inputs:
             doubles = [a.astype(float) if a.dtype.kind == "f" else a for a in arrays.values()]
             return doubles, "float64"
-        checked, precision = checked_tensors(arrays)
+        checked, precision = checked_tensors(arrays)  # weights in the operator Constant
         return list(checked.values()), precision
 
     def row(self, arguments: list[Any]) -> ca.MX:
-        """Return the result of rows and constants."""
+        """Return the result as a row, of rows that depend on the inputs and of constant arrays."""
         if self.name not in _WITH_PLACES:
             arguments = [
                 ca.DM(np.atleast_2d(value).astype(float))
@@ -366,14 +368,14 @@ class _Operator:
             return result
 
     def _refuse_size(self, arrays: list[np.ndarray]) -> None:
-        """Raise BadInputError if the result would be too large."""
+        """Raise BadInputError if the result of arrays would be too large, before it is computed."""
         shapes = [array.shape for array in arrays]
-        size = sum(math.prod(shape) for shape in shapes)
+        size = sum(math.prod(shape) for shape in shapes)  # bounds the result of most operators
         with self._refused():
             if self.name == "Gather":
                 size = math.prod(shapes[0]) * math.prod(shapes[1])
             elif self.name in ("MatMul", "Gemm"):
-                size = max(shapes[0]) * max(shapes[1])
+                size = max(shapes[0]) * max(shapes[1])  # in any order of the axes
             elif self.name in _ELEMENTWISE:
                 size = math.prod(np.broadcast_shapes(*shapes))
         if size > LARGEST_NETWORK:

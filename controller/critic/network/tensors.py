@@ -53,6 +53,7 @@ class Inert:
 
     def __setstate__(self, state: Any) -> None:
         """Store the attributes of a pickled object."""
+        # (attributes or None, slots) of a class with __slots__
         if isinstance(state, tuple) and len(state) == 2 and isinstance(state[1], dict):
             state = {**(state[0] or {}), **state[1]}
         if isinstance(state, dict):
@@ -74,7 +75,10 @@ class BFloat16(np.ndarray):
 
     @staticmethod
     def of(halves: np.ndarray) -> np.ndarray:
-        """Return the numbers with these upper halves, an array of unsigned integers of 2 bytes."""
+        """Return float32 of bfloat16, which are their upper halves.
+
+        halves: unsigned integers of 2 bytes
+        """
         return (halves.astype("<u4") << 16).view("<f4").view(BFloat16)
 
 
@@ -119,9 +123,9 @@ def _array_of(content: bytes, kind: _Kind, shape: tuple[int, ...], order: str = 
 
 def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndarray:
     """Return a tensor of torch: the entries storage[offset + Σ index_i stride_i]."""
-    # NumPy refuses an entry outside the storage.
-    strides = [step * storage.itemsize for step in stride]
-    return type(storage)(size, storage.dtype, storage, offset * storage.itemsize, strides)
+    strides = [step * storage.itemsize for step in stride]  # in bytes, as the offset below
+    array_type = type(storage)  # ndarray or BFloat16; refuses an entry outside the storage
+    return array_type(size, storage.dtype, storage, offset * storage.itemsize, strides)
 
 
 def _jax_array(make: Callable[..., Any], arguments: Any, state: Any, *_: Any) -> np.ndarray:
@@ -231,9 +235,11 @@ def torch_stream(content: bytes) -> Any:
         return storages[key]
 
     def next_pickle() -> Any:
+        """Return the content of the pickle at the position of the stream."""
         return _Restricted(stream, storage_or_zeros).load()
 
     def load() -> Any:
+        """Return the content, after its storages were read."""
         for _ in ("number of the format", "version", "system"):
             next_pickle()
         begin_of_content = stream.tell()

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic_file import entries_in, is_network, matrix_of_gain
+from controller.critic.critic_file import entries_in, is_network
 from controller.critic.network.checkpoints import read_normalizer
 from controller.critic.network.declared import (
     NOTHING,
@@ -22,9 +22,11 @@ from controller.critic.network.declared import (
 )
 from controller.critic.network.layers import RowNetwork
 from controller.critic.network.network_file import Asked, NetworkFile, network_in
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from hfa_aircraft.readers.matrices_file import NAME_KEYS, sample_time, words
-from hfa_support.errors import BadInputError, prefix_errors, shown
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shown
 from hfa_support.files import MATRIX_FILES
+from hfa_support.matrices import checked_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +119,8 @@ def _gain(path: Path) -> tuple[NetworkFile, dict[str, Any]]:
     with prefix_errors(path):
         if "K" not in entries:
             raise BadInputError("the file contains neither a network nor a gain K; add K")
-        K = matrix_of_gain(entries["K"])
+        K = numbers_in("K", entries["K"])
+        K = checked_matrix("K", K[None] if K.ndim == 1 else K, LARGEST_CRITIC_ENTRY)
         of_gain: dict[str, Any] = {key: words(entries, key) for key in NAME_KEYS}
         of_gain["dt"] = sample_time(entries)
     rows, columns = K.shape
