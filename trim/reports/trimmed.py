@@ -320,8 +320,8 @@ class Trimmed:
         in_si = native is not model
         if native.about.configuration is not None:
             vectors = (
-                (model.states, point.states),
-                (model.inputs, point.inputs),
+                (model.states, point.x),
+                (model.inputs, point.u),
                 (model.parameters, model.p),
             )
             native_vectors = [
@@ -369,7 +369,7 @@ class Trimmed:
         Raises NotFiniteError at a point with a `fault`.
         """
         names = [name for name in _SLOPED if name in self.model.outputs]
-        found, _ = linearization_at(self.model, self.coherent.states, self.coherent.inputs, names)
+        found, _ = linearization_at(self.model, self.coherent.x, self.coherent.u, names)
         outputs = zip(names, zip(found.C, found.D, strict=True), strict=True)
         return Slopes(self.model.state_names, found.A, found.B, dict(outputs))
 

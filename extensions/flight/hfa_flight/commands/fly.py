@@ -184,11 +184,6 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
         rare=True,
     )
 
-    @property
-    def members(self) -> int | None:
-        """Number of flights with random differences, or None for a single flight."""
-        return self.samples if self.draws is None else self.draws
-
 
 @command(FlyRequest, given_trim)
 def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
@@ -205,8 +200,9 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
     """
     if isinstance(request.gust, SmallestGust):
         return _smallest_gusts(request, given, request.gust)
-    if request.members is not None:
-        return _fly_members(request, given, request.members)
+    members = request.samples if request.draws is None else request.draws
+    if members is not None:
+        return _fly_members(request, given, members)
     return _fly_once(request, given)
 
 
@@ -282,10 +278,13 @@ def _smallest_gusts(request: FlyRequest, given: GivenTrim, asked: SmallestGust) 
     return Outcome(report=gusts.report(), source=given.source, notes=planned.point.warnings)
 
 
-def _refuse_contradictions(request: FlyRequest) -> None:
-    """Raise BadInputError if options contradict each other or have no effect."""
+def _refuse_contradictions(request: FlyRequest, many: bool = False) -> None:
+    """Raise BadInputError if options contradict each other or have no effect.
+
+    many: whether they are those of --samples or --draws
+    """
     # Of a single flight, --Q and --R are the weights of its cost.
-    check_policy(request, weights=("Q", "R", "sizes") if request.members is None else ())
+    check_policy(request, weights=() if many else ("Q", "R", "sizes"))
     beside = "cannot be combined with --{}; remove one of the two"
     if request.reference:
         require_policy(request, "--reference")
@@ -296,14 +295,19 @@ def _refuse_contradictions(request: FlyRequest) -> None:
     if request.keep_inside:
         refuse(request, ("command",), beside.format("keep-inside"))
     is_random = request.turbulence is not None or bool(request.noise)
-    if request.members is None and not is_random:
+    if not (many or is_random):
         only = "applies only to --turbulence, --noise, --samples and --draws; remove this option"
         refuse(request, ("seed",), only)
 
 
-def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> PlannedFlight:
-    """Return the flight to be simulated, as specified by the options."""
-    scenario = scenario_of(request, point, given.hold, drawn=request.members is not None)
+def _planned(
+    request: FlyRequest, given: GivenTrim, point: OperatingPoint, many: bool = False
+) -> PlannedFlight:
+    """Return the flight to be simulated, as specified by the options.
+
+    many: whether it is simulated many times, each time with its own random quantities
+    """
+    scenario = scenario_of(request, point, given.hold, drawn=many)
     commands = each_of("--command", given.model, request.command, _command)
     for name, steps in commands.items():
         begin = min(time for time, _ in steps)
@@ -325,7 +329,7 @@ def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> Pl
     if request.filter:
         policy = behind_a_filter(policy, scenario, point)
     policy, scenario = policy.in_scenario(scenario)
-    if request.members is None:
+    if not many:
         scenario = scenario.drawn(request.seed, 0, point)
     envelope = flight_envelope(given.model, point, limits)
     return PlannedFlight(point, policy, scenario, envelope, tracking)
@@ -394,12 +398,12 @@ def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome
 
     target = request.output
     _refuse_of_members(request)
-    _refuse_contradictions(request)
+    _refuse_contradictions(request, many=True)
     spread = None
     if request.draws is not None:
         held = given.hold if given.at is None else (*given.hold, given.model.schedule)
         spread = parameter_spread(request, given.common.model, held)
-    point, policy, scenario, envelope, _ = _planned(request, given, trimmed(given))
+    point, policy, scenario, envelope, _ = _planned(request, given, trimmed(given), many=True)
     plan = MonteCarlo(
         members,
         request.seed,

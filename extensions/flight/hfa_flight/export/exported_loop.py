@@ -193,12 +193,11 @@ def exported_loop(
     reference: Any = steering.reference
     scenario = Scenario(air=air, reference=reference, actuators=actuators)
     loop = FlightLoop(NonlinearPlant(model, point), steering.policy, scenario)
-    t, Y, held = loop.symbols()
-    held_values = np.zeros(held.numel())
-    loop.hold(0, held_values)
+    t, Y, _ = loop.symbols()
+    held = ca.SX(ca.DM(loop.held_at_start()))
     trim_of_Y = np.zeros(Y.numel())  # actuator states are deviations already
     trim_of_Y[: len(point.states)] = point.states
-    now = loop.at(t, Y - ca.DM(trim_of_Y), ca.SX(ca.DM(held_values)))
+    now = loop.at(t, Y - ca.DM(trim_of_Y), held)
     U = now.inputs + ca.DM(point.u)
     X = ca.vertsplit(Y[: len(point.states)])
     vectors = X, components(U), model.p.tolist()

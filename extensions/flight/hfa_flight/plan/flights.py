@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import casadi as ca
@@ -365,16 +365,15 @@ class Flights:
         scenario = replace(scenario, duration=duration, initial=initial)
         far = FAR * problem.model.nominal(problem.model.states)
 
-        def diverges(rows: Deviations) -> np.ndarray:
-            return np.asarray(~(np.abs(rows.states) <= far).all(axis=1))  # so does nan
-
-        def leaves(rows: Deviations) -> np.ndarray:
-            return outside(problem.envelope, rows.states + problem.point.x)
+        def diverges(states: np.ndarray) -> np.ndarray:
+            near = np.abs(states - problem.point.x) <= far
+            return np.asarray(~near.all(axis=1))  # a state that is not a number is not near
 
         with np.errstate(all="ignore"):
             try:
                 rows = loop.fly(scenario, stop=diverges, policy=policy)
             except NoSolutionError:  # outside the envelope its modes may be too fast
+                leaves = partial(outside, problem.envelope)
                 rows = loop.fly(scenario, stop=leaves, policy=policy)
         return self.priced(loop.loop.policy, rows)
 

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.batch_simulation import Cost
-from hfa_aircraft.layout import column, components
+from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
@@ -40,8 +40,11 @@ class Plant:
     uncertain = False
     point: OperatingPoint
 
-    def rate(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """Return the time derivative x' of the state deviations, (n,).
+    def at(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Return the time derivative x', (n,), and the states that the envelope limits, (n,).
+
+        These are x. In moving air, the angle of attack relative to the air, minus its value at
+        trim, replaces alpha of a nonlinear plant with the output `ANGLE_OF_ATTACK`.
 
         x: (n,), deviations of the states
         u: (m,), deviations of the inputs
@@ -49,13 +52,6 @@ class Plant:
         parameters: those of an uncertain plant, else (0,)
         """
         raise NotImplementedError
-
-    def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
-        """Return the angle of attack relative to the air minus its trim value, (1,).
-
-        Returns an empty expression (0,) if this difference equals the deviation of alpha.
-        """
-        return ca.SX(0, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +70,7 @@ class LinearPlant(Plant):
     point: OperatingPoint
 
     @classmethod
-    def at(cls, model: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
+    def of(cls, model: Model, point: OperatingPoint, winds: Sequence[str]) -> LinearPlant:
         """Return the linearization of a model at an operating point, with all states of the model.
 
         winds: disturbances for which E is computed
@@ -84,15 +80,12 @@ class LinearPlant(Plant):
         )
         return cls(slopes.A, slopes.B, dict(zip(winds, slopes.E.T, strict=True)), point)
 
-    def rate(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """Return the time derivative of the states, A x + B u + E w, (n,).
-
-        The arguments are those of `Plant.rate`.
-        """
+    def at(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Return A x + B u + E w, (n,), and x; the arguments are those of `Plant.at`."""
         rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u)
         for name, w in winds.items():
             rate = rate + ca.DM(self.E[name]) * w
-        return rate
+        return rate, x
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,43 +107,28 @@ class NonlinearPlant(Plant):
         """Raise BadInputError if the operating point belongs to another model."""
         self.point._refuse_other(self.model)
 
-    def rate(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """Return the time derivative of the states, f(X0 + x, U0 + u, p, w), (n,).
+    def at(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Return f(X0 + x, U0 + u, p, w), (n,), and the limited states, as `Plant.at` does.
 
-        The arguments are those of `Plant.rate`.
+        Disturbances that are not in `winds` are 0. Raises BadInputError if the output
+        `ANGLE_OF_ATTACK` depends on an input, because it is then not a flow angle.
         """
-        p = components(parameters) if self.uncertain else self.model.p.tolist()
-        rates, _ = self._expressions((x, ca.DM(self.point.u) + u, p), winds)
-        return rates
-
-    def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
-        """Return the output `ANGLE_OF_ATTACK` minus alpha at trim, (1,).
-
-        Returns an empty expression (0,) without winds, or if the model lacks this output or the
-        state alpha. Raises BadInputError if the output depends on an input, because it is then not
-        a flow angle.
-        """
-        model = self.model
-        if not winds or not has_angle_of_attack(model):
-            return ca.SX(0, 1)
-        u = ca.SX.sym("u", len(model.inputs))
-        _, angle = self._expressions((x, u, model.p.tolist()), winds, (ANGLE_OF_ATTACK,))
-        if ca.depends_on(angle, u):
+        model = self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
+        outputs = [ANGLE_OF_ATTACK] if winds and has_angle_of_attack(model) else []
+        X = components(ca.DM(self.point.x) + x)
+        U = ca.SX.sym("U", len(model.inputs))
+        p = components(parameters) if self.uncertain else model.p.tolist()
+        w = [winds.get(name, 0.0) for name in model.disturbances]
+        rates, angles = model.layout.expressions((X, components(U), p), outputs, w)
+        if ca.depends_on(angles, U):
             raise BadInputError(
                 f"{model.name}: output {ANGLE_OF_ATTACK} depends on an input and is therefore "
                 "not a flow angle; rename the output"
             )
-        return angle - getattr(self.point.states, ALPHA)
-
-    def _expressions(
-        self, vectors: tuple[ca.SX, ca.SX, list[Any]], winds: Winds, outputs: Sequence[str] = ()
-    ) -> tuple[ca.SX, ca.SX]:
-        """Return rates and outputs at (x, U, p); disturbances that are not in `winds` are 0."""
-        x, U, p = vectors
-        X = components(ca.DM(self.point.x) + x)
-        model = self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
-        w = [winds.get(name, 0.0) for name in model.disturbances]
-        return model.layout.expressions((X, components(U), p), outputs, w)
+        limited = ca.SX(x)
+        if outputs:
+            limited[list(model.states).index(ALPHA)] = angles - getattr(self.point.states, ALPHA)
+        return ca.substitute(rates, U, ca.DM(self.point.u) + u), limited
 
 
 class LoopSignals(NamedTuple):
@@ -159,9 +137,8 @@ class LoopSignals(NamedTuple):
     rate: y'
     error: (k,), x - x_d
     inputs: (m,), inputs of the plant, as deviations from trim
-    winds: disturbances of the model that the scenario sets, in the order of `wind_names`
-    angle: (1,), deviation of the angle of attack relative to the air, or (0,) if it equals that of
-      alpha
+    limited: (n,), deviations that the envelope limits (`Plant.at`)
+    winds: disturbance of the model that the scenario sets -> its value
     command: (m,), command of the policy
     measured: (n,), states of the plant with sensor noise
     """
@@ -169,8 +146,8 @@ class LoopSignals(NamedTuple):
     rate: ca.SX
     error: ca.SX
     inputs: ca.SX
-    winds: ca.SX
-    angle: ca.SX
+    limited: ca.SX
+    winds: Winds
     command: ca.SX
     measured: ca.SX
 
@@ -283,8 +260,8 @@ class FlightLoop:
         """Return the expressions of the loop at t, y and the held inputs."""
         scenario, plant = self.scenario, self.plant
         rows = plant.point.model.state_places(plant.point.model.linear)
-        state = StateParts(*(y[part] for part in self.state_slices))
-        inputs = HeldParts(*(held[part] for part in self.held_slices))
+        state = StateParts(*(y[part] for part in slices_of(self.state_sizes)))
+        inputs = HeldParts(*(held[part] for part in slices_of(self.held_sizes)))
         winds = {} if scenario.gust is None else scenario.gust.winds(t, inputs.gust)
         for name, waveform in scenario.air.items():
             winds[name] = winds.get(name, 0.0) + waveform.at(t)
@@ -295,14 +272,14 @@ class FlightLoop:
         measured[rows] = sensed
         measurements = Measurements(sensed - reference, sensed)
         command = self.policy.control(t, measurements, inputs.policy)
-        u = self._arriving(t, command, inputs)
+        u = _delayed_command(t, inputs.delay) if inputs.delay.numel() else command
         no_states = ca.SX(0, 1)
         actuators_rate = no_states
         if scenario.actuators is not None:
             reachable = scenario.actuators.reachable(u, plant.point.u)
             u = state.actuators
             actuators_rate = scenario.actuators.rates(state.actuators, reachable)
-        plant_rate = plant.rate(state.plant, u, winds, inputs.parameters)
+        plant_rate, limited = plant.at(state.plant, u, winds, inputs.parameters)
         if scenario.disturbance is not None:
             plant_rate[rows] += scenario.disturbance.at(t)
         error = states - reference
@@ -312,8 +289,8 @@ class FlightLoop:
             rate=ca.vertcat(*rates),
             error=error,
             inputs=u,
-            winds=column(winds.values()),
-            angle=plant.through_air(state.plant, winds),
+            limited=limited,
+            winds=winds,
             command=command,
             measured=measured,
         )
@@ -329,13 +306,13 @@ class FlightLoop:
         else:
             # A nonlinear plant has a model of its own, with errors of parameters.
             model = getattr(self.plant, "model", self.plant.point.model)
-            linear = LinearPlant.at(model, self.plant.point, self.wind_names)
-            loop = replace(self, plant=linear, cost=None)
+            linear = LinearPlant.of(model, self.plant.point, ())
+            still = replace(self.scenario, gust=None, air={})  # winds do not change the modes
+            loop = replace(self, plant=linear, cost=None, scenario=still)
             t, y, held = loop.symbols()
             slopes = ca.Function("slopes", [t, y, held], [ca.jacobian(loop.at(t, y, held).rate, y)])
-            held_at_start = np.zeros(held.numel())
-            loop.hold(0, held_at_start)
-            modes = np.linalg.eigvals(slopes(0.0, np.zeros(y.numel()), held_at_start).full())
+            at_trim = slopes(0.0, np.zeros(y.numel()), loop.held_at_start())
+            modes = np.linalg.eigvals(at_trim.full())
         return modes[modes.real > 0.0]
 
     @cached_property
@@ -346,26 +323,9 @@ class FlightLoop:
         return np.unique(np.concatenate([np.zeros(0), *times]))
 
     @property
-    def changes_each_tick(self) -> bool:
-        """True if held inputs change from tick to tick, and not at breaks alone."""
-        sizes = self.held_sizes
-        steps_at_breaks = hasattr(self.policy, "breaks")
-        policy_changes = len(self.policy.held) > 1 and not steps_at_breaks
-        return policy_changes or bool(sizes.noise or sizes.gust or sizes.delay)
-
-    @property
     def driven_until(self) -> float:
         """Time at which the last signal, gust, noise or step ends, s, or inf if one never ends."""
         return max([self.scenario.driven_until, *self.breaks.tolist()])
-
-    def _arriving(self, t: ca.SX, command: ca.SX, inputs: HeldParts) -> ca.SX:
-        """Return the command that the plant or its actuators receive at t, (m,)."""
-        # A delayed command is interpolated between two earlier ones (`HeldParts.delay`).
-        if not inputs.delay.numel():
-            return command
-        m = command.numel()
-        begin, end, early, late = ca.vertsplit(inputs.delay, [0, 1, 2, 2 + m, 2 + 2 * m])
-        return early + (late - early) * (t - begin) / (end - begin)
 
     def _reference(self, t: ca.SX, inputs: HeldParts) -> Any:
         """Return the reference x_d(t) of the states of the linear model, (k,)."""
@@ -375,14 +335,6 @@ class FlightLoop:
             return ca.SX.zeros(len(self.plant.point.model.linear))
         is_held = getattr(reference, "is_stepping", False) and inputs.begin.numel()
         return reference.at(inputs.begin if is_held else t)
-
-    @property
-    def wind_names(self) -> tuple[str, ...]:
-        """Names of the disturbances that the scenario sets. Disturbances of the gust come first."""
-        names = list(self.scenario.air)
-        if self.scenario.gust is not None:
-            names = [*self.scenario.gust.names, *names]
-        return tuple(dict.fromkeys(names))
 
     def start(self) -> np.ndarray:
         """Return y at time 0: initial condition of the scenario, actuators at trim.
@@ -401,34 +353,37 @@ class FlightLoop:
             )
         return np.concatenate(parts)
 
-    @cached_property
-    def held_slices(self) -> HeldParts:
-        """Slices of the vector `held` for the plant and the other parts."""
-        return HeldParts(*slices_of(self.held_sizes))
+    def hold(self, tick: int, held: HeldParts, time: float | None = None) -> None:
+        """Write the held inputs of a tick into the parts of the vector of all held inputs.
 
-    def hold(self, tick: int, held: np.ndarray, time: float | None = None) -> None:
-        """Write the held inputs of a tick into a vector.
-
-        The entries for parameters of the plant and for delayed commands are left unchanged.
+        Those for parameters of the plant and for delayed commands are left unchanged.
 
         tick: number of the tick
-        held: the vector of all held inputs
-        time: time from which they are held, s, or None for the start of the tick
+        held: views of the parts of the vector
+        time: time from which the inputs are held, s, or None for the start of the tick
         """
         scenario = self.scenario
-        sizes = self.held_sizes
-        parts = self.held_slices
         time = tick * scenario.tick if time is None else time
-        held[parts.policy] = self.policy.held_inputs(tick, time)
-        if sizes.begin:
-            held[parts.begin] = time + SAME_TIME
+        held.policy[:] = self.policy.held_inputs(tick, time)
+        held.begin[:] = time + SAME_TIME
         sample = tick // scenario.ticks_per_sample
         if scenario.samples is not None:
-            held[parts.noise] = scenario.samples[sample]
-        if sizes.gust and scenario.gust is not None:
-            held[parts.gust] = scenario.gust.held_inputs(sample)
+            held.noise[:] = scenario.samples[sample]
+        if scenario.gust is not None:
+            held.gust[:] = scenario.gust.held_inputs(sample)
 
-    @cached_property
-    def state_slices(self) -> StateParts:
-        """Slices of the parts of y."""
-        return StateParts(*slices_of(self.state_sizes))
+    def held_at_start(self) -> np.ndarray:
+        """Return the vector of the inputs that are held in the first tick."""
+        held = np.zeros(sum(self.held_sizes))
+        self.hold(0, HeldParts(*(held[part] for part in slices_of(self.held_sizes))))
+        return held
+
+
+def _delayed_command(t: ca.SX, delay: ca.SX) -> ca.SX:
+    """Return the command, (m,), that arrives at t: interpolated between two earlier commands.
+
+    delay: times and values of these commands (`HeldParts.delay`)
+    """
+    m = (delay.numel() - 2) // 2
+    begin, end, early, late = ca.vertsplit(delay, [0, 1, 2, 2 + m, 2 + 2 * m])
+    return early + (late - early) * (t - begin) / (end - begin)

@@ -268,13 +268,16 @@ def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, .
     over = inputs.max(axis=0) - limits.highest
     values = np.where(under > over, inputs.min(axis=0), inputs.max(axis=0))
     passed = np.where(under > over, limits.lowest, limits.highest)
-    ranges = _ranges(limits)
-    excesses = []
-    for index in np.flatnonzero(~limits.within(values)).tolist():
+    beyond = np.flatnonzero(~limits.within(values))
+    if not beyond.size:
+        return ()
+    excess = np.abs(values - passed)[beyond] / _ranges(limits)[beyond]
+    found = []
+    for index in beyond[np.argsort(-excess, kind="stable")].tolist():
         name = limits.names[index]
-        excess = ControlExcess(name, float(values[index]), float(passed[index]), model.unit(name))
-        excesses.append((abs(excess.value - excess.limit) / ranges[index], excess))
-    return tuple(excess for _, excess in sorted(excesses, key=lambda pair: -pair[0]))
+        value, limit = float(values[index]), float(passed[index])
+        found.append(ControlExcess(name, value, limit, model.unit(name)))
+    return tuple(found)
 
 
 #: Largest cost-to-go z'Pz at the end of a flight that has returned, relative to its whole cost, the

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -116,8 +116,9 @@ def simulated_loop(
     predict: whether the flight is compared with that of the linear model, if the policy permits it
     """
     flight = fly_within(CompiledLoop(loop), envelope, progress=progress)
-    start = flight.deviations.limited[0] + flight.point.x
-    refuse_start(envelope, start, loop.scenario.moving_air)
+    if flight.departure is not None and flight.departure.time == 0.0:
+        start = flight.deviations.limited[0] + flight.point.x
+        refuse_start(envelope, start, loop.scenario.moving_air)
     return replace(flight, predicts=predict and loop.policy.predicts)
 
 
@@ -142,38 +143,41 @@ def fly_within(
     progress: called during the flight
     """
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
-    trim = loop.plant.point.x
-
-    def stop(rows: Deviations) -> np.ndarray:
-        return outside(envelope, rows.limited + trim)
-
+    point = loop.plant.point
+    stop = partial(outside, envelope)
     # Before the flight, because it evaluates the policy, whose samples the flight reports.
     growth = 0.0 if is_limited(envelope) else compiled.growth
     flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
-    _refuse_invalid(loop.plant.point, flight)
-    left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
+    invalid = point.model.native.domain.flown
+    if invalid is not None:
+        _refuse_invalid(point, flight, invalid)
+    limited = flight.limited + point.x
+    left_at = departure(envelope, flight.times, limited, loop.scenario.moving_air)
     if left_at is None and not is_limited(envelope):
-        left_at = divergence(flight, loop.plant.point, growth, loop.driven_until)
+        left_at = divergence(flight, point, growth, loop.driven_until)
     cycle = None
     if left_at is None:
-        cycle = limit_cycle(loop.plant.point.model, flight, loop.scenario.driven_until)
+        cycle = limit_cycle(point.model, flight, loop.scenario.driven_until)
     return Flight(envelope, loop, flight, left_at, cycle)
 
 
-def _refuse_invalid(point: OperatingPoint, flight: Deviations) -> None:
-    """Raise NoSolutionError if the equations of the model are not valid in a flight."""
+def _refuse_invalid(
+    point: OperatingPoint, flight: Deviations, invalid: Callable[[Any, Any, Any], str]
+) -> None:
+    """Raise NoSolutionError if the equations of the model are not valid in a flight.
+
+    invalid: the model's function (X, U, p) of some rows -> why its equations are not valid, or ""
+    """
     model = point.model
-    flown = model.native.domain.flown
-    if flown is None:
-        return
     X = model.native_values(model.state_names, flight.states + point.x)
     U = model.native_values(model.input_names, flight.inputs + point.u)
 
     def reason(rows: int) -> str:
         """Return the reason why the equations are not valid in the first rows, or ""."""
-        return flown(X[:rows], U[:rows], model.native.p)
+        return invalid(X[:rows], U[:rows], model.native.p)
 
     if reason(len(X)):
+        # If the first rows are invalid, so are more of them: the first invalid row is bisected.
         row = bisect_left(range(1, len(X)), True, key=lambda rows: bool(reason(rows)))
         raise NoSolutionError(
             f"{model.title}: no flight: {reason(row + 1)}; it is met at {flight.times[row]:.4g} s"
@@ -233,7 +237,8 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def states(self) -> np.ndarray:
         """Absolute states X (N, n), also by name: states["alpha"]."""
-        return with_names(self.deviations.states + self.point.x, (), self.state_names)
+        point = self.point
+        return with_names(self.deviations.states + point.x, (), tuple(point.model.states))
 
     @property
     def angles_of_attack(self) -> np.ndarray:
@@ -247,7 +252,8 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def inputs(self) -> np.ndarray:
         """Absolute inputs U (N, m), also by name."""
-        return with_names(self.deviations.inputs + self.point.u, (), self.input_names)
+        point = self.point
+        return with_names(self.deviations.inputs + point.u, (), tuple(point.model.inputs))
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Return the absolute values, (N,), of a state, an input or an output, in its unit.
@@ -260,7 +266,7 @@ class Flight(StatesAndInputs, Result, Reported):
     def _ipython_key_completions_(self) -> tuple[str, ...]:
         return self.point.keys()
 
-    @property
+    @cached_property
     def exceeded(self) -> tuple[ControlExcess, ...]:
         """Inputs that exceeded their control limits inside the envelope, largest excess first.
 
@@ -304,8 +310,8 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def final(self) -> Mapping[str, float]:
         """Final absolute values of all states, and of the output `angle_of_attack` if it exists."""
-        values = _by_name(self.model.states, self.states[-1])
-        if has_angle_of_attack(self.model):
+        values = dict(zip(self.point.model.states, self.states[-1].tolist(), strict=True))
+        if has_angle_of_attack(self.point.model):
             values[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
         return values
 
@@ -315,8 +321,9 @@ class Flight(StatesAndInputs, Result, Reported):
 
         The angle of attack is included if the model outputs it and has the state alpha.
         """
-        values = _by_name(self.model.states, np.abs(self.deviations.states).max(axis=0))
-        if has_angle_of_attack(self.model):
+        largest = np.abs(self.deviations.states).max(axis=0).tolist()
+        values = dict(zip(self.point.model.states, largest, strict=True))
+        if has_angle_of_attack(self.point.model):
             trim = getattr(self.point.states, ALPHA)
             values[ANGLE_OF_ATTACK] = float(np.abs(self.angles_of_attack - trim).max())
         return values
@@ -326,12 +333,13 @@ class Flight(StatesAndInputs, Result, Reported):
         """Root mean square of the error of each state of the linear model, over the second half."""
         late = self.deviations.errors[len(self.deviations.errors) // 2 :]
         with np.errstate(over="ignore"):  # of a flight that diverges
-            return _by_name(self.model.linear, np.sqrt(np.mean(late**2, axis=0)))
+            rms = np.sqrt(np.mean(late**2, axis=0)).tolist()
+        return dict(zip(self.point.model.linear, rms, strict=True))
 
     @property
     def share_at_limits(self) -> Mapping[str, float]:
         """Fraction of the time during which each input is at or beyond a control limit."""
-        return share_at_limits(self.model, self.inputs)
+        return share_at_limits(self.point.model, self.inputs)
 
     @property
     def policy(self) -> Mapping[str, Any]:
@@ -346,17 +354,18 @@ class Flight(StatesAndInputs, Result, Reported):
         """
         if not self.predicts:
             return None
-        plant = LinearPlant.at(self.model, self.point, self.loop.wind_names)
+        point, flown = self.point, self.deviations
+        plant = LinearPlant.of(point.model, point, tuple(flown.winds))
         linear = CompiledLoop(replace(self.loop, plant=plant, cost=None))
-        return linear.fly(ticks=round(self.flown / self.loop.scenario.tick))
+        return linear.fly(ticks=round(flown.times[-1] / self.loop.scenario.tick))
 
     @property
     def largest_difference_from_linear(self) -> Mapping[str, float] | None:
         """State -> largest difference from the linear prediction, omitted without a prediction."""
         if self.predicted is None:
             return None
-        difference = np.abs(self.deviations.states - self.predicted.states).max(axis=0)
-        return _by_name(self.model.states, difference)
+        differences = np.abs(self.deviations.states - self.predicted.states).max(axis=0).tolist()
+        return dict(zip(self.point.model.states, differences, strict=True))
 
     @property
     def integration_error(self) -> float | None:
@@ -415,7 +424,7 @@ class Flight(StatesAndInputs, Result, Reported):
     def warnings(self) -> Sequence[str]:
         """Notes on the operating point, and on moving inputs whose dynamics are not modeled."""
         moved = np.ptp(self.inputs, axis=0) > 0.0
-        inputs = zip(self.model.inputs.values(), moved, strict=True)
+        inputs = zip(self.point.model.inputs.values(), moved, strict=True)
         omitted = (signal.omitted_dynamics for signal, moves in inputs if moves)
         return [*self.point.warnings, *filter(None, omitted)]
 
@@ -431,7 +440,7 @@ class Flight(StatesAndInputs, Result, Reported):
         flight += f", policy {self.loop.policy.name}"
         if isinstance(self.loop.policy, GainPolicy):
             flight += ", frozen"
-        duration = f"{self.flown:g} s"
+        duration = f"{self.deviations.times[-1]:g} s"
         wrong = self.departure or self.cycle
         has_envelope = is_limited(self.envelope)
         if wrong is not None:
@@ -448,14 +457,14 @@ class Flight(StatesAndInputs, Result, Reported):
         if not has_envelope:
             lines.append(GIVE_LIMIT)
         lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
-        if (self.integration_error or 0.0) > RESOLVED:
+        if self.deviations.integration_error > RESOLVED:
             error = percent(100.0 * self.deviations.integration_error, up=True)
             lines.append(
                 "Not resolved: where rates jump, the errors of the shortest steps add up to "
                 f"{error} of the largest deviation"
             )
         if self.loop.scenario.gust is not None:
-            lines += self.loop.scenario.gust.left_out(self.model)
+            lines += self.loop.scenario.gust.left_out(self.point.model)
         return "\n".join(lines)
 
     def figure(self, title: str = "") -> Figure:
@@ -463,7 +472,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
         title: heading, by default that of the report
         """
-        model, flown, times = self.model, self.deviations, self.time
+        model, flown = self.point.model, self.deviations
         values = histories_of(model, self.states, self.inputs)
         reference = {
             name: values[name] - error
@@ -472,8 +481,8 @@ class Flight(StatesAndInputs, Result, Reported):
         if flown.winds and has_angle_of_attack(model):
             values[ANGLE_OF_ATTACK] = self.angles_of_attack
         curves = [
-            Curve("nonlinear", "C0-", times, values | flown.winds),
-            Curve("reference", "k:", times, reference),
+            Curve("nonlinear", "C0-", flown.times, values | flown.winds),
+            Curve("reference", "k:", flown.times, reference),
         ]
         if self.predicted is not None:
             states, inputs = self.predicted.states + self.point.x, self.predicted.inputs
@@ -500,16 +509,16 @@ class Flight(StatesAndInputs, Result, Reported):
 
         The cost is included if there are weights.
         """
-        with_angle_of_attack = bool(self.deviations.winds) and has_angle_of_attack(self.model)
+        model, flown, gust = self.point.model, self.deviations, self.loop.scenario.gust
+        with_angle_of_attack = bool(flown.winds) and has_angle_of_attack(model)
         parts: list[Part] = []
         parts.append(self._state_table(with_angle_of_attack))
-        gust = self.loop.scenario.gust
         if with_angle_of_attack:
             parts.append(OVER_GROUND)
-        elif gust is not None and ALPHA in self.model.states:
+        elif gust is not None and ALPHA in model.states:
             parts.append(LIMITED_OVER_GROUND)
-        if gust is not None and gust.text(self.model):
-            parts.append(gust.text(self.model))
+        if gust is not None and (in_words := gust.text(model)):
+            parts.append(in_words)
         parts.append(self._input_table())
         if self.exceeded and isinstance(self.loop.policy, GainPolicy):
             parts.append(
@@ -518,24 +527,24 @@ class Flight(StatesAndInputs, Result, Reported):
             )
         if self.departure is None and self.cycle is None:
             parts.append(
-                f"Oscillations slower than {slowest_recognized(self.flown):.2g} rad/s are not "
-                f"recognized in {self.flown:g} s."
+                f"Oscillations slower than {slowest_recognized(flown.times[-1]):.2g} rad/s are not "
+                f"recognized in {flown.times[-1]:g} s."
             )
-        if self.cost is not None:
-            rows = [Row("up to the end", self.cost, note="with Q and R", digits=6)]
+        if flown.cost is not None:
+            rows = [Row("up to the end", float(flown.cost[-1]), note="with Q and R", digits=6)]
             if self.cost_to_go is not None:
                 has = "the flight has returned" if self.returned else "the flight has not returned"
                 rows.append(Row("to go at the end", self.cost_to_go, note=has))
             parts.append(Group("cost", tuple(rows), (RULE,) if self.cost_to_go is not None else ()))
         parts += self.loop.policy.notes()
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
-        largest = max(np.abs(self.deviations.states).max(), np.abs(self.deviations.inputs).max())
+        largest = max(np.abs(flown.states).max(), np.abs(flown.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
         return Report(self.title(), parts, notes, Entries(self), self._record_table())
 
     def _state_table(self, with_angle_of_attack: bool) -> Table:
         """Return a table of the states, one row each; in moving air alpha has a second row."""
-        model = self.model
+        model = self.point.model
         differences = self.largest_difference_from_linear
         header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
         header += ["envelope"] + ["difference from linear"] * (differences is not None)
@@ -567,10 +576,11 @@ class Flight(StatesAndInputs, Result, Reported):
 
     def _input_table(self) -> Table:
         """Return a table of the inputs, one row each: range, and time at the control limits."""
-        shares = self.share_at_limits
+        model, inputs = self.point.model, self.inputs
+        shares = share_at_limits(model, inputs)
         rows = []
-        for name, column in zip(self.model.inputs, self.inputs.T, strict=True):
-            unit = self.model.unit(name)
+        for name, column in zip(model.inputs, inputs.T, strict=True):
+            unit = model.unit(name)
             lowest = short_number(column.min(), unit)
             highest = short_number(column.max(), unit)
             rows.append((name, shown_unit(unit), lowest, highest, f"{100 * shares[name]:.3g} %"))
@@ -582,7 +592,7 @@ class Flight(StatesAndInputs, Result, Reported):
         times (N,), states (N, n), inputs (N, m), angles_of_attack (N,), errors (N, k), and winds,
         disturbance that the scenario sets -> (N,).
         """
-        every = slice(None, None, round(self.loop.scenario.tick / self.step))
+        every = slice(None, None, self.loop.scenario.steps_per_tick)
         columns = {
             "times": self.deviations.times[every],
             "errors": self.deviations.errors[every],
@@ -590,7 +600,7 @@ class Flight(StatesAndInputs, Result, Reported):
             "states": self.states[every],
             "inputs": self.inputs[every],
         }
-        if has_angle_of_attack(self.model):
+        if has_angle_of_attack(self.point.model):
             columns["angles_of_attack"] = self.angles_of_attack[every]
         return columns
 
@@ -608,8 +618,3 @@ class Flight(StatesAndInputs, Result, Reported):
             columns.append(history["angles_of_attack"])
         rows: Any = np.column_stack(columns)
         return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)
-
-
-def _by_name(names: Iterable[str], values: np.ndarray) -> dict[str, float]:
-    """Return name -> value, of names and an array of as many values."""
-    return dict(zip(names, values.tolist(), strict=True))

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_flight.air.gusts import ALPHA
+from hfa_flight.air.held_step import slices_of
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import Deviations
 from hfa_flight.policies.policy import SAME_TIME, Policy
-from hfa_flight.simulate.closed_loop import FlightLoop, StateParts
+from hfa_flight.simulate.closed_loop import FlightLoop, HeldParts, StateParts
 from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.row_code import machine_code
@@ -110,33 +110,6 @@ def _step_factor(ratio: float) -> float:
     return min(_LONGER, max(_SHORTER, wanted))  # _SHORTER for an error that is not a number
 
 
-class _Steps:
-    """Steps of an integration: the first `count` rows of arrays, which grow when they are full."""
-
-    # Stored as objects, a step would take 1 µs more, a tenth of the time of a flight in turbulence.
-    # begins, seconds: time at which each begins, and its duration; states: state at which it
-    # begins, (n,); slopes: coefficients of its polynomial, (4 n,), those of θ first.
-
-    def __init__(self, n: int) -> None:
-        self.count = 0
-        self.begins, self.seconds = np.empty(_PAUSE), np.empty(_PAUSE)
-        self.states, self.slopes = np.empty((_PAUSE, n)), np.empty((_PAUSE, 4 * n))
-
-    def append(self, begin: float, seconds: float, state: np.ndarray, slopes: np.ndarray) -> None:
-        """Store a step."""
-        place = self.count
-        if place == len(self.begins):
-            self.begins, self.seconds, self.states, self.slopes = (
-                np.concatenate([stored, np.empty_like(stored)])
-                for stored in (self.begins, self.seconds, self.states, self.slopes)
-            )
-        self.begins[place] = begin
-        self.seconds[place] = seconds
-        self.states[place] = state
-        self.slopes[place] = slopes
-        self.count = place + 1
-
-
 class RungeKutta:
     """Integration of one flight by steps whose estimated errors are at most `TOLERANCE`.
 
@@ -157,7 +130,17 @@ class RungeKutta:
         self._function = step
         self._longest, self._shortest = longest, shortest
         self._next = longest
-        self._steps = _Steps(step.inputs[1].size)
+        n = step.inputs[1].size
+        # The steps since `clear`. Stored as objects, each would take a tenth more of the time of a
+        # flight in turbulence.
+        step_type = [
+            ("begin", float),
+            ("seconds", float),
+            ("y", float, n),
+            ("slopes", float, 4 * n),
+        ]
+        self._steps = np.empty(_PAUSE, dtype=step_type)
+        self._count = 0
         self._pause = _PAUSE
 
     def advance(
@@ -174,7 +157,7 @@ class RungeKutta:
         now[:], held_now[:] = y, held
         time = begin
         while time < end:
-            if self._steps.count >= self._pause:
+            if self._count >= self._pause:
                 self._pause *= 2
                 break
             steps_left = max(1, math.ceil((end - time) / self._next))
@@ -194,12 +177,15 @@ class RungeKutta:
                 else:
                     steps_left, seconds = 1, end - time  # the flight diverges
             self._error_of_short_step = math.inf
-            if self._steps.count == _MOST_STEPS:
+            if self._count == _MOST_STEPS:
                 raise NoSolutionError(
                     f"the simulation requires steps of {seconds:.2g} s at {time:.4g} s: the loop "
                     "has a fast mode, such as an actuator with a short lag; slow it down"
                 )
-            self._steps.append(time, seconds, now, slopes)
+            if self._count == len(self._steps):
+                self._steps = np.concatenate([self._steps, np.empty_like(self._steps)])
+            self._steps[self._count] = time, seconds, now, slopes
+            self._count += 1
             now[:] = after
             self._largest = float(largest[0])
             time = end if steps_left == 1 else time + seconds
@@ -216,19 +202,20 @@ class RungeKutta:
 
     def clear(self) -> None:
         """Forget the steps made so far."""
-        self._steps.count = 0
+        self._count = 0
         self._pause = min(self._pause, _PAUSE_LATER)
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         """Return the states at increasing times of the steps since `clear`, (N, n)."""
-        steps = self._steps
-        step = np.searchsorted(steps.begins[: steps.count], times, side="right") - 1
-        late = times - steps.begins[step]
-        part = (late / steps.seconds[step])[:, None]
-        first, second, third, fourth = np.split(steps.slopes[step], 4, axis=1)
+        begins = self._steps["begin"][: self._count]
+        steps = self._steps[np.searchsorted(begins, times, side="right") - 1]
+        late = times - steps["begin"]
+        theta = (late / steps["seconds"])[:, None]
+        # The polynomial of `step_function`, of which `slopes` holds the coefficients of θ first.
+        first, second, third, fourth = np.split(steps["slopes"], 4, axis=1)
         with np.errstate(all="ignore"):  # a flight may diverge
-            within = ((fourth * part + third) * part + second) * part + first
-            return np.asarray(steps.states[step] + late[:, None] * within)
+            slope = ((fourth * theta + third) * theta + second) * theta + first
+            return np.asarray(steps["y"] + late[:, None] * slope)
 
 
 #: Number of ticks from which compilation to machine code saves time: measured are 10,000 for the
@@ -250,7 +237,7 @@ class CompiledLoop:
         self.loop = loop
         t, y, held = self._arguments = loop.symbols()
         self._now = now = loop.at(t, y, held)
-        observed = (now.error, now.inputs, now.winds, now.angle)
+        observed = (now.error, now.inputs, now.limited, ca.vertcat(*now.winds.values()))
         is_long = flights * loop.scenario.ticks >= COMPILE_FROM_TICKS
         model, sizes = loop.plant.point.model, loop.state_sizes
         nominal = StateParts(
@@ -262,8 +249,7 @@ class CompiledLoop:
         step = step_function(rate, tuple(np.concatenate(nominal).tolist()), is_long)
         self.step = BoundFunction(step)
         self.observed = _row_function(self._function("loop_observed", ca.vertcat(*observed)))
-        ends = np.cumsum([0, *(column.numel() for column in observed)]).tolist()
-        self._places = tuple(map(slice, ends[:-1], ends[1:]))
+        self.places = _Observed(*slices_of([part.numel() for part in observed]))
         # Steps are at most a tick where time acts, so that none passes over a short signal.
         self.is_driven = ca.depends_on(now.rate, t)
 
@@ -297,7 +283,7 @@ class CompiledLoop:
         parameters: np.ndarray | None = None,
         policy: Policy | None = None,
         ticks: int | None = None,
-        stop: Callable[[Deviations], np.ndarray] | None = None,
+        stop: Callable[[np.ndarray], np.ndarray] | None = None,
         progress: Progress | None = None,
     ) -> Deviations:
         """Simulate a flight and return its time history.
@@ -306,8 +292,8 @@ class CompiledLoop:
         parameters: parameters of the plant, for an uncertain plant
         policy: used in place of the loop's policy. Only its held inputs may differ
         ticks: number of ticks, or None for that of the scenario
-        stop: function from the time history of some rows to a mask of these rows. The flight ends
-            with the tick of the first row that is True
+        stop: function from absolute states (N, n), with the angle of attack in place of alpha in
+            moving air, to a mask (N,). The flight ends with the tick of the first row that is True
         progress: called during the flight
 
         Raises NoSolutionError with the time if a state is not finite and there is no `stop`.
@@ -315,21 +301,14 @@ class CompiledLoop:
         loop = self.loop if scenario is None else replace(self.loop, scenario=scenario)
         if policy is not None:
             loop = replace(loop, policy=policy)
-
-        def over_at(rows: _Rows) -> np.ndarray:
-            """Return a mask of the rows but the last, True where the flight is over."""
-            flown = self._flight(*(part[:-1] for part in rows))
-            return ~np.isfinite(flown.states).all(axis=1) if stop is None else stop(flown)
-
         ticks = loop.scenario.ticks if ticks is None else ticks
         per_tick = loop.scenario.steps_per_tick
         window = max(1, _ROWS // per_tick)
-        flying = _Flying(self, loop, ticks, window, parameters)
+        flying = _Flying(self, loop, ticks, window, parameters, stop)
         parts: list[_Rows] = []
         for first in range(0, ticks, window):
             last = min(first + window, ticks)
-            rows = flying.rows(first, last, over_at)
-            over = over_at(rows)
+            rows, over = flying.rows(first, last)
             if over.any():
                 last = first + math.ceil(over.argmax() / per_tick)
             is_last = over.any() or last == ticks
@@ -349,34 +328,37 @@ class CompiledLoop:
             )
         return replace(flight, integration_error=flying.integration.error)
 
-    def _flight(self, times: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Deviations:
-        """Return the time history of some rows."""
-        parts = StateParts(*(rows[:, place] for place in self.loop.state_slices))
-        errors, inputs, winds, angle = (columns[:, place] for place in self._places)
-        limited = parts.plant
-        if angle.size:  # the envelope limits it in place of alpha
-            limited = parts.plant.copy()
-            limited[:, list(self.loop.plant.point.model.states).index(ALPHA)] = angle[:, 0]
-        air = dict(zip(self.loop.wind_names, winds.T, strict=True))
-        cost = parts.cost[:, 0] if parts.cost.size else None
-        return Deviations(times, parts.plant, errors, inputs, limited, air, cost)
+    def _flight(self, times: np.ndarray, y: np.ndarray, observed: np.ndarray) -> Deviations:
+        """Return the time history of the rows of a flight, whose arrays are those of `_Rows`."""
+        state = StateParts(*(y[:, place] for place in slices_of(self.loop.state_sizes)))
+        errors, inputs, limited, winds = (observed[:, place] for place in self.places)
+        air = dict(zip(self._now.winds, winds.T, strict=True))
+        cost = state.cost[:, 0] if state.cost.size else None
+        return Deviations(times, state.plant, errors, inputs, limited, air, cost)
 
 
 #: Functions of rows; equal functions are the same object (`_of_text`).
 _row_function = lru_cache(maxsize=32)(RowFunction)
 
 
-@lru_cache(maxsize=64)
-def _of_text(text: str) -> ca.Function:
-    """Return the function that is serialized in a text, the same object for equal texts."""
-    return ca.Function.deserialize(text)
+#: The function that is serialized in a text, the same object for equal texts.
+_of_text = lru_cache(maxsize=64)(ca.Function.deserialize)
+
+
+class _Observed(NamedTuple):
+    """Parts of the observed values of a row: signals of `LoopSignals`."""
+
+    error: slice
+    inputs: slice
+    limited: slice
+    winds: slice
 
 
 class _Rows(NamedTuple):
-    """Times (N,), states y (N, n) and observed values (N, k) of a flight."""
+    """Times (N,), states y of the loop (N, n) and observed values (N, k) of a flight."""
 
     times: np.ndarray
-    states: np.ndarray
+    y: np.ndarray
     observed: np.ndarray
 
 
@@ -399,6 +381,7 @@ class _Flying:
         ticks: int,
         window: int,
         parameters: np.ndarray | None,
+        stop: Callable[[np.ndarray], np.ndarray] | None,
     ) -> None:
         scenario = loop.scenario
         self._compiled = compiled
@@ -410,28 +393,43 @@ class _Flying:
         self._commands: list[_Commands] = []
         self._first_command = np.zeros(0)  # of the policy, since the held inputs changed last
         self._held = np.zeros(sum(loop.held_sizes))
+        self._parts = HeldParts(*(self._held[part] for part in slices_of(loop.held_sizes)))
         if parameters is not None:
-            self._held[loop.held_slices.parameters] = parameters
+            self._parts.parameters[:] = parameters
+        self._stop = stop
         self._per_tick = scenario.steps_per_tick
         self._times = scenario.step * np.arange(ticks * self._per_tick + 1)
-        changes_each_tick = self._sampler is not None or loop.changes_each_tick
-        self._changes = self._changes_of_held(1 if changes_each_tick else window)
+        self._changes = self._changes_of_held(window)
         longest = scenario.tick * (1 if compiled.is_driven else window)
         self.integration = RungeKutta(compiled.step, longest, _SHORTEST * scenario.step)
 
-    def _changes_of_held(self, ticks: int) -> np.ndarray:
-        """Return the times from which inputs are held, s: every so many ticks, and all breaks."""
+    def _changes_of_held(self, window: int) -> np.ndarray:
+        """Return the times from which inputs are held, s: of each tick or window, and all breaks.
+
+        window: number of ticks in a window, at whose begin inputs are held that change at breaks
+            alone
+        """
+        policy, sizes = self._loop.policy, self._loop.held_sizes
+        policy_changes = len(policy.held) > 1 and not hasattr(policy, "breaks")
+        changes_each_tick = (
+            self._sampler is not None or policy_changes or sizes.noise or sizes.gust or sizes.delay
+        )
         times = self._times
         breaks = self._loop.breaks
         if self._delay:
             breaks = np.concatenate([breaks, breaks + self._delay])
         breaks = breaks[breaks < times[-1]]
         row = times[np.rint(breaks / self._loop.scenario.step).astype(int)]
+        # A break that is a row but for rounding is at that row.
         breaks = np.where(np.abs(row - breaks) <= SAME_TIME, row, breaks)
-        return np.unique(np.concatenate([times[:: ticks * self._per_tick], times[-1:], breaks]))
+        regular = times[:: self._per_tick * (1 if changes_each_tick else window)]
+        return np.unique(np.concatenate([regular, times[-1:], breaks]))
 
-    def rows(self, first: int, last: int, over_at: Callable[[_Rows], np.ndarray]) -> _Rows:
-        """Fly some ticks and return their rows. The last row is that at their end."""
+    def rows(self, first: int, last: int) -> tuple[_Rows, np.ndarray]:
+        """Fly from one tick to another and return the rows of `_rows` up to the last tick.
+
+        The rows end earlier if the flight is over earlier.
+        """
         times = self._times[first * self._per_tick : last * self._per_tick + 1]
         begin, end = np.searchsorted(self._changes, times[[0, -1]])
         changes = self._changes[begin : end + 1]
@@ -445,37 +443,47 @@ class _Flying:
                 if now < later:
                     last_row = int(np.searchsorted(times, now, side="right")) - 1
                     last_of_tick = last_row - last_row % self._per_tick
-                    rows = self._rows(times[: last_of_tick + 1], changes, held)
-                    if over_at(rows).any():
-                        return rows
+                    rows, over = self._rows(times[: last_of_tick + 1], changes, held)
+                    if over.any():
+                        return rows, over
             if self._delay:
                 (last_command,) = self._compiled.command.at(later, self._y, self._held)
                 self._commands.append(_Commands(change, later, self._first_command, last_command))
-        rows = self._rows(times, changes, held)
+        rows, over = self._rows(times, changes, held)
         self.integration.clear()
-        return rows
+        return rows, over
 
-    def _rows(self, times: np.ndarray, changes: np.ndarray, held: list[np.ndarray]) -> _Rows:
-        """Return the rows at times flown, with the inputs held from each change on."""
-        states = self.integration.rows(times)
+    def _rows(
+        self, times: np.ndarray, changes: np.ndarray, held: list[np.ndarray]
+    ) -> tuple[_Rows, np.ndarray]:
+        """Return the rows at times flown, and a mask of all but the last: where the flight is over.
+
+        held: the inputs held from each of the times `changes`
+        """
+        y = self.integration.rows(times)
         held_at = np.array(held)[np.searchsorted(changes[:-1], times, side="right") - 1]
-        (observed,) = self._compiled.observed(times[:, None], states, held_at)
-        return _Rows(times, states, observed)
+        (observed,) = self._compiled.observed(times[:, None], y, held_at)
+        trim = self._loop.plant.point.x
+        if self._stop is None:
+            over = ~np.isfinite(y[:-1, : len(trim)]).all(axis=1)
+        else:
+            over = self._stop(observed[:-1, self._compiled.places.limited] + trim)
+        return _Rows(times, y, observed), over
 
     def _hold(self, time: float) -> None:
         """Compute the inputs held from a time: gains, noise, samples of the policy, delay."""
-        loop, held = self._loop, self._held
+        loop, held, parts = self._loop, self._held, self._parts
         ticks = time / loop.scenario.tick
         tick = math.floor(ticks + SAME_TIME)
-        loop.hold(tick, held, time)
+        loop.hold(tick, parts, time)
         if self._sampler is not None:
             if abs(ticks - tick) <= SAME_TIME:
                 (measured,) = self._compiled.measured.at(time, self._y, held)
                 self._sampled = self._sampler(tick, measured)
-            held[loop.held_slices.policy] = self._sampled
+            parts.policy[:] = self._sampled
         if self._delay:
             (self._first_command,) = self._compiled.command.at(time, self._y, held)
-            held[loop.held_slices.delay] = self._delayed(time)
+            parts.delay[:] = self._delayed(time)
 
     def _delayed(self, time: float) -> np.ndarray:
         """Return the part `delay` of the held inputs (`HeldParts`) from a time on."""
