@@ -57,11 +57,12 @@ EXACT = "exact"
 _DURATION = 20.0
 #: Duration of a sample of a flight, s.
 _SAMPLE = 0.01
-#: Forms of values in the help of options.
+#: Forms of the values of --gust and --actuators, in their help and in messages.
 _GUST = "LENGTH:PEAK[:BEGIN]"
+_ACTUATORS = "LAG:RATE"
 #: Value of --gust that searches for the smallest gusts.
 SMALLEST = "smallest"
-_ACTUATORS = "LAG:RATE"
+#: Options, as fields of the request: of the game, of a policy that plans, of a critic or network.
 _OF_THE_GAME = ("delta", "Q", "R", "sizes")
 _OF_PLANS = ("horizon", "margin")
 _OF_FILES = ("basis", "network", "set")
@@ -123,6 +124,7 @@ def policy_option(about: str, *words: str, **more: Any) -> Any:
 
 
 def _word_or_file(words: tuple[str, ...], text: str) -> str | Path:
+    """Return a typed text that is one of some words, or else the path of a policy's file."""
     if text in words:
         return text
     if not Path(text).suffix:
@@ -134,7 +136,7 @@ def _word_or_file(words: tuple[str, ...], text: str) -> str | Path:
 class PolicyOptions(TrimOptions, WeightOptions, ReadingOptions):
     """The policy: a word, with the game of which it is the solution, or a file."""
 
-    N: None = None
+    N: None = None  # no option --N: the game of a flight has no cross weights
     policy: str | Path | None = policy_option(
         f"{NONE}; {EXACT}, that of the game; {' or '.join(LAWS)}, which plan on the nonlinear "
         "model; or a FILE: a gain, a gain table of `hfa solve`, a critic, a network or a "
@@ -186,7 +188,7 @@ def check_policy(request: PolicyOptions, weights: Sequence[str] = ()) -> None:
 
     weights: weights of the flight's cost, which are not of the policy
     """
-    kind, options = request.kind, options_of(type(request))
+    kind, options = request.kind, options_of(type(request))  # not every command has each option
     if kind == DEPLOYMENT and "delay" in options and is_given(request, "delay"):
         raise BadInputError(
             f"--delay cannot be combined with a deployment; set delay in [timing] of "
@@ -194,10 +196,9 @@ def check_policy(request: PolicyOptions, weights: Sequence[str] = ()) -> None:
         )
     unused = [name for name in _UNUSED[kind] if name in options and name not in weights]
     whose = kind if isinstance(request.flown, Path) else f"--policy {kind}"
-    reason = f"cannot be combined with {whose}; remove one of the two"
     if kind == NONE and request.policy is None:
-        reason = f"requires a policy; give --policy {EXACT}"
-    refuse(request, unused, reason)
+        refuse(request, unused, f"requires a policy; give --policy {EXACT}")
+    refuse(request, unused, f"cannot be combined with {whose}; remove one of the two")
     if kind != PREDICTIVE:
         refuse(request, _OF_PLANS, f"applies only to --policy {PREDICTIVE}; remove this option")
 
@@ -232,7 +233,10 @@ def policy_of_word(
 
 
 def noted_game(weights: Mapping[str, Any], linear: LinearModel) -> Game:
-    """Return the game of given weights, and issue the notes on the others as warnings."""
+    """Return the game of a linear model with some weights that are given.
+
+    For the others, the game has default values, and each is named in a warning.
+    """
     named = weighted_game(weights, linear)
     for note in named.warnings:
         warn(note)
@@ -270,6 +274,7 @@ def policy_of_options(
     path, weights = request.flown, given_weights(request, linear.model)
     if not isinstance(path, Path):
         return GainPolicy(EXACT, solve(noted_game(weights, linear)).K)
+    # Only a critic or a network may depend on the cost.
     game = weighted_game(weights, linear).game if request.kind in (GAIN, NETWORK) else None
     return policy_of_file(path, linear.point, game, reading_of(request), condition, commands)
 
@@ -325,6 +330,7 @@ class SmallestGust(NamedTuple):
 
 
 def _gust(text: str) -> tuple[float, ...] | SmallestGust:
+    """Return length, peak and begin of a typed gust, or the lengths of `smallest`."""
     word, _, lengths = text.partition(":")
     if word == SMALLEST:
         return SmallestGust(tuple(listed_numbers(lengths)) if lengths else None)
@@ -351,10 +357,12 @@ def gust_at(typed: tuple[float, ...], point: OperatingPoint, duration: float) ->
 
 
 def _state(model: Model, name: str, text: str) -> float:
+    """Return the number that is typed for a state, in the model's units."""
     return among(tuple(model.states), model, name, text)
 
 
 def _disturbed(model: Model, name: str, text: str) -> float:
+    """Return the number that is typed for a linear state or a disturbance, in the model's units."""
     return among((*model.linear, *model.disturbances), model, name, text)
 
 
@@ -441,19 +449,19 @@ def scenario_of(
         raise BadInputError(
             f"--delay is {delay:g} s; give a delay from 0 to less than {duration:g} s"
         )
-    names = model.linear
     common = Scenario(
         duration=duration,
         tick=math.gcd(round(1000.0 * _SAMPLE), round(1000.0 * delay)) / 1000.0,
         sample=_SAMPLE,
         initial=np.array([initial.get(name, 0.0) for name in model.states]),
-        disturbance=constant(np.array([disturbed.get(name, 0.0) for name in names])),
+        # A constant is added to the rate of a state, or it is the value of a disturbance.
+        disturbance=constant(np.array([disturbed.get(name, 0.0) for name in model.linear])),
         actuators=None if request.actuators is None else actuators_of(model, *request.actuators),
         delay=delay,
         air={
             name: constant(np.array([value]))
             for name, value in disturbed.items()
-            if name not in names
+            if name not in model.linear
         },
     )
     gust: Gust | None = None
@@ -462,7 +470,7 @@ def scenario_of(
     if gust is not None and request.turbulence is not None:
         raise BadInputError("--gust and --turbulence cannot be combined; remove one of the two")
     turbulence = at_held_altitude(request.turbulence, hold)
-    factors = each_of("--error", model, request.error, lambda *words: number(words[-1]))
+    factors = each_of("--error", model, request.error, lambda model, name, text: number(text))
     # Each flight draws errors within the factors, or the only flight has the factors themselves.
     errors = {} if drawn else factors
     uncertainty = Uncertainty(factors if drawn else {}, noise, turbulence)
@@ -484,12 +492,13 @@ def actuators_of(model: Model, lag: float, degrees_per_second: float) -> Actuato
             f"the rate limit of --actuators is {degrees_per_second:g} deg/s; give a positive "
             "rate limit"
         )
-    rates = {"rad": math.radians(degrees_per_second), "deg": degrees_per_second}
+    rate_of_unit = {"rad": math.radians(degrees_per_second), "deg": degrees_per_second}
     inputs = model.inputs
-    values: Any = record(tuple(inputs))
-    limits = Limits.of(model, tuple(model.inputs))
-    lowest = values(*limits.lowest.tolist())
-    highest = values(*limits.highest.tolist())
-    fastest = values(*(rates.get(signal.unit, math.inf) for signal in inputs.values()))
-    lags = values(*[lag] * len(inputs))
-    return ActuatorBank(lags, lowest, highest, fastest)
+    by_input: Any = record(tuple(inputs))
+    limits = Limits.of(model, tuple(inputs))
+    return ActuatorBank(
+        lag=by_input(*[lag] * len(inputs)),
+        lowest=by_input(*limits.lowest.tolist()),
+        highest=by_input(*limits.highest.tolist()),
+        rate=by_input(*(rate_of_unit.get(signal.unit, math.inf) for signal in inputs.values())),
+    )

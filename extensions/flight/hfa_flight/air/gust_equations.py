@@ -33,6 +33,7 @@ ADDED = {
     "q": "gust_pitch_rate",
     "r": "gust_yaw_rate",
 }
+#: Component of a gust -> factor on it: w is positive down, and an updraft positive up.
 _SIGN = {"w": -1.0}
 #: Component of a gust -> states that it requires.
 _NEEDED = {
@@ -115,7 +116,7 @@ def _standard_states(model: Model) -> dict[str, _StandardState]:
 
 def kind_of_signal(model: Model, name: str) -> str:
     """Return the kind of the model's signal with a name, such as "input", or "" without one."""
-    kinds = (*VECTORS.values(), "outputs")
+    kinds = (*VECTORS.values(), "outputs")  # "states", "inputs", ...: attributes of a model
     return next((kind.removesuffix("s") for kind in kinds if name in getattr(model, kind)), "")
 
 
@@ -206,7 +207,8 @@ def _velocity(motion: Mapping[str, Any]) -> Any:
 
     motion: standard name of a state -> its value
     """
-    return motion["speed"] * wind_axes(motion["alpha"], motion.get("beta", 0.0))[:, 0]
+    along = wind_axes(motion["alpha"], motion.get("beta", 0.0))[:, 0]  # direction of the velocity
+    return motion["speed"] * along
 
 
 def _to_level_axes(motion: Mapping[str, Any]) -> Any:
@@ -240,10 +242,8 @@ class _InGusts:
         """
         layout = self.model.layout
         declared = layout.record("w", [getattr(w, name) for name in self.model.disturbances])
-        gust = {
-            name: _SIGN.get(name, 1.0) * getattr(w, ADDED[name]) if name in self.added else 0.0
-            for name in ADDED
-        }
+        gust = dict.fromkeys(ADDED, 0.0)  # the model's own equations have the declared ones
+        gust |= {name: _SIGN.get(name, 1.0) * getattr(w, ADDED[name]) for name in self.added}
         # Motion over the ground, V and ω, and relative to the air, V_a and ω_a.
         standard = _standard_states(self.model)
         motion = {name: getattr(x, state.name) * state.size for name, state in standard.items()}
@@ -252,9 +252,9 @@ class _InGusts:
         velocity_in_air = velocity - ca.mtimes(_to_level_axes(motion).T, air)
         rates = ca.vertcat(*(motion.get(name, 0.0) for name in _RATES.values()))
         rates_in_air = rates + ca.vertcat(gust["p"], gust["q"], gust["r"])
-        relative = _flow(velocity_in_air)
-        relative |= zip(_RATES.values(), ca.vertsplit(rates_in_air), strict=True)
-        motion_in_air = {name: relative.get(name, value) for name, value in motion.items()}
+        in_air = _flow(velocity_in_air)
+        in_air |= zip(_RATES.values(), ca.vertsplit(rates_in_air), strict=True)
+        motion_in_air = {name: in_air.get(name, angle) for name, angle in motion.items()}
         # The model at V_a and ω_a.
         x_in_air = {name: getattr(x, name) for name in self.model.states}
         for name, state in standard.items():
@@ -287,6 +287,7 @@ def _acceleration(motion: Mapping[str, Any], rates: Mapping[str, Any]) -> Any:
     motion, rates: standard name of a state -> its value, and its time derivative
     """
     speed, alpha, beta = (motion.get(name, 0.0) for name in ("speed", "alpha", "beta"))
+    # V' = (V', V β', V cos β α') along the wind axes, which turn with the velocity
     in_wind_axes = ca.vertcat(
         rates["speed"],
         speed * rates.get("beta", 0.0),

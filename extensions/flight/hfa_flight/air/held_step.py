@@ -40,6 +40,7 @@ def in_samples(delay: float, dt: float) -> Delay:
     """
     samples = delay / dt
     nearest = round(samples)
+    # Relative to a short delay, which is not rounded to 0.
     if abs(samples - nearest) <= _SAMPLES_TOLERANCE * min(samples, 1.0):
         return Delay(nearest, 0.0)
     whole = math.floor(samples)
@@ -116,8 +117,8 @@ def parts_of_a_sample(
 def fastest_mode(point: OperatingPoint, half_widths: np.ndarray) -> float:
     """Return the largest magnitude of a mode of the aircraft at states of a box about a trim, 1/s.
 
-    The states are the centers of the faces, and `_DRAWN` drawn corners. A state at which the
-    equations are not defined is left out.
+    The states are the centers of the faces, and `_DRAWN` drawn corners; of a box without width, the
+    trim. A state at which the equations are not defined is left out.
 
     half_widths: (k,), of the linear states
     """
@@ -130,7 +131,7 @@ def fastest_mode(point: OperatingPoint, half_widths: np.ndarray) -> float:
         shares = np.vstack([np.eye(k), -np.eye(k), corners])
     fastest = 0.0
     for share in shares:
-        X = point.x
+        X = point.x  # a new array
         X[rows] += share * half_widths
         A = model.at(type(point.states)(*X.tolist()), point.inputs).A
         if np.isfinite(A).all():
@@ -150,7 +151,7 @@ def rate_in_push(layout: Layout, linear: tuple[str, ...], winds: tuple[str, ...]
     sizes = (len(names.states), len(names.inputs), pushes, len(names.parameters))
     vectors = zip(("X", "U", "push", "p"), sizes, strict=True)
     X, U, push, p = (ca.SX.sym(name, size) for name, size in vectors)
-    every_wind = None
+    every_wind = None  # the equations in still air
     if winds:
         wind = dict(zip(winds, ca.vertsplit(push)[len(linear) :], strict=True))
         every_wind = [wind.get(name, 0.0) for name in names.disturbances]
@@ -173,10 +174,11 @@ def step_of_integration(
     """
     inlined = rate_in_push(layout, linear, winds)
     n, arguments = len(layout.names.states), inlined.sx_in()
+    # The four calls of a step share the code of the rates.
     rate = ca.Function("rate", arguments, inlined.call(arguments), {"never_inline": True})
-    x, rest, h = (ca.SX.sym("x", size) for size in (n, rate.numel_in() - n, 1))
-    after = rk4(lambda x, _: rate(ca.vertcat(x, rest)), x, h)
-    return ca.Function("step", [ca.vertcat(x, rest, h)], [after], {"never_inline": True})
+    x, others, h = (ca.SX.sym("x", size) for size in (n, rate.numel_in() - n, 1))
+    after = rk4(lambda x, _: rate(ca.vertcat(x, others)), x, h)
+    return ca.Function("step", [ca.vertcat(x, others, h)], [after], {"never_inline": True})
 
 
 def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...]) -> ca.Function:

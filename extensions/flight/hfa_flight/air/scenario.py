@@ -271,6 +271,7 @@ class Scenario(Reported):
         times = {"duration": self.duration, "tick": self.tick, "step": self.step}
         for name, value in times.items():
             refuse_unless_positive(name, value, " s")
+        # The duration is a whole number of ticks, and the tick of steps.
         for (name, time), (part, part_time) in pairwise(times.items()):
             count = time / part_time
             if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:

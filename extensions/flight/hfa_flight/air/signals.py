@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -61,11 +61,11 @@ class CommandSteps(Reported):
 
     def at(self, t: Any) -> ca.SX:
         """Return r(t), (k,), as a CasADi expression."""
-        return self._summed(t, lambda late: _response(late)[0])
+        return self._summed(t, lambda late: _response(late).value)
 
     def rate(self, t: Any) -> ca.SX:
         """Return r'(t), (k,), as a CasADi expression."""
-        return self._summed(t, lambda late: _response(late)[1])
+        return self._summed(t, lambda late: _response(late).rate)
 
     def end(self, t: Any) -> ca.SX:
         """Return the unfiltered command r_step(t), (k,), as a CasADi expression."""
@@ -80,15 +80,22 @@ class CommandSteps(Reported):
         return total
 
 
-def _response(late: Any) -> tuple[Any, Any]:
-    """Return the step response s and its derivative s' at τ = max(late, 0) s after a step."""
+class _Response(NamedTuple):
+    """Step response s of the command filter, and its time derivative s'."""
+
+    value: Any
+    rate: Any
+
+
+def _response(late: Any) -> _Response:
+    """Return the step response at τ = max(late, 0) s after a step."""
     # s = 1 - (q e^(-pτ) - p e^(-qτ)) / (q - p) with the poles -p and -q
     middle = DAMPING * BANDWIDTH
     apart = BANDWIDTH * math.sqrt(DAMPING**2 - 1.0)
     tau = ca.fmax(late, 0.0)
     p, q = middle - apart, middle + apart
     slow, fast = ca.exp(-p * tau), ca.exp(-q * tau)
-    return 1.0 - (q * slow - p * fast) / (q - p), p * q * (slow - fast) / (q - p)
+    return _Response(1.0 - (q * slow - p * fast) / (q - p), p * q * (slow - fast) / (q - p))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +131,8 @@ class CommandedStates(Result):
 
     def at(self, t: Any) -> ca.SX:
         """Return the reference x_d(t), (k,), as a CasADi expression."""
-        names = self.commands.names
-        chosen = np.array([[float(name == state) for name in names] for state in self.states])
-        return ca.mtimes(ca.DM(chosen.reshape(self.size, len(names))), self.commands.end(t))
+        commanded = dict(zip(self.commands.names, ca.vertsplit(self.commands.end(t)), strict=True))
+        return ca.vertcat(*(commanded.get(state, 0.0) for state in self.states))
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -179,5 +185,6 @@ def series(
         return np.asarray(inputs[:, list(model.inputs).index(name)])
     count = len(states)
     parameters = np.tile(p[:, None], (1, count))
-    function = model.functions((name,)).map(count)
-    return np.array(function(states.T, inputs.T, parameters)[1]).ravel()
+    # (X, U, p) -> (rates, this output), of all N rows at once
+    _, outputs = model.functions((name,)).map(count)(states.T, inputs.T, parameters)
+    return np.array(outputs).ravel()

@@ -250,12 +250,16 @@ def turbulence_of(text: str) -> Turbulence:
 
 
 def typed_turbulence(text: str) -> Turbulence:
-    """Return the turbulence of a text; the message of its BadInputError lacks the subject."""
+    """Return the turbulence of a text such as "karman-light:500" or "own:2:533:11".
+
+    The text is [SPECTRUM-]LEVEL[:ALTITUDE[:SPAN]] or [SPECTRUM-]own:SIGMA:SCALE[:SPAN]. An ALTITUDE
+    or SPAN may be empty. The message of a BadInputError follows the name of the option.
+    """
     word, *typed = text.split(":")
     spectrum, _, level = word.rpartition("-")
-    least, most = (2, 3) if level == "own" else (0, 2)
-    known = level in (*LEVELS, "own") and spectrum in ("", *SPECTRA)
-    if not known or not least <= len(typed) <= most:
+    fewest, most = (2, 3) if level == "own" else (0, 2)  # numbers after the level
+    is_known = level in (*LEVELS, "own") and spectrum in ("", *SPECTRA)
+    if not is_known or not fewest <= len(typed) <= most:
         raise BadInputError(f"is {text!r}; give {FORM} with {', '.join(LEVELS)}, or {FORM_OF_OWN}")
     spectrum = spectrum or SPECTRA[0]
     if level == "own":
@@ -309,7 +313,9 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
     ratio = 0.177 + 0.000823 * height  # (vertical / horizontal intensity)^2.5
     vertical = 0.1 * _WIND_AT_20_FT[level]
     along = height / ratio**1.2
-    low = np.array([[along, along, height], [*[vertical / ratio**0.4] * 2, vertical]])
+    across = vertical / ratio**0.4
+    # Rows: lengths and intensities of u, v and w.
+    low = np.array([[along, along, height], [across, across, vertical]])
     high = np.array([[high_length], [high_intensity]])
     part = max(0.0, (altitude - _LOW) / (_HIGH - _LOW))
     lengths, intensities = (low + part * (high - low)).tolist()
@@ -397,10 +403,11 @@ class TurbulentAir(Gust):
     def text(self, model: Model) -> str:
         """Return one line on the turbulence: level, components, intensity and scale."""
         unit = "ft" if self.feet == 1.0 else "m"
-        numbers = [
+        # of u, v and w, equal ones once
+        intensity, scale = (
             " ".join(f"{value * self.feet:.4g}" for value in dict.fromkeys(values))
             for values in (self.intensities, self.lengths)
-        ]
+        )
         spectrum = {"dryden": "Dryden", "karman": "von Karman"}[self.turbulence.spectrum]
         which = f"turbulence of your own intensity ({spectrum})"
         if self.altitude is not None:
@@ -408,11 +415,11 @@ class TurbulentAir(Gust):
             which = f"{self.turbulence.level} turbulence of MIL-F-8785C ({spectrum}) at {altitude}"
             if self.trimmed_at is not None and abs(self.trimmed_at - self.altitude) > 1.0:
                 which += f" (the trim is at {self.trimmed_at * self.feet:,.0f} {unit})"
-        half = 0.5 * self.count * self.interval
+        half = 0.5 * self.count * self.interval  # of the duration, s
         percent = f"{100 * AirFilter.of(self).risen(half):.0f} %"
         return (
-            f"{which}: {', '.join(self.taken)}; intensity {numbers[0]} {unit}/s, scale {numbers[1]}"
-            f" {unit}. It begins in calm, and has {percent} of its intensity at {half:.4g} s; "
+            f"{which}: {', '.join(self.taken)}; intensity {intensity} {unit}/s, scale {scale} "
+            f"{unit}. It begins in calm, and has {percent} of its intensity at {half:.4g} s; "
             "rms values are of the second half of a flight"
         )
 
