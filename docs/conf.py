@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hfa.entry_points import commands
-from hfa.main import with_options
-from hfa.options.parser import Parser
+from hfa.main import parser_of
 from hfa_support.version import VERSION
 
 DOCS = Path(__file__).parent
@@ -59,7 +58,7 @@ def commands_page() -> str:
     """Return a Markdown page with the complete help of every command."""
     parts = ["# Commands"]
     for name, entry in commands().items():
-        parser = with_options(Parser(prog=f"hfa {name}"), entry.load())
+        parser = parser_of(entry.load(), f"hfa {name}")
         parts.append(f"## hfa {name}\n\n```text\n{parser.format_help(more=True).strip()}\n```")
     return "\n\n".join(parts) + "\n"
 

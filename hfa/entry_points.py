@@ -143,6 +143,9 @@ COMMANDS = {
     ),
 }
 
+#: First words of the commands with two words, "prove".
+_FIRST_WORDS = {name.partition(" ")[0] for name in COMMANDS if " " in name}
+
 
 @cache
 def own_commands() -> dict[str, CommandEntry]:
@@ -171,19 +174,17 @@ def commands() -> dict[str, CommandEntry]:
                     f"{package_of(offer)} declares `hfa {name}`, a command of hfa; uninstall the "
                     "package"
                 )
-            entries[name] = command_named(name)
+            entries[name] = command_of_package(name)
         except BadInputError as error:
             warn(str(error))
     return entries
 
 
-def command_named(name: str) -> CommandEntry:
-    """Return the entry of an existing command, for example "prove schedule".
+def command_of_package(name: str) -> CommandEntry:
+    """Return the entry of an existing command that another package declares.
 
-    Raises BadInputError if the entry point of another package is not a CommandEntry.
+    Raises BadInputError if the entry point of the package is not a CommandEntry.
     """
-    if name in own_commands():
-        return own_commands()[name]
     offer = _of_others()[name]
     entry = loaded(offer)
     if not isinstance(entry, CommandEntry):
@@ -203,7 +204,7 @@ def words_after(name: str) -> Mapping[str, str]:
 
     name: first word, for example "prove"
     """
-    if _is_single(name):
+    if name in own_commands() and name not in _FIRST_WORDS:
         return {}
     first = f"{name} "
     return {
@@ -211,12 +212,6 @@ def words_after(name: str) -> Mapping[str, str]:
         for both_words, entry in commands().items()
         if both_words.startswith(first)
     }
-
-
-def _is_single(name: str) -> bool:
-    """Return whether a name is a command of this distribution that takes no second word."""
-    own = own_commands()
-    return name in own and not any(command.startswith(f"{name} ") for command in own)
 
 
 def found_in(words: list[str]) -> tuple[str, list[str]]:
@@ -232,7 +227,7 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     first = words[0] if words else ""
     if " " in first:
         raise BadInputError(f"{shortened(first)!r} is one argument; type its words without quotes")
-    if _is_single(first):
+    if first in own_commands() and first not in _FIRST_WORDS:
         return first, words[1:]
     names = {*own_commands(), *_of_others()}
     two_words = " ".join(words[:2])

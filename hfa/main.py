@@ -17,7 +17,13 @@ from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from hfa.entry_points import command_named, commands, found_in, words_after
+from hfa.entry_points import (
+    command_of_package,
+    commands,
+    found_in,
+    own_commands,
+    words_after,
+)
 from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED, TERMINATED
 from hfa.options.parser import Parser, options_of, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
@@ -113,7 +119,7 @@ def _run(words: list[str], find: Find) -> int:
         around.enter_context(inputs_kept())
         try:
             command, program, options = find(words)
-            values = with_options(Parser(prog=program), command).parse_words(options)
+            values = parser_of(command, program).parse_words(options)
         except SystemExit:
             return DONE  # argparse exits after --help
         from hfa_support.provenance import now
@@ -193,7 +199,8 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
         words = [*words[1:], "--help"]
     name, options = found_in(words)
     if name:
-        return command_named(name).load(), f"hfa {name}", options
+        entry = own_commands().get(name) or command_of_package(name)
+        return entry.load(), f"hfa {name}", options
     from hfa.overview import overview
 
     first = words[0] if words else "--help"
@@ -201,13 +208,18 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
     raise BadInputError(unknown(f"command {shortened(first)!r}", first.lower(), commands(), "hfa"))
 
 
-def with_options(parser: Parser, command: Command) -> Parser:
-    """Return the parser with the help text and the options of a command."""
-    parser.description = inspect.cleandoc(command.run.__doc__ or "")
-    parser.declare(options_of(command.request))
-    parser.moved = command.request.moved
-    parser.example = command.example
-    called, _, name = parser.prog.partition(" ")
-    if called == "hfa":  # otherwise the program has one command, such as python my_command.py
-        parser.second_words = partial(words_after, name)
-    return parser
+def parser_of(command: Command, program: str) -> Parser:
+    """Return the parser of the options of a command, with its help text.
+
+    program: what the user types before the options: "hfa trim", or "python my_command.py"
+    """
+    called, _, name = program.partition(" ")
+    return Parser(
+        options_of(command.request),
+        moved=command.request.moved,
+        example=command.example,
+        # A program other than hfa has a single command.
+        second_words=partial(words_after, name) if called == "hfa" else dict,
+        prog=program,
+        description=inspect.cleandoc(command.run.__doc__ or ""),
+    )

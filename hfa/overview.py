@@ -37,6 +37,7 @@ def overview() -> Parser:
         by_group.setdefault(entry.group, {})[name] = entry
     width = max(len(name) for entries in by_group.values() for name in entries)
     parser = Parser(
+        {},
         prog="hfa",
         usage="hfa [--version] command ...  (with examples: hfa command --help)",
         epilog="\n".join(

@@ -15,13 +15,13 @@ from hfa.options.argument_types import whole
 from hfa.options.command import Outcome, ProgressLine, Request, command, picture_option
 from hfa.options.games import (
     CONTINUOUS_ONLY,
+    REFERENCE,
     GameOptions,
     NamedGame,
     game_at,
     given_game,
     given_weights,
     reference_of,
-    reference_option,
     weight_sources,
     with_tracking,
 )
@@ -53,7 +53,7 @@ class SolveRequest(Request, SeveralTrims, GameOptions):
         "D",
         whole(2, 5),
     )
-    reference: Mapping[str, str] = reference_option()
+    reference: Mapping[str, str] = REFERENCE
 
 
 class GivenGames(NamedTuple):

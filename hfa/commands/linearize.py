@@ -39,6 +39,7 @@ _PURPOSE = " (of --conditions without --row: all models, also in a folder)"
 class LinearizeRequest(Request, TrimOptions):
     """Options of `hfa linearize`."""
 
+    needs_dihedral: ClassVar = True
     moved: ClassVar = {
         "--model": "type --aircraft",
         "--residualize": "use linear.select(residualize=NAMES) in Python",
@@ -75,7 +76,6 @@ def linearize(request: LinearizeRequest, given: TrimInput) -> Outcome:
             f"-o {request.output} is for the linear models of --conditions FILE without --row; "
             "write .json, .npz or .mat"
         )
-    given.refuse_unscheduled()
     return _of_trim(request, given.single())
 
 

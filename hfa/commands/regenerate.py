@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from hfa.options.command import Outcome, Request, command
-from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
-from hfa_aircraft.model import Model
+from hfa.options.plants import AircraftOptions, LoadedAircraft, loaded_aircraft
 from hfa_model.variants import variant_named
 
 
@@ -19,8 +18,8 @@ class RegenerateRequest(Request, AircraftOptions):
     mass: None = None
 
 
-@command(RegenerateRequest, loaded_model)
-def regenerate(request: RegenerateRequest, model: Model) -> Outcome:
+@command(RegenerateRequest, loaded_aircraft)
+def regenerate(request: RegenerateRequest, aircraft: LoadedAircraft) -> Outcome:
     """Compute both printed matrix pairs (A, B) from one aircraft, and compare each entry with its
     printed value.
 
@@ -29,12 +28,12 @@ def regenerate(request: RegenerateRequest, model: Model) -> Outcome:
     from verification.regeneration import regenerate_all
 
     variant_named(request.dynamics or "published")  # the unsteady equations have no printed pair
-    regeneration = regenerate_all(model)
+    regeneration = regenerate_all(aircraft.model)
     summary = regeneration.summary()
     rest = "Every entry, both spectra and the matrices: -o FILE.html, or --json"
     return Outcome(
         report=regeneration.report(),
         ok=regeneration.ok,
-        source=aircraft_source(request, model),
+        source=aircraft.source,
         printed=replace(summary, parts=(*summary.parts, rest)),
     )

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import one_of
@@ -57,6 +57,8 @@ def _category(text: str) -> str:
 class TrimRequest(Request, PointOptions):
     """Options of `hfa trim`."""
 
+    needs_dihedral: ClassVar = True
+
     output: Path | None = output_option(".pdf")
     picture: Path | None = picture_option(
         "the HFA from the front with its loads, the variables of another aircraft in their "
@@ -84,9 +86,10 @@ class TrimRequest(Request, PointOptions):
 def trim(request: TrimRequest, given: TrimInput) -> Outcome:
     """Trim the aircraft and print a sheet: variables, limits, configuration, loads, performance,
     stability, modes and their levels by MIL-F-8785C. Several values give one sheet each."""
-    given.refuse_unscheduled()
-    is_single = given.is_single and (request.row is not None or not given.rows)
-    return _single(request, given) if is_single else _several(request, given_points(request, given))
+    is_several = any(len(values) > 1 for values in (*given.hold.values(), given.at or ()))
+    if is_several or (given.rows and request.row is None):
+        return _several(request, given_points(request, given))
+    return _single(request, given)
 
 
 def _single(request: TrimRequest, given: TrimInput) -> Outcome:

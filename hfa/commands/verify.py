@@ -16,6 +16,7 @@ from hfa.options.argument_types import listed_names, positive
 from hfa.options.command import Outcome, ProgressLine, Request, command, picture_option
 from hfa.options.games import (
     CONTINUOUS_ONLY,
+    REFERENCE,
     GameOptions,
     NamedGame,
     ReadingOptions,
@@ -23,7 +24,6 @@ from hfa.options.games import (
     given_game,
     reading_of,
     reference_of,
-    reference_option,
     with_tracking,
 )
 from hfa.options.parser import option, refuse
@@ -100,7 +100,7 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
     limit_cost: float | None = option(
         "largest excess of the cost above the optimum for exit code 0, percent", "PERCENT", positive
     )
-    reference: Mapping[str, str] = reference_option()
+    reference: Mapping[str, str] = REFERENCE
 
 
 class GivenCritics(NamedTuple):

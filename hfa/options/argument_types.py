@@ -74,27 +74,15 @@ def quantity(model: Model, name: str, text: str) -> float:
 
     Raises BadInputError if the text is not a number, or if its unit cannot be converted.
     """
-    value, factor = number_and_factor(model, name, text)
-    if factor is not None:
-        return factor * value
+    typed_number, typed_unit = split_unit(text)
+    if typed_unit:
+        if name not in model.signals:  # the rate of a state passes
+            model.refuse_unheld("is the unknown variable", name)
+        return number(typed_number) * model.factor_of(name, text, typed_unit)
+    value = number(text)
     known = {**model.rates, **model.airspeeds, **model.signals}
     is_angle = name in known and known[name].unit.startswith("rad")
     return math.radians(value) if is_angle else value
-
-
-def number_and_factor(model: Model, name: str, text: str) -> tuple[float, float | None]:
-    """Return the number in a text, and the factor of its unit to the unit that the model declares.
-
-    The factor is None for a number without a unit.
-
-    Raises BadInputError if the text is not a number, or if its unit cannot be converted.
-    """
-    typed_number, typed_unit = split_unit(text)
-    if not typed_unit:
-        return number(text), None
-    if name not in model.signals:  # the rate of a state passes
-        model.refuse_unheld("is the unknown variable", name)
-    return number(typed_number), model.factor_of(name, text, typed_unit)
 
 
 @contextmanager
@@ -297,10 +285,15 @@ def value_range(model: Model, name: str, text: str) -> Range:
         raise BadInputError(
             f"is {shortened(text)!r}; give start:stop:step, a list a,b,c or one number"
         )
-    (start, factor), *others = (number_and_factor(model, name, part) for part in parts)
-    if any(other != factor for _, other in others):
+    for part in parts:
+        quantity(model, name, part)  # refuses what is not a number, and unknown units
+    typed = [split_unit(part) for part in parts]
+    # Whether there is a unit, and its size in that of the model.
+    units = {(unit != "", quantity(model, name, f"1 {unit}")) for _, unit in typed}
+    if len(units) > 1:
         raise BadInputError(f"is {shortened(text)!r}; give all three numbers in the same unit")
-    stop, step = (value for value, _ in others)
+    ((_, unit),) = units
+    start, stop, step = (number(typed_number) for typed_number, _ in typed)
     from trim.sweeps.sweep_plan import MOST_POINTS, Steps
 
     if step <= 0:
@@ -315,7 +308,6 @@ def value_range(model: Model, name: str, text: str) -> Range:
             f"is a range of {float(count):,.15g} points (maximum {MOST_POINTS:,}); choose a larger "
             "step"
         )
-    unit = quantity(model, name, "1") if factor is None else factor
     spacing = min(step * unit, (stop - start) * unit / (count - 1)) if count > 1 else step * unit
     while start * unit + spacing * (count - 1) > stop * unit:  # stop may be a limit
         spacing = np.nextafter(spacing, 0.0)
@@ -332,24 +324,10 @@ def _count(start: float, stop: float, step: float) -> int:
     return (last - first) // width + 1
 
 
-def single_value(name: str, values: Range) -> float:
-    """Return the only value of a variable.
-
-    name: name of the variable, for the message
-
-    Raises BadInputError if there are several values.
-    """
-    if len(values) > 1:
-        raise BadInputError(
-            f"{name} has {len(values):,} values; give one (`hfa trim` and `hfa sweep` take several)"
-        )
-    return float(values[0])
-
-
 def array_of(name: str, values: Range, most: int) -> np.ndarray:
     """Return the values of a variable as an array, (N,).
 
-    name: name of the variable, for the message
+    name: name of the variable or its option, for the message
     values: the values, or start, spacing and count of a range
 
     Raises BadInputError if there are more than `most` values.

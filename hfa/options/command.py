@@ -42,32 +42,28 @@ class ProgressLine:
         self._last = ""
 
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
-        """Show the progress as a percentage.
+        """Show the progress as a percentage, and once a note with the remaining time of a long run.
 
         done, total: amounts of work, in any unit
         what: current step, shown after the percentage
         """
-        self._announce(done, total)
+        now = time.monotonic()
+        is_next = self._first is not None and done < self._first[1]  # of several computations
+        if self._first is None or is_next or not done:  # preparation until now
+            self._first = now, done
+        began, before = self._first
+        if not self._announced and now - began >= _TRIAL and done > before:
+            self._announced = True
+            seconds = (now - began) * (total - done) / (done - before)
+            if seconds > _LONG:
+                text = f"about {seconds / 60:.3g} minutes more; Ctrl-C ends it"
+                print_notes([f"{self._name}: {text}"])
         line = f"{self._name}: {int(100 * done / total):3d} %"
         if what:
             line += f"  {what}"
         if self._shown and line != self._last:
             self._last = line
             print_to_stderr(line, end="\r\033[K" if done >= total else "")
-
-    def _announce(self, done: float, total: float) -> None:
-        """Print a note with the remaining time of a long run, at most once."""
-        now = time.monotonic()
-        is_next = self._first is not None and done < self._first[1]  # of several computations
-        if self._first is None or is_next or not done:  # preparation until now
-            self._first = now, done
-        began, before = self._first
-        if self._announced or now - began < _TRIAL or done <= before:
-            return
-        self._announced = True
-        seconds = (now - began) * (total - done) / (done - before)
-        if seconds > _LONG:
-            print_notes([f"{self._name}: about {seconds / 60:.3g} minutes more; Ctrl-C ends it"])
 
 
 def output_option(

@@ -143,14 +143,6 @@ def _rows(text: str) -> np.ndarray:
     return np.array(rows)
 
 
-def _diagonal_option(name: str) -> Any:
-    """Return a request field whose option sets the diagonal of Q or R."""
-    usual = f"of the paper for the HFA, of the file of a plant, else {USUAL_WEIGHTS[name]}"
-    order = "states" if name == "Q" else "inputs"
-    about = f"diagonal of {name} in the order of the {order}, or NAME=a,...; default: {usual}"
-    return option(about, "a,b,...", diagonal, names=f"--{name}", rare=True)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightOptions:
     """The weights Q, R, delta and N of a game."""
@@ -160,8 +152,22 @@ class WeightOptions:
         "NUMBER",
         _delta,
     )
-    Q: np.ndarray | Mapping[str, float] | None = _diagonal_option("Q")
-    R: np.ndarray | Mapping[str, float] | None = _diagonal_option("R")
+    Q: np.ndarray | Mapping[str, float] | None = option(
+        "diagonal of Q in the order of the states, or NAME=a,...; default: of the paper for the "
+        f"HFA, of the file of a plant, else {USUAL_WEIGHTS['Q']}",
+        "a,b,...",
+        diagonal,
+        names="--Q",
+        rare=True,
+    )
+    R: np.ndarray | Mapping[str, float] | None = option(
+        "diagonal of R in the order of the inputs, or NAME=a,...; default: of the paper for the "
+        f"HFA, of the file of a plant, else {USUAL_WEIGHTS['R']}",
+        "a,b,...",
+        diagonal,
+        names="--R",
+        rare=True,
+    )
     sizes: Mapping[str, str] = option(
         "in place of Q and R: deviations of states and inputs that are as bad as one another, with "
         "the weights 1/size^2 (Bryson's rule); degrees for angles",
@@ -433,8 +439,21 @@ class NamedGame(Result):
         } | without_empty(plant_provenance=dict(self.plant_provenance) or None)
 
 
-def _signal(model: Model, name: str, text: str) -> Waveform:
-    """Return the signal (1,) of a state, in the units of the model, of angles typed in degrees."""
+#: Field `reference` of a request, with the option --reference.
+REFERENCE: Any = option(
+    "track a reference: deviation of a state from the trim, a sum of terms such as 7, 0.01t, "
+    "2sin(0.5t) with t in s, degrees for angles; repeatable",
+    "NAME=SIGNAL",
+    named=True,
+    rare=True,
+)
+
+
+def deviation_signal(model: Model, name: str, text: str) -> Waveform:
+    """Return the signal (1,) of a state's deviation from the trim, in the units of the model.
+
+    text: the signal as typed, with angles in degrees
+    """
     typed_unit = linear_state(model, name, "1")
     return channel(text).through(np.array([[typed_unit]]))
 
@@ -449,23 +468,7 @@ def reference_of(texts: Mapping[str, str], named: NamedGame) -> dict[str, Wavefo
     if named.linear is None:
         raise BadInputError("--reference requires an aircraft; remove --model")
     named.game.refuse_steps("--reference")
-    return deviation_signals(texts, named.linear.model)
-
-
-def deviation_signals(texts: Mapping[str, str], model: Model) -> dict[str, Waveform]:
-    """Return state -> signal of its deviation from the trim, in the units of the model."""
-    return each_of("--reference", model, texts, _signal)
-
-
-def reference_option() -> Any:
-    """Return the field `reference` of a request, with the option --reference."""
-    return option(
-        "track a reference: deviation of a state from the trim, a sum of terms such as 7, 0.01t, "
-        "2sin(0.5t) with t in s, degrees for angles; repeatable",
-        "NAME=SIGNAL",
-        named=True,
-        rare=True,
-    )
+    return each_of("--reference", named.linear.model, texts, deviation_signal)
 
 
 def with_tracking(

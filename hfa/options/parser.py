@@ -8,6 +8,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
+from types import MappingProxyType
 from typing import Any, NoReturn
 
 from hfa_support.errors import BadInputError, advice, shortened
@@ -135,41 +136,42 @@ RARE = "rarely used"
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser that raises BadInputError instead of ending the process."""
+    """Argument parser that raises BadInputError instead of ending the process.
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__(allow_abbrev=False, add_help=False, **options)
+    options: field of the request -> its option
+    moved: option of an earlier version -> what to type in place of it
+    example: last line of the help
+    second_words: function that returns second word of the command -> summary, for the help
+    """
+
+    def __init__(
+        self,
+        options: Mapping[str, Option],
+        *,
+        moved: Mapping[str, str] = MappingProxyType({}),
+        example: str = "",
+        second_words: Callable[[], Mapping[str, str]] = dict,
+        **keywords_of_argparse: Any,
+    ) -> None:
+        super().__init__(allow_abbrev=False, add_help=False, **keywords_of_argparse)
         self.add_argument("-h", "--help", nargs="?", const="", action=_Help, help=argparse.SUPPRESS)
         # "-5:5:1" and "-.5,1" are values too.
         self._negative_number_matcher = re.compile(r"-[\d.]")
-        #: Field of the request -> option.
-        self.options: dict[str, Option] = {}
-        #: Option of an earlier version -> what to type in place of it.
-        self.moved: Mapping[str, str] = {}
-        #: Last line of the help.
-        self.example = ""
-        #: Function that returns second word of the command -> summary, for the help.
-        self.second_words: Callable[[], Mapping[str, str]] = dict
-        self._words: dict[str, list[str]] = {}
-
-    def declare(self, options: Mapping[str, Option]) -> None:
-        """Add the options of a request to the parser.
-
-        options: field of the request -> its option
-        """
-        self.options.update(options)
+        self.options = options
+        self.moved = moved
+        self.example = example
+        self.second_words = second_words
+        self._words: dict[str, list[str]] = {}  # as typed, for an option that is given twice
         groups: dict[str, Any] = {"": self}
         for name, option in options.items():
-            names = option.names
-            kind = option.kind
             keywords: dict[str, Any] = {"help": ""}  # `format_help` sets it
-            if names[0].startswith("-"):
+            if option.names[0].startswith("-"):
                 required = option.required
                 keywords |= {"dest": name, "default": argparse.SUPPRESS, "required": required}
             if option.named:
-                keywords |= {"action": _Named, "const": kind, "metavar": option.form}
+                keywords |= {"action": _Named, "const": option.kind, "metavar": option.form}
             elif option.form:
-                keywords |= {"type": kind, "metavar": option.form}
+                keywords |= {"type": option.kind, "metavar": option.form}
                 if option.repeated:
                     keywords["action"] = "append"
                 if option.count:
@@ -181,10 +183,11 @@ class Parser(argparse.ArgumentParser):
             heading = option.group or (RARE if option.rare else "")
             if heading not in groups:
                 groups[heading] = self.add_argument_group(heading)
-            groups[heading].add_argument(*names, **keywords)
-        positional = [action for action in self._actions if not action.option_strings]
-        words = "".join(f" [{action.metavar}]" for action in positional)
-        self.usage = f"{self.prog}{words} [options]"
+            groups[heading].add_argument(*option.names, **keywords)
+        if self.usage is None:
+            positional = [action for action in self._actions if not action.option_strings]
+            words = "".join(f" [{action.metavar}]" for action in positional)
+            self.usage = f"{self.prog}{words} [options]"
 
     def format_help(self, more: bool = False) -> str:
         """Return the help of the command: usage, description, options, subcommands and example.

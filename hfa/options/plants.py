@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa.options.argument_types import one_of
 from hfa.options.parser import PAPER, option
@@ -76,20 +76,45 @@ class AircraftOptions:
     )
 
 
+class LoadedAircraft(NamedTuple):
+    """The aircraft of a request.
+
+    model: the aircraft, in the units of --units
+    source: entries of the provenance: the file with its digest, or dynamics and parameters of the
+        HFA
+    parameters: parameters of the HFA, None of another aircraft
+    """
+
+    model: Model
+    source: Mapping[str, Any]
+    parameters: ParameterSet | None
+
+
 @lru_cache(maxsize=1)
-def loaded_model(request: AircraftOptions) -> Model:
-    """Return the model of --aircraft, or the HFA, in the units of --units.
+def loaded_aircraft(request: AircraftOptions) -> LoadedAircraft:
+    """Return the aircraft of --aircraft, or the HFA.
 
     A request loads it once: a Python file of the user is executed.
 
     Raises BadInputError if an option does not apply to the aircraft.
     """
+    parameters = None
+    source: dict[str, Any]
     if request.aircraft is None:
         if request.mass is not None:
             raise BadInputError("--mass applies only to an AVL file; give --aircraft FILE.st")
         from hfa_model.choice import aircraft
+        from hfa_model.parameters import changed_parameters, default_parameters, load_parameters
 
-        model = aircraft(request.dynamics or "published", parameter_set(request).values)
+        file, dynamics = request.parameters, request.dynamics or "published"
+        parameters = default_parameters() if file is None else load_parameters(file)
+        model = aircraft(dynamics, parameters.values)
+        source = {
+            "dynamics": dynamics,
+            "parameters": parameters.name,
+            "parameter_hash": parameter_hash(parameters.values),
+            "changed": changed_parameters(parameters),
+        }
     else:
         from hfa_aircraft.loading import load_model
 
@@ -97,50 +122,30 @@ def loaded_model(request: AircraftOptions) -> Model:
             raise BadInputError(
                 "--dynamics applies only to the HFA; remove this option or --aircraft"
             )
-        file = None if request.parameters is None else Path(request.parameters)
-        model = load_model(request.aircraft, file, mass=request.mass)
-    if request.units != "si":
-        return model
-    from hfa_aircraft.units import in_si
+        model = load_model(request.aircraft, request.parameters, mass=request.mass)
+        loaded = model.source
+        source = {"model": f"{loaded.text} (SHA-256 {loaded.digest[:12]})", "changed": {}}
+        if request.parameters is not None:
+            content = hashlib.sha256(Path(request.parameters).read_bytes()).hexdigest()
+            source |= {"parameters": request.parameters, "parameter_hash": content[:12]}
+    if request.units == "si":
+        from hfa_aircraft.units import in_si
 
-    return in_si(model)
+        model = in_si(model)
+    return LoadedAircraft(model, source, parameters)
 
 
-def parameter_set(request: AircraftOptions) -> ParameterSet:
-    """Return the parameters of the HFA, from --parameters or the default."""
-    from hfa_model.parameters import default_parameters, load_parameters
+def loaded_model(request: AircraftOptions) -> Model:
+    """Return the model of --aircraft, or the HFA, in the units of --units.
 
-    if request.parameters is None or request.aircraft is not None:
-        return default_parameters()
-    return load_parameters(request.parameters)
+    Raises BadInputError if an option does not apply to the aircraft.
+    """
+    return loaded_aircraft(request).model
 
 
 def is_own(model: Model) -> bool:
     """Return whether a model was loaded from a file or another source of the user (--aircraft)."""
     return model.source.text != ""
-
-
-def aircraft_source(request: AircraftOptions, model: Model) -> dict[str, Any]:
-    """Return the entries of the provenance on the aircraft as loaded.
-
-    They are the aircraft's file with its digest, or the dynamics and parameters of the HFA.
-    """
-    if is_own(model):
-        file, digest = model.source.text, model.source.digest
-        source = {"model": f"{file} (SHA-256 {digest[:12]})", "changed": {}}
-        if request.parameters is not None:
-            content = hashlib.sha256(Path(request.parameters).read_bytes()).hexdigest()
-            source |= {"parameters": request.parameters, "parameter_hash": content[:12]}
-        return source
-    from hfa_model.parameters import changed_parameters
-
-    chosen = parameter_set(request)
-    return {
-        "dynamics": request.dynamics or "published",
-        "parameters": chosen.name,
-        "parameter_hash": parameter_hash(chosen.values),
-        "changed": changed_parameters(chosen),
-    }
 
 
 def parameter_spread(
@@ -152,5 +157,5 @@ def parameter_spread(
     """
     from hfa_aircraft.uncertain import spread_of
 
-    file = request.parameters or model.source.text
-    return spread_of(model, file if is_own(model) else parameter_set(request), held)
+    of_hfa = loaded_aircraft(request).parameters
+    return spread_of(model, of_hfa or request.parameters or model.source.text, held)

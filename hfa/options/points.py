@@ -60,8 +60,7 @@ class GivenPoints(NamedTuple):
 
     def source(self) -> dict[str, Any]:
         """Return the entries of the provenance on all points."""
-        parameters = self.trims.parameters_among(self.constants)
-        return self.trims.source(self.condition(), parameters)
+        return self.trims.source(self.condition(), self.constants)
 
     def conditions(self, most: int) -> Iterator[ListedCondition]:
         """Yield the condition of each point, those of a grid with the last axis varying fastest.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from hfa.options.argument_types import (
     Range,
@@ -15,13 +15,12 @@ from hfa.options.argument_types import (
     each_of,
     option_errors,
     quantity,
-    single_value,
     span,
     value_range,
 )
 from hfa.options.conditions import ListedCondition, chosen_row, listed_conditions
 from hfa.options.parser import PAPER, option
-from hfa.options.plants import AircraftOptions, aircraft_source, is_own, loaded_model
+from hfa.options.plants import AircraftOptions, is_own, loaded_aircraft
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
@@ -41,17 +40,19 @@ OF_THE_TRIM = ("condition", "conditions", "free", "hold", "isa", "limit", "row",
 SEVERAL = "a number, a list a,b,c or a range start:stop:step"
 
 
-def dihedral_option(about: str, form: str = "DEG") -> Any:
-    """Return the option --dihedral, which is --at of the paper's aircraft."""
-    return option(f"{about}, degrees", form, group=PAPER, first=True)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrimOptions(AircraftOptions):
-    """The condition of a trim."""
+    """The condition of a trim.
+
+    needs_dihedral: whether a value of the scheduling variable of the HFA must be given
+    """
+
+    needs_dihedral: ClassVar[bool] = False
 
     at: str | None = option("scheduling variable of the aircraft", "VALUE")
-    dihedral: str | None = dihedral_option("dihedral angle, the scheduling variable")
+    dihedral: str | None = option(
+        "dihedral angle, the scheduling variable, degrees", "DEG", group=PAPER, first=True
+    )
     hold: Mapping[str, str] = option(
         "hold a variable at a value; repeatable", "NAME=VALUE", named=True
     )
@@ -87,7 +88,9 @@ class SeveralTrims(TrimOptions):
     """The condition of trims at one or several values of the scheduling variable."""
 
     at: str | None = option(f"scheduling variable: {SEVERAL}", "RANGE")
-    dihedral: str | None = dihedral_option(f"dihedral angle: {SEVERAL}", "RANGE")
+    dihedral: str | None = option(
+        f"dihedral angle: {SEVERAL}, degrees", "RANGE", group=PAPER, first=True
+    )
 
 
 class GivenTrim(NamedTuple):
@@ -137,18 +140,6 @@ class TrimInput(NamedTuple):
     start: OperatingPoint | None = None
     rows: tuple[ListedCondition, ...] = ()
 
-    @property
-    def is_single(self) -> bool:
-        """Whether each variable has at most one value."""
-        given = [*self.hold.values(), *([] if self.at is None else [self.at])]
-        return all(len(values) == 1 for values in given)
-
-    def refuse_unscheduled(self) -> None:
-        """Raise BadInputError for the paper's aircraft without --dihedral."""
-        by = self.model.schedule
-        if not self.rows and self.at is None and self.model.about.names_schedule:
-            raise BadInputError(f"no value of {by} is given; add --{by} DEG")
-
     def single(self) -> GivenTrim:
         """Return the only trim.
 
@@ -162,8 +153,10 @@ class TrimInput(NamedTuple):
             (row,) = self.rows
             with prefix_errors(row.where):
                 return self.for_row(row).single()
-        at = None if self.at is None else single_value(f"--{at_name(self.model)}", self.at)
-        return self.trim(at, self.held())
+        at = self.at
+        if at is not None and len(at) > 1:
+            raise _several_values(f"--{at_name(self.model)}", at)
+        return self.trim(None if at is None else float(at[0]), self.held())
 
     def for_row(self, row: ListedCondition) -> TrimInput:
         """Return what the options and a condition say about its trim. A cell replaces an option.
@@ -242,8 +235,14 @@ class TrimInput(NamedTuple):
         return trim(given.model, given.condition, given.start)
 
     def held(self) -> dict[str, float]:
-        """Return the values of --hold and --isa, of which each variable has one."""
-        return {name: single_value(f"--hold {name}", values) for name, values in self.hold.items()}
+        """Return variable or parameter -> its value of --hold or --isa.
+
+        Raises BadInputError for several values.
+        """
+        for name, values in self.hold.items():
+            if len(values) > 1:
+                raise _several_values(f"--hold {name}", values)
+        return {name: float(values[0]) for name, values in self.hold.items()}
 
     def trim(self, at: float | None, hold: Mapping[str, float]) -> GivenTrim:
         """Return one trim.
@@ -252,21 +251,18 @@ class TrimInput(NamedTuple):
         hold: variable or parameter -> value
         """
         model = self.model
-        parameters = self.parameters_among(hold if at is None else {**hold, model.schedule: at})
+        values = hold if at is None else {**hold, model.schedule: at}
+        changed = tuple((name, values[name]) for name in model.parameters if name in values)
         common = self.common_condition(hold)
         return GivenTrim(
-            model=_with_parameters(model, tuple(parameters.items())) if parameters else model,
+            model=_with_parameters(model, changed) if changed else model,
             condition=common.at(None if model.schedule in model.parameters else at),
             common=common,
             at=at,
             hold=hold,
             start=self.start,
-            source=self.source(common, parameters, at),
+            source=self.source(common, values, at),
         )
-
-    def parameters_among(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return parameter -> value, for the parameters of the aircraft among some values."""
-        return {name: values[name] for name in self.model.parameters if name in values}
 
     def common_condition(self, hold: Mapping[str, float]) -> TrimCondition:
         """Return the condition without the value of the scheduling variable.
@@ -282,16 +278,17 @@ class TrimInput(NamedTuple):
     def source(
         self,
         common: TrimCondition,
-        parameters: Mapping[str, float],
+        values: Mapping[str, float],
         at: float | None = None,
     ) -> dict[str, Any]:
         """Return the entries of the provenance on the aircraft and its trim, or trims.
 
         common: condition without the value of the scheduling variable
-        parameters: parameter -> value, for those that the options set
+        values: values that the options set, of which those of parameters are entries
         at: value of the scheduling variable, or None for several
         """
         model = self.model
+        parameters = {name: values[name] for name in model.parameters if name in values}
         changed = dict(self.aircraft["changed"])
         for name, value in parameters.items():
             loaded = model.parameters[name]
@@ -300,7 +297,7 @@ class TrimInput(NamedTuple):
         source = {**self.aircraft, "changed": changed}
         # The file of a user's aircraft, whose digest is stated, has the unchanged condition.
         if is_own(model):
-            return source | {"condition": {**common.changes, "parameters": dict(parameters)}}
+            return source | {"condition": {**common.changes, "parameters": parameters}}
         condition: Mapping[str, Any] = common.changes
         if at is not None:
             single = common.at(at)
@@ -324,17 +321,25 @@ def given_trim(request: TrimOptions) -> GivenTrim:
 
     Raises BadInputError for an unknown name, an invalid value, or options that contradict.
     """
-    return _with_held_parameters(trim_input(request).single())
-
-
-def _with_held_parameters(given: GivenTrim) -> GivenTrim:
-    """Return a given trim. Raises BadInputError if it sets a parameter free."""
-    for name in freed_parameters(given.condition):
-        raise BadInputError(
-            f"{name} is a parameter, which only `hfa trim` and `hfa linearize` set free; find its "
-            f"value there, and give --hold {name}=VALUE"
-        )
+    given = trim_input(request).single()
+    if freed := freed_parameters(given.condition):
+        raise _free_parameter(freed[0])
     return given
+
+
+def _free_parameter(name: str) -> BadInputError:
+    """Return the error of a command that sets no parameters free."""
+    return BadInputError(
+        f"{name} is a parameter, which only `hfa trim` and `hfa linearize` set free; find its "
+        f"value there, and give --hold {name}=VALUE"
+    )
+
+
+def _several_values(option: str, values: Range) -> BadInputError:
+    """Return the error of an option that gives several values where one is required."""
+    return BadInputError(
+        f"{option} has {len(values):,} values; give one (`hfa trim` and `hfa sweep` take several)"
+    )
 
 
 def trim_input(
@@ -346,8 +351,7 @@ def trim_input(
 
     Raises BadInputError for an unknown name, an invalid value, or options that contradict.
     """
-    model = loaded_model(request)
-    at = _scheduled(request, model, scheduled)
+    model, aircraft, _ = loaded_aircraft(request)
     texts = request.hold
     if request.isa is not None:
         if ISA in texts:
@@ -355,7 +359,11 @@ def trim_input(
         texts = {**texts, ISA: request.isa}
     hold = each_of("--hold", model, texts, value_range)
     free = tuple(_freed(model, text) for text in request.free)
-    _refuse_doubles(model, free, at, hold)
+    for name in free:
+        if name in hold:
+            raise BadInputError(
+                f"{name} is both free and held; remove --free or --hold for this variable"
+            )
     begin, start = ({}, None) if request.start is None else _start(request.start, model)
     condition = usual_condition(model)
     if request.condition is not None:
@@ -369,11 +377,11 @@ def trim_input(
         raise BadInputError("--row names a condition of --conditions FILE; add this option")
     return TrimInput(
         model=model,
-        aircraft=aircraft_source(request, model),
+        aircraft=aircraft,
         condition=condition,
         free=free,
         limits=each_of("--limit", model, request.limit, span),
-        at=at,
+        at=_scheduled(request, model, scheduled, free, hold),
         hold=hold,
         begin=begin,
         start=start,
@@ -424,17 +432,18 @@ def given_trims(request: SeveralTrims, most: int) -> GivenTrims:
     Raises BadInputError for more trims, and as `given_trim` does.
     """
     given = trim_input(request)
-    if given.rows:
-        single = _with_held_parameters(given.single())
-        return GivenTrims([single], single.source)
-    hold = given.held()
-    values = (
-        [None]
-        if given.at is None
-        else array_of(f"--{at_name(given.model)}", given.at, most).tolist()
-    )
-    trims = [_with_held_parameters(given.trim(value, hold)) for value in values]
-    return GivenTrims(trims, given.source(trims[0].common, given.parameters_among(hold)))
+    if given.rows or given.at is None:
+        trims = [given.single()]
+        source = trims[0].source
+    else:
+        hold = given.held()
+        values = array_of(f"--{at_name(given.model)}", given.at, most)
+        trims = [given.trim(value, hold) for value in values.tolist()]
+        source = given.source(trims[0].common, hold)  # of all, which differ in this value alone
+    # All have the same free variables.
+    if freed := freed_parameters(trims[0].condition):
+        raise _free_parameter(freed[0])
+    return GivenTrims(trims, source)
 
 
 def at_name(model: Model) -> str:
@@ -443,25 +452,42 @@ def at_name(model: Model) -> str:
 
 
 def _scheduled(
-    request: TrimOptions, model: Model, kind: Callable[[Model, str, str], Range]
+    request: TrimOptions,
+    model: Model,
+    kind: Callable[[Model, str, str], Range],
+    free: Sequence[str],
+    hold: Mapping[str, Range],
 ) -> Range | None:
-    """Return the values of --at or --dihedral, or None."""
-    if request.dihedral is not None and not model.about.names_schedule:
+    """Return the values of --at or --dihedral, or None.
+
+    Raises BadInputError also if --hold or --free gives the scheduling variable, too.
+    """
+    by, is_hfa = model.schedule, model.about.names_schedule
+    if request.dihedral is not None and not is_hfa:
         raise BadInputError(f"--dihedral applies only to the HFA; {model.name} takes --at VALUE")
-    given = {text for text in (request.at, request.dihedral) if text is not None}
-    if not given:
+    texts = {text for text in (request.at, request.dihedral) if text is not None}
+    if not texts:
+        if request.needs_dihedral and is_hfa and request.conditions is None:
+            raise BadInputError(f"no value of {by} is given; add --{by} DEG")
         return None
-    name = f"--{at_name(model)}"
-    if len(given) > 1:
+    option = f"--{at_name(model)}"
+    if len(texts) > 1:
         raise BadInputError(
-            f"{name} is given twice ({' and '.join(sorted(given))}); give one value"
+            f"{option} is given twice ({' and '.join(sorted(texts))}); give one value"
         )
-    if not model.schedule:
+    if not by:
         raise BadInputError(
             f"--at must be removed, because {model.name} declares no scheduling variable"
         )
-    with option_errors(name):
-        return kind(model, model.schedule, given.pop())
+    with option_errors(option):
+        values = kind(model, by, texts.pop())
+    is_guess = len(values) == 1  # at which the search begins, if the variable is free
+    other = "--hold" if by in hold else "--free"
+    if by in hold or (by in free and not is_guess):
+        raise BadInputError(
+            f"{by} is given by both {option} and {other}; remove one of these options"
+        )
+    return values
 
 
 def _freed(model: Model, text: str) -> str:
@@ -470,25 +496,6 @@ def _freed(model: Model, text: str) -> str:
         options = " ".join(f"--free {name.strip()}" for name in text.split(","))
         raise BadInputError(f"--free give one variable; write {options}")
     return model.about.name_of(text)
-
-
-def _refuse_doubles(
-    model: Model, free: Sequence[str], at: Range | None, hold: Mapping[str, Range]
-) -> None:
-    """Raise BadInputError if two of --free, --hold and --at give the same variable."""
-    for name in free:
-        if name in hold:
-            raise BadInputError(
-                f"{name} is both free and held; remove --free or --hold for this variable"
-            )
-    by = model.schedule
-    is_guess = at is not None and len(at) == 1  # a single value of a free variable
-    others = {"--hold": by in hold, "--free": by in free and not is_guess}
-    for other, gives_it in others.items():
-        if at is not None and gives_it:
-            raise BadInputError(
-                f"{by} is given by both --{at_name(model)} and {other}; remove one of these options"
-            )
 
 
 def _named_condition(name: str, usual: TrimCondition) -> TrimCondition:

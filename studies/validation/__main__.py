@@ -6,8 +6,7 @@ import sys
 from dataclasses import dataclass
 
 from hfa.options.command import Outcome, Request, command
-from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
-from hfa_aircraft.model import Model
+from hfa.options.plants import AircraftOptions, LoadedAircraft, loaded_aircraft
 from studies.alone import run_alone
 from studies.validation.outside import validate
 
@@ -21,15 +20,15 @@ class ValidationRequest(Request, AircraftOptions):
     mass: None = None
 
 
-@command(ValidationRequest, loaded_model)
-def validation(request: ValidationRequest, model: Model) -> Outcome:
+@command(ValidationRequest, loaded_aircraft)
+def validation(_request: ValidationRequest, aircraft: LoadedAircraft) -> Outcome:
     """Compare the model with printed and released data: a third printed model, and a simulation's
     trims.
 
     Exit code 1 when a difference is beyond its limit.
     """
-    result = validate(model)
-    return Outcome(report=result.report(), ok=result.ok, source=aircraft_source(request, model))
+    result = validate(aircraft.model)
+    return Outcome(report=result.report(), ok=result.ok, source=aircraft.source)
 
 
 if __name__ == "__main__":

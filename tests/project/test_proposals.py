@@ -15,8 +15,7 @@ from cli import BAD_INPUT, unchecked_hfa
 from project import FOLDERS, ROOT
 
 from hfa.entry_points import commands
-from hfa.main import _named_command, with_options
-from hfa.options.parser import Parser
+from hfa.main import _named_command, parser_of
 
 PAGES = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md"))]
 PAGES += sorted((ROOT / "docs").glob("*.md"))
@@ -79,8 +78,7 @@ def options_of_commands():
     found = {}
     for name in commands():
         command, program, _ = _named_command(name.split())
-        parser = with_options(Parser(prog=program), command)
-        found[name] = {*parser._option_string_actions}
+        found[name] = {*parser_of(command, program)._option_string_actions}
     return found
 
 

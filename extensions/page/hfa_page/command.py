@@ -20,14 +20,13 @@ from hfa.options.argument_types import (
 from hfa.options.command import Outcome, ProgressLine, Request, command, provenance, with_provenance
 from hfa.options.conditions import ListedCondition
 from hfa.options.games import WeightOptions, given_weights
-from hfa.options.parser import option, refuse
-from hfa.options.plants import is_own, parameter_set
+from hfa.options.parser import PAPER, option, refuse
+from hfa.options.plants import is_own, loaded_aircraft
 from hfa.options.trims import (
     SEVERAL,
     SeveralTrims,
     TrimInput,
     at_name,
-    dihedral_option,
     trim_input,
 )
 from hfa_page.flights import load_flights
@@ -61,8 +60,11 @@ class ReportRequest(Request, WeightOptions, SeveralTrims):
     )
     units: None = None
     row: None = None
-    dihedral: str | None = dihedral_option(
-        f"angles shown in detail: {SEVERAL}; default: the printed 5 and 15", "RANGE"
+    dihedral: str | None = option(
+        f"angles shown in detail: {SEVERAL}; default: the printed 5 and 15, degrees",
+        "RANGE",
+        group=PAPER,
+        first=True,
     )
     output: Path | None = option(
         "write one self-contained .html file, or a folder with the page, pictures and numbers "
@@ -128,7 +130,7 @@ def report(request: ReportRequest) -> Outcome:
         swept = np.unique(array_of("--sweep", values, MOST_SWEPT))
     condition = asked.common_condition(hold)
     job = (_own_job if is_own(model) else _paper_job)(request, asked, swept)
-    source = asked.source(condition, asked.parameters_among(hold))
+    source = asked.source(condition, hold)
     sections = sections_of(job)
     whole = with_provenance(request, main_report(job, sections), source)
     lines = []
@@ -153,8 +155,10 @@ def report(request: ReportRequest) -> Outcome:
 
 def _paper_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None) -> MainJob:
     """Return the results for the paper's aircraft."""
+    parameters = loaded_aircraft(request).parameters
+    assert parameters is not None  # of the paper's aircraft
     job = main_job(
-        parameter_set(request),
+        parameters,
         request.dynamics or "published",
         asked=np.unique(array_of("--dihedral", asked.at or ASKED, MOST_ASKED)).tolist(),
         swept=SWEEP if swept is None else swept,
@@ -169,14 +173,14 @@ def _paper_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | Non
 def _own_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None) -> MainJob:
     """Return the results for another aircraft: those of --sweep, or about its trim."""
     refuse(request, ["flights"], "has flights of the paper's aircraft; remove it or --aircraft")
-    hold = asked.held()
+    model, hold = asked.model, asked.held()
     at = None if asked.at is None else np.unique(array_of("--at", asked.at, MOST_ASKED))
     if at is None or swept is None:
         point = trimmed(asked.trim(None if at is None else float(at[0]), hold))
         swept = values_about(point) if swept is None else swept
-        at = np.array([point[asked.model.schedule]]) if at is None else at
+        at = np.array([point[model.schedule]]) if at is None else at
     slider = slider_over(
-        asked.model.with_parameters(**asked.parameters_among(hold)),
+        model.with_parameters(**{name: hold[name] for name in model.parameters if name in hold}),
         np.union1d(swept, at),
         float(at[0]),
         request.outputs,
@@ -184,9 +188,7 @@ def _own_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None)
         asked.start,
     )
     book = [_condition(asked, row) for row in asked.rows]
-    games = games_over(
-        slider, at.tolist(), ProgressLine("report"), given_weights(request, asked.model)
-    )
+    games = games_over(slider, at.tolist(), ProgressLine("report"), given_weights(request, model))
     return MainJob(slider, games, book)
 
 

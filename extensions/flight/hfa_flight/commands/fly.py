@@ -23,7 +23,7 @@ from hfa.options.command import (
     picture_option,
     provenance,
 )
-from hfa.options.games import deviation_signals, given_weights, reference_option, weighted_game
+from hfa.options.games import REFERENCE, deviation_signal, given_weights, weighted_game
 from hfa.options.parser import option, refuse
 from hfa.options.plants import parameter_spread
 from hfa.options.trims import GivenTrim, given_trim
@@ -157,7 +157,7 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
         _COMMAND,
         named=True,
     )
-    reference: Mapping[str, str] = reference_option()
+    reference: Mapping[str, str] = REFERENCE
     filter: bool = option(
         "Kalman filter before the policy, for the --noise of the sensors (a state without noise "
         "has no sensor) and the --turbulence; --samples compares with no control",
@@ -373,7 +373,7 @@ def _steering(
     reference = CommandedStates(command_steps(commands), model.linear) if commands else None
     for name in commands:
         refuse_unknown("a gain cannot follow a command of", name, model.linear)
-    signals = deviation_signals(request.reference, model)
+    signals = each_of("--reference", model, request.reference, deviation_signal)
     policy = policy_of_options(request, linear)
     if not signals:
         return _Steering(policy, reference)

@@ -17,7 +17,7 @@ from hfa.options.command import (
     picture_option,
 )
 from hfa.options.parser import option
-from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
+from hfa.options.plants import AircraftOptions, LoadedAircraft, loaded_aircraft
 from hfa_aircraft.model import Model
 from hfa_support.errors import refuse_unknown
 
@@ -79,8 +79,8 @@ class IdentifyRequest(Request, AircraftOptions):
     )
 
 
-@command(IdentifyRequest, loaded_model)
-def identify(request: IdentifyRequest, model: Model) -> Outcome:
+@command(IdentifyRequest, loaded_aircraft)
+def identify(request: IdentifyRequest, aircraft: LoadedAircraft) -> Outcome:
     """Identify parameters of an aircraft from flight records by maximum likelihood.
 
     The method is output error. The report contains estimates with 95 % bands corrected for colored
@@ -92,7 +92,7 @@ def identify(request: IdentifyRequest, model: Model) -> Outcome:
     from hfa_identify.identified import aircraft_text
     from hfa_support.files import write_text
 
-    progress = ProgressLine("identify")
+    model, progress = aircraft.model, ProgressLine("identify")
     identified = identified_of(
         model,
         request.records,
@@ -109,7 +109,7 @@ def identify(request: IdentifyRequest, model: Model) -> Outcome:
     return Outcome(
         report=identified.report(),
         ok=identified.ok,
-        source=aircraft_source(request, model),
+        source=aircraft.source,
         figure=identified.figure,
         write=write,
     )

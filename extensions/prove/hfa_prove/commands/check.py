@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hfa.options.command import Outcome, ProgressLine, command
-from hfa.options.plants import aircraft_source
+from hfa.options.plants import loaded_aircraft
 from hfa_prove.commands.check_request import CheckRequest
 from hfa_support.errors import BadInputError
 
@@ -33,5 +33,5 @@ def prove(request: CheckRequest) -> Outcome:
     # If options differ, or the proof fails, these two raise a NoSolutionError (exit code 1).
     not_given = compare(certificate.statement, given_for(certificate.statement, request, trim))
     proved = check(certificate, ProgressLine("check"))
-    source = {} if model is None else aircraft_source(request, model)
+    source = {} if model is None else loaded_aircraft(request).source
     return Outcome(report=checked_report(proved, not_given), source=source)

@@ -8,8 +8,8 @@ from pathlib import Path
 from hfa.options.argument_types import input_file
 from hfa.options.command import Request
 from hfa.options.games import WeightOptions
-from hfa.options.parser import option
-from hfa.options.trims import TrimOptions, dihedral_option
+from hfa.options.parser import PAPER, option
+from hfa.options.trims import TrimOptions
 from hfa_support.files import MATRIX_FILES
 
 
@@ -22,8 +22,11 @@ class CheckRequest(Request, TrimOptions, WeightOptions):
     conditions: None = None
     row: None = None
     at: str | None = option("value or interval that the certificate must contain", "LOW:HIGH")
-    dihedral: str | None = dihedral_option(
-        "value or interval of the dihedral angle that the certificate must contain", "DEG|LOW:HIGH"
+    dihedral: str | None = option(
+        "value or interval of the dihedral angle that the certificate must contain, degrees",
+        "DEG|LOW:HIGH",
+        group=PAPER,
+        first=True,
     )
     check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
     weights: Path | None = option(

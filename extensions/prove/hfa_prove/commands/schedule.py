@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 from hfa.options.argument_types import input_file, number, output_file, positive
 from hfa.options.command import Outcome, ProgressLine, Request, command, provenance
 from hfa.options.games import WeightOptions, given_weights
-from hfa.options.parser import option, refuse
+from hfa.options.parser import PAPER, option, refuse
 from hfa.options.trims import (
     TrimInput,
     TrimOptions,
     at_name,
-    dihedral_option,
     trim_input,
 )
 from hfa_aircraft.model import Model
@@ -38,7 +37,9 @@ class ScheduleRequest(Request, TrimOptions, WeightOptions):
         "write the certificate: .json", "FILE", output_file(".json"), names="-o --output"
     )
     at: str | None = option("interval that the proof covers", "LOW:HIGH")
-    dihedral: str | None = dihedral_option("interval of the dihedral angle", "LOW:HIGH")
+    dihedral: str | None = option(
+        "interval of the dihedral angle, degrees", "LOW:HIGH", group=PAPER, first=True
+    )
     weights: Path | None = option(
         "file with a constant gain K, or gains K at values of the scheduling variable; default: "
         "gains of the exact game, at most 2 deg apart",
