@@ -10,6 +10,7 @@ from itertools import cycle
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.recognition import recognized
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
@@ -29,7 +30,7 @@ from hfa_support.reporting.text import (
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import RESULTS, TRIMMED
-from trim.reports.first_lines import subject, title_of
+from trim.reports.first_lines import first_lines, subject
 from trim.reports.sheet import result_of
 from trim.reports.trimmed import Quantity, Trimmed
 from trim.reports.warnings import PARAMETER_OF_ENTRY
@@ -64,7 +65,7 @@ def point_figure(point: OperatingPoint) -> Figure:
 
 
 def _height(point: OperatingPoint) -> float:
-    """Return the height in inches. Raises BadInputError without a variable to draw."""
+    """Return the height of the figure, inches. Raises BadInputError without a variable to draw."""
     count = len(with_range(point))
     if not count:
         raise BadInputError(
@@ -74,7 +75,9 @@ def _height(point: OperatingPoint) -> float:
 
 
 def with_range(point: OperatingPoint) -> list[Margin]:
-    """Return the variables with two different limits, from the bottom of the figure."""
+    """Return the variables with two different limits, the last first: a figure begins at the
+    bottom.
+    """
     return [
         margin
         for margin in reversed(point.margins.values())
@@ -85,27 +88,27 @@ def with_range(point: OperatingPoint) -> list[Margin]:
 def _draw_variables(axes: Axes, point: OperatingPoint) -> None:
     """Draw a bar for the range of each variable, with a mark at its value."""
     limited = with_range(point)
-    shares = [
+    percents = [
         100 * (margin.value - margin.lowest) / (margin.highest - margin.lowest)
         for margin in limited
     ]
     rows = range(len(limited))
     axes.hlines(rows, 0.0, 100.0, color="0.85", linewidth=5, zorder=1)
-    axes.scatter(shares, rows, color=["C3" if margin.at_limit else "C0" for margin in limited])
+    axes.scatter(percents, rows, color=["C3" if margin.at_limit else "C0" for margin in limited])
     labels = [f"{margin.name} {shown_value(margin.value, margin.unit)}" for margin in limited]
     axes.set_yticks(rows, map(beside_unit, labels, [margin.unit for margin in limited]))
     axes.set_xlabel("share of the range between the limits, %; at a limit red")
-    axes.set_title(wrapped(title_of(Trimmed(point)), WIDTH), fontsize=10)
+    axes.set_title(wrapped(first_lines(Trimmed(point)), WIDTH), fontsize=10)
 
 
-#: Column of the matrix -> row of a sheet.
+#: Column of the table of conditions -> row of a sheet.
 _KEY_FIGURES = {
     "n": "load factor",
     "L/D": "L/D",
     "static margin": "static margin",
     "worst level": "worst level",
 }
-#: Rows of a sheet whose sentences stand below the matrix.
+#: Rows of a sheet whose sentences stand below the table of conditions.
 _SAID = ("failure", "stalled", "warnings", "far out", "not determined")
 #: Entries of the configuration on the cover -> label.
 _LOADED = {"mass": "mass", "center_of_gravity": "c.g."} | {
@@ -117,7 +120,7 @@ _MARKS = "osD^v<>p*h"
 
 
 class Condition(NamedTuple):
-    """One of several conditions.
+    """One of several conditions with its trim, for a book.
 
     name: name, or ""
     report: report of its trim
@@ -142,7 +145,7 @@ class Condition(NamedTuple):
 def book_of(
     overview: Report, conditions: Sequence[Condition], model: Model, head: Mapping[str, str]
 ) -> Report:
-    """Return the document of several conditions: the matrix, its figure, and a sheet for each trim.
+    """Return the document of several conditions: their table, its figure, and a sheet of each trim.
 
     overview: report of all conditions, with the data for other files
     conditions: each with its report and, if there is a trim, its operating point
@@ -151,7 +154,7 @@ def book_of(
     """
     count, name = len(conditions), subject(model)
     numbered = []
-    loaded: list[Mapping[str, Quantity]] = []
+    loaded: list[Mapping[str, Quantity]] = []  # configuration of each condition, {} without a trim
     for number, condition in enumerate(conditions, start=1):
         report, point = condition.report, condition.point
         if point is not None:
@@ -185,13 +188,13 @@ def _cover(
     """Return label -> text of mass, center of gravity, class, category, atmosphere and failures."""
     texts = {}
     for name, label in _LOADED.items():
-        known = [
+        points_and_entries = [
             (condition.point, configuration[name])
             for condition, configuration in zip(conditions, loaded, strict=True)
             if condition.point is not None and name in configuration
         ]
-        if known:
-            texts[label] = _loading_text(name, known)
+        if points_and_entries:
+            texts[label] = _loading_text(name, points_and_entries)
     for name in ("airplane class", "flight phase category"):
         rows = [condition.rows[name] for condition in conditions if name in condition.rows]
         if rows:
@@ -207,7 +210,11 @@ def _cover(
 
 
 def _loading_text(name: str, known: Sequence[tuple[OperatingPoint, Quantity]]) -> str:
-    """Return an entry as text: "14 kg as loaded; 13.5 to 15 kg in the conditions"."""
+    """Return an entry of the configuration as loaded, if this is known, and its range: "14 kg as
+    loaded; 13.5 to 15 kg in the conditions".
+
+    known: the conditions that have the entry: point, entry
+    """
     unit = known[0][1].unit
     values = [entry.value for _, entry in known]
     lowest, highest = (short_number(end, unit, 6) for end in (min(values), max(values)))
@@ -215,8 +222,9 @@ def _loading_text(name: str, known: Sequence[tuple[OperatingPoint, Quantity]]) -
     in_conditions = f"{beside_unit(range_text, unit)} in the conditions"
     parameter = PARAMETER_OF_ENTRY.get(name, name)
     for point, entry in known:
-        changed = point.model.changed
-        if parameter in changed or parameter in point.model.parameters or not changed:
+        changed = point.model.changed  # parameter -> its value as loaded
+        # An entry that is no parameter is as loaded where no parameter is changed.
+        if parameter in point.model.parameters or not changed:
             loaded_text = short_number(changed.get(parameter, entry.value), unit, 6)
             as_loaded = f"{beside_unit(loaded_text, unit)} as loaded"
             return as_loaded if loaded_text == range_text else f"{as_loaded}; {in_conditions}"
@@ -230,20 +238,23 @@ class _Number(NamedTuple):
     """Number of a cell, which is printed with the same decimals as the others of its column.
 
     value: number, in `unit`
-    share: used share of the travel, percent, or nan
+    used: used share of the travel, percent, shown beside the number; nan for none
     tone: color of the cell, a key of `TONES`, or ""
     figures: significant digits of the largest number of the column
     """
 
     value: float
     unit: str
-    share: float = math.nan
+    used: float = math.nan
     tone: str = ""
     figures: int = 4
 
 
 def _column(cells: Sequence[Any]) -> list[str]:
-    """Return the cells of a column, numbers with the same decimals."""
+    """Return the texts of the cells of a column, numbers with the same decimals.
+
+    cells: texts, and a `_Number` in place of each number
+    """
     numbers = [cell for cell in cells if isinstance(cell, _Number)]
     shown = [float(shown_values(number.value, number.unit)) for number in numbers]
     largest = max(map(abs, shown), default=0.0)
@@ -252,15 +263,17 @@ def _column(cells: Sequence[Any]) -> list[str]:
     while decimals and all(
         round(number, decimals) == round(number, decimals - 1) for number in shown
     ):
-        decimals -= 1  # no zeros at the end of all
+        decimals -= 1  # all would end with 0
     texts = iter([f"{number:z.{decimals}f}" for number in shown])
     in_column = []
     for cell in cells:
-        text = next(texts) if isinstance(cell, _Number) else cell
-        if isinstance(cell, _Number):
-            is_used = math.isfinite(cell.share) and float(text) != 0.0
-            text = Cell(f"{text} ({cell.share:.0f} %)" if is_used else text, cell.tone)
-        in_column.append(text)
+        if not isinstance(cell, _Number):
+            in_column.append(cell)
+            continue
+        text = next(texts)
+        if math.isfinite(cell.used) and float(text) != 0.0:
+            text += f" ({cell.used:.0f} %)"
+        in_column.append(Cell(text, cell.tone))
     return in_column
 
 
@@ -279,9 +292,12 @@ def _used_controls(conditions: Sequence[Condition]) -> list[str]:
 def _matrix(
     conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]]
 ) -> tuple[Table | str, ...]:
-    """Return the table of conditions, with sentences on those that are not plainly trimmed."""
+    """Return the table of conditions, with sentences on those that are not plainly trimmed.
+
+    loaded: configuration of each condition, {} without a trim
+    """
     controls = _used_controls(conditions)
-    set_names = _configuration_names(conditions, loaded)
+    varied = _configuration_names(conditions, loaded)
     entries: list[dict[str, Any]] = []
     notes = []
     for called, condition, configuration in zip(
@@ -293,7 +309,7 @@ def _matrix(
                 "condition": Cell(called, link=condition.report.anchor),
                 "flight": condition.report.head.get("condition", ""),
                 RESULTS: Cell(result, "" if result == TRIMMED else "bad"),
-                **_configuration_cells(condition.point, configuration, set_names),
+                **_configuration_cells(condition.point, configuration, varied),
                 **_figure_cells(condition, controls),
             }
         )
@@ -309,7 +325,9 @@ def _matrix(
 def _configuration_names(
     conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]]
 ) -> list[str]:
-    """Return the configuration that a condition sets or that is not the same in all conditions."""
+    """Return the entries of the configuration, and then the other parameters, that a condition sets
+    or that are not the same in all conditions.
+    """
     points = [condition.point for condition in conditions if condition.point is not None]
     changed = {name for point in points for name in point.model.changed}
     names = []
@@ -318,7 +336,7 @@ def _configuration_names(
         parameter = PARAMETER_OF_ENTRY.get(name, name)
         if values and (len(values) > 1 or parameter in changed):
             names.append(name)
-        changed.discard(parameter)
+        changed.discard(parameter)  # the entry shows it
     order = [*points[0].model.parameters] if points else []
     return [*names, *sorted(changed, key=order.index)]
 
@@ -346,7 +364,7 @@ def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, An
     if point is None:
         return {}
     cells: dict[str, Any] = {}
-    alpha = Trimmed(point).roles.get("alpha")
+    alpha = recognized(point.model.states).get("alpha")
     if alpha:
         margin = point.margins[alpha]
         cells[with_shown_unit(alpha, margin.unit)] = _Number(margin.value, margin.unit)
@@ -402,11 +420,12 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
 
 
 def _panels(conditions: Sequence[Condition]) -> dict[str, dict[str, list[float]]]:
-    """Return label of an axis -> name of a line -> its value at each condition, or nan."""
-    # Lines of nan alone, and panels without a line, are omitted.
+    """Return label of an axis -> name of a line -> its value at each condition, or nan; without
+    lines of nan alone, and without axes that have no line.
+    """
     points = [condition.point for condition in conditions]
     first = next((point for point in points if point is not None), None)
-    alpha = None if first is None else Trimmed(first).roles.get("alpha")
+    alpha = None if first is None else recognized(first.model.states).get("alpha")
     panels: dict[str, dict[str, list[float]]] = {}
     if first is not None and alpha:
         unit = first.model.unit(alpha)

@@ -35,23 +35,26 @@ def flight_rows(trimmed: Trimmed, brief: bool = False) -> Iterator[Row | Lacking
     """
     rows: list[Iterator[Row | Lacking]] = []
     if "speed" in trimmed.roles:
-        parameters = trimmed.model.parameters.items()
+        parameters = trimmed.model.parameters.items()  # of a steady wind: "wind_north" and others
         in_wind = any(name.startswith("wind_") and signal.start for name, signal in parameters)
         rows += [airspeed_rows(trimmed), output_rows(trimmed, _OVER_GROUND, rare=not in_wind)]
         rows += [output_rows(trimmed, _OF_AIR), *([] if brief else [air_rows(trimmed)])]
     elif trimmed.model.about.atmosphere:
         rows.append(iter([Row("atmosphere", trimmed.model.about.atmosphere)]))
-    rows += [unbalanced_rates(trimmed), distances_from_the_table(trimmed), validity_rows(trimmed)]
+    rows += [unbalanced_rates(trimmed), domain_rows(trimmed)]
     return (row for row in chain(*rows) if row.name not in trimmed.point.margins)
 
 
 def output_rows(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) -> Iterator[Row]:
-    """Yield a row for each of the named outputs that the model has, in its units."""
-    given = trimmed.point.model
+    """Yield a row for each of the named outputs that the model has, in the units of the condition.
+
+    rare: whether only a full sheet prints the rows
+    """
+    model = trimmed.point.model
     for name in names:
-        if name in given.outputs:
-            value = without_rounding(trimmed.point[name], given.signal(name).nominal)
-            yield Row(name.replace("_", " "), value, given.unit(name), rare=rare)
+        if name in model.outputs:
+            value = without_rounding(trimmed.point[name], model.signal(name).nominal)
+            yield Row(name.replace("_", " "), value, model.unit(name), rare=rare)
 
 
 def airspeed_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
@@ -73,8 +76,7 @@ def airspeed_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 
 def dynamic_pressure(trimmed: Trimmed) -> float | str:
     """Return the dynamic pressure, N/m², or what is missing for it or for the Mach number."""
-    names = ("dynamic_pressure", "mach")
-    if reason := trimmed.lacks(*names) or trimmed.zero(*names):
+    if reason := trimmed.lacks(nonzero=("dynamic_pressure", "mach")):
         return reason
     unit = trimmed.unit("dynamic_pressure")
     factor = conversion_factor(unit, "N/m^2")
@@ -118,20 +120,10 @@ def unbalanced_rates(trimmed: Trimmed) -> Iterator[Row]:
             yield Row(f"{name}_dot", rate, model.rate_unit(name), "not balanced")
 
 
-def distances_from_the_table(trimmed: Trimmed) -> Iterator[Row]:
-    """Yield the difference of each value from that for which a table's derivatives are."""
-    model = trimmed.point.model
-    same = same_as_the_table(trimmed)
-    for name, stated in model.domain.reference.items():
-        unit = model.unit(name)
-        text = digits_with_unit(stated, unit, 4) if math.isfinite(stated) else "unknown"
-        difference = trimmed.point[name] - stated
-        is_same = name in same
-        yield Row(f"{name} from the table's", difference, unit, f"table: {text}", rare=is_same)
-
-
 def same_as_the_table(trimmed: Trimmed) -> list[str]:
-    """Return the names whose values are those of a table's derivatives, up to `NEAR`."""
+    """Return the variables that have at the trim the values of the condition for which a table of
+    derivatives was made, up to `NEAR`.
+    """
     model, point = trimmed.point.model, trimmed.point
     return [
         name
@@ -140,9 +132,17 @@ def same_as_the_table(trimmed: Trimmed) -> list[str]:
     ]
 
 
-def validity_rows(trimmed: Trimmed) -> Iterator[Row]:
-    """Yield for each range of validity whether the trim is in it."""
+def domain_rows(trimmed: Trimmed) -> Iterator[Row]:
+    """Yield the difference of each variable from its value at the condition for which a table of
+    derivatives was made, and for each range of validity whether the trim is in it.
+    """
     model = trimmed.point.model
+    for name, stated in model.domain.reference.items():
+        unit = model.unit(name)
+        text = digits_with_unit(stated, unit, 4) if math.isfinite(stated) else "unknown"
+        difference = trimmed.point[name] - stated
+        is_same = name in same_as_the_table(trimmed)
+        yield Row(f"{name} from the table's", difference, unit, f"table: {text}", rare=is_same)
     for name, (lowest, highest, source) in model.domain.range.items():
         unit = model.unit(name)
         ends = " to ".join(shown_value(end, unit, ".5g") for end in (lowest, highest))
@@ -159,18 +159,18 @@ def validity_rows(trimmed: Trimmed) -> Iterator[Row]:
 _POWERS = {"lbf ft/s": ("hp", 1.0 / 550.0), "N m/s": ("kW", 1e-3)}
 #: Unit of a speed in a model -> unit of a rate of climb on the sheet.
 _CLIMBS = {"ft/s": ("ft/min", 60.0), "m/s": ("m/s", 1.0)}
-#: Outputs that the loads begin with, and those that other rows have.
+#: Outputs that the loads begin with, and all outputs that rows with a name of their own show.
 _LOADS = ("weight", "lift", "drag", "thrust", "thrust_force")
-_KNOWN = (*OUTPUTS, *_LOADS, "largest_lift_coefficient")
-#: Row that a stalled trim does not have, and why.
-_RATIO = "speed / stall speed"
-_PASSED = "beyond the largest lift"
+_SHOWN_ELSEWHERE = (*OUTPUTS, *_LOADS, "largest_lift_coefficient")
+#: Name of the row V/Vs, and why a stalled trim does not have it.
+_SPEED_RATIO = "speed / stall speed"
+_STALLED = "beyond the largest lift"
 #: Difference of the load factor from 1 that four printed digits show.
 _LOAD = 1e-3
 
 
 def performance_rows(trimmed: Trimmed) -> list[Row | Lacking]:
-    """Return loads, L/D, thrust, climb, power and stall of an aircraft."""
+    """Return the rows of loads; of an aircraft also L/D, thrust, climb, power and stall."""
     rows: list[Row | Lacking] = [*output_rows(trimmed, _LOADS)]
     if {"speed", "alpha"} <= {*trimmed.roles}:
         rows += [*lift_and_drag(trimmed), *thrust(trimmed), *stall(trimmed)]
@@ -178,9 +178,12 @@ def performance_rows(trimmed: Trimmed) -> list[Row | Lacking]:
 
 
 def other_outputs(trimmed: Trimmed, rows: Iterable[Row | Lacking]) -> Iterator[Row]:
-    """Yield the outputs of a model that no variable, imposed value or row of the loads is."""
+    """Yield the outputs of a model that no other row of its sheet shows.
+
+    rows: rows of the loads
+    """
     model = trimmed.point.model
-    known = {*_KNOWN, *model.variables, *trimmed.point.trim_problem.asked.imposed}
+    known = {*_SHOWN_ELSEWHERE, *model.variables, *trimmed.point.trim_problem.asked.imposed}
     known |= {row.name.replace(" ", "_") for row in rows}
     others = tuple(name for name in model.outputs if name not in known)
     yield from output_rows(trimmed, others, rare=True)
@@ -193,12 +196,12 @@ def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         yield Lacking("L/D", reason)
         yield Lacking("power required", reason)
     else:
-        reason = trimmed.zero("drag")
+        reason = trimmed.lacks(nonzero=("drag",))
         yield Lacking("L/D", reason) if reason else Row("L/D", trimmed["lift"] / trimmed["drag"])
         unit = f"{trimmed.unit('drag')} {trimmed.unit(speed)}"
         shown, factor = _POWERS.get(unit, (unit, 1.0))
         yield Row("power required", trimmed["drag"] * trimmed[speed] * factor, shown)
-    if not trimmed.lacks_coefficient:
+    if not trimmed.lacks("lift", nonzero=("dynamic_pressure", "reference_area")):
         force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
         yield Row("lift coefficient", trimmed["lift"] / force)
         if "drag" in trimmed.model.outputs:
@@ -218,12 +221,12 @@ def thrust(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     excess = available - trimmed[trimmed.thrust_name]
     yield Row("thrust available", available, unit)
     yield Row("excess thrust", excess, unit)
-    if reason := trimmed.lacks("weight") or trimmed.zero("weight"):
+    if reason := trimmed.lacks(nonzero=("weight",)):
         yield Lacking("rate of climb left", reason)
         return
     speed, alpha = (trimmed[trimmed.roles[role]] for role in ("speed", "alpha"))
-    given = trimmed.unit(trimmed.roles["speed"])
-    shown, factor = _CLIMBS.get(given, (given, 1.0))
+    unit_of_speed = trimmed.unit(trimmed.roles["speed"])
+    shown, factor = _CLIMBS.get(unit_of_speed, (unit_of_speed, 1.0))
     climb = excess * math.cos(alpha) * speed / trimmed["weight"]
     yield Row("rate of climb left", climb * factor, shown, "at constant speed")
 
@@ -235,7 +238,7 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     """
     largest = trimmed.largest_lift
     if isinstance(largest, str):
-        yield Lacking(_RATIO, largest)
+        yield Lacking(_SPEED_RATIO, largest)
         return
     force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
     yield Row("largest lift coefficient", largest.lift / force, note=largest.where)
@@ -243,51 +246,59 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         return
     outputs = trimmed.model.outputs
     weight = trimmed["weight"] if "weight" in outputs else math.nan
-    if largest.passed:
-        yield Lacking(_RATIO, _PASSED)
+    if largest.trim_is_beyond:
+        yield Lacking(_SPEED_RATIO, _STALLED)
     elif weight > 0.0:
         ratio = math.sqrt(largest.lift / weight)
-        yield Row(_RATIO, ratio, note="V/Vs, stall at 1 g")
+        yield Row(_SPEED_RATIO, ratio, note="V/Vs, stall at 1 g")
         load = trimmed["load_factor"] if "load_factor" in outputs else 1.0
         if load > 0.0 and abs(load - 1.0) > _LOAD:
             at_load = "V/Vs, stall at this load factor"
-            yield Row(f"{_RATIO} at n", ratio / math.sqrt(load), note=at_load)
+            yield Row(f"{_SPEED_RATIO} at n", ratio / math.sqrt(load), note=at_load)
     elif trimmed["lift"] > 0.0:
         ratio = math.sqrt(largest.lift / trimmed["lift"])
-        yield Row(_RATIO, ratio, note="V/Vs, stall at this lift")
+        yield Row(_SPEED_RATIO, ratio, note="V/Vs, stall at this lift")
     speed = trimmed.roles["speed"]
     knots = conversion_factor(trimmed.unit(speed), "kt")
     if weight > 0.0 and knots is not None:
-        share = math.sqrt(weight / largest.lift)
-        true = trimmed[speed] * knots * share
+        stall_per_speed = math.sqrt(weight / largest.lift)  # lift is proportional to V²
+        true = trimmed[speed] * knots * stall_per_speed
         pressure = dynamic_pressure(trimmed)
         shown, note = true, "Vs, KTAS"
         if not isinstance(pressure, str):
-            shown, note = equivalent_airspeed(pressure) * share, f"Vs, KEAS; {true:.4g} KTAS"
+            shown = equivalent_airspeed(pressure) * stall_per_speed
+            note = f"Vs, KEAS; {true:.4g} KTAS"
         yield Row("stall speed at 1 g", shown, "kt", note)
 
 
 def stall_lines(trimmed: Trimmed) -> list[str]:
-    """Return a sentence on a trim beyond the largest lift, or none."""
+    """Return a sentence on a stalled trim, or none: its lift falls with alpha, or exceeds that of
+    the declared CL_max, which the equations of a linear table do not have.
+    """
     if not trimmed.point.ok or not {"speed", "alpha"} <= {*trimmed.roles}:
         return []
     largest = trimmed.largest_lift
     if isinstance(largest, str):
         return []
     force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
-    lift, most = trimmed["lift"] / force, largest.lift / force
-    if largest.passed and largest.lift > 0.0:
-        return [f"STALLED: {_PASSED}, CL {most:.4g} {largest.where}"]
-    if lift > most:
-        return [f"STALLED: CL {lift:.4g} is above CL_max {most:.4g} of the table"]
+    CL, CL_max = trimmed["lift"] / force, largest.lift / force
+    if largest.trim_is_beyond and largest.lift > 0.0:
+        return [f"STALLED: {_STALLED}, CL {CL_max:.4g} {largest.where}"]
+    if CL_max < CL:
+        return [f"STALLED: CL {CL:.4g} is above CL_max {CL_max:.4g} of the table"]
     return []
 
 
 #: Methods of the control gradients.
 _PER_G = "steady pull-up; lags follow"
 _PER_KNOT = "trims 0.5 kt slower and faster"
-#: Figures that derivatives give.
-_FIGURES = ("static margin", "neutral point behind c.g.", "control per g", "control per knot")
+#: Rows that require derivatives.
+_OF_DERIVATIVES = (
+    "static margin",
+    "neutral point behind c.g.",
+    "control per g",
+    "control per knot",
+)
 
 
 def stability_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
@@ -295,7 +306,7 @@ def stability_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     if not {"speed", "alpha"} <= {*trimmed.roles}:
         return
     if trimmed.fault:
-        for name in _FIGURES:
+        for name in _OF_DERIVATIVES:
             yield Lacking(name, "a derivative is not a number")
         return
     yield from static_margin(trimmed)
@@ -307,20 +318,21 @@ def static_margin(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     other rigid-body states and the inputs fixed while lags follow, and the neutral point, margin
     times chord behind the center of gravity.
     """
-    names = ("lift", "pitching_moment", "dynamic_pressure", "reference_area", "reference_chord")
-    if reason := trimmed.lacks(*names) or trimmed.zero(*names[2:]):
+    divisors = ("dynamic_pressure", "reference_area", "reference_chord")
+    if reason := trimmed.lacks("lift", "pitching_moment", nonzero=divisors):
         yield Lacking("static margin", reason)
         yield Lacking("neutral point behind c.g.", reason)
         return
     chord = trimmed["reference_chord"]
     steady = trimmed.quasi_steady
     place = steady.states.index(trimmed.roles["alpha"])
-    lift, moment = (float(steady.outputs[name][0][place]) for name in names[:2])
+    by_states_and_inputs = (steady.outputs["lift"], steady.outputs["pitching_moment"])
+    lift_slope, moment_slope = (float(by_states[place]) for by_states, _ in by_states_and_inputs)
     force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
-    yield Row("CL_alpha", lift / force, "1/rad")
-    yield Row("Cm_alpha", moment / (force * chord), "1/rad")
-    if lift:
-        margin = -moment / (lift * chord)
+    yield Row("CL_alpha", lift_slope / force, "1/rad")
+    yield Row("Cm_alpha", moment_slope / (force * chord), "1/rad")
+    if lift_slope:
+        margin = -moment_slope / (lift_slope * chord)
         yield Row("static margin", margin, "chord")
         yield Row("neutral point behind c.g.", margin * chord, trimmed.unit("reference_chord"))
 

@@ -39,19 +39,27 @@ _MOST_MODES = 6
 
 
 def without_line_numbers(notes: Iterable[str]) -> list[str]:
-    """Return notes without numbers of lines, as in "<input> 899 896" and "f16.xml: 406"."""
+    """Return notes without the numbers of lines in files of aircraft, as in "<input> 899 896" and
+    "f16.xml: 406".
+    """
     return [re.sub(r"(?<=>)(?: \d+)+|(?<=\.xml:) \d+", "", note) for note in notes]
 
 
-def first_lines(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str:
-    """Return what was done, the equations and the condition, and below it the unstable modes: "HFA
+def first_lines(trimmed: Trimmed, linearized: Sequence[Mode] | None = None) -> str:
+    """Return the aircraft, what was done and the condition, and below it the unstable modes: "HFA
     (published) trimmed: level, 68 ft/s, 40,000 ft, dihedral 10 deg", "unstable: none".
-    Then come a stall, what the trim does not determine, and warnings.
 
-    done: "trimmed" or "linearized"
-    modes: modes of the linear model at the point, or None for a point that is not a trim
+    Further lines state a stall, what the trim does not determine, and warnings; in the report of a
+    trim also that an angle without limits exceeds 90 deg, and that the search did not begin at the
+    default initial point.
+
+    linearized: modes of the reported linear model, or None for the report of the point
     """
-    model = trimmed.point.model
+    point, model = trimmed.point, trimmed.point.model
+    done, modes = "linearized", linearized
+    if linearized is None:
+        done = str(point.status)
+        modes = trimmed.modes if point.ok and not trimmed.fault else None
     condition = ", ".join(condition_words(trimmed))
     lines = [f"{subject(model)} {done}: {condition}" if condition else f"{subject(model)} {done}"]
     if modes is not None:  # a growth within the rounding of A is 0 (`trim.linear.modes.spectrum`)
@@ -63,39 +71,26 @@ def first_lines(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> st
         lines.append(f"unstable: {', '.join(unstable) or 'none'}")
     lines += [*stall_lines(trimmed), *uniqueness_lines(trimmed), *changing_lines(trimmed)]
     lines += [f"Check: {warning}" for warning in warnings_of(trimmed)]
-    return "\n".join(lines)
-
-
-def title_of(trimmed: Trimmed) -> str:
-    """Return the first lines on an operating point: the model, its equations, the status, the
-    condition, and the unstable modes.
-
-    Further lines name an angle without limits that exceeds 90 deg, and state that the search did
-    not begin at the default initial point.
-    """
-    point = trimmed.point
-    has_modes = point.ok and not trimmed.fault
-    lines = [first_lines(trimmed, str(point.status), trimmed.modes if has_modes else None)]
-    if point._large_angles:
-        lines.append(f"Far out: {point._large_angles[0]}")
-    if point.initial_point:
-        lines.append("Not from the default initial point")
+    if linearized is None:
+        lines += [f"Far out: {angle}" for angle in point._large_angles[:1]]
+        if point.initial_point:
+            lines.append("Not from the default initial point")
     return "\n".join(lines)
 
 
 def uniqueness_lines(trimmed: Trimmed) -> list[str]:
-    """Return lines on the states that keep their start values because no equation determines them,
-    and on the variables that remain free in a trim that is one of many.
+    """Return a line on the variables that keep their start values because no equation determines
+    them, and one on the variables that remain free in a trim that is one of many.
     """
     point = trimmed.point
     lines = []
     if point.found_by is not None and point.found_by.kept:
         kept = ", ".join(named_value_text(point, name) for name in point.found_by.kept)
         lines.append(f"At its start value, as the trim does not determine it: {kept}")
-    names, to_hold = point._undetermined
+    names, count_to_hold = point._undetermined
     if names:
         verb = "is" if len(names) == 1 else "are"
-        how_many = "one" if to_hold == 1 else str(to_hold)
+        how_many = "one" if count_to_hold == 1 else str(count_to_hold)
         lines.append(
             f"One of many: {', '.join(names)} {verb} free; hold {how_many} "
             f"(--hold {names[0]}=VALUE)"
@@ -104,8 +99,8 @@ def uniqueness_lines(trimmed: Trimmed) -> list[str]:
 
 
 def changing_lines(trimmed: Trimmed) -> list[str]:
-    """Return a line on the states that change in a trim and are no motion of the aircraft, nor its
-    altitude or heading: positions, and fuel.
+    """Return a line on the states that change in a trim, such as positions and fuel; none on states
+    of the motion, the altitude and the heading, which may change in steady flight.
     """
     point, model = trimmed.point, trimmed.point.model
     of_flight = {*trimmed.roles.values(), *altitudes(model.states), "yaw"}
@@ -134,14 +129,14 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
     point, model = trimmed.point, trimmed.point.model
     condition = None if point.found_by is None else point.found_by.asked
     imposed = {} if condition is None else condition.imposed
-    changed = {} if condition is None else condition.changes.get("imposed", {})
+    changed = {} if condition is None else condition.changes.get("imposed", {})  # from the default
     if "speed" in trimmed.roles:
         yield from _flight_words(trimmed, imposed, changed)
     else:
         yield from (named_value_text(point, name) for name in [*imposed][:_MOST_VALUES])
     if condition is not None:
         for name in freed_parameters(condition):
-            if name != ISA:  # said in any flight
+            if name != ISA:  # `_flight_words` states it
                 yield f"{name} {value_text(model, name, model.parameters[name].start)}"
         for name, rate in condition.rates.items():
             if rate:
@@ -151,16 +146,18 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
 def _flight_words(
     trimmed: Trimmed, imposed: Mapping[str, Any], changed: Iterable[str]
 ) -> Iterator[str]:
-    """Yield the texts of `condition_words` on an aircraft with a speed, but for the rates."""
-    # changed: names of the imposed values that are not those of the default trim
+    """Yield the texts of `condition_words` on an aircraft with a speed, except the rates.
+
+    changed: names of the imposed values that are not those of the default trim
+    """
     point, model = trimmed.point, trimmed.point.model
     speed = trimmed.roles["speed"]
     yield from _path_words(trimmed)
-    in_place_of_speed = [
+    in_place_of_speed = [  # imposed airspeeds, such as mach
         name
-        for group in model.alternatives
-        if speed in group
-        for name in group[1:]
+        for speed_first in model.alternatives
+        if speed in speed_first
+        for name in speed_first[1:]
         if name in imposed
     ]
     for name in in_place_of_speed:
@@ -172,13 +169,13 @@ def _flight_words(
     if ISA in model.parameters and model.parameters[ISA].start:
         yield f"ISA {model.parameters[ISA].start:+g} K"
     names = [*changed]
-    if "load_factor" in trimmed.model.outputs:  # of steady flight along a straight path: cos γ
-        path = 0.0 if math.isnan(trimmed.flight_path) else trimmed.flight_path
-        if abs(trimmed["load_factor"] - math.cos(path)) > _LOAD:
+    if "load_factor" in trimmed.model.outputs:
+        gamma = 0.0 if math.isnan(trimmed.flight_path) else trimmed.flight_path
+        if abs(trimmed["load_factor"] - math.cos(gamma)) > _LOAD:  # no steady straight flight
             names.insert(0, "load_factor")
     if model.schedule in (*model.states, *model.inputs):
         names.insert(0, model.schedule)
-    engines_out = engines_without_power(trimmed)
+    engines_out = engines_without_power(trimmed)  # input or switch -> text
     said = {speed, "altitude", "gamma", "turn_rate", *in_place_of_speed, *engines_out}
     for name in dict.fromkeys(names):
         if name not in said:
@@ -188,29 +185,25 @@ def _flight_words(
 
 def _path_words(trimmed: Trimmed) -> Iterator[str]:
     """Yield texts on the flight path and the turn: "climb 2 deg", "turn 3 deg/s", "accelerated"."""
-    model = trimmed.model
-    gamma = trimmed.flight_path
+    # Imposed values are exact, and computed ones have the tolerance of the equations.
+    model, imposed, gamma = trimmed.model, trimmed.imposed, trimmed.flight_path
     if math.isfinite(gamma):
+        if "gamma" in imposed:
+            is_level = imposed["gamma"] == 0.0
+        elif "altitude" in trimmed.rates:
+            is_level = _is_steady(trimmed, "altitude")
+        else:
+            angle = "gamma" if "gamma" in model.signals else trimmed.roles["theta"]
+            is_level = abs(gamma) <= BALANCE * model.signals[angle].nominal
         climb = f"{'climb' if gamma > 0 else 'descent'} {digits(math.degrees(abs(gamma)))} deg"
-        yield "level" if _is_level(trimmed) else climb
+        yield "level" if is_level else climb
     if "turn_rate" in model.outputs:
-        imposed, nominal = trimmed.imposed, model.outputs["turn_rate"].nominal
+        nominal = model.outputs["turn_rate"].nominal
         tolerance = 0.0 if "turn_rate" in imposed else BALANCE * nominal
         if abs(imposed.get("turn_rate", trimmed["turn_rate"])) > tolerance:
             yield f"turn {value_text(model, 'turn_rate', trimmed['turn_rate'])}"
     if not all(_is_steady(trimmed, name) for name in trimmed.roles.values()):
         yield "accelerated"
-
-
-def _is_level(trimmed: Trimmed) -> bool:
-    """Return whether the known flight path is level, as accurately as equations balance."""
-    if "gamma" in trimmed.imposed:
-        return trimmed.imposed["gamma"] == 0.0
-    if "altitude" in trimmed.rates:
-        return _is_steady(trimmed, "altitude")
-    signals = trimmed.model.signals
-    nominal = signals["gamma" if "gamma" in signals else trimmed.roles.get("theta", "")].nominal
-    return abs(trimmed.flight_path) <= BALANCE * nominal
 
 
 def _is_steady(trimmed: Trimmed, state: str) -> bool:
@@ -220,8 +213,8 @@ def _is_steady(trimmed: Trimmed, state: str) -> bool:
 
 def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
     """Return input or switch -> "engine 1 out (throttle1)" for each engine whose input is held at
-    its lowest value, at least 0, or whose switch engine1 is held at 0, while that of another one is
-    not. The first engine is engine 1, whatever the number in its name (throttle0).
+    its lowest value, at least 0, or whose switch, a parameter such as engine1, is 0, while that of
+    another one is not. The first engine is engine 1, whatever the number in its name (throttle0).
     """
     model = trimmed.point.model
     inputs = {name: trimmed.point[name] for name in model.inputs}
@@ -232,6 +225,7 @@ def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
         (model.parameters, switches, switches),
     ):
         engines = {name: match for name in signals if (match := _ENGINE.fullmatch(name))}
+        # The shorter name first: throttle9 before throttle10.
         in_order = sorted(engines, key=lambda name: (len(name), name))
         out = {}
         for name, match in engines.items():
@@ -240,16 +234,16 @@ def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
                 side = match["number"]  # a number or a side
                 engine = in_order.index(name) + 1 if side.isdigit() else side
                 out[name] = f"engine {engine} out ({name})"
-        if len(out) < len(engines):
+        if len(out) < len(engines):  # otherwise it is a glider, or a glide
             engines_out |= out
     return engines_out
 
 
-def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
-    """Return alpha, each input that is not 0 with its limits, and L/D as text: "alpha 2.8 deg,
-    elevator -1.37 of ±30 deg, throttle 40.1 of 200, L/D 22.4".
+def title_with_controls(trimmed: Trimmed, rows: Iterable[Row]) -> str:
+    """Return the first lines of a sheet: those of the point, and below them alpha, each input that
+    is not 0 with its limits, and L/D: "alpha 2.8 deg, elevator -1.37 of ±30 deg, L/D 22.4".
 
-    ratio: the row L/D, or None if the model has no forces
+    rows: rows of the sheet
     """
     model, margins = trimmed.point.model, trimmed.point.margins
     words = []
@@ -261,9 +255,8 @@ def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
         words.append(f"{alpha} {angle}")
     moved = [name for name in model.inputs if not is_zero(margins[name].value, margins[name].scale)]
     words += [_of_limits(margins[name]) for name in moved or model.inputs]
-    if ratio is not None:
-        words.append(f"L/D {digits(float(ratio))}")
-    return _listed(words, ", ")
+    words += [f"L/D {digits(row.value)}" for row in rows if row.name == "L/D"]
+    return f"{first_lines(trimmed)}\n{_listed(words, ', ')}".rstrip()
 
 
 def _of_limits(margin: Margin) -> str:
@@ -285,10 +278,11 @@ def _of_limits(margin: Margin) -> str:
 def mode_lines(modes: Sequence[Mode], model: Model) -> str:
     """Return the modes as text: "short period 11.2 rad/s, damping 0.412; spiral -0.0277 1/s".
 
-    Modes that the model declares come alone, if there are any.
+    Modes with names that the model declares are listed alone, if there are any.
 
     modes: modes of a linear model
     """
+    # The name of a mode is that of its family, with an addition if the family has several.
     declared = [mode for mode in modes if mode.name.partition(" (")[0] in model.modes]
     time = model.time_unit
     words = []

@@ -24,6 +24,7 @@ _MODES = ("short period", "phugoid", "dutch roll", "roll", "spiral")
 _COUPLED = "damping times frequency"
 #: Number of a quality that is worse than level 3.
 NO_LEVEL = 4
+#: Classes with the stricter limits; an unknown class is graded as I.
 _AGILE = ("", "I", "II-C", "IV")
 #: Tone of each level.
 TONES = {1: "good", 2: "near", 3: "far", NO_LEVEL: "bad"}
@@ -88,16 +89,20 @@ def chosen_airplane(trimmed: Trimmed, airplane: Airplane) -> Chosen:
     unit_per_lbf = None if weight is None else conversion_factor("lbf", weight.unit)
     if weight is None or unit_per_lbf is None:
         return Chosen(airplane._replace(class_="I"), "weight unknown")
-    class_, side, limit = "III", "above", _MEDIUM
-    if weight.value <= _MEDIUM * unit_per_lbf:
-        is_light = weight.value <= _LIGHT * unit_per_lbf
-        class_, side, limit = ("I", "up to", _LIGHT) if is_light else ("II-L", "up to", _MEDIUM)
+    if weight.value <= _LIGHT * unit_per_lbf:
+        class_, side, limit = "I", "up to", _LIGHT
+    elif weight.value <= _MEDIUM * unit_per_lbf:
+        class_, side, limit = "II-L", "up to", _MEDIUM
+    else:
+        class_, side, limit = "III", "above", _MEDIUM
     why = f"weight {side} {limit * unit_per_lbf:,.0f} {weight.unit}"
     return Chosen(airplane._replace(class_=class_), why)
 
 
 def _weight(trimmed: Trimmed) -> Quantity | None:
-    """Return the weight, else mass times standard gravity, N for a metric mass, or None."""
+    """Return the weight, else mass times standard gravity, in N of a metric mass and in lbf of
+    another one, or None if both are unknown.
+    """
     if "weight" in trimmed.model.outputs:
         return Quantity(trimmed["weight"], trimmed.unit("weight"))
     mass = trimmed.configuration.get("mass")
@@ -115,17 +120,17 @@ def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
     rows: handling qualities
     airplane: class and category
     """
-    rules = _rules(airplane, {row.name: float(row) for row in rows})
+    rules = _rules(airplane, {row.name: row.value for row in rows})
     graded_rows = []
     for row in rows:
         if row.name == "spiral time to half":  # a stable spiral never doubles
             level, note = 1, f"level 1: stable ({rules['spiral time to double'][0]})"
         elif row.name in rules:
             paragraph, limits = rules[row.name]
-            level = level_of(float(row), limits)
+            level = level_of(row.value, limits)
             words = f"level {level}"
             if level == NO_LEVEL:
-                words = "no level, unstable" if float(row) < 0.0 else "below level 3"
+                words = "no level, unstable" if row.value < 0.0 else "below level 3"
             note = f"{words}: {_limits_text(limits)} ({paragraph})"
         else:
             graded_rows.append(row)
@@ -137,8 +142,8 @@ def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
 def level_of(value: float, limits: Limits) -> int:
     """Return the best level whose limits contain a value, or `NO_LEVEL`.
 
-    A quality is negative because its mode is unstable: it has a level only if the standard states a
-    least value below 0.
+    A quality below 0 is that of an unstable mode. No span without a least value contains it: it has
+    a level only where the standard states a least value, which is then below 0.
     """
     for level, span in enumerate(limits, start=1):
         if span.least <= value <= span.most and (value >= 0.0 or math.isfinite(span.least)):
@@ -151,8 +156,12 @@ _Rule: TypeAlias = tuple[str, Limits]
 
 
 def _rules(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, _Rule]:
-    """Return quality -> its rule for a class and a category; the qualities decide some limits."""
-    # Level 3 of the phugoid is a time to double of 55 s. Category A excludes a coupled roll.
+    """Return quality -> its rule for a class and a category (MIL-F-8785C).
+
+    qualities: name -> value, on which the limits of some qualities depend
+    """
+    # Level 3 of the phugoid is a time to double of 55 s, ln 2/(-ζω). Category A excludes a coupled
+    # roll.
     class_, category = airplane
     is_b, is_agile = category == "B", class_ in _AGILE
     is_fast = class_ in {"A": ("I", "IV"), "B": (), "C": _AGILE}[category]
@@ -204,8 +213,8 @@ def _products(airplane: Airplane, qualities: Mapping[str, float]) -> Limits:
 
 
 def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> list[str]:
-    """Return sentences on the class and the category, the modes for which the standard has no rule,
-    and the modes with a rule that the aircraft does not have; or why there are no modes.
+    """Return sentences on the class and the category, on the modes without a rule in the standard,
+    and on the modes with a rule that the aircraft does not have; or why there are no modes.
 
     rows: rows of `mode_rows`
     """
@@ -220,6 +229,7 @@ def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> li
     reason = f" (by hfa's convention, {why}; --class changes it)" if why else ""
     category = f"category {chosen.category} (--category changes it)"
     sentences = [f"{STANDARD}: class {chosen.class_}{reason}, {category}"]
+    # A family is the name of a mode without an addition, such as that of "roll (fast)".
     families = dict.fromkeys(mode.name.partition(" (")[0] for mode in trimmed.modes)
     without_rule = [
         f"{family} (real eigenvalues)" if family in _MODES else family
@@ -228,6 +238,7 @@ def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> li
     ]
     if without_rule:
         sentences.append(f"{STANDARD} has no rule for: {', '.join(without_rule)}")
+    # Roll and spiral coupled in one oscillation have the name of one of them.
     is_coupled = any(f"{mode} {_COUPLED}" in graded_names for mode in ("roll", "spiral"))
     present = {*families, "roll", "spiral"} if is_coupled else {*families}
     if absent := [mode for mode in _MODES if mode not in present]:
@@ -254,7 +265,9 @@ _OSCILLATING = ("short period", "phugoid", "dutch roll")
 
 
 def graded_modes(trimmed: Trimmed, airplane: Airplane) -> Iterator[tuple[Mode, list[Row]]]:
-    """Yield each mode, with the handling qualities of its family and their levels at the first."""
+    """Yield each mode with the handling qualities of its family and their levels; of several modes
+    of a family, the first one has all.
+    """
     qualities = [] if trimmed.fault else [*handling_qualities(trimmed)]
     if "speed" in trimmed.roles:
         qualities = graded(qualities, chosen_airplane(trimmed, airplane).airplane)
@@ -336,7 +349,9 @@ def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
 
 
 def _eigenvalues(trimmed: Trimmed, family: str) -> list[complex]:
-    """Return the eigenvalues, 1/s, of all modes with a given name, one for each conjugate pair."""
+    """Return the eigenvalues, 1/s, of all modes of a family, one for each conjugate pair; none of a
+    family that the model does not declare.
+    """
     if family not in trimmed.model.modes:
         return []
     modes = [mode for mode in trimmed.modes if mode.name.partition(" (")[0] == family]
@@ -344,8 +359,9 @@ def _eigenvalues(trimmed: Trimmed, family: str) -> list[complex]:
 
 
 def _oscillation(trimmed: Trimmed, family: str) -> tuple[float, float] | None:
-    """Return natural frequency, rad/s, and damping ratio of a family of modes, or None."""
-    # The family is a conjugate pair, or two real eigenvalues of the same sign.
+    """Return natural frequency ω, rad/s, and damping ratio ζ of a family of modes, or None unless
+    it is a conjugate pair or two real eigenvalues of the same sign: s² + 2ζω s + ω² = 0.
+    """
     values = _eigenvalues(trimmed, family)
     if len(values) == 1 and values[0].imag:
         values = [values[0], values[0].conjugate()]
@@ -366,7 +382,7 @@ def _bank_per_sideslip(trimmed: Trimmed) -> Iterator[Row]:
     oscillating = [value for value in _eigenvalues(trimmed, "dutch roll") if value.imag]
     if not {*names} <= {*states} or not oscillating:
         return
-    values, vectors = np.linalg.eig(trimmed.A * trimmed.per_second)
+    values, vectors = np.linalg.eig(trimmed.linear_A * trimmed.per_second)
     nearest = int(np.argmin(np.abs(values - oscillating[0])))
     shape = np.abs(vectors[:, nearest])
     bank, sideslip = (shape[states.index(name)] for name in names)

@@ -41,11 +41,11 @@ class Block(NamedTuple):
 
 
 class Beside(NamedTuple):
-    """What is known of a linear model from elsewhere, for its report.
+    """What the report of a linear model shows beside the model: comparisons with other sources.
 
     accuracy: sentences on the accuracy of the entries
     others: figures of other models at the same condition
-    printed: tables of entries that were published
+    printed: tables of the entries beside those printed in the paper
     bands: matrix -> half-widths of the error bands of its entries
     data: entries by name
     """
@@ -99,7 +99,7 @@ def report_of_linear(model: LinearModel, *, responses: bool, beside: Beside | No
 
 
 def _first_lines(model: LinearModel, trimmed: Trimmed, blocks: Sequence[Block]) -> str:
-    """Return the condition, the modes, the equations, and the units of the matrices."""
+    """Return the title: condition, modes, equations, and units of the matrices."""
     names = [block.name for block in blocks]
     equations = "x' = A x + B u, y = C x + D u, " if "C" in names else "x' = A x + B u, "
     units = (
@@ -107,7 +107,7 @@ def _first_lines(model: LinearModel, trimmed: Trimmed, blocks: Sequence[Block]) 
         "units of their table"
     )
     lines = [
-        first_lines(trimmed, "linearized", model.modes),
+        first_lines(trimmed, model.modes),
         mode_lines(model.modes, model.model),
         f"{equations}x = X - X0, u = U - U0",
         wrapped(units, WIDTH),
@@ -129,9 +129,11 @@ def _offsets_table(model: LinearModel) -> Table:
 def _records(
     model: LinearModel, blocks: list[Block], bands: Mapping[str, np.ndarray] | None
 ) -> Table:
-    """Return a table in full precision of the entries and offsets of a linear model."""
-    # Each row is (matrix, row name, column name, value, unit, band). An offset has "X0" or "U0" in
-    # place of a matrix.
+    """Return a table in full precision of the entries and offsets of a linear model: (matrix, "X0"
+    or "U0", row name, column name, value, unit, band).
+
+    bands: matrix -> half-widths of the error bands; None leaves out their column
+    """
     rows: list[tuple[Any, ...]] = []
     for block in blocks:
         of_block = (bands or {}).get(block.name)
@@ -160,7 +162,7 @@ def units_in_words(model: LinearModel) -> str:
     time = model.model.time_unit
     common = ("rad", length, time)
     present = {time}
-    names_by_unit: dict[str, list[str]] = {}  # of the other units
+    names_by_unit: dict[str, list[str]] = {}  # of signals in other units than the common ones
     for name in dict.fromkeys((*model.states, *model.inputs, *model.outputs)):
         unit = model.model.unit(name)
         bases = _base_units(unit)
@@ -192,7 +194,7 @@ def _matrix(block: Block) -> Table:
 def _blocks(model: LinearModel) -> list[Block]:
     """Return the reported matrices: A and B, and C and D if the outputs are not the states."""
     signals = model.model
-    of_states = (model.states, model.state_units)
+    of_states = (model.states, model.state_units)  # names and units of a side of a matrix
     of_inputs = (model.inputs, model.input_units)
     rates = (model.states, tuple(signals.rate_unit(name) for name in model.states))
     blocks = [Block("A", *rates, *of_states, model.A), Block("B", *rates, *of_inputs, model.B)]

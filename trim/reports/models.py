@@ -65,14 +65,16 @@ class Signals(NamedTuple):
     disturbances: tuple[str, ...]
 
     def axes(self, model: Model) -> dict[str, tuple[str, ...]]:
-        """Return axis of an array -> names of its entries: signals of linear models and trims."""
+        """Return axis of an array -> names of its entries: "state" of the linear models,
+        "trim_state" of the trims.
+        """
         named = {kind.removesuffix("s"): names for kind, names in self._asdict().items()}
         groups = {"state": model.states, "input": model.inputs, "parameter": model.parameters}
         trims = {f"trim_{axis}": tuple(signals) for axis, signals in groups.items()}
         return named | trims
 
 
-#: Vector -> its axis, and the attribute of a linear model that has it.
+#: Vector -> its axis, and the attribute of a linear model with this vector.
 _VECTORS = OFFSETS | {
     "trim_states": (("trim_state",), "point.x"),
     "trim_inputs": (("trim_input",), "point.u"),
@@ -149,14 +151,16 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Notes on the trims and linear models, of which a single one is on nonsmooth points."""
+        """Notes on the trims and linear models; those on nonsmooth points, which differ in values,
+        are represented by the first one.
+        """
         known = [linear for linear in self.linear if linear is not None]
-        notes_by_model = [linear.nonsmooth_points for linear in known if linear.nonsmooth_points]
+        nonsmooth = [linear.nonsmooth_points for linear in known if linear.nonsmooth_points]
         notes = dict.fromkeys(note for linear in known for note in linear.warnings)
-        said = [note for note in notes if not any(note in of_model for of_model in notes_by_model)]
-        if notes_by_model:
-            count = f"{len(notes_by_model)} of {len(self)} conditions"
-            said.append(f"{notes_by_model[0][0]} ({count} have a nonsmooth point)")
+        said = [note for note in notes if not any(note in of_model for of_model in nonsmooth)]
+        if nonsmooth:
+            count = f"{len(nonsmooth)} of {len(self)} conditions"
+            said.append(f"{nonsmooth[0][0]} ({count} have a nonsmooth point)")
         return said
 
     def __len__(self) -> int:
@@ -191,7 +195,7 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     @property
     def _axes(self) -> dict[str, tuple[str, ...]]:
-        """Axis of `arrays` -> names of its signals."""
+        """Axis of `arrays`, other than the condition and the mode -> names of its signals."""
         return self.signals.axes(self.model)
 
     @cached_property
@@ -201,6 +205,7 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     def _named_signals(self) -> dict[str, Any]:
         """Return the entries of files with the names and units of the signals."""
+        # `signals` has the names of the axes of linear models, and "trim_state" is one of trims.
         trims = {f"{axis}_names": names for axis, names in self._axes.items() if "_" in axis}
         units = {f"{axis}_units": self.model.units(names) for axis, names in self._axes.items()}
         return self.signals._asdict() | trims | units
@@ -224,13 +229,16 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     @cached_property
     def _summary(self) -> Report:
-        """The report without records. Its data are computed when they are read."""
+        """The report without records, which take time for many conditions and serve .csv files
+        alone. Its data are computed when they are read.
+        """
         reasons = dict(zip(self.names, self.reasons, strict=True))
         failed = [f"{name}: {reason}" for name, reason in reasons.items() if reason]
         words = [f"linear models of {len(self) - len(failed)} of {len(self)} conditions"]
-        stalls = self.status.count(STALLED)
-        words += [f"{stalls} stalled"] * bool(stalls)
-        words += [f"{len(failed)} without a trim"] * bool(failed)
+        if stalls := self.status.count(STALLED):
+            words.append(f"{stalls} stalled")
+        if failed:
+            words.append(f"{len(failed)} without a trim")
         return Report(
             title=f"{self.model.title}: {', '.join(words)}",
             parts=(self._mode_table(), *failed),
@@ -243,11 +251,10 @@ class Conditions(StatesAndInputs, Result, Reported):
         """Return the table of the eigenvalues of the modes of each condition."""
         lines = []
         for modes in self.modes:
-            texts: dict[str, list[str]] = {}  # mode, without "(fast)" -> eigenvalues
+            texts: dict[str, list[str]] = {}  # family -> eigenvalues of its modes
             for mode in modes:
-                texts.setdefault(mode.name.partition(" (")[0], []).append(
-                    eigenvalue_text(mode.eigenvalue)
-                )
+                family = mode.name.partition(" (")[0]  # "roll" of "roll (fast)"
+                texts.setdefault(family, []).append(eigenvalue_text(mode.eigenvalue))
             lines.append(texts)
         names = [*dict.fromkeys(name for texts in lines for name in texts)]
         return Table(
@@ -272,7 +279,7 @@ class Conditions(StatesAndInputs, Result, Reported):
         return Table(tuple(header), rows)
 
     def _found_cells(self, row: int) -> dict[str, Any]:
-        """Return the cells of a condition that state its trim and linear model, by heading."""
+        """Return heading -> cell of what was found at a condition: its trim and linear model."""
         model, point = self.model, self.points[row]
         cells: dict[str, Any] = {RESULTS: self.status[row], "failure": self.reasons[row]}
         for name in (*model.states, *model.inputs):
@@ -312,7 +319,7 @@ class Conditions(StatesAndInputs, Result, Reported):
         names = np.full((len(self), n), "", dtype=object)
         levels = np.full((len(self), n), math.nan)
         for row, modes in enumerate(self.modes):
-            each_root = [
+            each_root = [  # a complex mode has two conjugate roots, a real one is equal to its own
                 (root, mode.name, self.levels[row].get(mode.name) or math.nan)
                 for mode in modes
                 for root in dict.fromkeys((mode.eigenvalue, mode.eigenvalue.conjugate()))
@@ -367,7 +374,7 @@ class Conditions(StatesAndInputs, Result, Reported):
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
             save_data(path, storable(head) | arrays | origin, Table((), ()))
         else:
-            report = self.report() if suffix == ".csv" else self._summary
+            report = self.report() if suffix == ".csv" else self._summary  # only it has records
             report.with_data(origin).save(path)
 
     def _file(self, row: int) -> dict[str, Any]:
@@ -382,7 +389,11 @@ def _stacked(
     table: Mapping[str, tuple[tuple[str, ...], str]],
     names: Mapping[str, tuple[str, ...]],
 ) -> dict[str, np.ndarray]:
-    """Return the arrays of a table, name -> values of N models (N, ...), nan for none."""
+    """Return name -> array (N, ...) of an attribute of N linear models, nan where one is None.
+
+    table: name -> axes of the attribute of one model, and the attribute
+    names: axis -> names of its entries; rates have the names of the states
+    """
     arrays: dict[str, np.ndarray] = {}
     for name, (axes, attribute) in table.items():
         of_axes = [names[axis.replace("rate", "state")] for axis in axes]
@@ -398,7 +409,7 @@ def _levels(linear: LinearModel) -> dict[str, int | None]:
     """Return mode -> the worst level of its qualities, or None if the standard has no limit."""
     trimmed = Trimmed(linear.point)
     if trimmed.coherent is linear.point and linear.states == linear.model.linear:
-        trimmed.modes = linear.modes  # those of the same A
+        trimmed.modes = linear.modes  # of the same A, so that they are not computed again
     return {
         mode.name: max((row.level for row in qualities if row.level is not None), default=None)
         for mode, qualities in graded_modes(trimmed, DEFAULT_AIRPLANE)
@@ -424,7 +435,7 @@ def linear_models(
     """
     points: list[OperatingPoint | None] = []
     reasons = []
-    refused = []
+    refused = []  # messages of conditions that are wrong, not without a trim
     for done, row in enumerate(asked, start=1):
         point, reason = None, ""
         try:
@@ -440,6 +451,8 @@ def linear_models(
     if len(refused) == len(asked):
         raise BadInputError(refused[0])
     kept = tuple(states or model.linear)
+    # All models have the same columns. Which disturbances act through lags is a property of the
+    # equations, and thus the same at each trim.
     first = next((point for point in points if point is not None), None)
     disturbances = () if first is None else direct_disturbances(first, kept)
     signals = Signals(kept, tuple(inputs or model.inputs), tuple(outputs or kept), disturbances)

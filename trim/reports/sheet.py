@@ -43,11 +43,11 @@ from trim.reports.figures import (
 )
 from trim.reports.first_lines import (
     condition_words,
-    control_lines,
     engines_without_power,
+    first_lines,
     mode_lines,
     subject,
-    title_of,
+    title_with_controls,
     uniqueness_lines,
     without_line_numbers,
 )
@@ -66,12 +66,14 @@ from trim.reports.warnings import configuration_lines, configuration_rows, warni
 _NEAREST = 3
 #: Verdict on a free variable at its limit.
 _BINDS = "BINDS"
-#: Note on the star beside a limit.
+#: Meaning of the star beside a limit.
 ASSUMED = "* assumed: no data of the aircraft state this limit"
 
 
 def variable_rows(trimmed: Trimmed) -> list[Row]:
-    """Return the states, relevant outputs and inputs with their status and limits."""
+    """Return a row for each state, relevant output and input, with its role in the trim and its
+    limits as note.
+    """
     rows = []
     for name, margin in trimmed.point.margins.items():
         role = "imposed" if margin.role == "held" else margin.role
@@ -82,8 +84,9 @@ def variable_rows(trimmed: Trimmed) -> list[Row]:
 
 
 def _limits_text(margin: Margin, is_input: bool) -> str:
-    """Return limits as text, "±25, 12 % used" of an input, else "0* to 60*, margin 5", or ""."""
-    # * is an assumed limit.
+    """Return the limits of an input as "±25, 12 % used", of another variable as "0* to 60*, margin
+    5", or "" if it has none. A star marks assumed limits.
+    """
     star = "*" * margin.assumed
     low, high = (
         f"{shown_value(end, margin.unit)}{star}" for end in (margin.lowest, margin.highest)
@@ -104,10 +107,10 @@ def _limits_text(margin: Margin, is_input: bool) -> str:
 
 
 def nearest_first(trimmed: Trimmed) -> list[Margin]:
-    """Return the variables whose limits matter, the nearest limit first.
+    """Return the variables whose limits matter, in the order of `_rank`.
 
-    These are free variables and held inputs. Those at their limit come first, then declared limits,
-    then assumed ones. The angle of attack is also limited by that of the largest lift.
+    These are free variables and held inputs. The angle of attack is also limited by that of the
+    largest lift.
     """
     inputs, margins = trimmed.model.inputs, trimmed.point.margins
     limited = [
@@ -122,11 +125,13 @@ def nearest_first(trimmed: Trimmed) -> list[Margin]:
 
 
 def _limit_of_the_largest_lift(trimmed: Trimmed, alpha: Margin) -> Margin | None:
-    """Return the margin of alpha with its value at the largest lift as highest, if it is nearer."""
+    """Return the margin of alpha to its value at the largest lift, or None if that is unknown or
+    not the nearest limit.
+    """
     if "speed" not in trimmed.roles or not trimmed.point.ok:
         return None
     largest = trimmed.largest_lift
-    if isinstance(largest, str) or largest.passed or not math.isfinite(largest.alpha):
+    if isinstance(largest, str) or largest.trim_is_beyond or not math.isfinite(largest.alpha):
         return None
     highest = largest.alpha * (conversion_factor("rad", alpha.unit) or 1.0)
     if highest > alpha.highest:
@@ -136,19 +141,21 @@ def _limit_of_the_largest_lift(trimmed: Trimmed, alpha: Margin) -> Margin | None
 
 
 def _rank(margin: Margin, is_input: bool) -> tuple[bool, bool, bool, float]:
-    """Return the key that sorts limits: reached, declared, of two limits, then the nearest."""
+    """Return the key that sorts limits: first those that are reached, then declared ones, then
+    those of variables with two limits, then the nearest in shares of the range.
+    """
     has_one_limit = math.isinf(margin.highest - margin.lowest)
     share = margin.share
     if margin.assumed and not is_input and margin.nearer == "lowest" and margin.lowest >= 0.0:
-        # Assumed limits of a positive state may be decades apart: its distance is compared with
-        # its value too.
+        # Assumed limits of a positive state may be decades apart, so that a share of the range is
+        # always small: the distance is compared with the value too.
         share = max(share, margin.distance / max(abs(margin.value), margin.scale))
     return not margin.at_limit, margin.assumed, has_one_limit, share
 
 
 def limit_rows(limited: Sequence[Margin]) -> list[Row]:
-    """Return a row for the nearest declared and the nearest assumed limit, and one for the margin
-    of each variable.
+    """Return a row for the nearest declared limit, one for the nearest assumed limit, and one for
+    the margin of each variable.
 
     limited: the variables, the nearest limit first (`nearest_first`)
     """
@@ -163,7 +170,7 @@ def limit_rows(limited: Sequence[Margin]) -> list[Row]:
 
 
 def _margin_row(margin: Margin) -> Row:
-    """Return the row of the margin of a variable to its nearer limit."""
+    """Return the row of the margin of a variable to its nearer limit; rare unless it is reached."""
     verdict = _verdict(margin)
     note = [verdict, _limit_text(margin), "assumed" if margin.assumed else ""]
     return Row(
@@ -185,8 +192,9 @@ def _verdict(margin: Margin) -> str:
 
 def _limit_text(margin: Margin) -> str:
     """Return the nearer limit as text: "thrust lowest 0 N"."""
-    is_other = margin.highest_is and margin.nearer == "highest"
-    limit = margin.highest_is if is_other else f"{margin.name} {margin.nearer}"
+    limit = f"{margin.name} {margin.nearer}"
+    if margin.highest_is and margin.nearer == "highest":  # alpha of the largest lift
+        limit = margin.highest_is
     return beside_unit(f"{limit} {short_number(margin.nearer_limit, margin.unit, 6)}", margin.unit)
 
 
@@ -199,7 +207,7 @@ def _distance_text(margin: Margin) -> str:
 
 
 def result_of(sheet: Sheet) -> str:
-    """Return the result of a trim by its sheet: one of the words of `trim.point.status`."""
+    """Return the result of a trim by its sheet: TRIMMED, STALLED, WARNED or UNTRIMMED."""
     names = {row.name for row in sheet}
     for row, result in (("failure", UNTRIMMED), ("stalled", STALLED), ("warnings", WARNED)):
         if row in names:
@@ -211,6 +219,7 @@ def asked_of(point: OperatingPoint) -> dict[str, Any]:
     """Return the cells that state the condition of a point: values, free variables, limits."""
     model = point.model
     stated = stated_values(point.trim_problem.asked)
+    # Changed parameters are a part of the condition.
     changed = {
         name: model.parameters[name].start for name in model.changed if name not in stated.free
     }
@@ -228,6 +237,7 @@ def matrix(asked: Sequence[Mapping[str, Any]], sheets: Sequence[Sheet]) -> Table
     headings = [*dict.fromkeys(heading for cells in asked for heading in cells)]
     last = [heading for heading in (FREE, LIMIT) if heading in headings]
     headings = [heading for heading in headings if heading not in last] + last
+    # The note of the row "worst level" names the qualities that have this level.
     worst = [{row.name: row.note for row in sheet}.get("worst level", "") for sheet in sheets]
     rows = [
         (*(cells.get(heading, "") for heading in headings), result_of(sheet), *row, qualities)
@@ -260,7 +270,7 @@ def sheet_of(point: OperatingPoint) -> Sheet:
 
 
 def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
-    """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
+    """Return the sheet of a point; of one that is not a trim, without loads and modes."""
     point = trimmed.point
     same = ", ".join(same_as_the_table(trimmed))
     table_lines = [f"condition of the derivatives: {same} as in the table"] if same else []
@@ -272,7 +282,7 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
         ("limits", limit_rows(nearest_first(trimmed)), ()),
     ]
     if point.ok:
-        describe = point.model.trimming.describe
+        describe = point.model.trimming.describe  # function: point -> groups of its own
         of_model = [] if describe is None else describe(point)
         repeated = {row.name for _, rows, _ in of_model for row in rows}
         loads = performance_rows(trimmed)
@@ -284,18 +294,19 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
             ("stability", [*stability_rows(trimmed)], ()),
             ("modes and levels", modes, level_lines(trimmed, airplane, modes)),
         ]
-    sheet = Sheet.of(groups, first=VARIABLES)
-    found = findings(trimmed, sheet, airplane, whole=True)
+    without_findings = Sheet.of(groups, first=VARIABLES)
+    found = findings(trimmed, without_findings, airplane, whole=True)
     return Sheet.of([*groups, ("findings", found, ())], VARIABLES)
 
 
 def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool) -> list[Row]:
-    """Return rows with stalls, warnings, the worst level, and for a whole sheet also all
-    that its first lines and sentences say, and the limits that are reached.
+    """Return rows with stalls, warnings and the worst level.
 
     sheet: the other groups of the sheet
+    whole: whether to add what the first lines and the sentences of the groups state, and the limits
+        that are reached
     """
-    said: dict[str, Iterable[str]] = {
+    said: dict[str, Iterable[str]] = {  # row -> sentences, or names
         "stalled": stall_lines(trimmed),
         "warnings": warnings_of(trimmed),
     }
@@ -317,14 +328,15 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool)
             said[f"on {title}"] = [line for line in lines if line != ASSUMED]
     rows = []
     for name, words in said.items():
-        separator = "; " if any(" " in word for word in words) else ", "  # of sentences, or names
+        are_sentences = any(" " in word for word in words)
+        separator = "; " if are_sentences else ", "
         if words:
             rows.append(Row(name, separator.join(words), rare=True))
     levels = {row.name: row for row in sheet if row.level is not None}
     if levels:
         chosen, why = chosen_airplane(trimmed, airplane)
         worst = max(levels.values(), key=lambda row: row.level or 0)
-        named = [name for name, row in levels.items() if row.level == worst.level != 1]
+        named = [name for name, row in levels.items() if row.level == worst.level > 1]
         rows += [
             Row("airplane class", chosen.class_, note=why, rare=True),
             Row("flight phase category", chosen.category, rare=True),
@@ -358,18 +370,13 @@ def report_of(
     )
 
 
-def title_with_controls(trimmed: Trimmed, rows: Iterable[Row]) -> str:
-    """Return the first lines of a sheet: those of the point, and below them alpha, controls, L/D.
-
-    rows: rows of the sheet
-    """
-    ratio = next((row for row in rows if row.name == "L/D"), None)
-    return f"{title_of(trimmed)}\n{control_lines(trimmed, ratio)}".rstrip()
-
-
 def _parts(trimmed: Trimmed, sheet: Sheet, *, full: bool) -> list[Any]:
-    """Return the sheet, tables of equations and modes, and sentences on the search."""
-    # The table of equations is also in a report that is not full if one does not balance.
+    """Return the groups of the sheet, tables of the equations and modes, and sentences on the
+    search.
+
+    full: whether to add rare rows and the tables; that of the equations is always there if one does
+        not balance
+    """
     point, search = trimmed.point, trimmed.search
     parts: list[Any] = [*sheet.shown(full)]
     equations = equations_of(point)
@@ -412,10 +419,10 @@ def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
 
 
 def revision(model: Model) -> str:
-    """Return the file of an aircraft with its digest and the changed parameters, or the digest of
-    its parameters.
+    """Return the file of an aircraft with its digest and the changed parameters; without a file,
+    the digest of the parameters.
     """
-    model = model.native
+    model = model.native  # in the units of the file
     source = model.source
     if source.digest:
         changes = []
@@ -434,10 +441,10 @@ def saved_report(point: OperatingPoint) -> Report:
     """Return a report of the states and inputs of a point that was not found by a search. Its
     records have the residuals too.
     """
-    unit = point.model.unit
+    unit_of = point.model.unit
     rows: list[tuple[str, str, float, str]] = []
     for kind, values in (("state", point.states), ("input", point.inputs)):
-        rows += [(kind, name, value, unit(name)) for name, value in values._asdict().items()]
+        rows += [(kind, name, value, unit_of(name)) for name, value in values._asdict().items()]
     shown = [(kind, name, *five_decimals(value, unit)) for kind, name, value, unit in rows]
     for name, value in point.residuals.items():
         rows.append(("residual", name, value, point.equation_unit(name)))
@@ -447,12 +454,12 @@ def saved_report(point: OperatingPoint) -> Report:
         for kind, name, value, unit in rows
     ]
     notes = without_line_numbers(point.warnings)
-    title = title_of(Trimmed(point))
+    title = first_lines(Trimmed(point))
     return Report(title, [Table(header, shown)], notes, storable(point), Table(header, records))
 
 
-#: Group of a sheet -> names of the rows that are printed. A row with a tone is printed too.
-_ROWS = {
+#: Group of a sheet -> names of the rows that are read first, in addition to rows with a tone.
+_READ_FIRST = {
     "condition": ("true airspeed", "calibrated airspeed", "mach", "ground speed", "track"),
     "performance": (
         "weight",
@@ -466,9 +473,9 @@ _ROWS = {
     ),
     "stability": ("static margin",),
 }
-#: Ends of the names of rows that are printed too: distances from the condition of the data, and
-#: stick-free gradients.
-_ALSO = (" from the table's", " per g", " per knot")
+#: Ends of the names of further rows that are read first: distances from the condition of the data,
+#: and control gradients.
+_READ_FIRST_TOO = (" from the table's", " per g", " per knot")
 
 
 def brief(point: OperatingPoint, airplane: Airplane) -> Report:
@@ -500,17 +507,16 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
     modes = f"no modes: {trimmed.fault}"
     if not trimmed.fault:
         modes = mode_lines(trimmed.modes, point.model)
-    sentences = trimmed.search.sentences
     of_the_file = without_line_numbers(point.model.about.notes)
     all_notes = without_line_numbers(point.warnings)
     notes = [note for note in all_notes if note not in of_the_file]
-    left_out = "--full adds rows" + " and notes" * (len(notes) < len(all_notes))
+    adds = "rows" if len(notes) == len(all_notes) else "rows and notes"
     parts: list[Part] = [*shown]
     if modes:
         parts.append(modes)
-    if sentences:
-        parts.append(tuple(sentences))
-    parts.append(f"{left_out}; -o FILE has all")
+    if trimmed.search.sentences:
+        parts.append(tuple(trimmed.search.sentences))
+    parts.append(f"--full adds {adds}; -o FILE has all")
     return Report(title_with_controls(trimmed, sheet), parts, notes)
 
 
@@ -552,19 +558,20 @@ def brief_list(report: Report) -> Report:
 
 
 def _shortened(group: Group) -> Group:
-    """Return a group with the rows that are read first, and the meaning of the stars in them."""
-    rows = [row for row in group.rows if not row.rare and _is_read_first(group.title, row)]
+    """Return a group with the rows that are read first: of the variables those that are not 0."""
+    rows = []
+    for row in group.rows:
+        _, value, _, _ = row.cells()
+        if group.title == VARIABLES:
+            is_read_first = value != "0"
+        elif row.name == "load factor":
+            is_read_first = value != "1"
+        else:
+            named = row.name in _READ_FIRST.get(group.title, ())
+            is_read_first = named or bool(row.tone) or row.name.endswith(_READ_FIRST_TOO)
+        if is_read_first and not row.rare:
+            rows.append(row)
     return group._replace(rows=tuple(rows), lines=_on_stars(rows))
-
-
-def _is_read_first(title: str, row: Row) -> bool:
-    """Return whether a row of the group with a title is a variable, or a figure, to read first."""
-    value = row.cells()[1]
-    if title == VARIABLES:
-        return value != "0"
-    if row.name == "load factor" and value != "1":
-        return True
-    return bool(row.tone) or row.name in _ROWS.get(title, ()) or row.name.endswith(_ALSO)
 
 
 def _on_stars(rows: Iterable[Row]) -> tuple[str, ...]:

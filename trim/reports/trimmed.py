@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -26,14 +26,14 @@ from trim.point.solve import MINOR, failure, trim
 from trim.point.status import BALANCE, Status
 from trim.point.system import declared_start
 
-#: Smaller scaled residuals are printed as this: they are about fifty roundings, and differ between
-#: processors.
+#: Smaller scaled residuals are printed as "<= 1e-14": they are about fifty roundings, and differ
+#: between processors.
 _NOISE = 1e-14
 
 
 def equations_of(point: OperatingPoint) -> dict[str, dict[str, Any]]:
-    """Return state or output -> data on its equation: the imposed value, the residual, its
-    tolerance, the unit, and whether it balances.
+    """Return name -> data on each equation of a trim: the imposed value, the residual, its
+    tolerance, the unit, and whether it balances. A state stands for the equation of its rate.
     """
     condition = point.trim_problem.asked
     imposed = {**condition.imposed, **condition.rates}
@@ -67,7 +67,8 @@ def equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]])
         if with_rates:
             rate = entry["imposed"] if name in states else 0.0
             row.append(f"{rate:.6g}")
-        row.append(_size_text(entry["residual"], least=_NOISE * entry["tolerance"] / BALANCE))
+        scale = entry["tolerance"] / BALANCE
+        row.append(_size_text(entry["residual"], least=_NOISE * scale))
         row.append(f"{entry['tolerance']:.2e}")
         row.append(unit)
         row.append(_size_text(scaled[name], least=_NOISE))
@@ -80,7 +81,7 @@ def equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]])
 
 
 def _size_text(value: float, least: float) -> str:
-    """Return a residual as text, "0" or "<= 1e-14" if it is rounding."""
+    """Return a residual as text, and one of at most `least`, which is rounding, as "<= 1e-14"."""
     if not value:
         return "0"
     return f"{value:.2e}" if abs(value) > least else f"<= {least:.0e}"
@@ -102,27 +103,28 @@ def other_trims(problem: TrimProblem, point: OperatingPoint) -> list[OperatingPo
 
     These are the trims that Newton's method finds from the declared initial values and from
     `STARTS` points within the limits, for example on the back side of the power curve. More trims
-    may exist. The list is empty if the numbers of equations and unknowns differ.
+    may exist. The list is empty if the numbers of equations and unknowns differ: the trims are then
+    a continuum, or there are none.
 
     problem: the solved problem
     point: the trim
     """
-    trim = problem.system.scaled(point.values)
+    trim = problem.system.scaled(point.values)  # vector of the unknowns, (k,)
     equations, unknowns = problem.count
     starts = [*problem.starts(trim)]
     if not starts or equations != unknowns:
         return []
     starts.append(problem.system.scaled(declared_start(problem.model, problem.asked.imposed)))
     trims = [trim]
-    for z in problem.ends_within(starts):
-        if problem.solved(z) and not any(_are_one_trim(problem, z, known) for known in trims):
+    for z in filter(problem.solved, problem.ends_within(starts)):
+        # Two solutions are one trim up to rounding if the equations also balance between them.
+        is_known = any(
+            all(problem.balanced(z + share * (known - z)) for share in (0.25, 0.5, 0.75))
+            for known in trims
+        )
+        if not is_known:
             trims.append(z)
     return [OperatingPoint._of(problem, z, Status.TRIMMED) for z in trims[1:]]
-
-
-def _are_one_trim(problem: TrimProblem, z: np.ndarray, other: np.ndarray) -> bool:
-    """Return whether two solutions, (k,), are one trim: the equations also balance between them."""
-    return all(problem.balanced(z + share * (other - z)) for share in (0.25, 0.5, 0.75))
 
 
 class Search(NamedTuple):
@@ -143,6 +145,7 @@ def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoi
     model = problem.model
     differences = np.abs(problem.system.scaled(other.values) - problem.system.scaled(point.values))
     different = np.flatnonzero(differences > MINOR * differences.max())
+    # A change of at most `MINOR` of the largest one is left out.
     names = [problem.free[i] for i in different]
     values = ", ".join(f"{name} {model.describe(name, other.values[name])}" for name in names)
     # States decide which trim is found; the search chooses the inputs that balance them.
@@ -153,14 +156,15 @@ def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoi
     return f"Another trim exists: {values}; the initial point {typed} leads to it"
 
 
-#: Outputs whose derivatives are figures.
+#: Outputs whose derivatives are computed, if the model has them.
 _SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust", "gamma")
 #: Names of the output or input with the thrust; the first that a model declares is used.
 _THRUST = ("thrust_force", "thrust")
 #: Number of angles of attack at which the largest lift is searched, and its accuracy, rad.
 _ANGLES = 200
-_NO_MAXIMUM = "no CL_max, and lift without a maximum"
 _ACCURACY = 1e-7
+#: Why a largest lift is unknown: neither is CL_max declared, nor has the lift a maximum over alpha.
+_NO_MAXIMUM = "no CL_max, and lift without a maximum"
 #: Change of the speed between a trim and its neighbors, kt.
 _KNOTS = 0.5
 
@@ -175,7 +179,7 @@ def named_value_text(point: OperatingPoint, name: str) -> str:
     return f"{name} {value_text(point.model, name, point[name])}"
 
 
-#: Name of an entry -> name on the sheet. Models name signals or `About.configuration` so.
+#: Entry of the configuration, as models name signals or `About.configuration` -> name on the sheet.
 ENTRIES = {
     "mass": "mass",
     "center_of_gravity": "c.g.",
@@ -237,12 +241,12 @@ class LargestLift(NamedTuple):
 
     lift: the lift, in the unit of the model
     alpha: angle of attack at which the lift has this value, rad; nan if it is unknown
-    passed: whether the trim is beyond this angle, where the lift falls with alpha
+    trim_is_beyond: whether the trim is at a larger alpha, where the lift falls with alpha
     """
 
     lift: float
     alpha: float = math.nan
-    passed: bool = False
+    trim_is_beyond: bool = False
 
     @property
     def where(self) -> str:
@@ -260,6 +264,8 @@ class Trimmed:
     model: model in coherent units
     unit: function name of a state, input or output -> its unit
     roles: role in the motion of a rigid body -> state ("speed", "alpha", "theta", ...)
+    known: names of the states, inputs and outputs, of which trimmed["lift"] is a value
+    rates: state -> its rate, in the units of the condition
     per_second: factor from the model's unit of time to seconds, of eigenvalues
     imposed: variable -> value that the condition of the point imposes
     thrust_name: name of the output, input or state with the thrust, or ""
@@ -276,31 +282,23 @@ class Trimmed:
         self.roles = recognized(self.model.states)
         found = point.found_by
         self.imposed: Mapping[str, float] = {} if found is None else found.condition.imposed
-        known = (*self.model.inputs, *self.model.outputs, *self.model.states)
-        self.thrust_name = next((name for name in _THRUST if name in known), "")
+        self.known = {*self.model.inputs, *self.model.outputs, *self.model.states}
+        self.rates = point.model.rates_at(point.states, point.inputs)
+        self.thrust_name = next((name for name in _THRUST if name in self.known), "")
         self.per_second = conversion_factor(f"1/{self.model.time_unit}", "1/s") or 1.0
 
-    @cached_property
-    def values(self) -> dict[str, float]:
-        """State, input or output -> value."""
-        return dict(self.coherent)
-
-    @cached_property
-    def rates(self) -> dict[str, float]:
-        """State -> its rate, in the units of the condition."""
-        return self.point.model.rates_at(self.point.states, self.point.inputs)
-
     def __getitem__(self, name: str) -> float:
-        return self.values[name]
+        """Return the value of a state, an input or an output, in coherent units."""
+        return self.coherent[name]
 
-    def lacks(self, *names: str) -> str:
-        """Return which of some outputs are not in the model, as a reason, or ""."""
-        missing = [name for name in names if name not in self.model.outputs]
-        return f"no output {', '.join(missing)}" if missing else ""
-
-    def zero(self, *names: str) -> str:
-        """Return which of some outputs is 0 or not a number, as a reason, or ""."""
-        for name in names:
+    def lacks(self, *names: str, nonzero: Sequence[str] = ()) -> str:
+        """Return why a figure cannot be computed of some outputs, or "" if it can: the model does
+        not have all, or one of `nonzero`, by which the figure divides, is 0 or not finite.
+        """
+        missing = [name for name in (*names, *nonzero) if name not in self.model.outputs]
+        if missing:
+            return f"no output {', '.join(dict.fromkeys(missing))}"
+        for name in nonzero:
             if not self[name] or not math.isfinite(self[name]):
                 return f"the {name.replace('_', ' ')} is {self[name]:g}"
         return ""
@@ -310,8 +308,9 @@ class Trimmed:
         """Mass, center of gravity, inertias and sizes as far as known, by name, in the units of the
         condition.
 
-        The values are those of `About.configuration`, or of parameters, outputs and inputs. Without
-        a mass, it is the weight divided by the gravity.
+        The values are those of `About.configuration`, which takes and returns units of the
+        aircraft's file, or of parameters, outputs and inputs. Without a mass, it is the weight
+        divided by the gravity.
         """
         point = self.point
         model = point.model
@@ -320,14 +319,14 @@ class Trimmed:
         in_si = native is not model
         if native.about.configuration is not None:
             vectors = (
-                (model.states, point.x),
-                (model.inputs, point.u),
-                (model.parameters, model.p),
+                model.native_values(tuple(names), vector)
+                for names, vector in (
+                    (model.states, point.x),
+                    (model.inputs, point.u),
+                    (model.parameters, model.p),
+                )
             )
-            native_vectors = [
-                model.native_values(tuple(names), vector) for names, vector in vectors
-            ]
-            for name, (value, unit) in native.about.configuration(*native_vectors).items():
+            for name, (value, unit) in native.about.configuration(*vectors).items():
                 factor = si_factor(unit) if in_si else 1.0
                 number = value if isinstance(value, str) else float(value) * factor
                 configuration[name] = Quantity(number, si_unit(unit) if in_si else unit)
@@ -355,7 +354,7 @@ class Trimmed:
 
     @cached_property
     def fault(self) -> str:
-        """Reason why the trim has no derivatives and no modes, or ""."""
+        """Reason why the trim has no derivatives and no modes, or "": one is not a number."""
         try:
             _ = self.slopes
         except NotFiniteError as error:
@@ -374,8 +373,8 @@ class Trimmed:
         return Slopes(self.model.state_names, found.A, found.B, dict(outputs))
 
     @cached_property
-    def A(self) -> np.ndarray:
-        """Derivatives of the rates of the model's linear states, (n, n)."""
+    def linear_A(self) -> np.ndarray:
+        """Derivatives of the rates of the model's linear states by these states, (n, n)."""
         rows = self.model.state_places(self.model.linear)
         return self.slopes.A[np.ix_(rows, rows)]
 
@@ -384,34 +383,33 @@ class Trimmed:
         """Modes of the linear model, fastest first; none with a `fault`."""
         if self.fault:
             return ByName()
-        return ByName(modes_of(self.A, self.model.linear, self.model.modes))
+        return ByName(modes_of(self.linear_A, self.model.linear, self.model.modes))
 
     @cached_property
     def quasi_steady(self) -> Slopes:
-        """Derivatives by the states that are no lags, with the lags residualized:
+        """Derivatives by the states that are no lags, while the lags have their steady values:
         x2 = -A22⁻¹ (A21 x1 + B2 u) for the lags x2 and the other states x1.
         """
-        slopes = self.slopes
-        names = slopes.states
-        lags = self._lags()
-        kept = [i for i in range(len(names)) if i not in lags]
-        A22 = slopes.A[np.ix_(lags, lags)]
+        slopes, lags = self.slopes, self._lags()
+        kept = [i for i in range(len(slopes.states)) if i not in lags]
+        A12, A22 = slopes.A[np.ix_(kept, lags)], slopes.A[np.ix_(lags, lags)]
         lags_by_states = -np.linalg.solve(A22, slopes.A[np.ix_(lags, kept)])
         lags_by_inputs = -np.linalg.solve(A22, slopes.B[lags])
-        rates, *outputs = (
-            (
-                by_states[..., kept] + by_states[..., lags] @ lags_by_states,
-                by_inputs + by_states[..., lags] @ lags_by_inputs,
-            )
-            for by_states, by_inputs in ((slopes.A[kept], slopes.B[kept]), *slopes.outputs.values())
-        )
-        of_outputs = dict(zip(slopes.outputs, outputs, strict=True))
-        return Slopes(tuple(names[i] for i in kept), *rates, of_outputs)
+        A = slopes.A[np.ix_(kept, kept)] + A12 @ lags_by_states
+        B = slopes.B[kept] + A12 @ lags_by_inputs
+        outputs = {}
+        for name, (by_states, by_inputs) in slopes.outputs.items():
+            by_lags = by_states[lags]
+            of_kept = by_states[kept] + by_lags @ lags_by_states
+            outputs[name] = of_kept, by_inputs + by_lags @ lags_by_inputs
+        return Slopes(tuple(slopes.states[i] for i in kept), A, B, outputs)
 
     def _lags(self) -> list[int]:
-        """Return the indices of linear states that are no motion, if they have a steady state."""
-        # They are no state that `recognized` names, no altitude, no position whose rate is a state,
-        # and no rate of a position.
+        """Return the indices of the lags: linear states that are no motion, such as those of
+        engines and unsteady lift; none if they have no steady state.
+        """
+        # States of motion are those that `recognized` names, the altitude, and each position, whose
+        # rate is one other state, with this state.
         slopes = self.slopes
         names = slopes.states
         of_motion = {*self.roles.values(), "altitude"}
@@ -485,7 +483,7 @@ class Trimmed:
         if alpha not in declared or len(others) != 1 or not model.inputs:
             return None
         steady = self.quasi_steady
-        if not {alpha, *others} <= {*steady.states}:
+        if not {alpha, *others} <= {*steady.states}:  # the other state is a lag
             return None
         places = [steady.states.index(name) for name in (alpha, *others)]
         A = steady.A[np.ix_(places, places)]
@@ -493,7 +491,7 @@ class Trimmed:
         _, pitching = np.abs(B) * model.nominal(model.inputs)
         strongest = int(np.argmax(pitching))
         if not pitching[strongest] or np.linalg.matrix_rank(balanced(A)[0]) < len(A):
-            return None
+            return None  # no input pitches the aircraft, or no steady state exists
         steady_changes = -np.linalg.solve(A, B[:, strongest])
         load = math.nan
         if "load_factor" in model.outputs:
@@ -540,7 +538,7 @@ class Trimmed:
         by_states, by_inputs = self.slopes.outputs[name]
         of_motion = {*self.roles.values(), "altitude"}
         for state, slope in zip(model.states, by_states, strict=True):
-            if slope and state not in of_motion:
+            if slope and state not in of_motion:  # a state of the engine, which lags its lever
                 return f"the thrust follows the state {state}"
         levers = [lever for lever, slope in zip(model.inputs, by_inputs, strict=True) if slope]
         full = self.coherent.inputs._replace(**{lever: model.inputs[lever].max for lever in levers})
@@ -551,12 +549,6 @@ class Trimmed:
             return "no upper limit of the inputs that change the thrust"
         return thrust
 
-    @property
-    def lacks_coefficient(self) -> str:
-        """Why the lift has no coefficient, or ""."""
-        names = ("lift", "dynamic_pressure", "reference_area")
-        return self.lacks(*names) or self.zero(*names[1:])
-
     @cached_property
     def largest_lift(self) -> LargestLift | str:
         """Largest lift at the speed and the inputs of the trim, or why it is unknown.
@@ -565,7 +557,7 @@ class Trimmed:
         which the output `lift` has this value. Otherwise it is the first maximum of the lift over
         alpha, above the trim, or the last one below a trim at which the lift falls.
         """
-        if reason := self.lacks_coefficient or self.zero("lift"):
+        if reason := self.lacks("lift", nonzero=("dynamic_pressure", "reference_area", "lift")):
             return reason
         model, alpha = self.model, self.roles["alpha"]
         lowest, highest = model.states[alpha].min, model.states[alpha].max
@@ -584,7 +576,7 @@ class Trimmed:
         if above is None:
             return _NO_MAXIMUM
         slopes = np.diff(lift(above))
-        is_stalled = bool(slopes.size and slopes[0] < 0.0)
+        is_stalled = bool(slopes.size and slopes[0] < 0.0)  # lift falls with alpha at the trim
         below = np.linspace(here, min(lowest, here), _ANGLES)
         peak = _first_peak(lift, below if is_stalled else above)
         if peak is None:
@@ -592,7 +584,9 @@ class Trimmed:
         return LargestLift(float(lift(np.array([peak]))[0]), peak, is_stalled)
 
     def _lift_over(self, alpha: str) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the function: angles of attack (N,) -> `lift` (N,), otherwise at the point."""
+        """Return the function angles of attack (N,) -> output `lift` (N,), with all other variables
+        as at the trim.
+        """
         model = self.model
         angle = ca.SX.sym(alpha)
         state = self.coherent.states._replace(**{alpha: angle})
@@ -602,7 +596,10 @@ class Trimmed:
 
 
 def _first_peak(lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> float | None:
-    """Return the angle of the first maximum of the lift along some angles, or None."""
+    """Return the angle of the first maximum of the lift inside a range of angles, or None.
+
+    angles: the range, from the end at which the search begins, (N,)
+    """
     # A lift that remains constant, as beyond the last breakpoint of a table, has no maximum.
     lifts = lift(angles)
     falls = np.flatnonzero(np.diff(lifts) < -ROUNDING * np.abs(lifts).max())
@@ -623,8 +620,9 @@ def _first_peak(lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) ->
 def _first_at(
     lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray, largest: float
 ) -> float:
-    """Return the first angle along some angles at which the lift reaches a value, or nan."""
-    # It is nan if the lift has the value at the first angle already, or at none.
+    """Return the first angle in a range, (N,), at which the lift reaches a value; nan if the lift
+    has this value at the first angle already, or at none.
+    """
     lifts = lift(angles)
     reached = np.flatnonzero(lifts >= largest)
     if not reached.size or reached[0] == 0:

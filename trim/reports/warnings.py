@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -20,7 +21,7 @@ from hfa_support.reporting.text import digits, is_zero, shown_value
 from hfa_support.units import STANDARD_GRAVITY, conversion_factor
 from trim.point.condition import release
 from trim.point.solve import trim
-from trim.reports.trimmed import ENTRIES, Quantity, Trimmed, named_value_text, value_text
+from trim.reports.trimmed import ENTRIES, Trimmed, named_value_text, value_text
 
 #: Parameter of a table -> its entry, where that has another name.
 _ENTRY_OF_PARAMETER = {"cg": "center_of_gravity"}
@@ -30,48 +31,53 @@ _OPTIONAL = ("center_of_gravity_y", "Ixz")
 
 
 def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
-    """Return the rows of the configuration at a trim, with what is unknown of an aircraft.
-
-    Parameters that are not as the model was loaded follow.
+    """Return the rows of the configuration at a trim, the angles of its levers, and the entries of
+    an aircraft that are unknown.
     """
-    model = trimmed.point.model
-    entries = dict(trimmed.configuration)
-    labels = {name: label for name, label in ENTRIES.items() if name in entries}
-    notes = {name: _lever_angle(model, name, entry.value) for name, entry in entries.items()}
-    for parameter, loaded in model.changed.items():
-        name = _ENTRY_OF_PARAMETER.get(parameter, parameter)
-        value, unit = model.parameters[parameter].start, model.unit(parameter)
-        texts = (_lever_angle(model, parameter, value), f"as loaded: {shown_value(loaded, unit)}")
-        notes[name] = ", ".join(filter(None, texts))
-        if name not in entries:
-            entries[name] = Quantity(value, unit)
-            labels[name] = parameter
-    rows: list[Row | Lacking] = [
-        Row(label, *entries[name], notes.get(name, ""), digits=6) for name, label in labels.items()
-    ]
-    for name, label in labels.items():
-        full = model.signals[name].full if name in model.signals else 0.0
-        if full:  # the angle of a lever, whose value is a share
-            rows.append(
-                Row(f"{label} angle", entries[name].value * math.radians(full), "rad", rare=True)
-            )
-    if not entries.keys().isdisjoint(ENTRIES) or "alpha" in trimmed.roles:
-        has_center = any(name.startswith("center_of_gravity") for name in entries)
-        rows += [Lacking("c.g.", "")] * (not has_center)
+    signals = trimmed.point.model.signals
+    known = _known_rows(trimmed)
+    rows: list[Row | Lacking] = [*known.values()]
+    for name, row in known.items():
+        full_angle = signals[name].full if name in signals else 0.0  # deg, of a lever at 1
+        if full_angle:
+            angle = row.value * math.radians(full_angle)
+            rows.append(Row(f"{row.name} angle", angle, "rad", rare=True))
+    if "alpha" in trimmed.roles or not known.keys().isdisjoint(ENTRIES):  # an aircraft
+        if not any(name.startswith("center_of_gravity") for name in known):
+            rows.append(Lacking("c.g.", ""))
         for name, label in ENTRIES.items():
-            if name not in (*entries, *_OPTIONAL) and not label.startswith("c.g."):
+            if name not in (*known, *_OPTIONAL) and not label.startswith("c.g."):
                 rows.append(Lacking(label, ""))
     return rows
 
 
+def _known_rows(trimmed: Trimmed) -> dict[str, Row]:
+    """Return entry or parameter -> row: the known entries of the configuration, and the parameters
+    that are not as the model was loaded.
+    """
+    model, entries = trimmed.point.model, trimmed.configuration
+    rows = {}
+    for name, label in ENTRIES.items():
+        if name in entries:
+            value, unit = entries[name]
+            rows[name] = Row(label, value, unit, _lever_angle(model, name, value), digits=6)
+    for parameter, loaded in model.changed.items():
+        name = _ENTRY_OF_PARAMETER.get(parameter, parameter)
+        value, unit = model.parameters[parameter].start, model.unit(parameter)
+        texts = (_lever_angle(model, parameter, value), f"as loaded: {shown_value(loaded, unit)}")
+        row = rows.get(name) or Row(parameter, value, unit, digits=6)
+        rows[name] = replace(row, note=", ".join(filter(None, texts)))
+    return rows
+
+
 def configuration_lines(trimmed: Trimmed) -> list[str]:
-    """Return a sentence on inertias that no rigid body has, unless it is a warning."""
+    """Return a sentence on inertias that no rigid body has, unless `warnings_of` has it."""
     line = _inertia_line(trimmed)
     return [line] if line and line not in warnings_of(trimmed) else []
 
 
 def _inertia_line(trimmed: Trimmed) -> str:
-    """Return a sentence if no rigid body has the inertias, or ""."""
+    """Return a sentence if no rigid body has the inertias of the configuration, or ""."""
     entries = trimmed.configuration
     if not {"Ixx", "Iyy", "Izz"} <= {*entries}:
         return ""
@@ -81,33 +87,30 @@ def _inertia_line(trimmed: Trimmed) -> str:
 
 
 def _lever_angle(model: Model, name: str, value: Any) -> str:
-    """Return the angle of a lever as text, "15 of 40 deg", or "" if the signal is none."""
+    """Return the angle of a lever, as that of flaps, as "15 of 40 deg"; "" of other signals."""
     signal = model.signals.get(name)
-    if signal is None or not signal.full:
+    if signal is None or not signal.full:  # angle at the value 1
         return ""
     return f"{digits(value * signal.full)} of {digits(signal.full)} deg"
 
 
-#: Lift coefficients at which wings begin to stall are larger.
+#: Wings begin to stall at lift coefficients above this.
 _STALLING = 0.7
 #: Largest usual angle of attack, deg.
 _STEEPEST = 60.0
 #: Outputs that are 0 without air.
 _OF_AIR = ("density", "dynamic_pressure", "keas", "kcas")
-#: Smaller speeds, per nominal speed, are none of a flight.
+#: An aircraft with a smaller speed, as a share of the nominal speed, stands.
 _STANDING = 1e-2
-#: Largest change of the speed, as a share, over which derivatives with respect to it are believed.
+#: Largest change of the speed, as a share, for which derivatives by the speed are valid.
 _NEAR_SPEED = 0.1
 
 
 def warnings_of(trimmed: Trimmed) -> list[str]:
-    """Return sentences on data and on values of the trim that are probably wrong.
-
-    Inertias that `--hold` sets, because they are parameters, are among them.
-    """
+    """Return sentences on data and on values of the trim that are probably wrong, found once."""
     if trimmed.warnings is None:
         said = [*trimmed.point.model.warnings, *_warnings_at(trimmed)]
-        if {"Ixx", "Iyy", "Izz"} <= {*trimmed.model.parameters}:
+        if {"Ixx", "Iyy", "Izz"} <= {*trimmed.model.parameters}:  # `--hold` may have changed them
             said.append(_inertia_line(trimmed))
         trimmed.warnings = [*dict.fromkeys(filter(None, said))]
     return trimmed.warnings
@@ -127,7 +130,7 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
         if drag < -ROUNDING * abs(lift):  # the drag is a component of the force that has the lift
             yield f"the drag is {value_text(model, 'drag', drag)}, below 0; check signs and units"
     domain = model.domain
-    if domain.by_speed and speed in domain.reference:
+    if domain.by_speed and speed in domain.reference:  # derivatives by the speed of a linear table
         stated = domain.reference[speed]
         if abs(point[speed] - stated) > _NEAR_SPEED * stated:
             yield (
@@ -137,7 +140,7 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
             )
     if point.ok:
         for number, (least, most, says) in zip(_compared(trimmed), _IDENTITIES, strict=True):
-            if number < least or number > most:
+            if number < least or number > most:  # nan, of an unknown figure, is neither
                 yield says.format(number)
         if not trimmed.fault and (warning := _unusual_slope(trimmed)):
             yield warning
@@ -150,7 +153,9 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
 
 
 def _steep(trimmed: Trimmed) -> str:
-    """Return a sentence on an alpha at which nothing flies, with its cause or a way to fly."""
+    """Return a sentence on an alpha at which nothing flies, with its cause, or with options of a
+    trim that does.
+    """
     point, model = trimmed.point, trimmed.point.model
     without_air = [
         name
@@ -167,15 +172,17 @@ def _steep(trimmed: Trimmed) -> str:
 
 
 def _flight_options(trimmed: Trimmed) -> str:
-    """Return the options that hold the start values of speed and altitude and free the inputs."""
-    # They are "" if they lead to no trim, or to one that is as steep.
+    """Return the options that hold the start values of speed and altitude and free the inputs, or
+    "" if they lead to no trim, or to one that is as steep.
+    """
     model, condition = trimmed.point.model, trimmed.point.trim_problem.condition
     alpha, speed = trimmed.roles["alpha"], trimmed.roles.get("speed", "")
     imposed = {*condition.imposed}
-    if not imposed.isdisjoint(model.airspeeds):
+    if not imposed.isdisjoint(model.airspeeds):  # one of them is held in place of the speed
         imposed.add(speed)
     motion = [name for name in (speed, "altitude") if name in model.states and name not in imposed]
     hold = {name: model.states[name].start for name in motion}
+    # Inputs that the default condition holds; those that the user holds remain held.
     defaults = {name for name, value in model.trim.items() if condition.imposed.get(name) == value}
     free = [name for name in model.inputs if name in defaults]
     try:
@@ -189,7 +196,7 @@ def _flight_options(trimmed: Trimmed) -> str:
 
 
 def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
-    """Return whether ∂N/∂β, the yawing moment about the body's z-axis by sideslip, is below 0."""
+    """Return whether ∂N/∂β, of the yawing moment about the body's z-axis, is below 0."""
     # Without angular rates, N = Izz dr/dt - Ixz dp/dt. An unknown Ixz is 0.
     roles, states = trimmed.roles, trimmed.slopes.states
     by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
@@ -204,15 +211,18 @@ def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
 
 def _value_in(trimmed: Trimmed, name: str, unit: str) -> float:
     """Return a value of the trim in a unit; nan if it is unknown or has another quantity."""
-    if name not in trimmed.values:
+    if name not in trimmed.known:
         return math.nan
     return trimmed[name] * (conversion_factor(trimmed.unit(name), unit) or math.nan)
 
 
 def _slope_in(trimmed: Trimmed, row: str, column: str, unit: str) -> float:
-    """Return the derivative of a rate per second, or of an output, over a state, in a unit."""
+    """Return the derivative by the state `column` of the output `row`, in a unit, or of the rate of
+    the state `row`, in this unit per second; nan if it is unknown. States may be named by their
+    roles.
+    """
     name, by = trimmed.roles.get(row, row), trimmed.roles.get(column, "")
-    if trimmed.fault or not by or name not in trimmed.values:
+    if trimmed.fault or not by or name not in trimmed.known:
         return math.nan
     slopes = trimmed.slopes
     factor = conversion_factor(trimmed.unit(name), unit) or math.nan
@@ -225,12 +235,11 @@ def _slope_in(trimmed: Trimmed, row: str, column: str, unit: str) -> float:
 
 
 def _unusual_slope(trimmed: Trimmed) -> str:
-    """Return a sentence if CL_alpha is none of an aircraft, or "". Near a stall, any is less."""
-    area = _value_in(trimmed, "reference_area", "m^2") * _value_in(
-        trimmed, "dynamic_pressure", "N/m^2"
-    )
-    slope = _slope_in(trimmed, "lift", "alpha", "N") / (area or math.nan)
-    is_stalling = _value_in(trimmed, "lift", "N") / (area or math.nan) > _STALLING
+    """Return a sentence on a CL_alpha that no aircraft has, or "". A stall reduces any CL_alpha."""
+    pressure = _value_in(trimmed, "dynamic_pressure", "N/m^2")
+    force = _value_in(trimmed, "reference_area", "m^2") * pressure or math.nan
+    slope = _slope_in(trimmed, "lift", "alpha", "N") / force
+    is_stalling = _value_in(trimmed, "lift", "N") / force > _STALLING
     if (is_stalling and slope < 1.0) or is_linear_plant(trimmed.point.model):
         return ""
     return unusual("CL_alpha", slope)
@@ -242,6 +251,8 @@ def _compared(trimmed: Trimmed) -> Iterator[float]:
     model = trimmed.point.model
     weight, speed = value("weight", "N"), value(trimmed.roles.get("speed", ""), "m/s") or math.nan
     thrust = abs(value(trimmed.thrust_name, "N"))
+    # Share of the weight that lift and thrust carry, where the thrust, or without one the weight,
+    # may carry any part of what the lift does not.
     excess = value("lift", "N") - value("load_factor", "1") * weight
     beyond = max(0.0, abs(excess) - (abs(weight) if math.isnan(thrust) else thrust))
     yield 1.0 + math.copysign(beyond, excess) / weight
@@ -253,7 +264,7 @@ def _compared(trimmed: Trimmed) -> Iterator[float]:
     altitude = next(iter(altitudes(trimmed.model.states)), "")
     density = 2.0 * value("dynamic_pressure", "N/m^2") / speed**2
     ratio = density / float(air_at(value(altitude, "m") if altitude else 0.0, "si").density)
-    yield ratio if altitude else max(1.0, ratio)
+    yield ratio if altitude else max(1.0, ratio)  # at an unknown altitude, air may be thin
     for angle in ("theta", "alpha"):  # in coherent units a rate has the unit of the angle over time
         yield slope(angle, "q", "rad") / trimmed.per_second
     yield slope(altitude, "theta", "m") / speed
@@ -279,6 +290,7 @@ def _difference_of_static_margins(trimmed: Trimmed) -> float:
     moment = _slope_in(trimmed, "pitching_moment", "alpha", "N m")
     rate = float(A[states.index(q), states.index(alpha)])
     inertia = _configured_in(trimmed, "Iyy", "kg m^2")
+    # Without an inertia only the signs are compared.
     moment_of_rate = math.copysign(moment, rate) if math.isnan(inertia) else inertia * rate
     chord = _value_in(trimmed, "reference_chord", "m")
     lift_times_chord = _slope_in(trimmed, "lift", "alpha", "N") * chord
