@@ -47,7 +47,7 @@ class FilterMargins(Result):
                 "The linear loop of the gain behind the filter is unstable (spectral radius "
                 f"{self.radius:.4g})."
             )
-        alone = "un" * (self.compensator_radius >= 1.0)
+        alone = "unstable" if self.compensator_radius >= 1.0 else "stable"
         late = (
             f"No delay of all inputs up to {_MOST_SAMPLES} samples that the filter does not know "
             "makes it unstable."
@@ -61,24 +61,27 @@ class FilterMargins(Result):
             f"Linear loop of the gain behind the filter: gain margin {self.gain_low:.3g} to "
             f"{self.gain_high:.3g}, phase {self.phase:.3g} deg, delay "
             f"{1e3 * self.delay:.3g} ms, the smallest of all inputs. {late} Filter and gain "
-            f"alone are {alone}stable (spectral radius {self.compensator_radius:.4g})."
+            f"alone are {alone} (spectral radius {self.compensator_radius:.4g})."
         )
 
 
 def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
-    """Return the margins of the loop of a gain behind a filter, as `KalmanFilter.loop`.
+    """Return the margins of the linear loop of a gain behind a filter.
 
-    An unstable loop has none: they are 1 and 0.
+    Those of an unstable loop are gains of 1, and a phase and delays of 0.
 
     K: (m, k)
     """
     gain = K @ known.sight
-    loop = _delayed(known, gain, 0.0)
+    loop = _late_loop(known, gain, 0.0)
+    alone = known.compensator_radius(K)
     if not loop.radius < 1.0:
-        return FilterMargins(known.compensator_radius(K), loop.radius, 1.0, 1.0, 0.0, 0.0, 0.0)
+        return FilterMargins(
+            alone, loop.radius, gain_low=1.0, gain_high=1.0, phase=0.0, delay=0.0, unknown_delay=0.0
+        )
     inputs = chain_margins(loop).inputs
     return FilterMargins(
-        compensator_radius=known.compensator_radius(K),
+        compensator_radius=alone,
         radius=loop.radius,
         gain_low=max(margin.gain_low for margin in inputs),
         gain_high=min(margin.gain_high for margin in inputs),
@@ -88,22 +91,23 @@ def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
     )
 
 
-def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
-    """Return the loop in which all inputs are late, and the filter does not know.
+def _late_loop(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
+    """Return the loop whose commands act after a delay that the filter does not predict.
 
-    Its states are those of aircraft and air, the commands under way, the latest first, and the
-    predicted states of the filter. G enters at the commands.
+    The states of the loop are those of aircraft and air, the commands under way, the latest first,
+    and the predicted states of the filter.
 
-    gain: -û / x̂, (m, n)
+    gain: (m, n), of the command -gain x̂ of the estimate
     delay: s
     """
     Phi, Gamma, L, C = known.Phi, known.Gamma, known.L, known.C
     (n, m), (whole, rest) = Gamma.shape, in_samples(delay, known.dt)
     plant = late_hold(known.A, known.B, known.dt, rest)
-    count = (whole + (rest > 0.0)) * m
+    count = (whole + (rest > 0.0)) * m  # entries of the commands under way
     size = n + count + n
     F, G, command = np.zeros((size, size)), np.zeros((size, m)), np.zeros((m, size))
     filtered = slice(n + count, size)
+    # x̂ = (I - L C) x⁻ + L C x, of the prediction x⁻
     command[:, :n] = -gain @ L @ C
     command[:, filtered] = -gain @ (np.eye(n) - L @ C)
     F[:n, :n] = Phi
@@ -117,18 +121,19 @@ def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
     if count:
         G[n : n + m] = np.eye(m)
         F[n + m : n + count, n : n + count - m] = np.eye(count - m)  # commands are a sample older
-    predicting = Phi - Gamma @ gain
+    predicting = Phi - Gamma @ gain  # the filter predicts with its own command, without delay
     F[filtered, :n] = predicting @ L @ C
     F[filtered, filtered] = predicting @ (np.eye(n) - L @ C)
     return Chain(F, G, command, n, known.dt, np.eye(size, n))
 
 
 def _unknown_delay(known: KalmanFilter, gain: np.ndarray) -> float | None:
-    """Return the smallest delay of all inputs, unknown to the filter, that is unstable, s."""
+    """Return the smallest delay, s, with which the loop of `_late_loop` is unstable, or None."""
     from scipy.optimize import brentq
 
     def excess(delay: float) -> Any:
-        return _delayed(known, gain, delay).radius - 1.0
+        """Return the spectral radius of the loop with a delay, minus 1."""
+        return _late_loop(known, gain, delay).radius - 1.0
 
     before = 0.0
     for part in range(1, _MOST_SAMPLES * _PARTS + 1):

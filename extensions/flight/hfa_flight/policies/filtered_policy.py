@@ -49,7 +49,8 @@ from hfa_support.reporting.results import storable
 from trim.point.operating_point import OperatingPoint
 
 #: Default time in which commands are faded in, s, and that of a fast gain: one with which the
-#: filter alone, without the aircraft, is unstable. It is lost where the estimate still errs.
+#: filter alone, without the aircraft, is unstable. With a shorter time, such a gain leaves its
+#: limits while the estimate still errs.
 _FADE = 1.0
 _FADE_OF_FAST = 3.0
 #: Function (number of the sample, deviations of all states, what is known of the next sample by a
@@ -101,9 +102,13 @@ class _Prediction(NamedTuple):
 
 
 class _Functions(NamedTuple):
-    """Functions of a filter: (memory, y) -> (memory, whether a value is left out, share of the
-    command that acts), (memory, x, Φ) -> memory of the next sample, x -> linear states that a
-    policy sees, and memory -> standard deviations of the linear states.
+    """Functions of the samples of a filter, whose memory is that of `Estimate`.
+
+    updated: (memory, measured y) -> (memory, whether a value is left out, share of the command that
+        acts)
+    propagated: (memory, predicted x, its slopes Φ) -> memory of the next sample
+    seen: states of the filter -> linear states that a policy sees
+    deviations: memory -> standard deviations of the errors of the linear states
     """
 
     updated: BoundFunction
@@ -113,7 +118,7 @@ class _Functions(NamedTuple):
 
 
 def _bound(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> BoundFunction:
-    """Return the function of some expressions, called with arrays."""
+    """Return the function (symbols `arguments`) -> values of `results`, called with arrays."""
     dense = [ca.densify(result) for result in results]
     return BoundFunction(ca.Function(name, arguments, dense, {"cse": True}))
 
@@ -171,13 +176,13 @@ class FilteredPolicy(SampledPolicy):
         if not (is_finite(fade) and fade >= 0.0):
             raise BadInputError(f"fade is {shown(fade)}; give a time of at least 0 s")
         own = own_sample_time(law, known.dt)
-        if isinstance(law, SampledPolicy):
-            law = replace(law, tick=known.dt)
         if not math.isclose(own, known.dt, rel_tol=1e-6):
             raise BadInputError(
                 f"the filter has samples of {known.dt:g} s, the policy {law.name} of {own:g} s; "
                 f"give the filter dt={own:g}"
             )
+        if isinstance(law, SampledPolicy):
+            law = replace(law, tick=known.dt)  # the filter calls it once a sample
         identity = {"filter": storable(known), **law.identity}
         name = f"{law.name} behind a filter"
         return cls(name, known.point, known.dt, known, law, fade, identity=identity)
@@ -195,7 +200,7 @@ class FilteredPolicy(SampledPolicy):
         """Begin a flight, and make the first plan of a law that plans before its first sample.
 
         X: all states that are expected at the first sample, absolute, (n,)
-        following: not used: what this filter knows is
+        following: not used, because this filter knows the next sample itself
         """
         self.reset()
         memory = self._memory
@@ -208,7 +213,7 @@ class FilteredPolicy(SampledPolicy):
 
     def _prepared_law(self) -> _Law:
         """Return the law of a flight. All functions of a sample are made before the flight."""
-        if self._sample is None:
+        if self._sample is None:  # each cached function is made at its first call
             memory = self._memory_at_trim()
             self._functions.updated.at(memory.estimate, np.zeros(len(self.filter.sensors)))
             self._following(memory, memory.estimate)
@@ -271,7 +276,7 @@ class FilteredPolicy(SampledPolicy):
 
         y: measured deviations from trim, (p,)
         """
-        if self._sample is not None:
+        if self._sample is not None:  # the whole sample is one function
             time = memory.samples * self.dt
             u, memory.estimate, is_left_out = self._sample.at(time, memory.estimate, y)
             memory.samples += 1
@@ -296,8 +301,9 @@ class FilteredPolicy(SampledPolicy):
         """Return the estimate at a sample from measured deviations, (p,)."""
         updated, is_left_out, share = self._functions.updated.at(memory.estimate, y)
         states = updated[: len(self.filter.Phi)]
-        still = np.zeros(len(self.point.u))
-        ahead = self._predicted(states, [*memory.waiting, still], self.ahead).x
+        # the command of this sample, which does not act within `ahead`
+        none_yet = np.zeros(len(self.point.u))
+        ahead = self._predicted(states, [*memory.waiting, none_yet], self.ahead).x
         (seen,) = self._functions.seen.at(ahead)
         plans = isinstance(self.law, SampledPolicy) and self.law.plans
         following = self._following(memory, updated) if plans else None
@@ -314,12 +320,15 @@ class FilteredPolicy(SampledPolicy):
         predicted = self._predicted(updated[:n], commands, self.dt)
         (seen_now,) = self._functions.seen.at(updated[:n])
         (seen_next,) = self._functions.seen.at(predicted.x)
+        # A plan flies on from what it sees now, in still air.
         in_still_air = np.append(seen_now, np.zeros(n - k))
         next_in_still_air = self._predicted(in_still_air, commands, self.dt).x
         next_memory = self._next_memory(updated, predicted)
         (deviations,) = self._functions.deviations.at(next_memory)
         shift = seen_next - next_in_still_air[:k]
-        return NextSample(self._of_all_states(shift), self._of_all_states(deviations))
+        return NextSample(
+            shift=self._of_all_states(shift), deviations=self._of_all_states(deviations)
+        )
 
     def _of_all_states(self, linear: np.ndarray) -> np.ndarray:
         """Return values of the linear states, (k,), among zeros of the other states."""
@@ -356,8 +365,9 @@ class FilteredPolicy(SampledPolicy):
         commands: the commands of the samples until this one, the latest last, (m,) each
         """
         now = _Prediction(x, np.eye(len(x)))
-        for since, duration in acting_commands(self.delay, self.dt, seconds):
-            after, slopes = _model(self.filter, round(duration, 12)).at(now.x, commands[-1 - since])
+        for samples_ago, duration in acting_commands(self.delay, self.dt, seconds):
+            step = _model(self.filter, round(duration, 12))  # rounded, as the key of a cache
+            after, slopes = step.at(now.x, commands[-1 - samples_ago])
             now = _Prediction(after, slopes.reshape(len(x), -1, order="F") @ now.Phi)
         return now
 
@@ -368,14 +378,15 @@ class FilteredPolicy(SampledPolicy):
         n, k = len(known.Phi), len(known.states)
         memory, y = ca.SX.sym("memory", memory_size(known)), ca.SX.sym("y", len(known.sensors))
         x, Phi = ca.SX.sym("x", n), ca.SX.sym("Phi", n, n)
-        before = estimate_in(known, memory)
-        now, is_left_out = updated(known, before, y, self.fade)
-        later = propagated(known, before, x, Phi)
+        estimate = estimate_in(known, memory)  # as expressions of the memory
+        corrected, is_left_out = updated(known, estimate, y, self.fade)
+        predicted = propagated(known, estimate, x, Phi)
+        results = [corrected.packed(), is_left_out, corrected.share]
         return _Functions(
-            _bound("updated", [memory, y], [now.packed(), is_left_out, now.share]),
-            _bound("propagated", [memory, x, Phi], [later.packed()]),
-            _bound("seen", [x], [known.seen(x)]),
-            _bound("deviations", [memory], [ca.sqrt(ca.diag(before.P)[:k])]),
+            updated=_bound("updated", [memory, y], results),
+            propagated=_bound("propagated", [memory, x, Phi], [predicted.packed()]),
+            seen=_bound("seen", [x], [known.seen(x)]),
+            deviations=_bound("deviations", [memory], [ca.sqrt(ca.diag(estimate.P)[:k])]),
         )
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
@@ -403,13 +414,12 @@ class FilteredPolicy(SampledPolicy):
         self, law: DeployedPolicy, scenario: Scenario
     ) -> tuple[Self, Scenario]:
         """Return the policy and the scenario, which has the delay of the deployment."""
-        if not law.delays_itself:  # the policy is already in a scenario
+        if self.tick:  # the policy is already in a scenario, which has the delay
             return self, scenario
         with_tick = scenario.with_tick(law.tick, scenario.step, self.dt)
         delay = scenario.delay + law.deployed.deployment.delay
         policy, late = super().in_scenario(replace(with_tick, delay=delay))
-        prompt = replace(law, delays_itself=False)
-        return replace(policy, law=prompt, ahead=scenario.delay), late
+        return replace(policy, ahead=scenario.delay), late
 
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop near the trim, 1/s, or None without a linear law.
@@ -420,7 +430,7 @@ class FilteredPolicy(SampledPolicy):
         if gain is None:
             return None
         of_samples = np.linalg.eigvals(self.filter.loop(gain).F)
-        return np.log(of_samples[of_samples != 0.0].astype(complex)) / self.dt
+        return np.log(of_samples[of_samples != 0.0].astype(complex)) / self.dt  # s = ln(z) / dt
 
     @cached_property
     def margins(self) -> FilterMargins | None:
@@ -474,10 +484,12 @@ def own_sample_time(policy: Policy, otherwise: float) -> float:
 
 
 def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
-    """Return the law of the estimate: a sampler of the policy, or its expression."""
+    """Return the law (sample, deviations x of all states, what is known of the next sample) ->
+    deviations of the inputs, which evaluates a policy.
+    """
     if isinstance(policy, DeployedPolicy):
         commanded = policy.commander()
-        return lambda _, x, __: commanded(x)
+        return lambda sample, x, following: commanded(x)
     if isinstance(policy, SampledPolicy) and policy.plans:
         policy.reset()
 
@@ -488,14 +500,14 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
         return planned
     sampler = policy.sampler()
     if sampler is not None:
-        return lambda sample, x, _: sampler(sample, x)
+        return lambda sample, x, following: sampler(sample, x)
     rows = point.model.state_places(point.model.linear)
     t, z = ca.SX.sym("t"), ca.SX.sym("z", len(rows))
     held = ca.SX.sym("held", policy.held.shape[1])
     command = command_of(policy, t, z, held)
     function = BoundFunction(ca.Function("law", [t, z, held], [ca.densify(command)]))
 
-    def law(sample: int, x: np.ndarray, _: NextSample | None) -> np.ndarray:
+    def law(sample: int, x: np.ndarray, following: NextSample | None) -> np.ndarray:
         (u,) = function.at(sample * dt, x[rows], policy.held_inputs(sample, sample * dt))
         return np.array(u)
 
@@ -503,7 +515,7 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
 
 
 def command_of(policy: Policy, t: ca.SX, z: ca.SX, held: Any) -> ca.SX:
-    """Return the command of a policy at the state z, as deviations, (m,)."""
+    """Return the command (m,) of a policy at z (k,), without a reference: z is error and state."""
     return policy.control(t, Measurements(z, z), held)
 
 

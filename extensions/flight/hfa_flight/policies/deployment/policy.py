@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Self
@@ -37,12 +37,10 @@ class DeployedPolicy(Policy):
 
     deployed: the policy on its aircraft.
     point: trim from which the deviations are measured.
-    delays_itself: whether the policy delays its commands, or the scenario of the flight does.
     """
 
     deployed: Deployed
     point: OperatingPoint
-    delays_itself: bool = field(default=True, kw_only=True)
 
     @property
     def tick(self) -> float:
@@ -54,6 +52,7 @@ class DeployedPolicy(Policy):
         deployment = self.deployed.deployment
         delay = in_samples(deployment.delay, deployment.dt)
         samples = delay.whole + delay.rest / deployment.dt
+        # The delay is p/q of a sample time, so both are whole numbers of ticks dt/q.
         ratio = Fraction(samples).limit_denominator(_PARTS)
         if not math.isclose(samples, float(ratio), rel_tol=1e-9, abs_tol=1e-9):
             raise BadInputError(
@@ -93,6 +92,7 @@ class DeployedPolicy(Policy):
         trim = self.deployed.trim_vector(self.point)
         states = self.point.x
         inputs = self.point.u
+        # commands that may act at the next sample or later, the oldest first
         under_way = [inputs] * (in_samples(deployment.delay, deployment.dt).whole + 1)
         commanded = BoundFunction(self.deployed.command)
 
@@ -130,6 +130,7 @@ class DeployedPolicy(Policy):
         if equilibrium is None:
             return None
         values = np.linalg.eigvals(chain_of(equilibrium.nominal, timing.dt, timing.delay).closed)
+        # of s = ln(z) / dt, which no z = 0 has: such a mode is over after a sample
         return np.log(values[values != 0.0].astype(complex)) / timing.dt
 
     def notes(self) -> tuple[str, ...]:
