@@ -40,7 +40,7 @@ from controller.riccati.lyapunov import (
     stabilizes,
 )
 from controller.riccati.rationals import disturbance_costs_nothing
-from trim.linear.frequency_response import is_stable_in_doubles
+from hfa_support.matrices import spectral_abscissa, spectral_radius
 from trim.linear.margins import ClosedLoop, DiskMargin, disk_of, loop_of, spread
 
 if TYPE_CHECKING:
@@ -267,7 +267,10 @@ class ClosedLoops:
         None if the loop is not stable as rounded to doubles.
         """
         closed, game = self.with_gain(K), self.enclosure.game
-        if not is_stable_in_doubles(closed, is_discrete=game.is_discrete):
+        is_stable = (
+            spectral_radius(closed) < 1.0 if game.is_discrete else spectral_abscissa(closed) < 0.0
+        )
+        if not is_stable:
             return None
         return loop_of(closed, self.columns(game.B), -self.rows(K), game.dt)
 

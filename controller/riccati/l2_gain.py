@@ -32,8 +32,13 @@ from controller.riccati.candidate import (
 from controller.riccati.enclosure import Enclosure, proved_ball
 from controller.riccati.equation import Entries, users_units
 from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
-from hfa_support.errors import BadInputError, NoSolutionError
-from trim.linear.frequency_response import System, peak_of, scaled_root
+from hfa_support.errors import BadInputError
+from trim.linear.frequency_response import (
+    System,
+    peak_frequency,
+    peak_frequency_of_steps,
+    scaled_root,
+)
 
 if TYPE_CHECKING:
     from flint import acb_mat, arb_mat
@@ -165,10 +170,10 @@ def _at_least(loop: DisturbedLoop) -> float:
     F, E, C = map(midpoints, (loop.F, loop.E, loop.C))
     system = System(F, E, scaled_root(C).T, np.zeros((len(C), E.shape[1])))
     try:
-        frequency = peak_of(system, is_discrete=loop.is_discrete).frequency
+        frequency = (peak_frequency_of_steps if loop.is_discrete else peak_frequency)(system)
         s = acb(0, frequency).exp() if loop.is_discrete else acb(0, frequency)
         response = np.linalg.solve(complex(s) * np.eye(len(F)) - F, E)
-    except (NoSolutionError, np.linalg.LinAlgError):
+    except np.linalg.LinAlgError:
         return 0.0
     worst = np.linalg.eigh(response.conj().T @ C @ response)[1][:, -1]
     d = acb_mat([[complex(entry)] for entry in worst])

@@ -10,13 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_support.errors import NoSolutionError
-from hfa_support.matrices import balanced, spectral_abscissa, spectral_radius
-
-
-def is_stable_in_doubles(loop: np.ndarray, *, is_discrete: bool) -> bool:
-    """Return whether the eigenvalues of a loop are stable in doubles, which proves nothing."""
-    return spectral_radius(loop) < 1.0 if is_discrete else spectral_abscissa(loop) < 0.0
+from hfa_support.matrices import balanced
 
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
@@ -26,10 +20,10 @@ def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
 
 
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """Return units u, (n,), in which the Hamiltonian is balanced: its states are y, z_i = u_i y_i.
+    """Return units u, (n,), in which the Hamiltonian is balanced: states z have the numbers z / u.
 
-    The units are powers of two, in which nothing rounds. They do not depend on P. If Q = 0, and A
-    and S are not, the largest entries of S and A are also of similar size.
+    The units are powers of two, in which nothing rounds. If Q = 0, and A and S are not, the largest
+    entries of S and A are also of similar size.
 
     A, S, Q: (n, n)
 
@@ -43,14 +37,10 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
         S_in_units = S / np.outer(units, units)
         A_in_units = A * units / units[:, None]
         with np.errstate(all="ignore"):
-            logarithm = np.log2(largest(S_in_units)) - np.log2(largest(A_in_units))
+            # Units that are f times as large divide S by f², and leave A.
+            logarithm = np.log2(np.abs(S_in_units).max()) - np.log2(np.abs(A_in_units).max())
             units = units * np.exp2(np.round(0.5 * logarithm))
     return units
-
-
-def largest(matrix: np.ndarray) -> float:
-    """Return the largest magnitude of an entry of a matrix."""
-    return float(np.abs(matrix).max())
 
 
 class System(NamedTuple):
@@ -92,8 +82,6 @@ TOLERANCE = 1e-9
 NEAR_AXIS = 1e-6
 #: Number of the least damped poles near whose frequencies the search for a gain begins.
 STARTS = 2
-#: Largest number of entries of the matrices that are solved at once: 64 MB.
-_LARGEST = 2**22
 
 
 def level_crossings(
@@ -106,9 +94,12 @@ def level_crossings(
 ) -> np.ndarray:
     """Return all frequencies at which a singular value of C (jω I - A)⁻¹ B + D may equal a level.
 
-    The frequencies, in rad/s and ascending, are |Im λ| of all eigenvalues λ of the bounded-real
-    Hamiltonian with |Re λ| <= width |λ| of the largest, by default of all. The level must not be a
-    singular value of D.
+    The frequencies, in rad/s and ascending, are Im λ >= 0 of the eigenvalues λ of the bounded-real
+    Hamiltonian that are near the imaginary axis.
+
+    level: a number that is not a singular value of D
+    width: largest |Re λ|, as a fraction of the largest |λ|; by default all λ are near
+
     Source: Zhou, Doyle and Glover, Section 4.7.
     """
     n, m = B.shape
@@ -126,92 +117,55 @@ def level_crossings(
     return np.sort(roots.imag[near_axis & (roots.imag >= 0.0)])
 
 
-class Peak(NamedTuple):
-    """Largest gain that doubles find, and its frequency.
+def peak_frequency(system: System) -> float:
+    """Return the frequency of the largest gain of a stable system in continuous time, rad/s.
 
-    frequency: rad/s, in discrete time rad/step
+    The frequency is found in doubles. It is inf if no finite frequency has a larger gain than D.
+
+    Raises LinAlgError if a pole is on the imaginary axis within rounding.
+
+    Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
     """
+    # in units of the signals in which B and C have size 1:
+    size_of_B, size_of_C = (float(np.linalg.norm(M)) or 1.0 for M in (system.B, system.C))
+    A, B, C = system.A, system.B / size_of_B, system.C / size_of_C
+    D = system.D / (size_of_B * size_of_C)
+    # Gains are large near 0, and near |λ| and Im λ of the least damped poles λ.
+    poles = np.sort_complex(np.linalg.eigvals(A))
+    poles = poles[poles.imag >= 0.0]
+    with np.errstate(invalid="ignore"):  # λ = 0 has no damping, and is sorted last
+        least_damped = poles[np.argsort(-poles.real / np.abs(poles))[:STARTS]]
+    frequencies = np.concatenate([[0.0], np.abs(least_damped), least_damped.imag])
+    highest, peak = float(np.linalg.norm(D, 2)), math.inf
+    while len(frequencies):
+        resolvents = (1j * frequency * np.eye(len(A)) - A for frequency in frequencies)
+        gains = [np.linalg.norm(C @ np.linalg.solve(each, B) + D, 2) for each in resolvents]
+        most = int(np.argmax(gains))
+        if not gains[most] > highest:
+            break
+        highest, peak = float(gains[most]), float(frequencies[most])
+        # Between two neighboring crossings of the highest gain so far, the gain may be higher.
+        crossings = level_crossings(A, B, C, D, highest * (1.0 + TOLERANCE), NEAR_AXIS)
+        frequencies = (crossings[1:] + crossings[:-1]) / 2.0 if len(crossings) > 1 else crossings
+    return peak
 
-    gain: float
-    frequency: float
 
+def peak_frequency_of_steps(steps: System) -> float:
+    """Return the frequency of the largest gain of a stable system in discrete time, rad/step.
 
-def peak_of(loop: System, *, is_discrete: bool) -> Peak:
-    """Return the largest gain of a stable system, in doubles: an estimate for `l2_gain`.
-
-    Raises NoSolutionError as `responses` does.
+    Raises LinAlgError as `peak_frequency` does.
     """
-    if not is_discrete:
-        return _peak(loop)
     # The gain at infinite frequency, z = -1, makes the search inaccurate. It is the smaller one of
     # those at z = 1 and -1 if z and A change their sign where necessary.
-    one = np.eye(len(loop.A))
+    one = np.eye(len(steps.A))
     at_plus_1, at_minus_1 = (
-        np.linalg.norm(loop.C @ np.linalg.solve(z * one - loop.A, loop.B), 2) for z in (1.0, -1.0)
+        np.linalg.norm(steps.C @ np.linalg.solve(z * one - steps.A, steps.B), 2)
+        for z in (1.0, -1.0)
     )
     is_turned = at_plus_1 < at_minus_1
-    peak = _peak(in_continuous_time(loop._replace(A=-loop.A) if is_turned else loop))
-    angle = 2.0 * math.atan(peak.frequency)
-    return Peak(peak.gain, math.pi - angle if is_turned else angle)
-
-
-def _peak(system: System) -> Peak:
-    """Return the largest gain of a system in continuous time, at infinite frequency if D has it."""
-    # The largest gain at the midpoints between neighboring crossings of a level is the next level:
-    # Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
-    # in units of the signals in which B and C have size 1
-    size_of_B, size_of_C = (float(np.linalg.norm(M)) or 1.0 for M in (system.B, system.C))
-    unit = size_of_B * size_of_C
-    system = System(system.A, system.B / size_of_B, system.C / size_of_C, system.D / unit)
-    best = Peak(float(np.linalg.norm(system.D, 2)), math.inf)
-    frequencies = _resonances(np.sort_complex(np.linalg.eigvals(system.A)))
-    while len(frequencies):
-        highest = _highest_at(system, frequencies)
-        if not highest.gain > best.gain:
-            break
-        best = highest
-        crossings = level_crossings(*system, best.gain * (1.0 + TOLERANCE), NEAR_AXIS)
-        frequencies = (crossings[1:] + crossings[:-1]) / 2.0 if len(crossings) > 1 else crossings
-    return best._replace(gain=best.gain * unit)
-
-
-def _highest_at(system: System, frequencies: np.ndarray) -> Peak:
-    """Return the largest gain at given frequencies. Raises NoSolutionError as `responses` does."""
-    A, B, C, D = system
-    together = max(1, _LARGEST // max(A.size, B.size, D.size))
-    parts = np.split(frequencies, range(together, len(frequencies), together))
-    gains = np.concatenate(
-        [np.linalg.norm(C @ responses(A, B, part) + D, 2, (1, 2)) for part in parts]
-    )
-    most = int(gains.argmax())
-    return Peak(float(gains[most]), float(frequencies[most]))
-
-
-def _resonances(poles: np.ndarray) -> np.ndarray:
-    """Return frequencies near which gains are large: 0, and |λ|, Im λ of the least damped poles."""
-    upper = poles[poles.imag >= 0.0]
-    with np.errstate(invalid="ignore"):  # λ = 0 has no damping, and is sorted last
-        least_damped = upper[np.argsort(-upper.real / np.abs(upper))[:STARTS]]
-    return np.concatenate([[0.0], np.abs(least_damped), least_damped.imag])
-
-
-def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """Return the response of the states to the inputs, (jω I - loop)⁻¹ B, (N, n, m), at N
-    frequencies.
-
-    loop: (n, n), state matrix of a closed loop
-    B: (n, m)
-    frequencies: ω, (N,), rad/s
-
-    Raises NoSolutionError if a pole of the loop is on the imaginary axis within rounding.
-    """
-    resolvent = 1j * frequencies[:, None, None] * np.eye(len(loop)) - loop
-    try:
-        return np.linalg.solve(resolvent, B)
-    except np.linalg.LinAlgError as error:
-        raise NoSolutionError(
-            "the loop has a pole on the imaginary axis, within rounding; give a stabilizing gain"
-        ) from error
+    system = in_continuous_time(steps._replace(A=-steps.A) if is_turned else steps)
+    angle = 2.0 * math.atan(peak_frequency(system))
+    return math.pi - angle if is_turned else angle
 
 
 def scaled_root(M: np.ndarray) -> np.ndarray:

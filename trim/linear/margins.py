@@ -50,11 +50,10 @@ def frequency_grid(eigenvalues: np.ndarray) -> np.ndarray:
     return found[np.append(True, np.diff(found) > _SAME * found[1:])]
 
 
-#: Relative distance of the level above the largest bound found, the relative error of the margin,
+#: Relative distance of the level above the largest bound found, the relative error of the margin.
 ABOVE = 1e-8
-#: which is multiplied by 10 after each such number of frequencies, divided by the square of the
-#: number of inputs, as the time of one frequency grows; twenty frequencies are usual. The search
-#: ends: after at most 9 times as many, no gain is above the level.
+#: For m inputs, this distance is multiplied by 10 after each MANY / m² frequencies, so that the
+#: search ends: after at most 9 times as many, no gain is above the level. Twenty are usual.
 MANY = 120
 #: Rounds of balancing for the initial scaling, which the search at each frequency improves.
 SWEEPS = 20
@@ -130,19 +129,15 @@ class ClosedLoop:
             values, vectors = np.linalg.eig(self.A + change)
         return Modes(values, vectors, np.linalg.inv(vectors))
 
-    @property
-    def poles(self) -> np.ndarray:
-        """Eigenvalues of A, (n,), up to rounding."""
-        return self.modes.values
-
     def at(self, frequencies: np.ndarray) -> np.ndarray:
         """Return M(jω), (N, m, m), at finite frequencies ω, (N,).
 
-        By the modes of A, corrected by residuals: each frequency takes n² operations. Where the
-        corrections do not shrink, as where |A| is far above its slow poles, by equations.
+        The response x = (s I - A)⁻¹ B is computed from the modes of A, with n² operations for each
+        frequency, and corrected by its residual. Where the corrections do not shrink, as where |A|
+        is far above its slow poles, linear equations are solved instead.
         """
         values, vectors, inverse = self.modes
-        s = 1j * np.repeat(frequencies, self.B.shape[1])
+        s = 1j * np.repeat(frequencies, self.B.shape[1])  # a column of x for each ω and each input
         right = np.tile(self.B, len(frequencies))
         x = np.zeros(right.shape, dtype=complex)
         for _ in range(ROUNDS):
@@ -172,11 +167,11 @@ def spread(n: int) -> np.ndarray:
 def loop_of(
     closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray, dt: float | bool | None
 ) -> ClosedLoop:
-    """Return M = I/2 + leaves (s I - closed)⁻¹ enters of a stable loop.
+    """Return M = I/2 + leaves (s I - closed)⁻¹ enters of a stable loop, in balanced units.
 
     closed: (n, n), state matrix of the closed loop
-    enters: (n, m)
-    leaves: (m, n)
+    enters: (n, m), effect of the inputs on the states
+    leaves: (m, n), effect of the states on the inputs
     dt: None in continuous time; in discrete time the sample time, s, or True if it is not known:
         frequencies are then in rad per step
     """
@@ -203,11 +198,12 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
 
     Source: Lawrence, Tits and Van Dooren, Automatica 36 (2000), 449-456.
     """
-    ends = np.unique(np.concatenate([[0.0], np.abs(loop.poles), np.abs(loop.poles.imag)]))
+    poles = loop.modes.values
+    ends = np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(poles.imag)]))
     pieces = list(pairwise([*ends.tolist(), math.inf]))
     # The search begins at the largest bound of a grid: at a level next to σ_max(D), rounding hides
     # the crossings.
-    grid = np.append(ends, near) if near else frequency_grid(loop.poles)
+    grid = np.append(ends, near) if near else frequency_grid(poles)
     M_at_grid = loop.at(grid)
     scalings = _osborne_scaling(M_at_grid)
     largest = scaled_norm(M_at_grid, scalings).argmax()
@@ -276,8 +272,9 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
     """Return the scaling D > 0, as log D, (m,), that minimizes σ_max(D M D⁻¹).
 
     D is diagonal. The minimum is an upper bound of μ(M), exact for m <= 3. For m > 2 it is found
-    with Newton's method, also where singular values are equal: (log D², log γ²) is moved towards
-    the least t log γ² - log det(1 - S'S), S = D M D⁻¹/γ, which is convex; t grows.
+    by an interior-point method, also where singular values are equal: Newton steps decrease
+    t log γ² - log det(1 - S'S) with S = D M D⁻¹/γ, which is convex in (log D², log γ²), and t grows
+    as γ approaches the minimum.
 
     M: (m, m), complex
     start: initial log D, (m,); by default `_osborne_scaling`
@@ -302,6 +299,7 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
             return log_D - log_D[-1]
         roots = np.sqrt(weights)[:, None] * np.hstack([V, ratios[:, None] * U.conj().T])
         products = roots.conj().T @ roots
+        # by log D² and log γ²; t = Σ (1 + ratios²) weights
         slope = np.append((np.abs(U) ** 2 - np.abs(V.T) ** 2) @ weights, weights.sum())
         curvature = growth.T @ np.abs(products) ** 2 @ growth - np.diag(slope)
         curvature[m, :m] -= products.diagonal().real[:m]
@@ -325,16 +323,16 @@ def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
 
 
 def _osborne_scaling(M: np.ndarray) -> np.ndarray:
-    """Return log D, (..., m), for which row i and column i of D M D⁻¹ have about equal norms.
-
-    An entry counts at least as rounding.
-    """
+    """Return log D, (..., m), for which row i and column i of D M D⁻¹ have about equal norms."""
     squares = np.abs(M) ** 2
+    # An entry of 0, as in a triangular M, would have no finite D: it is replaced by a rounding.
     rounding = np.finfo(float).eps ** 2 * squares.max((-2, -1), keepdims=True)
     off = np.maximum(squares, rounding) * (1.0 - np.eye(M.shape[-1])) + np.finfo(float).tiny
     log_D = np.zeros(M.shape[:-1])
     for _ in range(SWEEPS):
         scaled = off * np.exp(2.0 * (log_D[..., :, None] - log_D[..., None, :]))
+        # With the factor 1/4, the norms would become equal if D_i alone changed. All change at
+        # once, so that only half of this step is taken.
         log_D += 0.125 * np.log(scaled.sum(axis=-2) / scaled.sum(axis=-1))
     return log_D
 
@@ -421,7 +419,7 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     only = loop.only(i)
     zeros = np.unique(np.concatenate([_zeros(only, sign) for sign in (-1.0, 1.0)]))
     between = (zeros[1:] + zeros[:-1]) / 2.0
-    resonances = frequency_grid(loop.poles)
+    resonances = frequency_grid(loop.modes.values)
     grid = np.unique(np.concatenate([zeros, between, resonances]))
 
     below = replace(only, D=only.D - 0.5)  # M - 1/2, which is small without rounding

@@ -47,9 +47,6 @@ class NearSwitches(NamedTuple):
     columns: np.ndarray
 
 
-_NOWHERE = NearSwitches(np.zeros(0, dtype=int), np.zeros(0, dtype=int))
-
-
 class MeanSlopes(NamedTuple):
     """A and B at N points, with the mean slopes of both sides at nonsmooth points.
 
@@ -134,28 +131,17 @@ def near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> 
     u: (N, m), inputs
     p: (N, k), parameters
     """
-    steps = difference_steps(model)
-    if _calls_functions(model.layout):
-        return NearSwitches(np.flatnonzero(np.isfinite(x).all(axis=1)), np.arange(len(steps)))
-    switches = _switches(model.layout, steps)
+    steps = STEP * model.nominal((*model.states, *model.inputs))
+    switches = _switches(model.layout, tuple(steps.tolist()))
     if switches is None:
-        return _NOWHERE
+        return NearSwitches(np.flatnonzero(np.isfinite(x).all(axis=1)), np.arange(len(steps)))
     distances, changes = switches(x, u, p)
     is_near = distances <= 0.0
-    if not is_near.any():
-        return _NOWHERE
     points = np.flatnonzero(is_near.any(axis=1))
-    changes_of_near = changes.reshape(*distances.shape, -1)[is_near]
+    changes_of_near = changes.reshape(*distances.shape, len(steps))[is_near]
     if not changes_of_near.any(axis=1).all():  # a switch that depends on z in second order only
         return NearSwitches(points, np.arange(len(steps)))
     return NearSwitches(points, np.flatnonzero(changes_of_near.any(axis=0)))
-
-
-@lru_cache(maxsize=16)
-def difference_steps(model: Model) -> tuple[float, ...]:
-    """Return the finite-difference step of each state and input."""
-    signals = (*model.states.values(), *model.inputs.values())
-    return tuple(STEP * signal.nominal for signal in signals)
 
 
 @lru_cache(maxsize=16)
@@ -173,37 +159,21 @@ def rates_of(layout: Layout) -> ca.Function:
 
 
 @lru_cache(maxsize=16)
-def _calls_functions(layout: Layout) -> bool:
-    """Return whether the equations call functions, whose operations are not visible."""
-    # They are `casadi.interpolant`, and functions that are not inlined.
-    rates = rates_of(layout)
-    return ca.OP_CALL in {rates.instruction_id(k) for k in range(rates.n_instructions())}
-
-
-@lru_cache(maxsize=16)
 def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
-    """Return a function that shows how near points (x, u, p) are to each switch, or None."""
-    # For each switch s, the function returns |s| - 2 Σ m, which is not positive near the switch,
-    # and the changes m = |∂s/∂(x, u)| steps of s by a step of each state and input. The result is
-    # None if the equations have no switch.
-    x, u, p = layout.symbols("x", "u", "p")
-    switches = _switch_expressions(rates_of(layout), [x, u, p])
-    if not switches:
+    """Return a function that shows how near points (x, u, p) are to each switch of the rates, or
+    None if the rates call functions, such as `casadi.interpolant`, whose switches are not visible.
+    """
+    # A switch |.|, sign, min, max, comparison or rounding is at the zeros of an expression s. For
+    # each one, the function returns |s| - 2 Σ m, which is not positive near the switch, and the
+    # changes m = |∂s/∂(x, u)| steps of s by a step of each state and input.
+    rates = rates_of(layout)
+    operations = [rates.instruction_id(k) for k in range(rates.n_instructions())]
+    if ca.OP_CALL in operations:
         return None
-    s = ca.vertcat(*switches)
-    changes = ca.fabs(ca.densify(ca.jacobian(s, ca.vertcat(x, u)))) @ ca.diag(ca.DM(steps))
-    distances = ca.fabs(s) - 2 * ca.sum2(changes)
-    parts = [ca.densify(distances), ca.vec(ca.densify(changes).T)]
-    return RowFunction(ca.Function("switches", [x, u, p], parts))
-
-
-def _switch_expressions(rates: ca.Function, vectors: list[ca.SX]) -> list[ca.SX]:
-    """Return the expressions of states and inputs at whose zeros the rates switch."""
-    # The operations that switch are |.|, sign, min, max, comparison and rounding.
+    x, u, p = vectors = layout.symbols("x", "u", "p")
     switches = []
     memory = [ca.SX(0) for _ in range(rates.sz_w())]
-    for k in range(rates.n_instructions()):
-        operation = rates.instruction_id(k)
+    for k, operation in enumerate(operations):
         sources = rates.instruction_input(k)
         (target, *_) = rates.instruction_output(k)
         if operation == ca.OP_INPUT:
@@ -221,8 +191,13 @@ def _switch_expressions(rates: ca.Function, vectors: list[ca.SX]) -> list[ca.SX]
                 switches.append(ca.sin(ca.pi * operands[0]))
             make = ca.SX.unary if len(operands) == 1 else ca.SX.binary
             memory[target] = make(operation, *operands)
-    x, u, _ = vectors
-    return [switch for switch in switches if ca.depends_on(switch, ca.vertcat(x, u))]
+    z = ca.vertcat(x, u)
+    affected = [switch for switch in switches if ca.depends_on(switch, z)]
+    s = ca.vertcat(ca.SX(0, 1), *affected)  # also without any
+    changes = ca.fabs(ca.densify(ca.jacobian(s, z))) @ ca.diag(ca.DM(steps))
+    distances = ca.fabs(s) - 2 * ca.sum2(changes)
+    parts = [ca.densify(distances), ca.vec(ca.densify(changes).T)]
+    return RowFunction(ca.Function("switches", [x, u, p], parts))
 
 
 def _mean_along(
@@ -231,7 +206,7 @@ def _mean_along(
     """Return slopes (N, n) along a state or input, means where sides differ, and notes by point."""
     name, signal = [*model.states.items(), *model.inputs.items()][column]
     rate_scales = _rate_scales(model)
-    step = _BESIDE * difference_steps(model)[column]
+    step = _BESIDE * STEP * signal.nominal
     below = _side(model, z, p, column, -step)
     above = _side(model, z, p, column, step)
     curvature = below.changes + above.changes  # change of the slopes in a step
