@@ -160,6 +160,7 @@ def adapted_mesh(
     weights: weights of the states in this measure, (k,), and of the inputs, (m,)
     """
     of_states, of_inputs = weights
+    # The leading coefficient of a state's polynomial in an interval, over an interval of length 1.
     leading = np.einsum("j,ijk->ik", _leading(collocation_points()), candidate.nodes)
     curvature = np.abs(leading[:, : len(of_states)] * of_states).sum(axis=1)
     slopes = np.diff(candidate.v, axis=0) / candidate.lengths[:, None]
@@ -267,7 +268,7 @@ class Transcription:
         margin: fraction by which the limits of the states are narrowed, as in `inner_limits`
         """
         problem = self.problem
-        of_states, of_inputs = problem.sizes
+        of_states, of_inputs = problem.nominal
         z = problem.padded(z)
         begin = problem.padded(start)
         below, above = self._bounds(begin, margin)
@@ -299,14 +300,13 @@ class Transcription:
         )
 
     def _bounds(self, begin: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return lower and upper bounds of the unknowns."""
+        """Return lower and upper bounds of the unknowns: the same limits at all points."""
         problem = self.problem
-        of_states, of_inputs = problem.sizes
-        of_intervals = self.intervals, len(of_states)
+        of_states, of_inputs = problem.nominal
         sides = zip(problem.inner_limits(begin, margin), problem.input_limits, strict=True)
         below, above = (
             unknowns_in_order(
-                np.repeat(np.broadcast_to(limit_z / of_states, of_intervals), DEGREE, axis=0),
+                np.tile(limit_z / of_states, (self.intervals * DEGREE, 1)),
                 np.tile(limit_v / of_inputs, (self.intervals + 1, 1)),
             )
             for limit_z, limit_v in sides
@@ -344,7 +344,10 @@ class Transcription:
         return ca.nlpsol("flight", "ipopt", parts, {**OPTIONS, "ipopt.mu_strategy": strategy})
 
     def _slopes(self, z: ca.MX, start: ca.MX) -> ca.MX:
-        """Return the slopes of the states' polynomials at the points, per length of an interval."""
+        """Return the slopes of the states' polynomials at the points, per length of an interval.
+
+        z: states at the collocation points, (k, N DEGREE)
+        """
         ends = z[:, DEGREE - 1 : self.intervals * DEGREE - 1 : DEGREE]
         derivatives, _, _ = ca.collocation_coeff(collocation_points()[1:].tolist())
         unit = ca.DM.eye(self.intervals)

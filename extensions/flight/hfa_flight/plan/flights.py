@@ -68,6 +68,7 @@ class TrackingPolicy(Policy):
         size = (STEPS + 1) * (k + m)
         begin, proposed, K = ca.vertsplit(held, [0, 1, 1 + size, 1 + size + m * k])
         step = STEPS * (t - begin) / self.tick
+        # Weights of the values at the ends of the steps in their linear interpolation.
         weights = [ca.fmax(0.0, 1.0 - ca.fabs(step - knot)) for knot in range(STEPS + 1)]
         interpolated = ca.mtimes(ca.reshape(proposed, k + m, STEPS + 1), ca.vertcat(*weights))
         z_proposed, v_proposed = interpolated[:k], interpolated[k:]
@@ -115,6 +116,7 @@ def tracking_gains(problem: FlightProblem, candidate: CandidateFlight) -> np.nda
 
     A, B = _slopes(problem, candidate)
     S = B @ np.linalg.solve(problem.R, B.transpose(0, 2, 1))
+    # Rates of z and of its costate P z along the optimum: z' = A z - S P z, (P z)' = -Q z - A' P z.
     k = A.shape[1]
     costate = np.zeros((len(A), 2 * k, 2 * k))
     costate[:, :k, :k] = A
@@ -138,9 +140,10 @@ def tracking_gains(problem: FlightProblem, candidate: CandidateFlight) -> np.nda
 
 def _slopes(problem: FlightProblem, candidate: CandidateFlight) -> tuple[np.ndarray, np.ndarray]:
     """Return A, (N, k, k), and B, (N, k, m), at the middle of each interval."""
-    nominal_states, nominal_inputs = problem.sizes
+    nominal_states, nominal_inputs = problem.nominal
     z, v = candidate.at(candidate.ends[:-1] + 0.5 * candidate.lengths)
     middles = np.hstack([z / nominal_states, v / nominal_inputs])
+    # One Jacobian (followed, followed + m) for each interval, beside the others.
     side_by_side = np.array(smooth_slopes(problem).map(len(middles))(middles.T))
     k, followed = len(problem.states), len(nominal_states)
     scaled = side_by_side.reshape(followed, len(middles), -1).transpose(1, 0, 2)

@@ -40,14 +40,15 @@ class HeldModel:
     @cached_property
     def _steps_of_holds(self) -> list[int]:
         """Number of Runge-Kutta steps in each hold."""
-        constants = self.holds * self.scaled.fastest
-        steps = np.ceil((constants**5 / (120.0 * _ERROR)) ** 0.25)
+        # With c time constants in a hold, N steps have the error N (c/N)^5 / 120 = _ERROR.
+        time_constants = self.holds * self.scaled.fastest
+        steps = np.ceil((time_constants**5 / (120.0 * _ERROR)) ** 0.25)
         return np.maximum(1, steps).astype(int).tolist()
 
     @cached_property
     def slopes(self) -> ca.Function:
         """Function (z, v) -> rates, and their derivatives by (z, v)."""
-        _, n, m = self.scaled.sizes
+        _, n, m = self.scaled.counts
         both = ca.SX.sym("both", n + m)
         rates = self._rates(both)
         slopes = ca.densify(ca.jacobian(rates, both))
@@ -65,7 +66,7 @@ class HeldModel:
         """Function ([z, S], v, h) -> [z, S] after one Runge-Kutta step."""
         # S (n, n + m) are the derivatives of z by the states and inputs at the start of the hold.
         _, v, h = self._symbols()
-        _, n, m = self.scaled.sizes
+        _, n, m = self.scaled.counts
         columns = ca.MX.sym("columns", n, 1 + n + m)
 
         def rates(columns: Any, _: float) -> Any:
@@ -78,7 +79,11 @@ class HeldModel:
         return ca.Function("step_slopes", [columns, v, h], [after])
 
     def _held(self, step: ca.Function, count: int) -> ca.Function:
-        """Return the function (z or [z, S], v, seconds) -> z or [z, S] after a hold."""
+        """Return the function (z or [z, S], v, seconds) -> z or [z, S] after a hold.
+
+        step: function of one step, `_step` or `_step_slopes`
+        count: number of steps in the hold
+        """
         begin = ca.MX.sym("begin", *step.size_in(0))
         _, v, seconds = self._symbols()
         repeated = (ca.repmat(column, 1, count) for column in (v, seconds / count))
@@ -87,13 +92,13 @@ class HeldModel:
 
     def _symbols(self) -> list[ca.MX]:
         """Return new symbols of states (n,), inputs (m,) and a duration, s."""
-        _, n, m = self.scaled.sizes
+        _, n, m = self.scaled.counts
         return [*map(ca.MX.sym, ("z", "v", "seconds"), (n, m, 1))]
 
     @cached_property
     def _flown(self) -> BoundFunction:
         """Machine code of (z, v (m, N)) -> states after each hold, (n, N)."""
-        _, n, m = self.scaled.sizes
+        _, n, m = self.scaled.counts
         start, inputs = ca.MX.sym("start", n), ca.MX.sym("inputs", m, len(self.holds))
         seconds = ca.DM(self.holds).T
         last, nodes = start, []
@@ -107,7 +112,7 @@ class HeldModel:
     @cached_property
     def _slopes(self) -> BoundFunction:
         """Machine code of (z (n, N), v (m, N), seconds) -> [z, S] after each hold, side by side."""
-        _, n, m = self.scaled.sizes
+        _, n, m = self.scaled.counts
         count = len(self.holds)
         before = ca.MX.sym("before", n, count)
         inputs = ca.MX.sym("inputs", m, count)
@@ -122,7 +127,7 @@ class HeldModel:
     def _held_slopes(self, count: int) -> ca.Function:
         """Return the function (z, v, seconds) -> [z, S] (n, 1 + n + m) after `count` steps."""
         z, v, seconds = self._symbols()
-        _, n, m = self.scaled.sizes
+        _, n, m = self.scaled.counts
         begin = ca.horzcat(z, ca.DM.eye(n), ca.DM.zeros(n, m))
         after = self._held(self._step_slopes, count)(begin, v, seconds)
         return ca.Function(f"slopes_{count}", [z, v, seconds], [ca.densify(after)])
@@ -138,13 +143,13 @@ class HeldModel:
         return self._held(self._step, self._steps_of_holds[0])
 
     @cached_property
-    def _one(self) -> BoundFunction:
+    def _sample_code(self) -> BoundFunction:
         """Machine code of `sample`."""
         return BoundFunction(machine_code(self.sample))
 
     def after(self, z: np.ndarray, v: np.ndarray, seconds: float) -> np.ndarray:
         """Return the states after a hold that is not longer than the first one, (n,)."""
-        (moved,) = self._one.at(z, v, seconds)
+        (moved,) = self._sample_code.at(z, v, seconds)
         return moved
 
     def flown(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -168,8 +173,9 @@ class HeldModel:
         """
         lengths = self.holds if seconds is None else seconds
         (columns,) = self._slopes.at(z.ravel(), v.ravel(), lengths)
-        both = columns.reshape(len(v), -1, z.shape[1]).transpose(0, 2, 1)
-        return both[:, :, 0], both[:, :, 1:]
+        # CasADi stores the columns one after the other: of each hold z, then those of S.
+        after = columns.reshape(len(v), -1, z.shape[1]).transpose(0, 2, 1)
+        return after[:, :, 0], after[:, :, 1:]
 
 
 #: Fraction of the distance from trim to limit within which the next state must stay.
@@ -191,7 +197,7 @@ class NearestInputs:
 
     def __init__(self, scaled: ScaledProblem, dt: float, within: float = WITHIN) -> None:
         self.model = HeldModel(scaled, np.array([dt]))
-        k = scaled.sizes[0]
+        k = scaled.counts.linear
         lowest, highest = scaled.input_limits
         below, above = (limit[:k] for limit in scaled.state_limits)
         ranges = 0.5 * (highest - lowest)
@@ -225,7 +231,8 @@ class NearestInputs:
             if not np.any(excess):
                 return v
             v = np.clip(v, lowest, highest)
-            # Of each state in turn, the least change of the inputs that removes its excess.
+            # Of each state in turn, the least change of the inputs that removes its excess: they
+            # move against `beyond * by_inputs`, except those that are at the limit on that side.
             for by_inputs, beyond in zip(slopes[0, self._kept, n:], excess, strict=True):
                 can_move = np.where(beyond * by_inputs > 0.0, v > lowest, v < highest)
                 direction = self._squares * by_inputs * can_move
@@ -246,8 +253,8 @@ _LEAST_BOX = 0.1
 class Measured:
     """Samples of a flight: states when the next command acts, predicted from the measured ones.
 
-    The command of a sample acts from the delay after its sample until the next one acts. Before the
-    first command, the inputs are at trim.
+    The command of a sample acts from the delay after this sample until the next command acts.
+    Before the first command, the inputs are at trim.
 
     A sample is wrong if a value is not finite, or differs from its prediction by more than an
     aircraft plausibly moves in one sample without a known reason. Its prediction from the sample
@@ -260,7 +267,7 @@ class Measured:
     """
 
     def __init__(self, model: HeldModel, delay: float) -> None:
-        k, n, _ = model.scaled.sizes
+        k, n, _ = model.scaled.counts
         self._model = model
         self._delay = delay
         self._dt = float(model.holds[0])
@@ -285,7 +292,7 @@ class Measured:
 
         z: measured states, (n,)
         """
-        acting = self._acting(self._count - 1, self._dt)
+        acting = self._acting(self._count - 1, self._dt)  # since the sample before
         predictions = [self._moved(states, acting) for states in self._last]
         agrees = [bool((np.abs(z - states) <= self._most).all()) for states in predictions]
         used: np.ndarray | None = z
@@ -293,7 +300,7 @@ class Measured:
             self.wrong += 1
             used = predictions[0] if predictions else None
         hypotheses = (used,) if used is z else (used, z)
-        self._last = [z for z in hypotheses if z is not None and np.isfinite(z).all()]
+        self._last = [x for x in hypotheses if x is not None and np.isfinite(x).all()]
         return used
 
     def when_acting(self, z: np.ndarray) -> np.ndarray:
@@ -303,6 +310,7 @@ class Measured:
     def command(self, v: np.ndarray) -> None:
         """Add the command of this sample, (m,), and forget those that have acted before it."""
         late = in_samples(self._delay, self._dt).whole
+        # The oldest command that still acts is that of `late` + 1 samples before this one.
         self._commands = [*self._commands, v][-late - 2 :]
         self._count += 1
 
@@ -314,11 +322,11 @@ class Measured:
     def _command(self, number: int) -> np.ndarray:
         """Return the command of a sample, 0 before the flight, (m,)."""
         if number < 0:
-            return np.zeros(self._model.scaled.sizes[2])
-        return self._commands[number - self._count]
+            return np.zeros(self._model.scaled.counts.inputs)
+        return self._commands[number - self._count]  # counted from the latest, of `_count` - 1
 
     def _moved(self, z: np.ndarray, acting: list[tuple[np.ndarray, float]]) -> np.ndarray:
-        """Return the states after inputs that act in turn, each with its duration, (n,)."""
+        """Return the states z after inputs that act in turn, each with its duration, (n,)."""
         for v, seconds in acting:
             z = self._model.after(z, v, seconds)
         return z

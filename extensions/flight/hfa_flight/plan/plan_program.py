@@ -21,7 +21,7 @@ _OPTIONS: dict[str, Any] = {
     "mu0": 1e3,
     **dict.fromkeys(("res_g_max", "res_b_max", "res_d_max", "res_m_max"), _TOLERANCE),
 }
-#: Cost of the plan in the units of the program, for which the tolerances are small.
+#: Cost of the plan in the units of the program. The tolerances are small beside it.
 _COST = 2500.0
 #: Bound that stands for none.
 _FAR = 1e8
@@ -144,6 +144,7 @@ class PlanProgram:
             ones at the middles, (N, F, n + m)
         """
         count, n, m = len(cost.v), self._n, self._m
+        # Unit of the changes, in which the plan costs _COST.
         unit = np.sqrt(max(cost.value, np.finfo(float).tiny) / _COST)
         curvatures = cost.weights.ravel(), 0.5 * cost.slack_curvatures.ravel(), cost.P.ravel()
         H = 2.0 * np.concatenate(curvatures)

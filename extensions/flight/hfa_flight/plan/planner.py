@@ -126,12 +126,13 @@ class Planner:
 
     def _slack_penalties(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return slope and curvature of the cost of a slack for a second, (S,) each."""
-        k, _, _ = self.scaled.sizes
+        k = self.scaled.counts.linear
         lowest, highest = self.scaled.state_limits
-        pull = 2.0 * np.abs(P[:, :k]) @ self.scaled.box
-        penalties = _STIFF * np.maximum(pull, _LEAST_PENALTY * pull.max())[self.soft] / self.grid.dt
-        reach = np.minimum(0.5 * (highest - lowest)[self.soft], _LARGEST_SLACK)
-        return penalties, penalties / reach
+        slopes = 2.0 * np.abs(P[:, :k]) @ self.scaled.box  # largest ones of z'Pz over the box
+        least = _LEAST_PENALTY * slopes.max()
+        penalties = _STIFF * np.maximum(slopes, least)[self.soft] / self.grid.dt
+        largest_slack = np.minimum(0.5 * (highest - lowest)[self.soft], _LARGEST_SLACK)
+        return penalties, penalties / largest_slack
 
     def value(self, z: np.ndarray) -> float:
         """Return the linear cost z'Pz of some states, (n,)."""
@@ -158,12 +159,12 @@ class Planner:
         age: number of samples since the first plan
         """
         holds = self.grid.at(age)
-        halves = 2 * holds.samples
+        halves = 2 * holds.samples  # number of half samples of each hold
         ends = np.cumsum(halves)
         inputs = np.zeros((len(self._flights.holds), v.shape[1]))
         inputs[: ends[-1]] = np.repeat(v, halves, axis=0)
         states = self._flights.flown(z, inputs)[: ends[-1] + 1]
-        nodes, middle = states[np.append(0, ends)], states[ends - holds.samples]
+        nodes, middle = states[np.append(0, ends)], states[ends - halves // 2]
         with np.errstate(all="ignore"):
             both = np.hstack([nodes[:-1], v])
             cost = np.einsum("ki,kij,kj->", both, holds.weights, both) + self.value(nodes[-1])
@@ -195,7 +196,7 @@ class Planner:
     def _flight_of_gain(self) -> BoundFunction:
         """Return the machine code of ([z, cost, excess], K by rows) -> them after four horizons."""
         # K acts on the first k of the n states z; the excess is the largest over the limits.
-        k, n, m = self.scaled.sizes
+        k, n, m = self.scaled.counts
         begin, K = ca.MX.sym("begin", n + 2), ca.MX.sym("K", m * k)
         arguments = [begin, K]
         z, cost, excess = begin[:n], begin[n], begin[n + 1]
@@ -310,18 +311,18 @@ class Planner:
         states = plan.z[1:, self.soft]
         near = (states > _NEAR * highs) | (states < _NEAR * lows)
         needed = set(np.flatnonzero(near.any(axis=0)).tolist())
-        # The programs are sorted, and the last one has the limits of all states.
+        # The smallest programs come first, and the last one has the limits of all states.
         places, program = next(known for known in self._programs if needed <= known[0])
         return np.array(sorted(places), dtype=int), program
 
     def _all_programs(self) -> list[tuple[set[int], PlanProgram]]:
         """Return the programs with the limits at some places in `soft`, the smallest first."""
-        # None is built in a flight: they know no limits, those of the fast states, those of one
-        # other state too, or all.
+        # They are built before a flight: with no limits, with those of the fast states, with these
+        # and those of one other state, and with all.
         fast = set(self._fast.tolist())
         every = set(range(len(self.soft)))
         known = [set[int](), fast, *(fast | {one} for one in sorted(every - fast)), every]
-        _, n, m = self.scaled.sizes
+        _, n, m = self.scaled.counts
         programs = []
         for number, places in enumerate(known):
             if places in known[:number]:
@@ -340,11 +341,12 @@ class Planner:
             ends = self.model.moved_along(z, plan.v, holds.seconds)[1]
             return AlongHolds(ends, ends)
         half = 0.5 * holds.seconds
-        middle, begins = self._halves.moved_along(z, plan.v, half)
-        ends = self._halves.moved_along(middle, plan.v, half)[1]
-        whole = ends[:, :, :n] @ begins
-        whole[:, :, n:] += ends[:, :, n:]
-        return AlongHolds(whole, begins)
+        middle, first_half = self._halves.moved_along(z, plan.v, half)
+        _, second_half = self._halves.moved_along(middle, plan.v, half)
+        # Chain rule: the inputs act in the first half, through the middle, and in the second.
+        whole = second_half[:, :, :n] @ first_half
+        whole[:, :, n:] += second_half[:, :, n:]
+        return AlongHolds(whole, first_half)
 
     def guesses(self, z: np.ndarray, room: Range) -> list[Plan]:
         """Return two first plans: the saturated linear optimum, and the inputs of the trim.
@@ -352,7 +354,7 @@ class Planner:
         If neither flight is finite, that of the double gains follows.
         """
         holds = self.grid.at(0)
-        constant = np.zeros((len(holds.samples), self.scaled.sizes[2]))
+        constant = np.zeros((len(holds.samples), self.scaled.counts.inputs))
         inputs = [self._inputs_of_gains(z, 1.0), constant]
         plans = [self.flown(z, v, room) for v in inputs]
         if not any(np.isfinite(plan.cost) for plan in plans):
@@ -374,10 +376,11 @@ class Planner:
         z: states now, (n,)
         """
         before, holds = self.grid.at(plan.age), self.grid.at(plan.age + 1)
+        # Samples of the plan at which the holds of the next one begin, and the plan's holds then.
         begins = 1 + np.cumsum(holds.samples) - holds.samples
         number = np.searchsorted(np.cumsum(before.samples), begins, side="right")
         v = plan.v[np.minimum(number, len(plan.v) - 1)]
-        beyond = number == len(plan.v)
+        beyond = number == len(plan.v)  # holds that begin after the end of the plan
         if beyond.any():
             v[beyond] = self._last_input(plan, holds.linear[-1], room)
         return self.flown(z, v, room, plan.age + 1)
@@ -390,8 +393,8 @@ class Planner:
         inputs = [self._nearest(z, v) for v in (linear, plan.v[-1], np.zeros(len(linear)))]
         costs = []
         for v in inputs:
-            (after,) = self._nearest.model.moved_along(z[None], v[None])[0]
+            (after,), _ = self._nearest.model.moved_along(z[None], v[None])
             both = np.concatenate([z, v])
-            beyond = self._penalty(after[None], room)
-            costs.append(both @ hold.W @ both + self.value(after) + beyond)
+            penalty = self._penalty(after[None], room)
+            costs.append(both @ hold.W @ both + self.value(after) + penalty)
         return inputs[int(np.argmin(costs))]

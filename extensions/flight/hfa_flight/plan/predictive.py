@@ -79,7 +79,7 @@ class Predictive(SampledPolicy):
 
     def _scaled(self, following: NextSample) -> NextSample:
         """Return what is known of the followed states in nominal values, (followed,) each."""
-        places, sizes = self.problem.followed_places, self.problem.sizes.states
+        places, sizes = self.problem.followed_places, self.problem.nominal.states
         return NextSample(*(values[places] / sizes for values in following))
 
     @property
@@ -101,12 +101,13 @@ class Predictive(SampledPolicy):
     def first_plan(self) -> float | None:
         """Cost of the first plan, or None without one and of a flight that begins at its target."""
         first = self.samples.first
-        return None if first is None or first.cost <= self.controller.nothing else first.cost
+        return None if first is None or first.cost <= self.controller.cost_at_target else first.cost
 
     def sampled_modes(self) -> np.ndarray:
         """Return the eigenvalues of the held linear loop near the trim, 1/s, (k,)."""
-        values = self.controller.end.poles
-        return np.log(values[values != 0.0].astype(complex)) / self.dt
+        poles = self.controller.end.poles  # of the loop from sample to sample
+        # A pole of 0, which has no logarithm, is a mode that ends within one sample.
+        return np.log(poles[poles != 0.0].astype(complex)) / self.dt
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy.
@@ -262,12 +263,14 @@ def predictive(
 
 
 def _end_of(scaled: ScaledProblem, dt: float, end_game: Game) -> tuple[np.ndarray, np.ndarray]:
-    """Return P (n, n) of a game and the gain K (m, k) of the game held dt for ever."""
-    k, n, _ = scaled.sizes
-    if math.isinf(end_game.delta):
+    """Return P (n, n) of a game in continuous time, and the gain K (m, k) of the same game with
+    inputs that are held for samples dt, in nominal units.
+    """
+    k, n, _ = scaled.counts
+    if math.isinf(end_game.delta):  # the LQR, whose P the problem has
         K, _ = hold_of(*scaled.linear_states, dt).infinite_horizon()
         return scaled.P, K
-    of_states, of_inputs = scaled.problem.sizes
+    of_states, of_inputs = scaled.problem.nominal
     P = np.pad(np.array(solve(end_game).P), [(0, n - k)] * 2) * np.outer(of_states, of_states)
     K = np.array(solve(_sampled_game(end_game, dt)).K)
     return P, K * of_states[:k] / of_inputs[:, None]

@@ -32,7 +32,7 @@ MARGIN = 4e-3
 _SAME = 1e-6
 
 
-class NominalSizes(NamedTuple):
+class NominalValues(NamedTuple):
     """Nominal values of the followed states, (followed,), and of the moving inputs, (m,)."""
 
     states: np.ndarray
@@ -98,7 +98,7 @@ class FlightProblem:
         every_rate, _ = self.model.layout.expressions(vectors, ())
         depends = ca.DM(ca.jacobian(every_rate, every).sparsity(), 1).full() != 0.0
         followed = set(self.places)
-        while True:
+        while True:  # add the states on which the followed ones depend, until none is missing
             needed = set(np.flatnonzero(depends[sorted(followed)].any(axis=0)).tolist())
             if needed <= followed:
                 break
@@ -132,9 +132,9 @@ class FlightProblem:
         return self.model.input_places(self.inputs)
 
     @cached_property
-    def sizes(self) -> NominalSizes:
-        """Nominal values of the followed states, (followed,), and of the moving inputs, (m,)."""
-        return NominalSizes(self.model.nominal(self.followed), self.model.nominal(self.inputs))
+    def nominal(self) -> NominalValues:
+        """Nominal values by which deviations are divided in nominal units."""
+        return NominalValues(self.model.nominal(self.followed), self.model.nominal(self.inputs))
 
     def followed_of(self, X: Any) -> np.ndarray:
         """Return the deviations of the followed states in nominal values, (followed,).
@@ -143,7 +143,7 @@ class FlightProblem:
 
         Raises the errors of `deviations_of`.
         """
-        return deviations_of(self.point, X)[self.followed_places] / self.sizes.states
+        return deviations_of(self.point, X)[self.followed_places] / self.nominal.states
 
     def inputs_of(self, v: np.ndarray) -> np.ndarray:
         """Return all inputs, absolute, from the deviations of the moving inputs in nominal values.
@@ -151,12 +151,12 @@ class FlightProblem:
         v: (m,)
         """
         U = self.point.u
-        U[self.moved] += v * self.sizes.inputs
+        U[self.moved] += v * self.nominal.inputs
         return U
 
     def gain_of(self, nominal: np.ndarray) -> np.ndarray:
         """Return the gain K (m, k) of v = -K z from that of nominal values."""
-        of_states, of_inputs = self.sizes
+        of_states, of_inputs = self.nominal
         return nominal * of_inputs[:, None] / of_states[: nominal.shape[1]]
 
     @cached_property
@@ -173,17 +173,15 @@ class FlightProblem:
         lowest = (self.envelope.lowest - trim)[self.followed_places]
         return lowest, (self.envelope.highest - trim)[self.followed_places]
 
-    def inner_limits(
-        self, start: np.ndarray, margin: float | np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def inner_limits(self, start: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
         """Return lowest and highest deviations of the followed states, (followed,) each, for an
-        optimizer, or (N, followed) for N margins.
+        optimizer.
 
         The limits are narrower than `state_limits`. A limit that would exclude the initial
         condition is moved to the initial condition.
 
         start: initial deviations of the followed states, (followed,)
-        margin: fraction by which each limit is narrowed, or several, (N, 1)
+        margin: fraction by which each limit is narrowed
         """
         lowest, highest = self.state_limits
         lowest = np.minimum((1.0 - margin) * lowest, start)
@@ -196,7 +194,7 @@ class FlightProblem:
         The argument is one column of deviations. Those of states and inputs, and the derivatives,
         are divided by nominal values. Inputs that do not move have their trim values.
         """
-        of_states, of_inputs = self.sizes
+        of_states, of_inputs = self.nominal
         count = len(self.followed) + len(self.inputs)
         column = ca.SX.sym("column", count)
         X = [ca.SX(value) for value in self.point.states]
@@ -216,7 +214,7 @@ class FlightProblem:
 
         The weights of carried states are 0.
         """
-        of_states, of_inputs = self.sizes
+        of_states, of_inputs = self.nominal
         of_both = np.outer(of_states, of_states)
         carried = [(0, len(self.carried))] * 2
         Q, P = (np.pad(weight, carried) * of_both for weight in (self.Q, self.P))
@@ -252,7 +250,7 @@ class FlightProblem:
 
     def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
         """Return another trim as deviations z from the trim of the problem, (k,)."""
-        other._refuse_other(self.model)
+        other._refuse_other(self.model)  # a trim of another model
         off: np.ndarray = np.array(other.states) - self.point.x
         for place, name in enumerate(self.model.states):
             if (

@@ -80,14 +80,13 @@ class RecedingHorizon:
     """
 
     def __init__(self, planner: Planner, end: EndPolicy, budget: float) -> None:
-        k, n, _ = planner.scaled.sizes  # k states of the linear model among n followed ones
+        k, n, _ = planner.scaled.counts  # k states of the linear model among n followed ones
         self.planner = planner
         self.end = end
         self.budget = budget
-        _cost = attrgetter("cost")
         #: Cost below which a flight is at its target. The box is that of the states of the linear
         #: model, which are the first of the followed ones.
-        self.nothing = _NOTHING * planner.value(np.pad(planner.scaled.box, (0, n - k)))
+        self.cost_at_target = _NOTHING * planner.value(np.pad(planner.scaled.box, (0, n - k)))
         self.reset(delay=0.0)
 
     def reset(self, delay: float) -> None:
@@ -123,10 +122,11 @@ class RecedingHorizon:
 
     def rehearse(self) -> None:
         """Fly samples with all lengths of holds, so that no function is loaded in a flight."""
-        k, n, _ = self.planner.scaled.sizes
+        k, n, _ = self.planner.scaled.counts
         z = np.pad(self.planner.scaled.box, (0, n - k))
-        for _ in range(1 + self.planner.grid.most_samples[0].max()):
-            self._memory.linear_agrees = False
+        longest_hold = self.planner.grid.most_samples[0].max()
+        for _ in range(1 + longest_hold):
+            self._memory.linear_agrees = False  # plan also where the linear policy would act
             self(z)
         self.reset(delay=0.0)
 
@@ -138,18 +138,19 @@ class RecedingHorizon:
         """
         began = time.thread_time()
         memory = self._memory
-        used: np.ndarray | None = z
+        now: np.ndarray | None = z
         if following is None:
-            used = self._measured.checked(z)
+            now = self._measured.checked(z)
         else:
             memory.room = self.planner.room_of(following)
         planned, first = memory.samples.planned, memory.samples.first
-        v = np.zeros(self.planner.scaled.sizes[2])  # while nothing is known about the states
-        if used is not None:
+        v = np.zeros(self.planner.scaled.counts.inputs)  # trim, if nothing is known of the states
+        if now is not None:
             with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
-                acted = self._measured.when_acting(used)
-                v = self._input(acted, began + self.budget)
+                then = self._measured.when_acting(now)
+                v = self._input(then, began + self.budget)
         self._measured.command(v)
+        # The time of the first plan is recorded apart, as `first_seconds`.
         if memory.samples.planned > planned and first is not None:
             memory.samples.seconds.append(time.thread_time() - began)
         return v
@@ -192,10 +193,13 @@ class RecedingHorizon:
         return self._continued(self.planner.later(last, z, memory.room), promised, until)
 
     def _continued(self, plan: Plan, promised: float, until: float) -> Plan:
-        """Return a plan improved, or a new one if it is far dearer than was promised before."""
+        """Return the plan, improved, or a new one if it costs far more than was promised.
+
+        promised: cost from the begin of the plan on, as it was one sample earlier
+        """
         improved = self._improved(plan, until)
-        is_over = np.isfinite(improved.cost) and time.thread_time() >= until
-        if is_over or self._memory.spent + improved.cost <= _DEARER * promised:
+        is_late = np.isfinite(improved.cost) and time.thread_time() >= until
+        if is_late or self._memory.spent + improved.cost <= _DEARER * promised:
             return improved
         guess = min(self.planner.guesses(plan.z[0], plan.room), key=_cost)
         return min(self._improved(guess, until), improved, key=_cost)
@@ -205,7 +209,7 @@ class RecedingHorizon:
         memory = self._memory
         began = time.thread_time()
         if memory.samples.first is None:
-            until = np.inf
+            until = np.inf  # the first plan of a flight may take longer than a sample
         guesses = sorted(self.planner.guesses(z, memory.room), key=_cost)
         results = [self.planner.improved(guess, _FIRST, until) for guess in guesses]
         memory.samples.unsolved += sum(result.unsolved for result in results)

@@ -69,16 +69,18 @@ def hold_of(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, seconds:
     from scipy.linalg import block_diag, expm
 
     n, m = B.shape
-    rates = np.zeros((n + m, n + m))
+    rates = np.zeros((n + m, n + m))  # of (z; v) in a hold, with v' = 0
     rates[:n] = np.hstack([A, B])
     size = float(np.abs(rates).sum(axis=1).max()) * seconds
     _, exponent = math.frexp(size / _SHORT)  # size / _SHORT < 2^exponent, 0 for 0
     doublings = max(0, exponent)
+    # The exponential of this block matrix contains e^(rates t), and e^(-rates' t) times the
+    # integral W of the cost (Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395).
     of_both = np.block([[-rates.T, block_diag(Q, R)], [np.zeros_like(rates), rates]])
     exponential = expm(of_both * seconds / 2**doublings)
     transition = exponential[n + m :, n + m :]  # of (z; v)
     W = transition.T @ exponential[: n + m, n + m :]
-    for _ in range(doublings):
+    for _ in range(doublings):  # the cost of both halves, and the transition over both
         W = W + transition.T @ W @ transition
         transition = transition @ transition
     return Hold(transition[:n, :n], transition[:n, n:], 0.5 * (W + W.T))
@@ -86,6 +88,23 @@ def hold_of(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, seconds:
 
 #: Fraction of its range by which the inputs move a state that they reach.
 _REACHES = 0.1
+
+
+class SignalCounts(NamedTuple):
+    """Numbers k of states of the linear model, n of followed states and m of moving inputs."""
+
+    linear: int
+    followed: int
+    inputs: int
+
+
+class LinearCost(NamedTuple):
+    """Linear model z' = A z + B v and its running cost z'Qz + v'Rv."""
+
+    A: np.ndarray
+    B: np.ndarray
+    Q: np.ndarray
+    R: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,18 +120,18 @@ class ScaledProblem:
     problem: FlightProblem
 
     @cached_property
-    def sizes(self) -> tuple[int, int, int]:
-        """Numbers k of states of the linear model, n of followed states and m of inputs."""
+    def counts(self) -> SignalCounts:
+        """Numbers of states and inputs."""
         problem = self.problem
-        return len(problem.states), len(problem.followed), len(problem.inputs)
+        return SignalCounts(len(problem.states), len(problem.followed), len(problem.inputs))
 
     @cached_property
-    def linear(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """A (n, n), B (n, m), Q (n, n) and R (m, m). The weights of carried states are 0."""
-        n = self.sizes[1]
-        slopes = np.array(smooth_slopes(self.problem)(0.0))
+    def linear(self) -> LinearCost:
+        """Linear model of the n followed states. The weights of carried states are 0."""
+        n = self.counts.followed
+        slopes = np.array(smooth_slopes(self.problem)(0.0))  # at the trim: all deviations are 0
         Q, R, _ = self.problem.scaled_weights()
-        return slopes[:, :n], slopes[:, n:], Q, R
+        return LinearCost(slopes[:, :n], slopes[:, n:], Q, R)
 
     @cached_property
     def P(self) -> np.ndarray:
@@ -120,16 +139,16 @@ class ScaledProblem:
         return self.problem.scaled_weights()[2]
 
     @cached_property
-    def linear_states(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """A (k, k), B (k, m), Q (k, k) and R (m, m) of the states of the linear model."""
-        k = self.sizes[0]
+    def linear_states(self) -> LinearCost:
+        """Linear model of its k states, without the carried ones."""
+        k = self.counts.linear
         A, B, Q, R = self.linear
-        return A[:k, :k], B[:k], Q[:k, :k], R
+        return LinearCost(A[:k, :k], B[:k], Q[:k, :k], R)
 
     @cached_property
     def poles(self) -> np.ndarray:
         """Poles of the aircraft, 1/s, (k,)."""
-        return np.asarray(np.linalg.eigvals(self.linear_states[0]))
+        return np.asarray(np.linalg.eigvals(self.linear_states.A))
 
     @cached_property
     def loop_poles(self) -> np.ndarray:
@@ -145,7 +164,7 @@ class ScaledProblem:
     @cached_property
     def box(self) -> np.ndarray:
         """Half-widths of the usual box of initial deviations, (k,)."""
-        return usual_box(self.problem) / self.problem.sizes.states[: self.sizes[0]]
+        return usual_box(self.problem) / self.problem.nominal.states[: self.counts.linear]
 
     def suboptimality_weight(self, P: np.ndarray) -> float:
         """Return the relative increase of the mean cost z'Pz over the usual box, against the
@@ -153,7 +172,8 @@ class ScaledProblem:
 
         P: (k, k) or (n, n)
         """
-        k = self.sizes[0]
+        k = self.counts.linear
+        # The mean of z'Pz over a box with half-widths h is the sum of P_ii h_i² / 3.
         mean, least = (np.diag(matrix)[:k] @ self.box**2 for matrix in (P, self.P))
         return float(mean / least - 1.0)
 
@@ -161,26 +181,25 @@ class ScaledProblem:
     def state_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest deviations of the followed states, (n,) each."""
         lowest, highest = self.problem.state_limits
-        sizes = self.problem.sizes.states
-        return lowest / sizes, highest / sizes
+        nominal = self.problem.nominal.states
+        return lowest / nominal, highest / nominal
 
     @cached_property
     def input_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest deviations of the inputs, (m,) each."""
         lowest, highest = self.problem.input_limits
-        sizes = self.problem.sizes.inputs
-        return lowest / sizes, highest / sizes
+        nominal = self.problem.nominal.inputs
+        return lowest / nominal, highest / nominal
 
     def reached(self, dt: float) -> np.ndarray:
-        """Return which followed states the inputs can move by a tenth of their range in dt seconds,
-        (n,). States without limits, and carried ones, are not.
+        """Return a mask of the followed states that the inputs can move by a tenth of their range
+        in dt seconds, (n,). States without limits, and carried ones, do not count.
         """
-        k, n, _ = self.sizes
+        k, n, _ = self.counts
         lowest, highest = self.input_limits
         ranges = 0.5 * (highest - lowest)
-        moves = np.abs(hold_of(*self.linear_states, dt).B) @ np.where(
-            np.isfinite(ranges), ranges, 1.0
-        )
+        ranges = np.where(np.isfinite(ranges), ranges, 1.0)  # an input without limits: nominal
+        moves = np.abs(hold_of(*self.linear_states, dt).B) @ ranges
         below, above = (limit[:k] for limit in self.state_limits)
         room = 0.5 * (above - below)
         return np.pad(np.isfinite(room) & (moves >= _REACHES * room), (0, n - k))
@@ -432,7 +451,7 @@ class EndPolicy:
     """
 
     def __init__(self, scaled: ScaledProblem, hold: Hold, K: np.ndarray) -> None:
-        k = scaled.sizes[0]
+        k = scaled.counts.linear
         self.K = K
         self._scaled = scaled
         loop = hold.A - hold.B @ K

@@ -185,7 +185,7 @@ class BestFlights:
                 return Found(flown, candidate, seconds, meshes, linear)
             simulated.append(replace(flown, policy=REFUSED))
             if flown.departure is None:
-                break
+                break  # narrower limits would not help a flight that is inside them
         raise _Unconfirmed(reason, simulated)
 
     def _agreed(self, coarse: CandidateFlight) -> tuple[CandidateFlight, dict[int, float]]:
@@ -257,8 +257,8 @@ def difference_of_meshes(meshes: Mapping[int, float]) -> float:
 
     meshes: number of intervals -> cost
     """
-    finest = list(meshes.values())[-2:]
-    return max(finest) / min(finest) - 1.0
+    last_two = list(meshes.values())[-2:]
+    return max(last_two) / min(last_two) - 1.0
 
 
 def _cheapest_inside(flights: list[SimulatedFlight]) -> SimulatedFlight | None:

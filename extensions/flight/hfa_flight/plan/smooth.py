@@ -32,7 +32,7 @@ _BLEND_POINTS = 500
 @lru_cache(maxsize=16)
 def smooth_rates(problem: FlightProblem) -> ca.Function:
     """Return the rates of a problem with smoothed tables and switches, or the rates themselves."""
-    of_states, of_inputs = problem.sizes
+    of_states, of_inputs = problem.nominal
     pairs = zip(problem.state_limits, problem.input_limits, strict=True)
     below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
     # Random points are within the limits, and each state and each input without limits is within
@@ -101,24 +101,31 @@ class _Blend:
 
     @staticmethod
     def of(values: np.ndarray, part: float) -> _Blend:
-        """Return the smoothing of a nonsmooth point."""
+        """Return the smoothing of a nonsmooth point.
+
+        values: its argument at the points
+        part: as in `smoothed`
+        """
         finite = values[np.isfinite(values)]
         size = np.abs(finite).max(initial=0.0)
         if len(finite) < len(values) or np.ptp(finite) <= _VARIES * size:
-            return _Blend(0.0)
+            return _Blend(0.0)  # infinite somewhere, or constant
         levels = np.unique(finite)
         if len(levels) == 2:
             return _Blend(0.0, (float(levels[0]), float(levels[1])))
         width = part * float(finite.std())
-        passed = finite.min() <= width and finite.max() >= -width
-        if len(levels) < max(3, len(values) // 20) or not passed:
-            return _Blend(0.0)
+        comes_near_0 = finite.min() <= width and finite.max() >= -width
+        if len(levels) < max(3, len(values) // 20) or not comes_near_0:
+            return _Blend(0.0)  # few values, as of floor, or away from 0
         return _Blend(width)
 
     def step(self, argument: ca.SX, sharp: ca.SX) -> _Value:
-        """Return the smoothed result of a comparison of an argument with 0."""
+        """Return the smoothed result of a comparison of an argument with 0.
+
+        sharp: the result without a blend
+        """
         # 1 above the width, 0 below -width, and smooth between; of two levels of opposite signs,
-        # linear between the levels.
+        # linear between the levels. The polynomial is the integral of 15/16 (1 - t²)² from -1.
         if self.levels is not None:
             low, high = self.levels
             if low < 0.0 < high:
@@ -132,6 +139,7 @@ class _Blend:
 
     def size(self, argument: ca.SX) -> ca.SX:
         """Return a copy of the absolute value with two continuous derivatives."""
+        # The even polynomial equals |t| at ±1, with its first two derivatives.
         sharp = ca.fabs(argument)
         if self.width == 0.0:
             return sharp
@@ -160,7 +168,7 @@ class _Replay:
             code = function.instruction_id(number)
             out = function.instruction_output(number)
             places = function.instruction_input(number)
-            if code == ca.OP_OUTPUT:
+            if code == ca.OP_OUTPUT:  # `out` is (result, entry), as `places` is of an input
                 result[out[1]] = self.work[places[0]].value
             else:
                 self.work[out[0]] = self._value(number, code, places)
@@ -227,7 +235,7 @@ def _chosen(code: int, values: list[_Value]) -> _Value:
         return _Value(_applied(code, operands))
     if code == ca.OP_NOT:
         return _Value(1.0 - operands[0], is_soft=True)
-    a, b = operands
+    a, b = operands  # with values 0 and 1, a b is "and", and a + b - a b is "or"
     if code == ca.OP_IF_ELSE_ZERO:  # the branch b that a selects, 0 otherwise
         if b.is_constant() and not np.isfinite(float(b)):  # 0 inf is not 0
             return _Value(ca.SX.binary(code, a >= 0.5, b))

@@ -126,7 +126,8 @@ class RiccatiPolicy:
         self._attenuated = E @ E.T / delta**2
         self._P = P
         self._kept = [scaled.problem.states.index(name) for name in self.nearest.states]
-        self._limit_weight = limit_weight * float(np.linalg.eigvalsh(scaled.linear_states[3])[0])
+        least_weight = float(np.linalg.eigvalsh(scaled.linear_states.R)[0])
+        self._limit_weight = limit_weight * least_weight
         nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
         #: Points of the ray from the trim to the state, as fractions of it, each with its weight.
         self._ray = list(zip(0.5 * (1.0 + nodes), 0.5 * weights, strict=True))
@@ -156,35 +157,38 @@ class RiccatiPolicy:
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Return the inputs (m,) from the measured states z (n,)."""
-        used = self._measured.checked(z)
-        v = np.zeros(self._scaled.sizes[2])  # while nothing is known about the states
-        if used is not None:
-            acted = self._measured.when_acting(used)
-            K = self.gain_at(acted)
-            v = np.clip(-K @ acted[: K.shape[1]], *self._scaled.input_limits)
-            v = self.nearest(acted, v)
+        now = self._measured.checked(z)
+        v = np.zeros(self._scaled.counts.inputs)  # trim, while nothing is known about the states
+        if now is not None:
+            then = self._measured.when_acting(now)  # states when v acts, after the delay
+            K = self.gain_at(then)
+            of_linear_model = then[: K.shape[1]]  # the first states; carried ones have no gain
+            v = np.clip(-K @ of_linear_model, *self._scaled.input_limits)
+            v = self.nearest(then, v)
         self._measured.command(v)
         return v
 
     def gain_at(self, z: np.ndarray) -> np.ndarray:
         """Return R⁻¹ B(z)' P(z), (m, k)."""
-        R = self._scaled.linear_states[3]
-        A = np.sum([weight * self._slopes_at(point * z)[0] for point, weight in self._ray], axis=0)
+        R = self._scaled.linear_states.R
+        # A(z), the mean of ∂f/∂z on the ray from the trim to z, by Gauss quadrature.
+        A = np.sum([weight * self._slopes_at(part * z)[0] for part, weight in self._ray], axis=0)
         _, B = self._slopes_at(z)
         return np.linalg.solve(R, B.T @ self._solution(A, B, self._weights(z), R))
 
     def _slopes_at(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return ∂f/∂z (k, k) and ∂f/∂v (k, m) at v = 0."""
-        k, n, m = self._scaled.sizes
+        k, n, m = self._scaled.counts
         (entries,) = self._slopes.at(np.concatenate([z, np.zeros(m)]))
-        slopes = entries.reshape(n + m, n).T[:k]
+        slopes = entries.reshape(n + m, n).T[:k]  # CasADi stores the columns one after the other
         return slopes[:, :k], slopes[:, n:]
 
     def _weights(self, z: np.ndarray) -> np.ndarray:
         """Return Q(z), (k, k)."""
-        Q = self._scaled.linear_states[2].copy()
+        Q = self._scaled.linear_states.Q.copy()
+        lowest, highest = self._scaled.state_limits
         for place in self._kept:
-            limit = self._scaled.state_limits[int(z[place] > 0.0)][place]
+            limit = highest[place] if z[place] > 0.0 else lowest[place]
             Q[place, place] += self._limit_weight * (z[place] / limit) ** 2
         return Q
 
@@ -194,6 +198,8 @@ class RiccatiPolicy:
 
         k = len(A)
         S = B @ np.linalg.solve(R, B.T) - self._attenuated
+        # P maps z to the costate in the stable subspace of the Hamiltonian, which the first k
+        # Schur vectors span. P is computed in a unit in which S and Q have the same norm.
         scale = math.sqrt(np.linalg.norm(Q) / np.linalg.norm(S))
         try:
             _, vectors, stable = schur(np.block([[A, -S * scale], [-Q / scale, -A.T]]), sort="lhp")
@@ -253,11 +259,11 @@ def state_dependent(
     problem = flight_problem(model, point, Q, R, limits=limits)
     at_trim = game(problem.linear, Q=problem.Q, R=problem.R, delta=delta, E=E)
     scaled = ScaledProblem(problem)
-    of_states = problem.sizes.states[: scaled.sizes[0]]
+    of_states = problem.nominal.states[: scaled.counts.linear]
     P = np.array(solve(at_trim).P) * np.outer(of_states, of_states)
     step = sample_time_of_plans(scaled, dt)
-    disturbing = np.array(at_trim.E) / of_states[:, None]
-    policy = RiccatiPolicy(scaled, step, disturbing, at_trim.delta, P, limit_weight)
+    scaled_E = np.array(at_trim.E) / of_states[:, None]
+    policy = RiccatiPolicy(scaled, step, scaled_E, at_trim.delta, P, limit_weight)
     weights = [matrix.tolist() for matrix in (at_trim.Q, at_trim.R, at_trim.E)]
     identity = {"state-dependent": [weights, at_trim.delta, limit_weight]}
     return StateDependent(
@@ -278,10 +284,11 @@ class KeptInside(Policy):
     policy: the policy
     problem: aircraft, trim and limits
     nearest: nearest inputs of a sample that keep the limits
-    tick: duration of a sample, s
+    interval: duration of a sample, s
     delay: time from a sample until its command acts, s
-    ticks: number of ticks of the flight in a sample
-    changed: one entry, the number of samples of the last flight whose command was changed
+    ticks_per_sample: number of ticks of the flight in a sample
+    changed: one entry, the number of samples of the last flight whose command was changed. It is
+        counted while the policy flies
     """
 
     predicts = False
@@ -289,57 +296,26 @@ class KeptInside(Policy):
     policy: Policy
     problem: FlightProblem
     nearest: NearestInputs
-    tick: float
+    interval: float
     delay: float
-    ticks: int
+    ticks_per_sample: int
     changed: list[int]
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
-        """Return the policy's inputs, or the nearest ones where they differ, (m,)."""
+        """Return the policy's inputs, or the nearest ones where they differ, (m,).
+
+        held: as `_SamplesInside` returns it
+        """
         size = self.policy.held.shape[1]
-        of_policy, is_changed, u = ca.vertsplit(held, [0, size, size + 1, held.numel()])
-        return ca.if_else(is_changed, u, self.policy.control(t, measurements, of_policy))
+        of_policy, is_changed, nearest = ca.vertsplit(held, [0, size, size + 1, held.numel()])
+        return ca.if_else(is_changed, nearest, self.policy.control(t, measurements, of_policy))
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the function (tick, measured) -> held inputs of the policy, whether they are
-        replaced, and the nearest inputs.
-
-        With a delay, a sampled policy too acts on the states when its command acts.
-        """
-        problem, nearest = self.problem, self.nearest
-        own = self.policy
-        step = self.tick / self.ticks
-        policy_held = own.sampler() or (lambda k, _: own.held_inputs(k, k * step))
-        command = BoundFunction(self._command())
-        known = Measured(nearest.model, self.delay)
-        trim = problem.point.x
+        """Return the samples of a new flight, as a function (tick, measured) -> held inputs."""
         self.changed[0] = 0
-        latest = self.held[0]
+        return _SamplesInside(self)
 
-        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
-            """Return the held inputs of a tick, which change at a sample."""
-            nonlocal latest
-            if tick % self.ticks:
-                return latest
-            z = known.when_acting(problem.followed_of(trim + measured))
-            when_acting = measured.copy()
-            if self.delay:
-                when_acting[problem.followed_places] = z * problem.sizes.states
-            held = policy_held(tick, when_acting)
-            (u,) = command.at(tick * step, measured, held)
-            v = u[problem.moved] / problem.sizes.inputs
-            inside = nearest(z, v)
-            is_changed = bool(np.abs(inside - v).max() > _ROUNDING)
-            known.command(inside)
-            self.changed[0] += is_changed
-            if is_changed:
-                u = problem.inputs_of(inside) - problem.point.u
-            latest = np.concatenate([held, [float(is_changed)], u])
-            return latest
-
-        return sample
-
-    def _command(self) -> ca.Function:
+    def command(self) -> ca.Function:
         """Return the function (t, measured, held) -> command of the policy, (m,)."""
         problem = self.problem
         t, measured = ca.SX.sym("t"), ca.SX.sym("measured", len(problem.model.states))
@@ -352,16 +328,17 @@ class KeptInside(Policy):
         """Return the policy with the ticks and the delay of a scenario, and the scenario.
 
         A deployment's delay is added to that of the scenario, which acts after the nearest inputs.
-        The policy itself has no delay then: its states are those when its command acts (`sampler`).
+        The policy itself has no delay then: its states are those when its command acts.
 
         Raises BadInputError (of the scenario) for a delay of a deployment that is not a whole
         number of samples.
         """
         policy = self.policy
         if isinstance(policy, DeployedPolicy):
-            late = policy.deployed.deployment.delay + scenario.delay
+            delay = policy.deployed.deployment.delay + scenario.delay
+            # The deployment without its delay, in the scenario without one; both act afterwards.
             policy, scenario = policy.prompt().in_scenario(replace(scenario, delay=0.0))
-            scenario = replace(scenario, delay=late)
+            scenario = replace(scenario, delay=delay)
         else:
             policy, scenario = policy.in_scenario(scenario)
         if isinstance(policy, SampledPolicy):
@@ -372,9 +349,9 @@ class KeptInside(Policy):
             self,
             policy=policy,
             nearest=nearest,
-            tick=scenario.interval,
+            interval=scenario.interval,
             delay=scenario.delay,
-            ticks=scenario.ticks_per_sample,
+            ticks_per_sample=scenario.ticks_per_sample,
             held=held,
         )
         return changed, scenario
@@ -391,6 +368,49 @@ class KeptInside(Policy):
             *self.policy.notes(),
             f"--keep-inside ({names}): the command of {self.changed[0]} samples was changed.",
         )
+
+
+class _SamplesInside:
+    """Samples of one flight of a `KeptInside`.
+
+    With a delay, a sampled policy too acts on the states when its command acts.
+    """
+
+    def __init__(self, kept: KeptInside) -> None:
+        self._kept = kept
+        self._policy = kept.policy.sampler()
+        self._command = BoundFunction(kept.command())
+        self._measured = Measured(kept.nearest.model, kept.delay)
+        self._held = kept.held[0]
+
+    def __call__(self, tick: int, measured: np.ndarray) -> np.ndarray:
+        """Return the held inputs of a tick, which change at a sample: those of the policy, 1 if its
+        command is replaced or else 0, and the inputs in its place.
+
+        measured: deviations of all states, (n,)
+        """
+        kept, problem = self._kept, self._kept.problem
+        if tick % kept.ticks_per_sample:
+            return self._held
+        time = tick * (kept.interval / kept.ticks_per_sample)
+        z = self._measured.when_acting(problem.followed_of(problem.point.x + measured))
+        when_acting = measured.copy()
+        if kept.delay:
+            when_acting[problem.followed_places] = z * problem.nominal.states
+        if self._policy is None:
+            of_policy = kept.policy.held_inputs(tick, time)
+        else:
+            of_policy = self._policy(tick, when_acting)
+        (u,) = self._command.at(time, measured, of_policy)
+        v = u[problem.moved] / problem.nominal.inputs
+        inside = kept.nearest(z, v)
+        is_changed = bool(np.abs(inside - v).max() > _ROUNDING)
+        self._measured.command(inside)
+        kept.changed[0] += is_changed
+        if is_changed:
+            u = problem.inputs_of(inside) - problem.point.u
+        self._held = np.concatenate([of_policy, [float(is_changed)], u])
+        return self._held
 
 
 def keep_inside(
@@ -429,12 +449,15 @@ def keep_inside(
     return kept_inside(policy, flight_problem(model, point, limits=limits))
 
 
-def kept_inside(policy: Policy, problem: FlightProblem, tick: float = 0.01) -> KeptInside:
-    """Return the policy of `keep_inside` for a problem, and samples of a flight, s."""
-    nearest = NearestInputs(ScaledProblem(problem), tick)
+def kept_inside(policy: Policy, problem: FlightProblem, interval: float = 0.01) -> KeptInside:
+    """Return the policy of `keep_inside` for a problem.
+
+    interval: duration of a sample of the flight, s
+    """
+    nearest = NearestInputs(ScaledProblem(problem), interval)
     if not nearest.states:
         raise BadInputError(
-            f"in {tick:g} s the inputs move no limited state by a tenth of its range; remove "
+            f"in {interval:g} s the inputs move no limited state by a tenth of its range; remove "
             "keep-inside"
         )
     held = np.zeros((1, policy.held.shape[1] + 1 + len(problem.model.inputs)))
@@ -443,9 +466,9 @@ def kept_inside(policy: Policy, problem: FlightProblem, tick: float = 0.01) -> K
         policy,
         problem,
         nearest,
-        tick,
+        interval,
         delay=0.0,
-        ticks=1,
+        ticks_per_sample=1,
         changed=[0],
         held=held,
         identity={**policy.identity, "keeps": list(nearest.states)},

@@ -114,7 +114,7 @@ def test_one_quadratic_program_makes_the_last_plan_the_optimum_of_another_state(
     K = gain_of_holds(np.array(linear.A), np.array(linear.B), policy.holds)
     policy(0.0, [0.97, -0.1])
     # The input of the second sample in the first plan, N: v is in units of sizes[1].
-    planned = float(policy.samples.first.v[1, 0]) * policy.problem.sizes.inputs[0]
+    planned = float(policy.samples.first.v[1, 0]) * policy.problem.nominal.inputs[0]
     elsewhere = np.array([0.95, -0.3])
     assert abs(planned + (K @ elsewhere).item()) > 0.05
     np.testing.assert_allclose(policy(policy.dt, elsewhere), -K @ elsewhere, rtol=1e-5)
@@ -435,7 +435,7 @@ def test_a_spent_budget_flies_the_last_plan_on():
     plan = policy.controller.samples.first
     policy(0.0, [3.0, 0.1])
     (force,) = policy(policy.dt, [2.95, 0.0])
-    assert force == pytest.approx(float(plan.v[1, 0]) * policy.problem.sizes.inputs[0], abs=1e-9)
+    assert force == pytest.approx(float(plan.v[1, 0]) * policy.problem.nominal.inputs[0], abs=1e-9)
     assert policy.samples.late == 1
 
 
