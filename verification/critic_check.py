@@ -157,7 +157,7 @@ def verify(
     return Verdict(
         critic=judged,
         exact=exact,
-        checks=explained(checks, reason),
+        checks=explained(checks, reason) if reason else tuple(checks),
         limit=limit,
         reason=reason,
         cost_above_optimum_percent=above,
@@ -209,26 +209,21 @@ def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
         array: Any = given if labels_of(given) else numbers_in("critic", given)
         instead = "write hfa.from_value(game, P) or hfa.from_gain(game, K)"
         return from_parts(game, {part_by_shape(array, game, instead): array})
-    if isinstance(given, (TrainingRun, Solution)):
-        _refuse_other_time(game, given.H is not None)
-    if isinstance(given, TrainingRun):
-        return given.critic(game)
-    if isinstance(given, Solution):
-        return from_parts(game, {"P": given.P, "K": given.K})
-    if not isinstance(given, Critic):
+    if not isinstance(given, (Critic, Solution, TrainingRun)):
         raise BadInputError(f"critic is {shown(given)}; give {_CRITICS}")
-    _refuse_other_time(game, given.is_discrete)
-    return given
-
-
-def _refuse_other_time(game: Game, is_discrete: bool | None) -> None:
-    """Raise BadInputError if a critic is known to be of a game in the other kind of time."""
+    # A result has H in discrete time alone; of a critic, the time may be unknown (None).
+    is_discrete = given.is_discrete if isinstance(given, Critic) else given.H is not None
     if is_discrete is not None and is_discrete != game.is_discrete:
         kinds = {False: "continuous", True: "discrete"}
         raise BadInputError(
             f"the critic was made with a game in {kinds[is_discrete]} time, but the game is in "
             f"{kinds[game.is_discrete]} time; make the critic with this game"
         )
+    if isinstance(given, TrainingRun):
+        return given.critic(game)
+    if isinstance(given, Solution):
+        return from_parts(game, {"P": given.P, "K": given.K})
+    return given
 
 
 def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> str:

@@ -67,13 +67,38 @@ class LinearLoop:
         """Checks that A - B K is stable and its L2 gain below delta, unless delta is inf or K is
         not finite; in discrete time, √α (A - B K) must be stable too, or the cost is infinite.
         """
-        checks = _stability_checks(self)
-        delta = self.exact.game.delta
-        if math.isfinite(delta) and self.critic.is_finite:
+        game, loops, K = self.exact.game, self.exact.closed_loops, self.critic.K
+        is_stable = self.suboptimality.is_stable  # proved
+        closed = loops.with_gain(ball_matrix(K))
+        pole = spectral_radius(closed) if game.is_discrete else spectral_abscissa(closed)
+        if (pole < float(game.is_discrete)) != is_stable:  # doubles contradict the proof
+            poles = loops.poles(K)
+            pole = poles.spectral_radius if game.is_discrete else poles.abscissa
+        if game.is_discrete:
+            unstable = f"A - B K has the spectral radius {pole:.7g}"
+            if self.is_exact:
+                why = "the exact solution of this discounted problem does not stabilize either"
+                unstable = f"{unstable}: {why}"
+            discounted = math.sqrt(game.discount) * pole
+            infinite = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
+            has_cost = self.suboptimality.is_summable
+            checks = [
+                _proved_check("control_loop_radius", pole, 1.0, is_stable, unstable, "stability"),
+                _proved_check(
+                    "discounted_loop_radius", discounted, 1.0, has_cost, infinite, "cost"
+                ),
+            ]
+        else:
+            unstable = f"A - B K is not Hurwitz (abscissa {pole:+.3g} 1/s)"
+            name = "control_loop_abscissa"
+            checks = [_proved_check(name, pole, 0.0, is_stable, unstable, "stability")]
+        if math.isfinite(game.delta) and self.critic.is_finite:
             reason = f"the closed loop has an L2 gain of {self.gain:.4g}, not below delta"
             # The cost has a bound if and only if the gain is below delta.
             has_bound = self.suboptimality.matrix is not None
-            checks.append(_proved_check("l2_gain", self.gain, delta, has_bound, reason, "gain"))
+            checks.append(
+                _proved_check("l2_gain", self.gain, game.delta, has_bound, reason, "gain")
+            )
         return checks
 
     @cached_property
@@ -148,32 +173,6 @@ class LinearLoop:
 def _proved_check(name: str, value: float, limit: float, ok: bool, reason: str, kind: str) -> Check:
     """Return the check that a value is below a limit, decided by a proof: the value is rounded."""
     return Check(name, value, limit, ok, "" if ok else reason, "<", kind)
-
-
-def _stability_checks(loop: LinearLoop) -> list[Check]:
-    """Return the checks that A - B K is stable, and in discrete time of a finite cost."""
-    game, K, is_stable = loop.exact.game, loop.critic.K, loop.suboptimality.is_stable
-    closed_loops = loop.exact.closed_loops
-    closed = closed_loops.with_gain(ball_matrix(K))
-    pole = spectral_radius(closed) if game.is_discrete else spectral_abscissa(closed)
-    if (pole < float(game.is_discrete)) != is_stable:  # doubles contradict the proof
-        poles = closed_loops.poles(K)
-        pole = poles.spectral_radius if game.is_discrete else poles.abscissa
-    if not game.is_discrete:
-        unstable = f"A - B K is not Hurwitz (abscissa {pole:+.3g} 1/s)"
-        name = "control_loop_abscissa"
-        return [_proved_check(name, pole, 0.0, is_stable, unstable, "stability")]
-    unstable = f"A - B K has the spectral radius {pole:.7g}"
-    if loop.is_exact:
-        why = "the exact solution of this discounted problem does not stabilize either"
-        unstable = f"{unstable}: {why}"
-    discounted = math.sqrt(game.discount) * pole
-    infinite = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
-    is_summable = loop.suboptimality.is_summable
-    return [
-        _proved_check("control_loop_radius", pole, 1.0, is_stable, unstable, "stability"),
-        _proved_check("discounted_loop_radius", discounted, 1.0, is_summable, infinite, "cost"),
-    ]
 
 
 def _has_worst(suboptimality: Suboptimality) -> bool:

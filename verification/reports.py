@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from hfa_support.reporting.report import Check, Report, verdict_text
 from hfa_support.reporting.results import Entries
 from hfa_support.reporting.text import Cell, Table, entry_rows, percent
 from verification.box import SHARE
-from verification.nonlinear_game import GRADES, NonlinearComparison
+from verification.nonlinear_game import NonlinearComparison
 from verification.verdict import NEAR, OPTIMAL, Verdict
 
 if TYPE_CHECKING:
@@ -65,19 +65,21 @@ def verdict_report(
     values = () if P is None else (P, verdict.exact.P)
     entries = entry_rows(values, (verdict.critic.K, verdict.exact.K), names)
     records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
+    words = game_words(verdict.exact.game)
     critic = f"Critic of {source}" if source else "Critic"
-    heading = [
-        f"{critic} on {names.origin}, against the exact {solution_words(verdict.exact.game)}"
-    ]
+    heading = [f"{critic} on {names.origin}, against the exact {words.solution}"]
     heading += about or (weights_line(verdict.exact.game),)
     heading += verdict.critic.declared.notes
+    wrong = {check.name for check in verdict.checks if check.kind == "error" and not check.ok}
+    if verdict.critic.network:  # its games are compared if it fails, and K is wrong
+        wrong = wrong & {*_OF_K} if verdict.grade == "fail" else set()
     if verdict.reason:
-        where = "" if verdict.nonlinear is None else f", on the {game_words(verdict.exact.game)}"
+        where = "" if verdict.nonlinear is None else f", on the {words.game}"
         heading.append(f"Reason{where}: {verdict.reason}")
-    if _is_unexplained(verdict):
+    elif wrong:
         heading.append(_UNEXPLAINED)
     return Report(
-        "\n".join(_first_lines(verdict, limit_cost)),
+        "\n".join(_first_lines(verdict, limit_cost, words.game)),
         [
             tuple(heading),
             checks_part(verdict.checks),
@@ -92,33 +94,36 @@ def verdict_report(
     )
 
 
-def game_words(game: Game) -> str:
-    """Return the kind of a game in the first line of a verdict, such as "linear game"."""
-    if not game.is_discrete:
-        return "linear game"
-    return "discrete game" if game.dt is True else "sampled game"
+class GameWords(NamedTuple):
+    """A game and its exact solution in words: "linear game", and "game solution"."""
+
+    game: str
+    solution: str
 
 
-def solution_words(game: Game) -> str:
-    """Return what the exact solution of a game is, for the heading of a report."""
+def game_words(game: Game) -> GameWords:
+    """Return the words for a game in the first line and the heading of a verdict."""
     if not game.is_discrete:
-        return "game solution"
+        return GameWords("linear game", "game solution")
     discount = f"discount {game.discount:g} a step"
     if game.dt is True:
-        return f"solution of the game in discrete time, {discount}"
-    return f"solution of the discounted game, {discount} of {game.dt:g} s"
+        return GameWords("discrete game", f"solution of the game in discrete time, {discount}")
+    solution = f"solution of the discounted game, {discount} of {game.dt:g} s"
+    return GameWords("sampled game", solution)
 
 
-def _first_lines(verdict: Verdict, limit_cost: float | None) -> list[str]:
-    """Return the headline, a limit of the cost that decides, and a line for further findings."""
-    game = game_words(verdict.exact.game)
+def _first_lines(verdict: Verdict, limit_cost: float | None, game: str) -> list[str]:
+    """Return the headline, a limit of the cost that decides, and a line for further findings.
+
+    game: the kind of game in words
+    """
     scope = f"on the {game}, {verdict.box.name}"
     if verdict.nonlinear is not None:
         scope = f"of the linear part on the {game}"
     if verdict.flights is not None:
         scope += f", {verdict.flights or 'no'} flight{'' if verdict.flights == 1 else 's'}"
     first, second, *further = _facts(verdict)
-    grade = grade_text(verdict, limit_cost, of_linear_part=True)
+    grade = grade_word(verdict.linear_grade(limit_cost))
     headline = f"{grade} {scope}: {first}"
     if len(headline) + len(second) + 2 <= _FIRST_LINE:
         headline += f", {second}"
@@ -160,7 +165,7 @@ def _nonlinear_lines(
     flown = nonlinear.flown
     about = "near the trim" if flown is None else f"in {flown.where}"
     headline = (
-        f"{_grade_word(nonlinear.grade(limit_cost))} on the nonlinear game {about}, "
+        f"{grade_word(nonlinear.grade(limit_cost))} on the nonlinear game {about}, "
         f"linear part {grade_of_linear_part}"
     )
     findings = [nonlinear.sentence]
@@ -214,24 +219,8 @@ def _network_facts(verdict: Verdict) -> list[str]:
     return [*facts, f"K exact within {verdict.limit:g}"]
 
 
-def grade_text(
-    verdict: Verdict, limit_cost: float | None = None, *, of_linear_part: bool = False
-) -> str:
-    """Return the grade as text: PASS, NEAR or FAIL.
-
-    limit_cost: limit of the cost above the optimum, percent, which decides; or None
-    of_linear_part: whether the nonlinear game is left out
-    """
-    grade = verdict.linear_grade
-    if limit_cost is not None:
-        grade = "exact" if verdict.linear_holds(limit_cost) else "fail"
-    if verdict.nonlinear is not None and not of_linear_part:
-        grade = max(grade, verdict.nonlinear.grade(limit_cost), key=GRADES.index)
-    return _grade_word(grade)
-
-
-def _grade_word(grade: str) -> str:
-    """Return PASS, NEAR or FAIL."""
+def grade_word(grade: str) -> str:
+    """Return PASS, NEAR or FAIL for a grade "exact", "near" or "fail"."""
     return Cell("NEAR", "bad") if grade == "near" else verdict_text(grade == "exact")
 
 
@@ -247,15 +236,6 @@ def _exactness(verdict: Verdict, failed: Sequence[Check]) -> str:
     if verdict.searched:
         return f"no error above {verdict.limit:g} found at {verdict.searched} states"
     return f"exact within {verdict.limit:g}"
-
-
-def _is_unexplained(verdict: Verdict) -> bool:
-    """Return whether it helps to compare the game with that of the training."""
-    if verdict.critic.network:
-        is_wrong = any(check.name in _OF_K and not check.ok for check in verdict.checks)
-        return is_wrong and verdict.grade == "fail" and not verdict.reason
-    has_error = any(check.kind == "error" and not check.ok for check in verdict.checks)
-    return has_error and not verdict.reason
 
 
 def _farthest_entries(
@@ -346,7 +326,7 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
         rows.append(
             (
                 name,
-                grade_text(verdict, limit_cost),
+                grade_word(verdict.graded(limit_cost)),
                 _number_text(verdict.P_rel_error),
                 _number_text(verdict.K_rel_error),
                 _number_text(verdict.largest_error),
@@ -402,8 +382,8 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
     make: function (width, height) -> empty figure, in inches
     """
     names = verdict.exact.names
-    solution = solution_words(verdict.exact.game)
-    title = f"Critic on {names.origin}\nagainst the exact {solution}: {grade_text(verdict)}"
+    solution = game_words(verdict.exact.game).solution
+    title = f"Critic on {names.origin}\nagainst the exact {solution}: {grade_word(verdict.grade)}"
     name = "K" if verdict.critic.P is None else "P"
     rows = names.inputs if name == "K" else names.states
     learned = getattr(verdict.critic, name)

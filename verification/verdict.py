@@ -126,21 +126,7 @@ class Verdict(Checked, Result, Reported):
             an equilibrium off the trim must not exceed the limit either, in percent of V* in the
             box. With None, all checks must pass, and the limit is `NEAR`.
         """
-        return self.linear_holds(limit_cost) and self.nonlinear_holds(limit_cost)
-
-    def linear_holds(self, limit_cost: float | None = None) -> bool:
-        """Return whether the critic passes on the game itself."""
-        above = self.cost_above_optimum_percent
-        if limit_cost is None:
-            return above <= NEAR and all(check.ok for check in self.checks)
-        return above <= limit_cost and self.rests_within(limit_cost) and self.stabilizing
-
-    def nonlinear_holds(self, limit_cost: float | None = None) -> bool:
-        """Return whether the critic passes on the nonlinear game, True if it was not judged there.
-
-        A limit of the cost decides if flights were simulated.
-        """
-        return self.nonlinear is None or self.nonlinear.grade(limit_cost) == "exact"
+        return self.graded(limit_cost) == "exact"
 
     def rests_within(self, limit_cost: float) -> bool:
         """Return whether V* at the equilibrium of a simulated critic is within a limit, percent of
@@ -158,20 +144,32 @@ class Verdict(Checked, Result, Reported):
           on the nonlinear game in a part of the box alone.
         - "fail": all other cases, and a critic that fails on the nonlinear game.
         """
-        if self.nonlinear is None:
-            return self.linear_grade
-        return max(self.linear_grade, self.nonlinear.grade(), key=GRADES.index)
+        return self.graded()
 
-    @property
-    def linear_grade(self) -> str:
-        """The grade without the nonlinear game."""
-        if self.linear_holds():
+    def graded(self, limit_cost: float | None = None) -> str:
+        """Return the grade, on the nonlinear game too if the critic was judged there.
+
+        limit_cost: as for `holds`; with a limit, the linear game has no grade "near"
+        """
+        linear_grade = self.linear_grade(limit_cost)
+        if self.nonlinear is None:
+            return linear_grade
+        return max(linear_grade, self.nonlinear.grade(limit_cost), key=GRADES.index)
+
+    def linear_grade(self, limit_cost: float | None = None) -> str:
+        """Return the grade without the nonlinear game.
+
+        limit_cost: as for `graded`
+        """
+        above = self.cost_above_optimum_percent
+        if limit_cost is not None:
+            is_within = above <= limit_cost and self.rests_within(limit_cost)
+            return "exact" if is_within and self.stabilizing else "fail"
+        failed = {check.kind for check in self.checks if not check.ok}
+        if above <= NEAR and not failed:
             return "exact"
-        for check in self.checks:
-            if not (check.ok or check.kind in ("error", "rest")):
-                return "fail"
-        is_near = self.cost_above_optimum_percent <= NEAR and self.rests_within(NEAR)
-        return "near" if is_near else "fail"
+        is_near = above <= NEAR and self.rests_within(NEAR)
+        return "near" if is_near and failed <= {"error", "rest"} else "fail"
 
     def file_entries(self, limit_cost: float | None = None) -> dict[str, Any]:
         """Return the entries of the verdict for files, name -> value.
@@ -235,7 +233,7 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
 
     The checks are unchanged if this reason already contains the mistake.
 
-    diagnosis: the recognized mistake, or ""
+    diagnosis: the recognized mistake
     """
     with_reason = list(checks)
     for index, check in enumerate(checks):

@@ -105,7 +105,7 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
     if given.at is not None:
         return _solved_table(given.games, given.at, given.source)
     (named,) = given.games
-    reference = reference_of(request.reference, named)
+    reference = reference_of(request.reference, named) if request.reference else None
     with named.hinting_at_discrete_time():
         solution = gare.solve(named.game)
         report = solution.report()
@@ -120,7 +120,8 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
         parts = (*report.parts, expanded.title, *expanded.parts)
         report = replace(report, parts=parts).with_data(expanded.data)
     report = replace(report, parts=(*named.sizes_line(), *report.parts))
-    report = with_tracking(report, reference, named, solution, solution.K)
+    if reference is not None:
+        report = with_tracking(report, reference, named, solution, solution.K)
     return Outcome(
         report=report.with_data(named),
         source=named.source,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -122,7 +122,16 @@ def given_critics(request: VerifyRequest) -> GivenCritics:
     _refuse_unused(request, files)
     single_file = next(iter(files.values())) if len(files) == 1 else None
     named = given_game(request, request.inputs, single_file)
-    named = replace(named, warnings=(*named.warnings, *_notes(request, named, files)))
+    moved = named.game.names.inputs
+    is_part = named.linear is not None and len(moved) < len(named.linear.model.inputs)
+    deployed = [name for name, source in named.weights_from.items() if source == "deployment"]
+    notes = list(named.warnings)
+    for path in files:
+        if deployed:
+            notes.append(f"used: {' and '.join(deployed)} of {path}")
+        if is_part and not request.inputs:
+            notes.append(f"{path} moves {', '.join(moved)}; the other inputs stay at the trim")
+    named = replace(named, warnings=tuple(notes))
     if named.game.is_discrete:
         refuse(request, ("discount", "dt", "reference"), CONTINUOUS_ONLY)
     game = named.game
@@ -151,27 +160,13 @@ def _refuse_unused(request: VerifyRequest, files: Mapping[str, CriticFile]) -> N
         refuse(request, ("reference",), "applies only to continuous time; remove it or --discount")
 
 
-def _notes(
-    request: VerifyRequest, named: NamedGame, files: Mapping[str, CriticFile]
-) -> Iterator[str]:
-    """Yield notes on the cost and the inputs that the files declare."""
-    moved = named.game.names.inputs
-    is_part = named.linear is not None and len(moved) < len(named.linear.model.inputs)
-    deployed = [name for name, source in named.weights_from.items() if source == "deployment"]
-    for path in files:
-        if deployed:
-            yield f"used: {' and '.join(deployed)} of {path}"
-        if is_part and not request.inputs:
-            yield f"{path} moves {', '.join(moved)}; the other inputs stay at the trim"
-
-
 @command(VerifyRequest, given_critics)
 def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
     """Compare a critic with the exact solution of the game.
 
     The exit code is 0 if every check passes or the cost is within --limit-cost, and 1 otherwise."""
     files, named, game = given
-    reference = reference_of(request.reference, named)
+    reference = reference_of(request.reference, named) if request.reference else None
     reading = reading_of(request, named.linear)
     verdicts = {}
     for path, file in with_progress([*files.items()], ProgressLine("compare")):
@@ -186,8 +181,9 @@ def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
                 progress=ProgressLine("verify"),
             )
     report = _report(request, named, verdicts)
-    *_, last = verdicts.values()
-    report = with_tracking(report, reference, named, last.exact, last.critic.K)
+    if reference is not None:  # there is a single critic
+        (verdict,) = verdicts.values()
+        report = with_tracking(report, reference, named, verdict.exact, verdict.critic.K)
     figure = partial(verdicts_figure, verdicts)
     return Outcome(
         report=report,
@@ -211,10 +207,12 @@ def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Ver
     else:
         ((path, verdict),) = verdicts.items()
         about = [named.weights_line()]
-        is_near = verdict.linear_grade == "near" and verdict.nonlinear_holds()
-        if request.limit_cost is None and is_near:
+        is_near = request.limit_cost is None and verdict.linear_grade() == "near"
+        if is_near and verdict.holds(NEAR):
             about.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
         if verdict.critic.network and not verdict.critic.has_weights:
             about.append("Without sample time, delay and input limits; see hfa assess")
         report = verdict_report(verdict, limit_cost=request.limit_cost, about=about, source=path)
-    return report.with_data(named, named.weights)
+    game = named.game
+    weights = {"Q": game.Q, "R": game.R, "weights_from": named.weights_from}
+    return report.with_data(named, weights | ({"N": game.N} if game.N.any() else {}))

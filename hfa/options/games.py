@@ -31,7 +31,6 @@ from hfa.options.argument_types import (
     option_errors,
 )
 from hfa.options.parser import option, refuse
-from hfa.options.plants import is_own
 from hfa.options.trims import OF_THE_TRIM, GivenTrim, TrimOptions, given_trim
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import PlantNames
@@ -302,15 +301,17 @@ def weighted_game(
             used[name] = dict.fromkeys(not_moved, 1.0) | used[name]
     game = replace(game_of(linear, **used), names=plant_names(linear))
     about = linear.model.about
-    sources = weight_sources(weights, cost, about.weights if about.weights_source == "file" else ())
+    is_file = about.weights_source == "file"  # otherwise the HFA with the weights of the paper
+    sources = weight_sources(weights, cost, about.weights if is_file else ())
     notes: tuple[str, ...] = ()
     if of_file := [name for name, source in sources.items() if source == "file"]:
         notes += (f"used: {' and '.join(of_file)} of {linear.model.name}",)
     missing = [name for name, source in sources.items() if source == "default"]
-    if is_own(linear.model) and missing:
+    if is_file and missing:
         usual = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
         notes += (f"{' and '.join(missing)} not given; used: {', '.join(usual)}",)
-    return NamedGame(game, notes, linear=linear, weights_from=sources).with_inputs(inputs)
+    named = NamedGame(game, notes, linear=linear, weights_from=sources)
+    return named.with_inputs(inputs) if inputs else named
 
 
 def weight_sources(
@@ -342,14 +343,15 @@ def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> N
     refuse(request, of_aircraft, "applies only to the aircraft; remove this option or --model")
     weights = given_weights(request, None)
     stored = stored_game(plant, defaults=paper_defaults, **weights)
-    return NamedGame(
+    named = NamedGame(
         stored.game,
         warnings=stored.notes,
         plant_provenance=stored.provenance,
         has_time=stored.has_time,
         weights_from=weight_sources(weights, (), stored.declared),
         source={"model": str(plant)},
-    ).with_inputs(inputs)
+    )
+    return named.with_inputs(inputs) if inputs else named
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,13 +375,6 @@ class NamedGame(Result):
     weights_from: Mapping[str, str] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
 
-    @property
-    def weights(self) -> dict[str, Any]:
-        """Weights Q, R, and N unless it is 0, of the game, with their sources."""
-        game = self.game
-        weights = {"Q": game.Q, "R": game.R, "weights_from": self.weights_from}
-        return weights | ({"N": game.N} if game.N.any() else {})
-
     def weights_line(self) -> str:
         """Return one line of text with Q, R, delta, N unless it is 0, the source of each, and E."""
         return "; ".join((weights_line(self.game, self.weights_from), *self.sizes_line()))
@@ -392,12 +387,10 @@ class NamedGame(Result):
     def with_inputs(self, inputs: Sequence[str]) -> NamedGame:
         """Return the game in which only some inputs move (`Game.select`).
 
-        inputs: the inputs that move, or () for all
+        inputs: the inputs that move
 
         Raises BadInputError, which names --inputs, for an unknown or repeated name.
         """
-        if not inputs:
-            return self
         with prefix_errors("--inputs"):
             linear = None if self.linear is None else self.linear.select(inputs=inputs)
             return replace(self, game=self.game.select(inputs), linear=linear)
@@ -459,12 +452,12 @@ def deviation_signal(model: Model, name: str, text: str) -> Waveform:
 
 
 def reference_of(texts: Mapping[str, str], named: NamedGame) -> dict[str, Waveform]:
-    """Return state -> signal of its deviation from the trim, from the texts of --reference.
+    """Return state -> signal of its deviation from the trim, from the words of --reference.
+
+    texts: state -> signal as typed
 
     Raises BadInputError without an aircraft in continuous time, and for an unknown state or signal.
     """
-    if not texts:
-        return {}
     if named.linear is None:
         raise BadInputError("--reference requires an aircraft; remove --model")
     named.game.refuse_steps("--reference")
@@ -474,14 +467,14 @@ def reference_of(texts: Mapping[str, str], named: NamedGame) -> dict[str, Wavefo
 def with_tracking(
     report: Report, reference: Mapping[str, Waveform], named: NamedGame, solution: Solution, K: Any
 ) -> Report:
-    """Return a report with a section on tracking if a reference is given.
+    """Return a report with a section on tracking.
 
     reference: state -> signal, as of `reference_of`
+    named: game of an aircraft
     solution: exact solution of the game
     K: gain of the feedback, (m, n)
     """
-    if not reference or named.linear is None:
-        return report
+    assert named.linear is not None  # `reference_of` requires it
     if not stabilizes(solution.game, K):
         abscissa = solution.closed_loops.poles(K).abscissa
         said = f"Tracking: no late errors, A - B K has abscissa {abscissa:+.4g} 1/s"

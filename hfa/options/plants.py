@@ -143,11 +143,6 @@ def loaded_model(request: AircraftOptions) -> Model:
     return loaded_aircraft(request).model
 
 
-def is_own(model: Model) -> bool:
-    """Return whether a model was loaded from a file or another source of the user (--aircraft)."""
-    return model.source.text != ""
-
-
 def parameter_spread(
     request: AircraftOptions, model: Model, held: Collection[str]
 ) -> ParameterSpread:

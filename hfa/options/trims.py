@@ -20,7 +20,7 @@ from hfa.options.argument_types import (
 )
 from hfa.options.conditions import ListedCondition, chosen_row, listed_conditions
 from hfa.options.parser import PAPER, option
-from hfa.options.plants import AircraftOptions, is_own, loaded_aircraft
+from hfa.options.plants import AircraftOptions, loaded_aircraft
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
@@ -296,7 +296,7 @@ class TrimInput(NamedTuple):
                 changed[name] = Change(value, loaded.start, loaded.unit)
         source = {**self.aircraft, "changed": changed}
         # The file of a user's aircraft, whose digest is stated, has the unchanged condition.
-        if is_own(model):
+        if model.source.text:
             return source | {"condition": {**common.changes, "parameters": parameters}}
         condition: Mapping[str, Any] = common.changes
         if at is not None:

@@ -21,7 +21,7 @@ from hfa.options.command import Outcome, ProgressLine, Request, command, provena
 from hfa.options.conditions import ListedCondition
 from hfa.options.games import WeightOptions, given_weights
 from hfa.options.parser import PAPER, option, refuse
-from hfa.options.plants import is_own, loaded_aircraft
+from hfa.options.plants import loaded_aircraft
 from hfa.options.trims import (
     SEVERAL,
     SeveralTrims,
@@ -129,7 +129,7 @@ def report(request: ReportRequest) -> Outcome:
             values = value_range(model, by, request.sweep)
         swept = np.unique(array_of("--sweep", values, MOST_SWEPT))
     condition = asked.common_condition(hold)
-    job = (_own_job if is_own(model) else _paper_job)(request, asked, swept)
+    job = (_own_job if request.aircraft else _paper_job)(request, asked, swept)
     source = asked.source(condition, hold)
     sections = sections_of(job)
     whole = with_provenance(request, main_report(job, sections), source)
