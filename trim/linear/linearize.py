@@ -70,7 +70,9 @@ def linearize(
         disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
     else:
         positions("disturbance", disturbances, tuple(model.disturbances))
-    slopes, nonsmooth_points = linearization_at(model, point.x, point.u, shown, disturbances)
+    slopes, nonsmooth_points = linearization_at(
+        model, point.states, point.inputs, shown, disturbances
+    )
     return LinearModel(
         A=slopes.A.take(rows, axis=0).take(rows, axis=1),
         B=slopes.B.take(rows, axis=0),

@@ -145,7 +145,12 @@ class TrimCondition:
             scheduled = self.imposed.get(by, self.begin.get(by, 0.0))
         elif by in self.imposed:
             held = {by: scheduled, **held}
-        numbers = {name: float(self.values_at(name, scheduled)) for name in self.imposed}
+        numbers = {
+            name: float(
+                self.values_at(name, scheduled) if isinstance(value, LinearTable) else value
+            )
+            for name, value in self.imposed.items()
+        }
         begin = self.begin
         if by in self.model.variables and by not in {**numbers, **held}:
             begin = {**begin, by: scheduled}
@@ -238,32 +243,32 @@ class TrimCondition:
         return ", ".join(words)
 
     def limits_on(self, names: Sequence[str]) -> Limits:
-        """Return the limits of named variables, states and outputs under the condition."""
-        return Limits.of(self.model, names, {**_limits_of_masses(self.model), **self.limits})
+        """Return the limits of named variables, states and outputs under the condition.
+
+        A mass without a lowest value, such as that of fuel, is at least 0.
+        """
+        signals = {**self.model.states, **self.model.inputs}
+        masses = {
+            name: (0.0, signals[name].max)
+            for name in names
+            if name in signals
+            and signals[name].min == -math.inf
+            and si_unit(signals[name].unit) == "kg"
+        }
+        return Limits.of(self.model, names, {**masses, **self.limits})
 
     def limits_of(self, name: str) -> tuple[float, float]:
         """Return the lowest and highest value that the condition permits for a variable, state or
         output.
         """
-        return {**self.model.limits, **_limits_of_masses(self.model), **self.limits}[name]
+        limits = self.limits_on([name])
+        return float(limits.lowest[0]), float(limits.highest[0])
 
 
-@lru_cache(maxsize=16)
-def _limits_of_masses(model: Model) -> dict[str, tuple[float, float]]:
-    """Return state or input -> (0, highest), for masses without a lowest value, such as of fuel."""
-    return {
-        name: (0.0, signal.max)
-        for name, signal in {**model.states, **model.inputs}.items()
-        if si_unit(signal.unit) == "kg" and signal.min == -math.inf
-    }
-
-
-def refuse_other_units(condition: TrimCondition, model: Model) -> None:
-    """Raise BadInputError if only one of a condition and a model is in SI units."""
-    if condition.model.is_converted != model.is_converted:
-        raise BadInputError(
-            "the condition and the model have different units; create the condition with this model"
-        )
+#: Message if only one of a condition and a model is in SI units.
+OTHER_UNITS = (
+    "the condition and the model have different units; create the condition with this model"
+)
 
 
 @lru_cache(maxsize=16)

@@ -155,5 +155,5 @@ def newton_step(
 
 
 def _norm(rows: np.ndarray) -> np.ndarray:
-    """Return the Euclidean norm of each row, (N,)."""
+    """Return the Euclidean norm of each row, (N,), without the overflow warnings of np.linalg."""
     return np.sqrt(np.einsum("ij,ij->i", rows, rows))

@@ -88,8 +88,11 @@ class Margin(Result):
 
     @property
     def at_limit(self) -> bool:
-        """True if the variable is at the nearer limit, up to `NEAR`, or beyond."""
-        return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))
+        """True if the variable is at one of its limits, up to `NEAR`, or beyond."""
+        gaps = (self.lowest, self.value - self.lowest), (self.highest, self.highest - self.value)
+        return any(
+            gap <= NEAR * (self.scale + abs(limit)) for limit, gap in gaps if math.isfinite(limit)
+        )
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

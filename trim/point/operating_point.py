@@ -119,7 +119,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     @cached_property
     def values(self) -> dict[str, float]:
         """Values of the states, inputs, and outputs that replace states, name -> value."""
-        replacing = {name: self._outputs[name] for name in self.model.replaced.values()}
+        names = [*self.model.replaced.values()]
+        replacing = self.model.outputs_at(self.states, self.inputs, names)
         return self.states._asdict() | self.inputs._asdict() | replacing
 
     @cached_property
@@ -132,18 +133,19 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
         Raises BadInputError if the model does not have such a name.
         """
-        refuse_unknown("unknown variable", name, tuple(self))
-        if name in self.model.outputs:
-            return self._outputs[name]
-        return self.values[name]
+        if name in self.values:
+            return self.values[name]
+        if name not in self.model.outputs:
+            refuse_unknown("unknown variable", name, self.keys())
+        return self._outputs[name]
 
     def __iter__(self) -> Iterator[str]:
         """Yield the names of the states, the inputs and the outputs."""
-        yield from (*self.model.states, *self.model.inputs, *self.model.outputs)
+        yield from self.keys()
 
     def keys(self) -> tuple[str, ...]:
         """Return the names of the states, inputs and outputs, the keys of dict(point)."""
-        return tuple(self)
+        return (*self.model.states, *self.model.inputs, *self.model.outputs)
 
     def _ipython_key_completions_(self) -> tuple[str, ...]:
         return self.keys()
@@ -242,7 +244,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         if self.found_by is None:
             return []
         system = self.found_by.system
-        far = system.beyond_quarter_turn(system.scaled(self.values))
+        far = np.abs(system.scaled(self.values)) > system.quarter_turn
         return [
             f"{name} {self.model.describe(name, self.values[name])}"
             for name, is_far in zip(self.found_by.free, far, strict=True)
@@ -268,9 +270,9 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             raise BadInputError(
                 "the operating point and the model have different units; trim this model"
             )
-        if self.dynamics != model.name:
+        if self.model.name != model.name:
             raise BadInputError(
-                f"the operating point was trimmed with {self.dynamics!r} dynamics, but the"
+                f"the operating point was trimmed with {self.model.name!r} dynamics, but the"
                 f" aircraft has {model.name!r}; trim the aircraft again"
             )
 
@@ -435,12 +437,6 @@ def point_of_plant(model: Model) -> OperatingPoint:
     )
 
 
-def is_in_range(model: Model, name: str, value: float) -> bool:
-    """Return whether a value is in the model's range of validity, up to `SLACK`."""
-    lowest, highest, _ = model.domain.range[name]
-    return bool(Limits.of(model, (name,), {name: (lowest, highest)}).within([value]).all())
-
-
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
     """Return a sentence for every value beyond the model's range of validity (`Domain.range`).
 
@@ -449,7 +445,7 @@ def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
     sentences = []
     for name, (lowest, highest, range_name) in model.domain.range.items():
         value = values.get(name, lowest)
-        if not is_in_range(model, name, value):
+        if not Limits.of(model, (name,), {name: (lowest, highest)}).within([value]).all():
             end = model.describe(name, lowest if value < lowest else highest)
             text = model.describe(name, value)
             sentences.append(f"{name} {text} is beyond {range_name}, which ends at {end}")

@@ -18,7 +18,7 @@ from hfa_support.units import si_factor, si_unit
 from trim.point.condition import TrimCondition, release
 from trim.point.halving import newton
 from trim.point.status import BALANCE
-from trim.point.system import Evaluation, TrimSystem, declared_start
+from trim.point.system import TrimSystem, declared_start
 
 #: Number of other initial points, and their largest distance from the default one, in scaled units,
 #: if there is no limit.
@@ -34,6 +34,22 @@ DEPENDENT = math.sqrt(_EPSILON)
 _MOST_DECIDING = 6
 
 
+class Evaluation(NamedTuple):
+    """State, input, residuals and Jacobian of a trim's equations at one point.
+
+    x, u: states and inputs, by name
+    y: watched states and outputs (`Structure.watched`), an array
+    residual: (e,), in scaled units
+    jacobian: (e, k), derivatives of the residuals with respect to the scaled unknowns
+    """
+
+    x: Any
+    u: Any
+    y: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+
+
 class BalancedEffects(NamedTuple):
     """Jacobian of a trim in balanced units: rows with the largest entry 1, columns of length 1.
 
@@ -41,16 +57,12 @@ class BalancedEffects(NamedTuple):
 
     matrix: (m, k)
     lengths: (k,), the lengths by which the columns were divided
+    rank: number of independent columns
     """
 
     matrix: np.ndarray
     lengths: np.ndarray
-
-    @property
-    def rank(self) -> int:
-        """Number of independent columns."""
-        sizes = np.linalg.svd(self.matrix, compute_uv=False)
-        return int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
+    rank: int
 
 
 class TrimProblem:
@@ -114,23 +126,23 @@ class TrimProblem:
             raise BadInputError(
                 "this point is not an equilibrium, and no variable is free; free a variable"
             )
-        self._refuse_unaffected_outputs()
+        rows = self.system.equations.rows
+        for index in range(self.system.affected_count, len(rows)):  # that no unknown affects
+            if not rows[index].is_rate:
+                self._refuse_unaffected_output(index)
 
-    def _refuse_unaffected_outputs(self) -> None:
-        """Raise BadInputError for an imposed output that no free variable changes to its value."""
-        model, system = self.model, self.system
-        for index, row in enumerate(system.equations.rows):
-            if index < system.affected_count or row.is_rate:
-                continue
-            residual = self.at(system.start).residual[index]
-            if abs(residual) <= BALANCE:
-                continue
-            imposed = self.condition.imposed[row.name]
-            decided = model.describe(row.name, imposed + residual * row.scale)
-            raise BadInputError(
-                f"{row.name} is {model.describe(row.name, imposed)}, but no free variable changes "
-                f"it from {decided}{self._advice_instead_of(row.name)}"
-            )
+    def _refuse_unaffected_output(self, index: int) -> None:
+        """Raise BadInputError if an imposed output, which no unknown affects, has another value."""
+        model, row = self.model, self.system.equations.rows[index]
+        residual = self.at(self.system.start).residual[index]
+        if abs(residual) <= BALANCE:
+            return
+        imposed = self.condition.imposed[row.name]
+        decided = model.describe(row.name, imposed + residual * row.scale)
+        raise BadInputError(
+            f"{row.name} is {model.describe(row.name, imposed)}, but no free variable changes "
+            f"it from {decided}{self._advice_instead_of(row.name)}"
+        )
 
     def _advice_instead_of(self, name: str) -> str:
         """Return advice to hold or free, in place of an output, what it depends on."""
@@ -169,13 +181,17 @@ class TrimProblem:
         key = z.tobytes()
         if key in self._last:
             return self._last[key]
-        evaluation = self.system.at(z, self.c)
-        self.model.domain.refuse_outside(evaluation.x)
-        if not evaluation.finite:
-            self.model.at(evaluation.x, evaluation.u)  # raises an error that names the rate
+        rows = self.system.equations.point_rows(z[None], self.c)
+        x, u, y, residual, jacobian = (part[0] for part in rows)
+        states = self.model.layout.record("x", x.tolist())
+        inputs = self.model.layout.record("u", u.tolist())
+        self.model.domain.refuse_outside(states)
+        if not np.isfinite(np.concatenate(rows, axis=1)).all():
+            self.model.at(states, inputs)  # raises an error that names the rate
             raise NotFiniteError(f"{self.model.name}: an output is not a finite number")
-        self._last = {key: evaluation}
-        return evaluation
+        derivatives = jacobian.reshape(len(residual), len(z))
+        self._last = {key: Evaluation(states, inputs, y, residual, derivatives)}
+        return self._last[key]
 
     def newton(self, z: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
         """Return the scaled unknowns (k,) after Newton's method, even if it has not converged.
@@ -211,7 +227,7 @@ class TrimProblem:
         quarter_turn = self.system.quarter_turn
         revolution = np.where(np.isfinite(quarter_turn), 4.0 * quarter_turn, 1.0)
         reduced = z - revolution * np.round(z / revolution)
-        reduced = np.where(self.system.beyond_quarter_turn(z), reduced, z)
+        reduced = np.where(np.abs(z) > quarter_turn, reduced, z)
         return reduced if self.solved(reduced) else z
 
     def balanced(self, z: np.ndarray) -> bool:
@@ -278,7 +294,9 @@ class TrimProblem:
         rows[np.abs(rows) <= _EPSILON] = 0.0
         lengths = np.sqrt((rows * rows).sum(axis=0))
         lengths = np.where(lengths > 0.0, lengths, 1.0)
-        return BalancedEffects(rows / lengths, lengths)
+        sizes = np.linalg.svd(rows / lengths, compute_uv=False)
+        rank = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
+        return BalancedEffects(rows / lengths, lengths, rank)
 
 
 def keepable(system: TrimSystem, condition: TrimCondition) -> list[str]:
@@ -308,6 +326,8 @@ def undetermined(problem: TrimProblem, z: np.ndarray) -> Undetermined:
     z: trim, (k,)
     """
     effects = problem.balanced_effects(z)
+    if effects.rank == len(z):
+        return Undetermined([], 0)
     # Directions along which the scaled unknowns change no equation, (d, k).
     directions = np.linalg.svd(effects.matrix)[2][effects.rank :] / effects.lengths
     relative_to_sizes = directions * problem.system.scales / _sizes(problem)

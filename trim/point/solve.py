@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,8 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.reporting.results import Result, without_empty
-from trim.point.condition import TrimCondition, refuse_other_units, release, usual_condition
+from trim.point import searches
+from trim.point.condition import OTHER_UNITS, TrimCondition, release, usual_condition
 from trim.point.freed import freed_parameters, with_found_parameters, with_parameters_as_inputs
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import DEPENDENT, TrimProblem, keepable, undetermined
@@ -249,7 +251,8 @@ def trim(
     40.27
     """
     condition = condition or usual_condition(model)
-    refuse_other_units(condition, model)
+    if condition.model.is_converted != model.is_converted:
+        raise BadInputError(OTHER_UNITS)
     held = {**(hold or {}), **held}
     if at is not None:
         if model.schedule in held:
@@ -355,15 +358,22 @@ def solution(problem: TrimProblem) -> SearchEnd:
     guess = problem.clip(problem.system.start)
     if not problem.free:  # nothing is free, and the point is an equilibrium
         return SearchEnd(guess, 0)
+    equations, unknowns = problem.count
+    if unknowns > equations:
+        ends = searches.of_least_effort(problem, guess)
+    else:
+        ends = chain([(problem.newton(guess), 0)], searches.in_balance(problem, guess))
     nearest = guess  # the last unknowns that balance beyond limits, else the first search's end
     number = 0
-    far_out = None
-    for z, number in _search_ends(problem, guess):
+    far_out = None  # the first trim with an angle beyond 90 deg
+    quarter_turn = problem.system.quarter_turn
+    for z, number in ends:
         if problem.solved(z):
-            end = SearchEnd(problem.unwound(z), number)
-            if not problem.system.beyond_quarter_turn(end.z).any():
-                return end
-            far_out = far_out or end
+            if (np.abs(z) > quarter_turn).any():
+                z = problem.unwound(z)
+            if (np.abs(z) <= quarter_turn).all():
+                return SearchEnd(z, number)
+            far_out = far_out or SearchEnd(z, number)
         elif problem.balanced(z):
             nearest = z
             # If only inputs are free, the equations are nearly affine and have one solution.
@@ -390,17 +400,6 @@ def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimErr
     if rates := attempt._unmoved:
         message += f"; no input of the model changes {' and '.join(rates)}"
     return TrimError(message, attempt, beyond_limits)
-
-
-def _search_ends(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:
-    """Yield the end of each search: Newton's method if it can, then those of `searches.py`."""
-    equations, unknowns = problem.count
-    if unknowns <= equations:
-        yield problem.newton(guess), 0
-    from trim.point import searches
-
-    others = searches.of_least_effort if unknowns > equations else searches.in_balance
-    yield from others(problem, guess)
 
 
 #: Difference from a commanded pitch, rad, at which the search for its gamma stops, and the most

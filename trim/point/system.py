@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import Layout, column, components
-from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_support.matrices import LinearTable
 from hfa_support.native.bound import RowFunction
 from trim.point.condition import TrimCondition
 
@@ -296,24 +296,6 @@ def equations(structure: Structure) -> TrimEquations:
     )
 
 
-class Evaluation(NamedTuple):
-    """State, input, residuals and Jacobian of a trim's equations at one point.
-
-    x, u: states and inputs, by name
-    y: watched states and outputs (`Structure.watched`), an array
-    residual: (e,), in scaled units
-    jacobian: (e, k), derivatives of the residuals with respect to the scaled unknowns
-    finite: True if all these numbers are finite
-    """
-
-    x: Any
-    u: Any
-    y: np.ndarray
-    residual: np.ndarray
-    jacobian: np.ndarray
-    finite: bool
-
-
 class NewtonEnds(NamedTuple):
     """Ends of Newton's method from N initial points.
 
@@ -386,7 +368,16 @@ class TrimSystem:
         self.scales = self.equations.scales
         self.start = self.scaled(self.begin)
         self.limits = condition.limits_on(self.equations.unknowns)
-        self.lowest, self.highest, self.quarter_turn = _scaled_limits(self.limits, self.equations)
+        self.lowest = self.limits.lowest / self.scales
+        self.highest = self.limits.highest / self.scales
+        # A trim beyond 90 deg of an angle whose limits are missing or assumed is returned only if
+        # there is no other (`solution`).
+        are_missing = np.isinf(self.limits.lowest) & np.isinf(self.limits.highest)
+        quarter_turns = [
+            _QUARTER_TURN.get(model.unit(name), math.inf) for name in self.limits.names
+        ]
+        are_weak = are_missing | self.limits.assumed.astype(bool)
+        self.quarter_turn = np.where(are_weak, quarter_turns, math.inf) / self.scales
         self.watched = condition.limits_on([signal.name for signal in self.structure.watched])
         self.affected_count = self.equations.affected_count
         self.steps = _STEPS_OF_MANY if varied and not self.only_inputs else _STEPS
@@ -395,13 +386,6 @@ class TrimSystem:
     def only_inputs(self) -> bool:
         """True if all unknowns are inputs."""
         return set(self.equations.unknowns) <= set(self.model.inputs)
-
-    def beyond_quarter_turn(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (..., k) of the angles without limits that exceed 90 deg.
-
-        z: scaled unknowns, (..., k)
-        """
-        return np.abs(z) > self.quarter_turn
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return r (N, m) and J (N, m, k) of the equations that the unknowns affect.
@@ -422,23 +406,6 @@ class TrimSystem:
         n = len(self.model.states)
         m = len(self.model.inputs)
         return LinearizedPoints(signals, A.reshape(len(z), n, n), B.reshape(len(z), n, m), residual)
-
-    def at(self, z: np.ndarray, c: np.ndarray) -> Evaluation:
-        """Return the state, input, residuals and Jacobian of the equations at one point.
-
-        z: scaled unknowns, (k,)
-        c: constants, (1, ..)
-        """
-        rows = self.equations.point_rows(z[None], c)
-        x, u, y, residual, jacobian = (part[0] for part in rows)
-        return Evaluation(
-            self.model.layout.record("x", x.tolist()),
-            self.model.layout.record("u", u.tolist()),
-            y,
-            residual,
-            jacobian.reshape(len(residual), len(z)),
-            bool(np.isfinite(np.concatenate(rows, axis=1)).all()),
-        )
 
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None
@@ -461,11 +428,11 @@ class TrimSystem:
                 table[:, index] = self.declared[name]
             elif name in self.model.rates:
                 table[:, index] = self.condition.rates.get(name.removesuffix("_dot"), 0.0)
-            elif name in imposed:
+            elif isinstance(imposed.get(name), LinearTable):
                 scheduled = columns.get(by, imposed.get(by, 0.0))
                 table[:, index] = self.condition.values_at(name, scheduled)
             else:
-                table[:, index] = 0.0
+                table[:, index] = imposed.get(name, 0.0)
         table[:, len(names) :] = parameters_at(self.model, count, columns)
         return table
 
@@ -488,28 +455,6 @@ def parameters_at(model: Model, count: int, columns: Mapping[str, np.ndarray]) -
         if name in columns:
             table[:, place] = columns[name]
     return table
-
-
-class _ScaledLimits(NamedTuple):
-    """The arrays `lowest`, `highest` and `quarter_turn` of `TrimSystem`, (k,) each."""
-
-    lowest: np.ndarray
-    highest: np.ndarray
-    quarter_turn: np.ndarray
-
-
-@lru_cache(maxsize=64)
-def _scaled_limits(limits: Limits, equations: TrimEquations) -> _ScaledLimits:
-    """Return the limits of the unknowns in scaled units, and 90 deg for angles without them."""
-    # A trim beyond 90 deg of an angle whose limits are missing or assumed is returned only if there
-    # is no other (`solution`).
-    is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
-    is_assumed = limits.assumed.astype(bool)
-    quarter_turns = [_QUARTER_TURN.get(limits.model.unit(name), math.inf) for name in limits.names]
-    quarter_turn = np.where(is_unlimited | is_assumed, quarter_turns, math.inf)
-    return _ScaledLimits(
-        *(limit / equations.scales for limit in (limits.lowest, limits.highest, quarter_turn))
-    )
 
 
 def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]:

@@ -16,7 +16,7 @@ from hfa_aircraft.rigid.atmosphere import (
 from hfa_support.reporting.rows import Lacking, Row
 from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_value, without_rounding
 from hfa_support.units import conversion_factor
-from trim.point.operating_point import is_in_range
+from trim.point.operating_point import beyond_range
 from trim.point.status import BALANCE
 from trim.reports.trimmed import Trimmed
 
@@ -146,7 +146,7 @@ def domain_rows(trimmed: Trimmed) -> Iterator[Row]:
     for name, (lowest, highest, source) in model.domain.range.items():
         unit = model.unit(name)
         ends = " to ".join(shown_value(end, unit, ".5g") for end in (lowest, highest))
-        is_inside = is_in_range(model, name, trimmed.point[name])
+        is_inside = not beyond_range(model, {name: trimmed.point[name]})
         yield Row(
             f"{name} in its range",
             "inside" if is_inside else "OUTSIDE",

@@ -321,8 +321,8 @@ class Trimmed:
             vectors = (
                 model.native_values(tuple(names), vector)
                 for names, vector in (
-                    (model.states, point.x),
-                    (model.inputs, point.u),
+                    (model.states, point.states),
+                    (model.inputs, point.inputs),
                     (model.parameters, model.p),
                 )
             )
@@ -368,7 +368,7 @@ class Trimmed:
         Raises NotFiniteError at a point with a `fault`.
         """
         names = [name for name in _SLOPED if name in self.model.outputs]
-        found, _ = linearization_at(self.model, self.coherent.x, self.coherent.u, names)
+        found, _ = linearization_at(self.model, self.coherent.states, self.coherent.inputs, names)
         outputs = zip(names, zip(found.C, found.D, strict=True), strict=True)
         return Slopes(self.model.state_names, found.A, found.B, dict(outputs))
 

@@ -15,12 +15,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
-from trim.point.condition import (
-    TrimCondition,
-    refuse_other_units,
-    release,
-    usual_condition,
-)
+from trim.point.condition import OTHER_UNITS, TrimCondition, release, usual_condition
 from trim.point.halving import newton, newton_step
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import keepable
@@ -100,7 +95,8 @@ def trim_points(
         )
     if condition is None:
         condition = usual_condition(model)
-    refuse_other_units(condition, model)
+    if condition.model.is_converted != model.is_converted:
+        raise BadInputError(OTHER_UNITS)
     given_variables, given_values = variables, values
     model, variables, values, condition = _with_true_speed(model, variables, values, condition)
     for name in variables:
@@ -239,7 +235,7 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     names = (*model.states, *model.inputs, *system.watched.names)
     within = system.condition.limits_on(names).within(found.signals).all(axis=1)
     within_of_unknowns = system.limits.within(ends.z * system.scales)  # also of a free output
-    within &= (within_of_unknowns & ~system.beyond_quarter_turn(ends.z)).all(axis=1)
+    within &= (within_of_unknowns & (np.abs(ends.z) <= system.quarter_turn)).all(axis=1)
     balanced = (np.abs(found.residual) <= BALANCE).all(axis=1)
     status = np.where(balanced & within, TRIMMED, NO_TRIM)
     if system.only_inputs:
