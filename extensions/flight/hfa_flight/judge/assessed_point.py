@@ -78,11 +78,12 @@ def _above(game: Game, optimum: np.ndarray, loop: Chain) -> CostAboveOptimum:
     if loop.radius >= 1.0:
         return CostAboveOptimum(math.inf, math.inf)
     values, vectors = np.linalg.eigh(optimum)
-    paid = values > _COSTS_NOTHING * max(float(values[-1]), 0.0)
-    if not paid.any():
+    has_cost = values > _COSTS_NOTHING * max(float(values[-1]), 0.0)
+    if not has_cost.any():
         return CostAboveOptimum(0.0, 0.0)
-    # Eigenvalues of P^(-1/2) (X - P) P^(-1/2), in the directions in which P is not 0.
-    root = vectors[:, paid] / np.sqrt(values[paid])
+    # Eigenvalues of P^(-1/2) (X - P) P^(-1/2), in the directions in which P is not 0: the largest
+    # is that of x'(X - P)x / x'Px over all x, and their mean is that over all x with x'Px = 1.
+    root = vectors[:, has_cost] / np.sqrt(values[has_cost])
     above = np.linalg.eigvalsh(root.T @ (_cost_of(loop, game) - optimum) @ root)
     worst, mean = (100.0 * max(float(cost), 0.0) for cost in (above[-1], above.mean()))
     return CostAboveOptimum(worst, mean)
@@ -91,7 +92,7 @@ def _above(game: Game, optimum: np.ndarray, loop: Chain) -> CostAboveOptimum:
 def _cost_of(loop: Chain, game: Game) -> np.ndarray:
     """Return X of the cost x'Xx of a stable sampled loop from deviations x, (k, k)."""
     # At the first sample, delayed commands have their equilibrium values, and earlier
-    # observations equal the present ones.
+    # observations equal the present ones: s = loop.start x. The cost of a sample is s' weights s.
     from scipy.linalg import solve_discrete_lyapunov
 
     of_states = np.eye(loop.states, len(loop.F))  # from s at the sample to x now
@@ -124,17 +125,20 @@ class ActionEffect(NamedTuple):
 def action_effects(deployed: Deployed, linearized: Equilibrium) -> list[ActionEffect]:
     """Return the effect of each action in the linearization at an equilibrium or at a trim.
 
-    The exact gain is that of the linear problem with the weights of `weights_at`. The result is []
-    if this problem has no solution.
+    The policy's gain is that of inputs that have followed a constant state (`settled_gain`), for a
+    policy that observes its inputs. The exact gain is that of the linear problem with the weights
+    of `weights_at`. The result is [] if this problem has no solution.
     """
     try:
         exact = solve(lqr_at(deployed, linearized)).K
     except NoSolutionError:
         return []
     loop = linearized.nominal
-    damping = np.diag(loop.settled_gain @ loop.B)
-    exact_damping = np.diag(exact @ loop.B)
-    columns = (deployed.commanded, damping.tolist(), exact_damping.tolist())
+    # The diagonal of K B is K_i b_i of each action. Their sum is the trace of A minus that of
+    # A - B K, and a trace is the sum of the eigenvalues.
+    effects = np.diag(loop.settled_gain @ loop.B).tolist()
+    exact_effects = np.diag(exact @ loop.B).tolist()
+    columns = (deployed.commanded, effects, exact_effects)
     return [ActionEffect(*row) for row in zip(*columns, strict=True)]
 
 
@@ -201,14 +205,15 @@ class AssessedPoint(Result):
     def reaches(self, share: float) -> bool:
         """Return whether a share of the flights converges, and those with a cost do not refute it.
 
-        They do if more do not return to the trim than the share permits, beyond the 95 % band.
+        Flights with a cost refute the share if so many do not return to the trim that their 95 %
+        band is below it.
         """
         flown = [outcomes for outcomes in (self.flights, self.disturbed) if outcomes is not None]
         enough = (is_enough(outcomes.converged, outcomes.starts, share) for outcomes in flown)
         return all(enough) and not self.costs_refute(share)
 
     def costs_refute(self, share: float) -> bool:
-        """Return whether more of the flights with a cost do not converge than a share permits."""
+        """Return whether the flights with a cost refute that a share of them converges."""
         if self.costs is None:
             return False
         return is_refuted(self.costs.not_converged, self.costs.starts, share)

@@ -270,7 +270,7 @@ def _meets(point: AssessedPoint, name: str, need: float) -> bool:
             return False
         if point.delays.limit is None:
             return point.delays.searched >= need
-        return point.delays.limit > need * (1.0 + 1e-9)
+        return point.delays.limit > need * (1.0 + 1e-9)  # at the limit, the loop is unstable
     if name == "margin":
         return point.margins is not None and point.margins.disk.disk >= need
     if name == SHARE:

@@ -209,8 +209,8 @@ def _steady_state_error(point: AssessedPoint) -> _AtTrim | None:
     sign = "+" if point.offset[index] > 0.0 else "-"
     size = beside_unit(short_number(abs(float(point.offset[index])), unit), unit)
     text = f"steady-state {name} error {sign}{size}"
-    rate = 0.0 if point.costs is None else point.costs.offset_rate or 0.0
-    if rate > 0.0:
+    rate = None if point.costs is None else point.costs.offset_rate
+    if rate is not None and rate > 0.0:
         text += f", which costs {rate:.2g} per second"
     return _AtTrim(Severity.NOTE, text, float(shares[index]))
 

@@ -133,6 +133,7 @@ def seeded_starts(case: TrimCase, count: int, seed: int, with_pulse: bool) -> tu
     """
     model = case.point.model
     random = np.random.default_rng([seed, 1])
+    # Directions are drawn without pulses too: flights with pulses begin at the same states.
     in_half_widths = random.uniform(-1.0, 1.0, (count, len(model.linear)))
     directions = random.uniform(-1.0, 1.0, in_half_widths.shape)
     rows = model.state_places(model.linear)
@@ -239,7 +240,7 @@ class CaseFlights:
     def _over(self, flown: History) -> np.ndarray:
         """Return a mask (F, T + 1), True at the end of a window in which a flight ends."""
         flying = flown.flights
-        window = flown.first // (flown.states.shape[1] - 1)
+        window = flown.first // (flown.states.shape[1] - 1)  # T samples in a window
         if window == self._windows - _GROWTH:
             self._earlier[flying] = self.nearest[flying]
         self.nearest[flying] = self.distance(flown)
@@ -262,7 +263,8 @@ class CaseFlights:
             step = int(inside[row].argmin())
             flight = flown.flights[row]
             self.left_at[flight] = flown.first + step
-            # Of each state, the extreme that is beyond its limit, or the highest value.
+            # Of each state, the extreme that is beyond its limit, or the highest value. A lowest
+            # value of -inf is beyond a missing limit too.
             low, high = lows[row, step], highs[row, step]
             extreme = np.where((low < least[row, 0]) | np.isneginf(low), low, high)
             self.left_with[flight] = states[row, step] if within[row, step] else extreme
@@ -274,6 +276,7 @@ class CaseFlights:
         The distance is that of the farthest linear state, in half-widths of the ball, and inf
         without an equilibrium.
         """
+        # fmin and fmax leave out values that are not numbers, unless all are.
         linear = flown.states[:, :, self.linear]
         lowest, highest = np.fmin.reduce(linear, axis=1), np.fmax.reduce(linear, axis=1)
         centre = self._centres[flown.flights]
@@ -333,6 +336,7 @@ def fly_cases(
     ]
     starts, pulses = map(np.vstack, zip(*drawn, strict=True))
     owners = np.repeat(np.arange(2 * len(cases)), samples)
+    # All trims without a pulse, then all with one.
     flown = CaseFlights(flight, cases + cases, owners, starts, pulses)
     flown.fly(progress)
     outcomes = [flown.outcomes(owner) for owner in range(len(flown.cases))]

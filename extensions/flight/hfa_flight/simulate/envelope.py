@@ -174,8 +174,9 @@ def departure(
     limited: (N, n), absolute states. In moving air, the angle of attack replaces alpha
     moving_air: whether the air moves, for the name of the variable
     """
+    # In the usual case, the least and largest values of all rows are inside.
     if not outside(envelope, np.array([limited.min(axis=0), limited.max(axis=0)])).any():
-        return None  # usual case; testing each row would take longer
+        return None
     row = int(np.argmax(outside(envelope, limited)))
     values = limited[row]
     with np.errstate(invalid="ignore"):  # infinite values without limits
@@ -211,13 +212,12 @@ def divergence(
     times, end = flight.times, float(flight.times[-1])
     begin = driven_until if np.sum(times >= driven_until) >= _FEWEST else 0.0
     quarter = (end - begin) / 4.0
-    before, after = (
-        np.abs(flight.errors[rows]).max(axis=0)
-        for rows in ((times >= begin) & (times <= begin + quarter), times >= end - quarter)
-    )
+    in_first_quarter = (times >= begin) & (times <= begin + quarter)
+    before = np.abs(flight.errors[in_first_quarter]).max(axis=0)
+    after = np.abs(flight.errors[times >= end - quarter]).max(axis=0)
     model = point.model
     nominal = model.nominal(model.linear)
-    grows_by_e = growth * (end - begin) > 1.0
+    grows_by_e = growth * (end - begin) > 1.0  # a slower mode does not show in this flight
     factor = _FACTOR_IF_UNSTABLE if grows_by_e else _FACTOR_IF_STABLE
     sizes = np.where(after > factor * before, after / nominal, 0.0)
     index = int(np.argmax(sizes))

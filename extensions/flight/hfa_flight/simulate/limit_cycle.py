@@ -131,15 +131,16 @@ class _Swings(NamedTuple):
 def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
     """Return the oscillation of values about a line, or None for few crossings of the line."""
     off_line = values - np.polyval(np.polyfit(times, values, 1), times)
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS):  # the frequency from the crossings, then the line beside that sine
         crossings = np.flatnonzero(np.diff(off_line < 0.0))
         if len(crossings) < CROSSINGS:
             return None
         before, after = off_line[crossings], off_line[crossings + 1]
         step = times[crossings + 1] - times[crossings]
-        crossed_at = times[crossings] + step * before / (before - after)
+        crossed_at = times[crossings] + step * before / (before - after)  # interpolated linearly
         frequency = float(np.pi * (len(crossings) - 1) / (crossed_at[-1] - crossed_at[0]))
-        off_line = values - _line(times, values, frequency)
+        off_line = values - _line_beside_sine(times, values, frequency)
+    # Complete half-periods lie between crossings; the first and the last part are cut off.
     halves = [np.abs(half) for half in np.split(off_line, crossings + 1)[1:-1]]
     peaks = np.array([_peak(half) for half in halves])
     places = [begin + 1 + half.argmax() for begin, half in zip(crossings, halves, strict=False)]
@@ -150,7 +151,7 @@ def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
 
 
 def _peak(values: np.ndarray) -> float:
-    """Return the peak of the values of a half-period."""
+    """Return the peak of the values of a half-period: that of a parabola through three of them."""
     place = int(values.argmax())
     if not 0 < place < len(values) - 1:
         return float(values[place])
@@ -159,8 +160,11 @@ def _peak(values: np.ndarray) -> float:
     return highest if bend == 0.0 else highest - (before - after) ** 2 / (8.0 * bend)
 
 
-def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray:
-    """Return the straight line, (N,), that is fitted together with a sine of a frequency, rad/s."""
+def _line_beside_sine(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray:
+    """Return the straight line, (N,), of the least-squares fit of a line and a sine.
+
+    frequency: of the sine, rad/s
+    """
     t = times - times.mean()
     terms = [np.ones_like(t), t, np.cos(frequency * t), np.sin(frequency * t)]
     fitted, *_ = np.linalg.lstsq(np.column_stack(terms), values, rcond=None)

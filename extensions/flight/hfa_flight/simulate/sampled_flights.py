@@ -166,6 +166,7 @@ class SampledFlight:
             extremes = _extremes_of_both(extremes_early, extremes_late)
         else:
             after, extremes = step_late(X, acting, push, p)
+        # The oldest command has acted; those of the whole samples of the delay remain.
         still_to_act, _ = ca.vertsplit(memory, [0, m * whole, m * (whole + 1)])
         later = ca.densify(ca.vertcat(after, U, still_to_act, extremes))
         return ca.Function("tick", [state, held], [later])
@@ -316,6 +317,7 @@ class SampledRows:
         Trim and pulse are written when flights have ended, and the pulse is removed at its end.
         """
         raw, trim, push = self._samples.flight.held_slices
+        # `simulate_batch` passes the same array `flying` until a flight ends.
         if tick == 0 or flying is not self._flying:
             self._flying = flying
             self._trims_flying = self._trims[flying]

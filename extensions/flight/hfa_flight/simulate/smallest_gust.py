@@ -221,6 +221,7 @@ def smallest_gusts(
     flown_policy, own_scenario = policy_and_scenario(policy, point, own_scenario)
     loop = FlightLoop(NonlinearPlant(model, point), flown_policy, own_scenario)
     of_peak = conversion_factor(f"{length_unit_of(model)}/s", _unit_of_peak(model)) or 1.0
+    # Before the flights, so that no note counts the samples of one of them.
     notes = flown_policy.notes()
     compiled = CompiledLoop(loop, 200 * len(gust_lengths))
     thresholds: list[GustThreshold] = []
@@ -248,30 +249,30 @@ class _Search:
 
     def threshold(self, sign: float) -> GustThreshold:
         """Return the threshold of updrafts (1) or downdrafts (-1)."""
-        inside, outside = 0.0, _FIRST * self.airspeed
-        flight = self._flight(sign * outside)
+        staying, leaving = 0.0, _FIRST * self.airspeed  # peaks of the flights
+        flight = self._flight(sign * leaving)
         while flight.departure is None:
-            inside = outside
-            if inside >= self.airspeed:
-                return GustThreshold(self.gust.length, sign * inside, None, "", None)
+            staying = leaving
+            if staying >= self.airspeed:
+                return GustThreshold(self.gust.length, sign * staying, None, "", None)
             ratio = _COARSE if self._is_within_half(flight) else _RATIO
-            outside = min(ratio * outside, self.airspeed)
-            flight = self._flight(sign * outside)
+            leaving = min(ratio * leaving, self.airspeed)
+            flight = self._flight(sign * leaving)
         departure = flight.departure
-        while outside > ACCURACY * inside:
-            middle = 0.5 * (inside + outside)
+        while leaving > ACCURACY * staying:
+            middle = 0.5 * (staying + leaving)
             in_middle = self._flight(sign * middle).departure
             if in_middle is None:
-                inside = middle
+                staying = middle
             else:
-                outside, departure = middle, in_middle
+                leaving, departure = middle, in_middle
         by, time = departure.state, departure.time
-        return GustThreshold(self.gust.length, sign * inside, sign * outside, by, time)
+        return GustThreshold(self.gust.length, sign * staying, sign * leaving, by, time)
 
     def _is_within_half(self, flight: Flight) -> bool:
         """Return whether a flight stays within half of the distance to each limit."""
-        twice = 2.0 * flight.deviations.limited + flight.point.x
-        return not outside(self.envelope, twice).any()
+        doubled = 2.0 * flight.deviations.limited + flight.point.x
+        return not outside(self.envelope, doubled).any()
 
     def _flight(self, peak: float) -> Flight:
         """Return the flight in a gust with this peak."""
