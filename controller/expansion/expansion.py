@@ -87,7 +87,7 @@ def rates_about_trim(linear: LinearModel) -> ca.Function:
     deviations |= zip(linear.inputs, components(u), strict=True)
     states = [value + deviations.get(name, 0.0) for name, value in point.states._asdict().items()]
     inputs = [value + deviations.get(name, 0.0) for name, value in point.inputs._asdict().items()]
-    rates, _ = model.layout.expressions((states, inputs, model.p.tolist()), ())
+    rates, _ = model.layout.expressions((states, inputs, model.p.tolist()), ())  # no outputs
     return ca.Function("plant", [z, u], [rates[model.state_places(linear.states)]])
 
 
@@ -104,11 +104,12 @@ def refuse_nonsmooth(linear: LinearModel) -> None:
             f"{model.title}: the equations call a table or another function, which has no power "
             "series; use an aircraft with smooth equations, or leave out the order"
         )
-    near, columns = near_switches(model, linear.point.x[None], linear.point.u[None], model.p[None])
-    if near.size:
-        names = [(*model.states, *model.inputs)[column] for column in columns]
+    point = linear.point
+    trims_near, columns = near_switches(model, point.x[None], point.u[None], model.p[None])
+    if trims_near.size:  # the only one, the trim
+        signals = [(*model.states, *model.inputs)[column] for column in columns]
         raise BadInputError(
-            f"{model.title}: |.|, min, max or a comparison of {', '.join(names)} switches at the "
+            f"{model.title}: |.|, min, max or a comparison of {', '.join(signals)} switches at the "
             "trim, where the value has no power series; choose another trim, or leave out the order"
         )
 
@@ -130,7 +131,10 @@ def _refuse_other_plant(rates: ca.Function, game: Game, title: str) -> None:
 
 
 def _are_same(given: np.ndarray, exact: np.ndarray) -> bool:
-    """Return whether two matrices agree up to `SAME`, in any units of rows and columns."""
+    """Return whether two matrices agree up to `SAME`, whatever the units of states and inputs.
+
+    The difference of an entry is relative to the largest entry of its row and of its column.
+    """
     sizes = np.abs(exact)
     scales = np.minimum(sizes.max(axis=1)[:, None], sizes.max(axis=0)[None, :])
     return bool(np.all(np.abs(given - exact) <= SAME * scales))
@@ -213,7 +217,7 @@ class Expansion(Result, Reported):
         return np.hstack([self._in_z(term, degree) for degree, term in terms])
 
     def _in_z(self, weights: np.ndarray, degree: int) -> np.ndarray:
-        """Return weights of the monomials of z, of weights of the scaled monomials of y, (k, M)."""
+        """Return the weights of monomials of z, (k, M), for those of scaled monomials of y."""
         return in_coordinates(weights * monomial_scales(self.states, degree), degree, self.root.T)
 
     @cached_property
@@ -258,14 +262,14 @@ class Expansion(Result, Reported):
         """
         n = self.states
         rays = Rays(self.rates, self.order - 1)
-        y = directions(n, _RAYS, _SEED)
+        y = directions(n, _RAYS, _SEED)  # |y|² = z'Pz = 1
         z = np.linalg.solve(self.root.T, y.T)
         inputs: list[np.ndarray] = []  # u1, u2, ... on the rays
         gradients: list[np.ndarray] = []  # ∂V2/∂z, ∂V3/∂z, ... on the rays
         residuals = {}
-        terms = zip(self.value_terms, self.policy_terms, strict=True)
+        terms = zip(self.value_terms, self.policy_terms, strict=True)  # (V2, u1), (V3, u2), ...
         for degree, (value_term, policy_term) in enumerate(terms, LOWEST):
-            gradients.append(self.root @ gradient(y, degree, value_term).T)
+            gradients.append(self.root @ gradient(y, degree, value_term).T)  # ∂V/∂z = root ∂V/∂y
             psi = homogeneous(n, degree - 1).psi(y) * monomial_scales(n, degree - 1)
             inputs.append(policy_term @ psi.T)
             sums, sizes = coefficient(self.game, rays, z, inputs, gradients)

@@ -75,8 +75,9 @@ class Flights:
         final, ended = flown_until_decayed(self._rates, z0, P, self.step, ticks)
         costs = np.full(len(z0), np.inf)
         if ended.any():
-            cost_after_end = self._V(final[ended, :-1])[0][:, 0]
-            costs[ended] = final[ended, -1] + cost_after_end
+            z_end, cost_to_end = final[ended, :-1], final[ended, -1]
+            (V_end,) = self._V(z_end)  # the cost after the end, (N, 1)
+            costs[ended] = cost_to_end + V_end[:, 0]
         return costs
 
 
@@ -100,7 +101,10 @@ def flown_until_decayed(
     initial = quadratic_forms(z0, P)
 
     def over(flown: History) -> np.ndarray:
-        """Return the mask of the flights whose z'Pz has decayed or is far, at the last step."""
+        """Return the mask (flights, steps) that is True at the last step of flights that are over.
+
+        These are flights whose z'Pz has decayed, or has grown by `FAR_OF_EXPANSION`.
+        """
         z_now = flown.states[:, -1, :-1]  # without the cost
         value = quadratic_forms(z_now, P)
         first = initial[flown.flights]
@@ -109,11 +113,11 @@ def flown_until_decayed(
         mask[:, -1] = has_decayed(value, first, OF_EXPANSION) | is_far
         return mask
 
-    starts = np.column_stack([z0, np.zeros(len(z0))])
-    loop = Rows(lambda w: rates(w[:, :-1])[0], starts, step, TESTED)
+    starts = np.column_stack([z0, np.zeros(len(z0))])  # rows (z, cost)
+    loop = Rows(lambda rows: rates(rows[:, :-1])[0], starts, step, TESTED)
     with np.errstate(all="ignore"):
         flown, _ = simulate_batch(loop, ticks, over=over, keep=False)
-        final = flown.states[:, 0]
+        final = flown.states[:, 0]  # the only states that are kept
         return final, has_decayed(quadratic_forms(final[:, :-1], P), initial, OF_EXPANSION)
 
 
@@ -225,11 +229,13 @@ class _Search:
         while 0.0 < size < math.inf and not self._agrees_at_random(size, degree):
             size *= _SMALLER
         z_of_y = np.linalg.inv(self.expansion.root.T)  # z'Pz = |y|²
-        largest_z = size * np.linalg.norm(z_of_y, axis=1)
-        return Radius(degree, SHARE, size**2, largest_z)
+        return Radius(degree, SHARE, size**2, extents=size * np.linalg.norm(z_of_y, axis=1))
 
     def _largest_agreeing(self, degree: int) -> float:
-        """Return the largest size whose flights agree, 0 or inf if there is none."""
+        """Return the largest size s = √(z'Pz) whose flights agree, 0 if none do, inf if all do.
+
+        The size is doubled or halved to enclose the limit, and then bisected.
+        """
         first = self._guess(degree)
         agreeing = disagreeing = first
         while self._agrees(self.directions * disagreeing, degree):
@@ -249,7 +255,10 @@ class _Search:
         return agreeing
 
     def _guess(self, degree: int) -> float:
-        """Return the size s at which the next term of V has the permitted share of V2."""
+        """Return the size s = √(z'Pz) at which the next term of V has the permitted share of V2.
+
+        V2 is s², and the term of degree d is at most largest s^d.
+        """
         nonzero = {d: largest for d, largest in self._largest_terms.items() if largest > 0.0}
         if not nonzero:
             return 1.0
@@ -268,7 +277,8 @@ class _Search:
         return _relative_errors(values, costs)
 
     def _agrees_at_random(self, size: float, degree: int) -> bool:
-        """Return whether flights from random states of a size agree, and from ever worse ones."""
+        """Return whether flights from random states of a size agree, and then from states ever
+        closer to those with the largest errors."""
         n = self.expansion.states
         unit_y = directions(n, _CONFIRMING, _SEED + degree)
         errors = self._errors(size * unit_y, degree)

@@ -202,15 +202,15 @@ class Series:
     def add_degree(self) -> None:
         """Find the next terms, V_d and u_{d-1}."""
         d = len(self.value) + 2
-        gradients = [*self._gradients_in_z, np.zeros_like(self._z)]
-        inputs = [*self._inputs, np.zeros_like(self._inputs[0])]
+        gradients = [*self._gradients_in_z, np.zeros_like(self._z)]  # the unknown V_d as 0
+        inputs = [*self._inputs, np.zeros_like(self._inputs[0])]  # u_{d-1} does not occur
         known, _ = coefficient(self._game, self._rays, self._z, inputs, gradients)
         n = len(self.root)
-        slopes = _slopes(self._y, d, self._y @ self._loop_in_y.T)
+        slopes = _slopes(self._y, d, self._y @ self._loop_in_y.T)  # ∂V_d/∂y y' of the linear loop
         weights = least_squares(slopes, -known[:, None])
-        gradients[-1] = self.root @ gradient(self._y, d, weights[:, 0]).T
+        gradients[-1] = self.root @ gradient(self._y, d, weights[:, 0]).T  # ∂V/∂z = root ∂V/∂y
         _, derivative = self._rays(self._z, inputs, gradients)
-        inputs[-1] = -0.5 * np.linalg.solve(self._game.R, derivative)
+        inputs[-1] = -0.5 * np.linalg.solve(self._game.R, derivative)  # 2 R u + ∂(λ'F)/∂u = 0
         psi = homogeneous(n, d - 1).psi(self._y) * monomial_scales(n, d - 1)
         policy = least_squares(psi, inputs[-1].T)
         self._gradients_in_z = gradients
@@ -233,15 +233,17 @@ def coefficient(
     gradients: ∂V2/∂z ... ∂V_d/∂z on the rays, (n, N) each
     """
     order = len(gradients)
-    products: list[np.ndarray] = []  # of λ'F + u'Ru + δ²d'd + 2 z'Nu + z'Qz, with d = E'λ / 2δ²
+    # Of λ'F + u'Ru + δ²d'd + 2 z'Nu + z'Qz, the products of a factor of order k and one of order
+    # d - k, k = 1 ... d - 1, with the worst disturbance δ d = E'λ / 2δ.
+    products: list[np.ndarray] = []
+    delta_d = [game.E.T @ gradient_in_z / (2.0 * game.delta) for gradient_in_z in gradients]
     for k in range(1, order + 1):
         rates, _ = rays(z, inputs[:k], gradients[:k])
         products.append(rates * gradients[order - k])
         products.append(inputs[k - 1] * (game.R @ inputs[order - k]))
-        worst = [game.E.T @ gradients[index] / (2.0 * game.delta) for index in (k - 1, order - k)]
-        products.append(worst[0] * worst[1])
+        products.append(delta_d[k - 1] * delta_d[order - k])
     products.append(2.0 * z * (game.N @ inputs[-1]))
-    if order == 1:
+    if order == 1:  # d = 2: of z'Qz, no other degree
         products.append(z * (game.Q @ z))
     terms = np.vstack(products)
     return terms.sum(axis=0), np.abs(terms).sum(axis=0)
@@ -289,11 +291,14 @@ def gradient(y: np.ndarray, degree: int, weights: np.ndarray) -> np.ndarray:
     return np.vstack([weights @ basis.gradient(block) for block in _blocks(y)])
 
 
-def _slopes(y: np.ndarray, degree: int, moved: np.ndarray) -> np.ndarray:
-    """Return the derivatives (N, M) of all scaled monomials of a degree at y along `moved`."""
+def _slopes(y: np.ndarray, degree: int, y_rates: np.ndarray) -> np.ndarray:
+    """Return the derivatives (N, M) of all scaled monomials of a degree at N points y along rates.
+
+    y, y_rates: (N, n) each
+    """
     basis = homogeneous(y.shape[1], degree)
-    blocks = zip(_blocks(y), _blocks(moved), strict=True)
-    slopes = [(basis.gradient(points) @ motion[..., None])[..., 0] for points, motion in blocks]
+    blocks = zip(_blocks(y), _blocks(y_rates), strict=True)
+    slopes = [(basis.gradient(points) @ rates[..., None])[..., 0] for points, rates in blocks]
     return np.vstack(slopes) * monomial_scales(y.shape[1], degree)
 
 

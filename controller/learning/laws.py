@@ -99,18 +99,18 @@ def _learned(fit: PlantFit, law: str, seed: int, progress: Progress | None) -> T
         return learn_steps(game, fit.begins_of_laws(seed), seed, progress)
     n = len(game.A)
     states = fit.transitions.begins[:, :n]
-    psi = basis("paper" if law == "published" and n == 6 else "quadratic", n)
+    psi = basis("paper" if law == "published" and n == 6 else "quadratic", n)  # "paper": 6 states
     of_samples = excitation(psi.psi(states / root_mean_square(states)))
     refuse_poor(of_samples)
     samples = Samples(game.without_cross_weights, psi, states)
     weights, diagnostics = LAWS[law](samples, progress)
-    to_costs, to_terms = samples.residual(weights)
+    residual = samples.residual(weights)
     return TrainingRun(
         law=law,
         basis=psi.name,
         W=weights,
-        residual_norm=to_costs,
-        settling_residual=to_terms,
+        residual_norm=residual.to_costs,
+        settling_residual=residual.to_terms,
         K=game.gain(psi.matrix(weights)),
         excitation=of_samples,
         seed=seed,

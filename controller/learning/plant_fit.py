@@ -53,7 +53,7 @@ class PlantFit:
     """
 
     def __init__(self, game: Game, transitions: Transitions) -> None:
-        self.of_user = game
+        self.user_game = game
         self.transitions = transitions
         begins, ends = transitions.begins, transitions.ends
         count, columns = begins.shape
@@ -77,23 +77,19 @@ class PlantFit:
     @cached_property
     def game(self) -> Game:
         """The game with A, B and, where d was recorded, E of the fit."""
-        n, m = self.of_user.B.shape
-        A, B, E = np.split(self._in_time(self.matrix), [n, n + m], axis=1)
-        return replace(self.of_user, A=A, B=B, E=E if E.size else self.of_user.E)
-
-    def _in_time(self, fit: np.ndarray) -> np.ndarray:
-        """Return [A B E] of a fit, in rates if it is of steps of a game in continuous time."""
-        hold = self.transitions.hold
-        if hold is None:
-            return fit
-        rates = rates_of_step(fit, hold)
-        if rates is None:
-            raise BadInputError(
-                f"a mode of the samples changes its sign every {hold:g} s, as no plant in "
-                "continuous time with held inputs does; record more often, or check dt and that "
-                "inputs are constant between samples"
-            )
-        return rates
+        n, m = self.user_game.B.shape
+        hold, fit = self.transitions.hold, self.matrix
+        if hold is not None:  # the fit is of steps, A, B and E are of rates
+            rates = rates_of_step(fit, hold)
+            if rates is None:
+                raise BadInputError(
+                    f"a mode of the samples changes its sign every {hold:g} s, as no plant in "
+                    "continuous time with held inputs does; record more often, or check dt and "
+                    "that inputs are constant between samples"
+                )
+            fit = rates
+        A, B, E = np.split(fit, [n, n + m], axis=1)
+        return replace(self.user_game, A=A, B=B, E=E if E.size else self.user_game.E)
 
     def begins_of_laws(self, seed: int) -> np.ndarray:
         """Return [x u d] for a finite delta, else [x u], from which the laws learn by the fit.
@@ -104,19 +100,20 @@ class PlantFit:
 
         seed: seed of the random d
         """
-        begins, n = self.transitions.begins, len(self.matrix)
-        widths = widths_of(self.game)
-        others = _beyond(begins[:, :n], begins[:, n : len(widths)])
-        sizes = root_mean_square(others) / self.scales[n : len(widths)]
+        n = len(self.matrix)
+        widths = widths_of(self.game)  # of all columns that the laws need
+        x, recorded = np.split(self.transitions.begins[:, : len(widths)], [n], axis=1)
+        beyond = _beyond(x, recorded)
+        sizes = root_mean_square(beyond) / self.scales[n : len(widths)]  # relative to the recorded
         missing = len(widths) - n - len(sizes)
-        d = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(begins), missing))
-        return np.hstack([begins[:, :n], others / sizes, d * widths[len(widths) - missing :]])
+        d = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(x), missing))
+        return np.hstack([x, beyond / sizes, d * widths[len(widths) - missing :]])
 
     def summary(self) -> DataSummary:
         """Return what the data can tell."""
-        begins, follows = self.transitions.begins, self.transitions.follows
+        follows = self.transitions.follows
         return DataSummary(
-            rows=len(begins),
+            rows=len(follows),
             episodes=int(np.sum(~follows)) if follows.any() else 0,
             excitation=self.excitation,
             misfit=self.misfit,
@@ -129,7 +126,7 @@ class PlantFit:
         """Yield sentences on what contradicts a linear plant with independent noise."""
         if self.misfit <= RANK_TOLERANCE:
             return
-        constant = _beyond(self.scaled, np.ones(len(self.scaled)))
+        constant = _beyond(self.scaled, np.ones(len(self.scaled)))  # the part that M cannot fit
         parts = np.abs(constant @ self.residuals) / np.linalg.norm(constant)
         # Of independent residuals, a part has the deviation of the noise, and exceeds 4 of them in
         # one of 16,000.
@@ -148,23 +145,27 @@ class PlantFit:
 
     @cached_property
     def _roots(self) -> np.ndarray:
-        """Root of the covariance of a row of M for noise of variance 1, (s, s)."""
+        """Root of the covariance of a row of M for noise of variance 1, (s, s).
+
+        With the triangle R of begins, the covariance (R'R)⁻¹ is R⁻¹R⁻ᵀ.
+        """
         return np.asarray(np.linalg.inv(np.linalg.qr(self.scaled, mode="r")) / self.scales[:, None])
 
-    def _quantile(self, of: int = 1) -> float:
-        """Return the half-width in standard deviations of bands that all `of` hold in 95 %."""
+    def _quantile(self, bands: int = 1) -> float:
+        """Return the half-width in standard deviations of bands that all hold in 95 %."""
         from scipy.stats import t
 
-        return float(t.ppf(1.0 - 0.5 * (1.0 - _CONFIDENCE) / of, self.degrees_of_freedom))
+        # The probability outside is divided among the ends of all bands (Bonferroni).
+        return float(t.ppf(1.0 - 0.5 * (1.0 - _CONFIDENCE) / bands, self.degrees_of_freedom))
 
     def refuse_without_effect(self) -> None:
         """Raise BadInputError if the 95 % bands of the effects of an input on all states hold 0."""
         n = len(self.matrix)
         bands = self._quantile(n) * np.outer(self.noise, np.linalg.norm(self._roots, axis=1))
-        for place, name in enumerate(self.of_user.names.inputs, start=n):
+        for place, name in enumerate(self.user_game.names.inputs, start=n):
             if np.any(np.abs(self.matrix[:, place]) > bands[:, place]):
                 continue
-            own = root_mean_square(_beyond(self.scaled[:, :n], self.scaled[:, place]))
+            own = root_mean_square(_beyond(self.scaled[:, :n], self.scaled[:, place]))  # not of x
             raise BadInputError(
                 f"the data show no effect of {name} in 95 % bands: {100.0 * own:.2g} % of it is "
                 f"not a policy u = -K x, and the misfit is {100.0 * self.misfit:.2g} %; record "
@@ -173,32 +174,37 @@ class PlantFit:
 
     def bands(self, P: np.ndarray) -> Bands:
         """Return the 95 % bands of the value z'P z and of its gain, for independent noise."""
-        # A direction of M for each root of the noise and of the columns, of variance 1.
-        sizes, vectors = np.linalg.eigh(self.covariance)
-        of_states = vectors * np.sqrt(sizes.clip(0.0))
+        # The error of M is a sum of independent numbers of variance 1 times n s matrices, products
+        # of a column of the root of the covariance of rows and of one of that of columns.
+        variances, vectors = np.linalg.eigh(self.covariance)
+        root_of_rows = vectors * np.sqrt(variances.clip(0.0))
         changes = [
-            self._changes(P, np.outer(row, column))
-            for row in of_states.T
-            for column in self._roots.T
+            self._changes(P, np.outer(of_rows, of_columns))
+            for of_rows in root_of_rows.T
+            for of_columns in self._roots.T
         ]
-        norms = (np.linalg.norm(each, axis=0) for each in zip(*changes, strict=True))
-        return Bands(*(self._quantile() * norm for norm in norms))
+        # of all changes of P, and of all of K
+        deviations = (np.linalg.norm(each, axis=0) for each in zip(*changes, strict=True))
+        return Bands(*(self._quantile() * deviation for deviation in deviations))
 
     def _changes(self, P: np.ndarray, change: np.ndarray) -> Bands:
-        """Return the changes of P and K, to first order, for a change (n, s) of the fit."""
+        """Return the changes of P and K for a change (n, s) of the fit, by the equations above.
+
+        They are the first equation with J = [1 0 0], or the second, where J is M, in discrete time.
+        """
         from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
         game = self.game
         n, m = game.B.shape
-        if self.transitions.hold is not None:
+        if self.transitions.hold is not None:  # the fit is of steps, M of rates
             change = np.linalg.solve(self._of_rates, change.ravel()).reshape(change.shape)
         H = q_function(game, P if game.is_discrete else np.zeros_like(P))
         M = plant_of(game, len(H))
-        change = np.pad(change, ((0, 0), (0, len(H))))[:, : len(H)]
+        dM = np.pad(change, ((0, 0), (0, len(H))))[:, : len(H)]  # 0 for d that was not recorded
         K, L = game.policies(P)
         V = np.vstack([np.eye(n), -K, L])[: len(H)]
         a, J = game.discount, M if game.is_discrete else np.eye(n, len(H))
-        dH = a * (J.T @ P @ change + change.T @ P @ J)  # of the Q-function, for the same P
+        dH = a * (J.T @ P @ dM + dM.T @ P @ J)  # of the Q-function, for the same P
         sizes = self.scales[:n]  # solved in states of size 1, whatever their units
         products = np.outer(sizes, sizes)
         loop = M @ V * sizes / sizes[:, None]
@@ -209,34 +215,37 @@ class PlantFit:
         else:
             dP = solve_continuous_lyapunov(loop.T, -right) / products
             dH = dH + J.T @ dP @ M + M.T @ dP @ J
-        return Bands(dP, np.linalg.solve(H[n:, n:], (dH @ V)[n:])[:m])
+        dK = np.linalg.solve(H[n:, n:], (dH @ V)[n:])[:m]  # ∂Q/∂(u, d) stays 0 along V x
+        return Bands(dP, dK)
 
     @cached_property
     def _of_rates(self) -> np.ndarray:
-        """Derivative of the fit of steps by [A B E] of the rates, row by row, (n s, n s)."""
+        """Derivative of the fit of steps by [A B E] of the rates, row by row, (n s, n s).
+
+        The fit is the first rows of exp(hold [A B E; 0]), as u and d are constant in a step.
+        """
         from scipy.linalg import expm_frechet
 
         n, s = self.matrix.shape
         hold, rates = self.transitions.hold or 0.0, plant_of(self.game, s)
         exponent = np.zeros((s, s))
         exponent[:n] = hold * rates
-        changes = []
+        derivatives = []
         for place in range(n * s):
             change = np.zeros((s, s))
-            change.flat[place] = hold
-            changes.append(expm_frechet(exponent, change, compute_expm=False)[:n].ravel())
-        return np.column_stack(changes)
+            change.flat[place] = hold  # an entry of the rates grows by 1
+            derivatives.append(expm_frechet(exponent, change, compute_expm=False)[:n].ravel())
+        return np.column_stack(derivatives)
 
 
 def _refused_unless_excited(game: Game, transitions: Transitions, scales: np.ndarray) -> Excitation:
     """Return the excitation of [x u d]. Raises BadInputError, with the reason, if it is poor."""
     n, m = game.B.shape
-    columns = len(scales)
-    names = (*game.names.states, *game.names.inputs, *numbered("d", columns - n - m))
+    names = (*game.names.states, *game.names.inputs, *numbered("d", len(scales) - n - m))
     for place in np.flatnonzero(scales == 0.0):
         raise BadInputError(f"{names[place]} is 0 in every row of the data; excite it")
     scaled, rounding = transitions.begins / scales, transitions.rounding / scales
-    gains = np.linalg.lstsq(scaled[:, :n], scaled[:, n:], rcond=None)[0]
+    gains = np.linalg.lstsq(scaled[:, :n], scaled[:, n:], rcond=None)[0]  # (u, d) from x
     beyond_policy = np.abs(scaled[:, n:] - scaled[:, :n] @ gains).max(axis=0)
     # Rounding moves u and x by half of their last digits, and the fit by half of that.
     by_rounding = 0.75 * (rounding[n:] + rounding[:n] @ np.abs(gains))
@@ -259,5 +268,5 @@ def _refused_unless_excited(game: Game, transitions: Transitions, scales: np.nda
 
 
 def _beyond(columns: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return what is left of others beyond their linear function of some columns."""
+    """Return the residuals (N, k) of the least-squares fit of others (N, k) to columns (N, n)."""
     return np.asarray(others - columns @ np.linalg.lstsq(columns, others, rcond=None)[0])

@@ -62,10 +62,10 @@ class Iteration(Samples):
         The equations are divided by the lengths of their rows, and the weights are those of columns
         of equal length.
         """
-        by_policies = self.states @ (self.S(problem) @ P).T
-        rates = self.drifts - problem.discount * self.states - by_policies
-        regressors = np.einsum("jmi,ji->jm", self.gradient, rates)
-        costs = self.costs + quadratic_forms(self.states, P @ self.S(problem) @ P)
+        S = self.S(problem)
+        rates = self.drifts - problem.discount * self.states - self.states @ (S @ P).T
+        regressors = np.einsum("jmi,ji->jm", self.gradient, rates)  # ∂ψ_j times rates_j, (N_h, M)
+        costs = self.costs + quadratic_forms(self.states, P @ S @ P)
         row_lengths = np.linalg.norm(regressors, axis=1)
         equations = regressors / row_lengths[:, None]
         column_lengths = np.linalg.norm(equations, axis=0)
@@ -103,10 +103,11 @@ def reached(
     problem_at: Callable[[float], Problem],
     report: Callable[[float], object],
 ) -> tuple[np.ndarray, float]:
-    """Return P (n, n) at the share 1 of a way, or at the largest share that is solved, and it.
+    """Return P (n, n) at the end of a way of problems, or at the last one solved, and its share.
 
-    A share is accepted if the iterations converge to a P >= 0 with a stable A - βI - S_s P, which
-    is unique. Otherwise half the step is tried.
+    The share of the way is 0 at its begin and 1 at its end. A share is accepted if the iterations
+    converge to a P >= 0 with a stable A - βI - S_s P, which is unique. Otherwise half the step is
+    tried.
 
     P: stabilizes at the share 0
     problem_at: share of the way -> problem
@@ -135,6 +136,7 @@ def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
     """
     game, scales = samples.game, root_mean_square(samples.states)
     products_of_scales, report = np.outer(scales, scales), progress or (lambda *_: None)
+    # In states z / scales, whose sizes are 1.
     A, B, E = (M / scales[:, None] for M in (game.A * scales, game.B, game.E))
     scaled = replace(game, A=A, B=B, E=E, Q=game.Q * products_of_scales)
     iteration = Iteration(scaled, samples.psi, samples.states / scales)
@@ -145,7 +147,7 @@ def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
         lambda share: Problem((1.0 - share) * first, 0.0),
         lambda share: report(0.5 * share, 1.0, f"discount {(1.0 - share) * first:.3g} 1/s"),
     )
-    if share < 1.0:
+    if share < 1.0:  # the discount is not 0
         raise NoSolutionError(
             f"the discount cannot be lowered below {(1.0 - share) * first:.6g} 1/s, where the "
             "learned policies leave a mode unstable; check that (A, B) is stabilizable and that Q "
@@ -157,10 +159,10 @@ def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
         lambda share: Problem(0.0, share),
         lambda share: report(0.5 + 0.5 * share, 1.0, f"share {share:.3g} of 1/delta²"),
     )
-    if share < 1.0:
+    if share < 1.0:  # solved up to share / δ²
         end = game.delta / np.sqrt(share) if share > 0.0 else np.inf
         raise NoSolutionError(
             f"the law finds no solution for delta = {game.delta:g}, because the solution ceases to "
             f"exist at delta = {end:.6g}; choose a larger delta (`hfa solve` reports the smallest)"
         )
-    return Learned(samples.psi.weights(P / products_of_scales))
+    return Learned(samples.psi.weights(P / products_of_scales))  # in the units of the samples

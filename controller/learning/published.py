@@ -142,9 +142,11 @@ class PublishedLaw(Samples):
         settling_rate = math.pi / (THETA * 0.5 * T_W * ETA)
         alpha1, alpha2 = (settling_rate / c if c > 0.0 else math.inf for c in (c1, c2))
         residuals = np.abs(FIRST_WEIGHT * regressors.sum(axis=1) + constants)
-        slopes = (alpha1 + 1.0) * (1.0 - ETA) * residuals**-ETA
-        slopes = slopes + (alpha2 + 1.0) * (1.0 + ETA) * residuals**ETA
-        # The largest eigenvalue of -∂W'/∂W at W(0), 1/s.
+        slopes = (  # of the bracket of Eq. (46) with respect to ē_j
+            (alpha1 + 1.0) * (1.0 - ETA) * residuals**-ETA
+            + (alpha2 + 1.0) * (1.0 + ETA) * residuals**ETA
+        )
+        # The largest eigenvalue of -∂W'/∂W at W(0), 1/s. Euler steps above 2 of its time diverge.
         fastest = GAMMA * float(np.linalg.norm(np.sqrt(slopes)[:, None] * regressors, 2)) ** 2
         return TheoremGains(lambda_0, alpha1, alpha2, 2.0 / fastest)
 
@@ -153,8 +155,10 @@ class PublishedLaw(Samples):
         regressors, constants = self.linear_residuals
         residuals = regressors @ weights + constants
         sizes = np.abs(residuals)
-        magnitudes = (self.gains.alpha1 + 1.0) * sizes ** (1.0 - ETA)
-        magnitudes = magnitudes + (self.gains.alpha2 + 1.0) * sizes ** (1.0 + ETA)
+        gains = self.gains
+        magnitudes = (gains.alpha1 + 1.0) * sizes ** (1.0 - ETA) + (gains.alpha2 + 1.0) * sizes ** (
+            1.0 + ETA
+        )
         return np.asarray(-GAMMA * (np.copysign(magnitudes, residuals) @ regressors))
 
     # The members that `controller.run` uses.

@@ -66,6 +66,7 @@ def learn_steps(
         for _ in range(2**pause):
             H = learner.value_iteration(P)
             P = q_extremum(game, H)["P"]
+        # From an H too far from the optimum, policy iteration may meet an H without extremum.
         with suppress(BadInputError, np.linalg.LinAlgError):
             for _ in range(MOST_POLICIES):
                 before, H = H, learner.policy_iteration(H)
@@ -91,7 +92,10 @@ class QLearner:
     iterations: int = 0
 
     def __post_init__(self) -> None:
-        """Compute what all iterations use, in (x, u, w) of size 1."""
+        """Compute what all iterations use, with features of (x, u, w) in units of their sizes.
+
+        The weights of H in these units are `inverse` times values of Q at the steps.
+        """
         size = self.begins.shape[1]
         self.scales = root_mean_square(self.begins)
         self.products_of_scales = np.outer(self.scales, self.scales)
@@ -99,8 +103,8 @@ class QLearner:
         self.psi = basis("quadratic", size)
         self.features = self.psi.psi(self.begins / self.scales)
         self.inverse = np.linalg.pinv(self.features)
-        of_step = q_function(self.game, np.zeros_like(self.game.A))
-        self.costs = quadratic_forms(self.begins, of_step)
+        cost_matrix = q_function(self.game, np.zeros_like(self.game.A))  # no cost after the step
+        self.costs = quadratic_forms(self.begins, cost_matrix)
 
     def value_iteration(self, P: np.ndarray) -> np.ndarray:
         """Return H for the cost of a step followed by the cost α x⁺'P x⁺.
@@ -142,9 +146,7 @@ class QLearner:
         n, m = self.game.B.shape
         scaled = H * self.products_of_scales
         of_inputs, of_disturbances = scaled[n : n + m, n : n + m], scaled[n + m :, n + m :]
-        return is_definite(of_inputs) and (
-            not of_disturbances.size or is_definite(-of_disturbances)
-        )
+        return all(is_definite(block) for block in (of_inputs, -of_disturbances) if block.size)
 
     def is_settled(self, before: np.ndarray, after: np.ndarray) -> bool:
         """Return whether policy iteration has converged to a stabilizing policy.
@@ -170,14 +172,14 @@ class QLearner:
         values, after = quadratic_forms(self.begins, H), self._after(optimum["P"])
         terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
         errors = values - self.costs - after
-        to_costs, to_terms = relative_residual(errors, self.costs, terms)
+        residual = relative_residual(errors, self.costs, terms)
         psi = basis("quadratic", len(self.game.A))
         return TrainingRun(
             law="Q-learning",
             basis=psi.name,
             W=psi.weights(optimum["P"]),
-            residual_norm=to_costs,
-            settling_residual=to_terms,
+            residual_norm=residual.to_costs,
+            settling_residual=residual.to_terms,
             K=optimum["K"],
             excitation=of_samples,
             seed=seed,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -108,9 +108,10 @@ def widths_of(game: Game) -> np.ndarray:
         weights = np.append(weights, np.full(game.E.shape[1], game.delta**2))
     spread = natural_spread(game)
     cost_of_states = float(np.diag(game.Q) @ spread**2) or 1.0
-    effects = np.abs(columns / spread[:, None]).max(axis=0)  # of a unit, in spreads
-    fastest = 1.0 if game.is_discrete else _fastest(game.A)
-    by_effect = fastest / np.where(effects > 0.0, effects, 1.0)
+    # Largest change or rate (1/s) of a state, in spreads, for an input of 1.
+    effects = np.abs(columns / spread[:, None]).max(axis=0)
+    largest_effect = 1.0 if game.is_discrete else spectral_radius(game.A) or 1.0
+    by_effect = largest_effect / np.where(effects > 0.0, effects, 1.0)
     by_cost = np.sqrt(cost_of_states / weights)
     return np.append(spread, np.minimum(by_effect, by_cost))
 
@@ -135,7 +136,7 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
     game.refuse_steps("random_pool")
     refuse_unless_whole("count", count, 1)
     refuse_unless_whole("seed", seed, 0)
-    n = game.A.shape[0]
+    n = len(game.A)
     widths = natural_spread(game) if half_widths is None else numbers_in("the box", half_widths)
     if widths.shape != (n,) or not np.all((widths > 0.0) & np.isfinite(widths)):
         raise BadInputError(f"the half-widths are {widths.tolist()}; give {n} positive numbers")
@@ -156,16 +157,11 @@ def natural_spread(game: Game) -> np.ndarray:
     from scipy.linalg import solve_continuous_lyapunov
 
     A, units = balanced(game.A)
-    shift = max(spectral_abscissa(A), 0.0) + 0.1 * _fastest(A)
+    shift = max(spectral_abscissa(A), 0.0) + 0.1 * (spectral_radius(A) or 1.0)
     noise = (game.S_control + game.S_disturbance / game.delta**2) / np.outer(units, units)
     covariance = solve_continuous_lyapunov(A - shift * np.eye(len(units)), -noise)
     variances = np.diag(covariance)
     return units * np.sqrt(np.where(variances > 0.0, variances, 1.0))
-
-
-def _fastest(A: np.ndarray) -> float:
-    """Return the spectral radius of A, 1/s, or 1/s if it is 0."""
-    return spectral_radius(A) or 1.0
 
 
 def root_mean_square(columns: np.ndarray) -> np.ndarray:
@@ -198,15 +194,21 @@ class Learned(NamedTuple):
     diagnostics: Mapping[str, float] = {}
 
 
-def relative_residual(
-    errors: np.ndarray, costs: np.ndarray, terms: np.ndarray
-) -> tuple[float, float]:
-    """Return the norm of the residuals of a learner's equation, relative to two others.
+class Residual(NamedTuple):
+    """Norm of the errors of a learner's equation at all samples, relative to two other norms.
 
-    The others are the norms of the costs, and of the summed magnitudes of the terms.
+    to_costs: to the norm of the costs
+    to_terms: to the norm of the summed magnitudes of the terms of the equation
     """
+
+    to_costs: float
+    to_terms: float
+
+
+def relative_residual(errors: np.ndarray, costs: np.ndarray, terms: np.ndarray) -> Residual:
+    """Return the residual of errors, costs and terms at N samples, (N,) each."""
     norm, of_costs, of_terms = (float(np.linalg.norm(v)) for v in (errors, costs, terms))
-    return norm / of_costs, norm / of_terms
+    return Residual(norm / of_costs, norm / of_terms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,17 +239,18 @@ class Samples:
         """State cost z_j'Q z_j, (N_h,)."""
         return quadratic_forms(self.states, self.game.Q)
 
-    def residual(self, weights: np.ndarray) -> tuple[float, float]:
-        """Return the `relative_residual` of the game's Hamilton-Jacobi-Isaacs equation for V.
+    def residual(self, weights: np.ndarray) -> Residual:
+        """Return the residual of the Hamilton-Jacobi-Isaacs equation for V = W'ψ, weights W (M,).
 
-        e_j = ∇V'F_j + z_j'Q z_j - ¼ ∇V'S ∇V (paper Eq. 33 with the extremal policies).
+        The errors are e_j = ∇V'F_j + z_j'Q z_j - ¼ ∇V'S ∇V (paper Eq. 33 with the extremal
+        policies).
         """
         with np.errstate(all="ignore"):
-            slopes = np.einsum("jmi,m->ji", self.gradient, weights)
-            changes = slopes * self.drifts
-            policies = 0.25 * quadratic_forms(slopes, self.game.S)
-            errors = changes.sum(axis=1) + self.costs - policies
-            terms = np.abs(changes).sum(axis=1) + self.costs + np.abs(policies)
+            slopes = np.einsum("jmi,m->ji", self.gradient, weights)  # ∇V, (N_h, n)
+            products = slopes * self.drifts  # sum to ∇V'F
+            of_policies = 0.25 * quadratic_forms(slopes, self.game.S)
+            errors = products.sum(axis=1) + self.costs - of_policies
+            terms = np.abs(products).sum(axis=1) + self.costs + np.abs(of_policies)
             return relative_residual(errors, self.costs, terms)
 
 
@@ -319,15 +322,7 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
             columns[name], units[name] = np.ravel(numbers_in(name, values)), unit
     if len(set(map(len, columns.values()))) > 1:
         raise BadInputError("the columns differ in length; give x and u, or columns of one length")
-    suffixes = tuple(_ENDS.values())
-    states = [name for name in columns if any(f"{name}{end}" in columns for end in suffixes)]
-    if names.states and set(names.states) <= set(columns):
-        states = list(names.states)
-    d = [name for name in columns if re.fullmatch(r"d\d*", name)]
-    others = [name for name in columns if name not in (*states, *d, *_OTHERS)]
-    inputs = [name for name in others if not name.endswith(suffixes)]
-    if names.inputs and set(names.inputs) <= set(columns):
-        inputs = list(names.inputs)
+    states, inputs, disturbances = _signals_among(columns, names)
     if not states or not inputs:
         what = ", ".join((*names.states, *names.inputs)) or "alpha, alpha_next, elevator"
         raise BadInputError(
@@ -335,13 +330,13 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
             f"{entries_found(entries)}; name the columns so, with units as in alpha [deg], or "
             "give a plant that names them"
         )
-    blocks = {"x": states, "u": inputs, "d": d}
+    blocks = {"x": states, "u": inputs, "d": disturbances}
     for key, suffix in _ENDS.items():
         ends = {f"{state}{suffix}": units[state] for state in states}
-        if not ends.keys() & columns.keys():
+        if ends.keys().isdisjoint(columns):
             continue
         blocks[key] = [*ends]
-        for end, unit in ends.items():
+        for end, unit in ends.items():  # unit of the state
             end_unit = f"{unit}/s" if unit and key == "x_rate" else unit
             if end not in columns or conversion_factor(units[end], end_unit) != 1.0:
                 label = f"{end} [{end_unit}]" if end_unit else end
@@ -358,6 +353,24 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
     return matrices | {name: columns[name] for name in columns if name not in used}
 
 
+def _signals_among(columns: Collection[str], names: PlantNames) -> tuple[list[str], ...]:
+    """Return the names of the states, inputs and disturbances among the columns of a table.
+
+    States and inputs are those of the plant, if the table has all. Else, states are columns with
+    another one of their end, such as alpha beside alpha_next, and inputs are the other columns.
+    """
+    suffixes = tuple(_ENDS.values())
+    states = [name for name in columns if any(f"{name}{end}" in columns for end in suffixes)]
+    if names.states and set(names.states) <= set(columns):
+        states = list(names.states)
+    disturbances = [name for name in columns if re.fullmatch(r"d\d*", name)]
+    others = [name for name in columns if name not in (*states, *disturbances, *_OTHERS)]
+    inputs = [name for name in others if not name.endswith(suffixes)]
+    if names.inputs and set(names.inputs) <= set(columns):
+        inputs = list(names.inputs)
+    return states, inputs, disturbances
+
+
 def transitions_in(data: Any, game: Game) -> Transitions:
     """Return the transitions of recorded data in the order and the units of a game (`learn`).
 
@@ -371,10 +384,11 @@ def transitions_in(data: Any, game: Game) -> Transitions:
         raise BadInputError(
             "the episodes differ in sample time or in disturbances; give equal ones"
         )
+    # The fields of all parts, in their order in `Transitions`.
     *arrays, rounding, holds, notes = zip(*parts, strict=True)
     begins, ends, follows = map(np.concatenate, arrays)
-    all_notes = tuple(dict.fromkeys(chain.from_iterable(notes)))
-    return Transitions(begins, ends, follows, np.min(rounding, axis=0), holds[0], all_notes)
+    once = tuple(dict.fromkeys(chain.from_iterable(notes)))
+    return Transitions(begins, ends, follows, np.min(rounding, axis=0), holds[0], once)
 
 
 def game_of_data(
@@ -400,13 +414,16 @@ def game_of_data(
         if sizes is not None:
             names = names.completed(n, m)
             weights |= weights_of_sizes(sizes(names), names.states, names.inputs)
-        for matrix in {"Q", "R"} - weights.keys():
-            raise BadInputError(f"data without a plant require a cost; give {matrix} (--{matrix})")
+        for matrix in ("Q", "R"):
+            if matrix not in weights:
+                raise BadInputError(
+                    f"data without a plant require a cost; give {matrix} (--{matrix})"
+                )
         return Game(np.zeros((n, n)), np.zeros((n, m)), names=names, dt=dt, **weights)
 
 
 class _Source:
-    """One file, mapping or table of matrices, and the game whose transitions it has."""
+    """Matrices of one file, mapping or table, and the game whose transitions they are."""
 
     def __init__(self, entries: Mapping[str, Any], game: Game) -> None:
         self.entries = entries
@@ -417,7 +434,7 @@ class _Source:
             self.notes.append(f"not used: {shortened(', '.join(unused), 200)}")
 
     def transitions(self) -> Transitions:
-        """Return the transitions."""
+        """Return the transitions in the units of the game."""
         end, *others = [key for key in _ENDS if key in self.entries] or [""]
         if others:
             raise BadInputError("the data have x_next and x_rate; remove one of them")
@@ -431,13 +448,15 @@ class _Source:
             k = blocks[-1].shape[1]
             if math.isfinite(self.game.delta) and k != self.game.E.shape[1]:
                 self.notes.append(f"E of the game is replaced by {k} recorded disturbances")
-        x, count = blocks[0], len(blocks[0])
+        x = blocks[0]
+        count = len(x)
         starts = self._starts(count)
-        # Of successive samples, the last of an episode has no end.
+        # Without a matrix of ends, a sample ends at the next row. The last of an episode has none,
+        # and u and d need no row for it.
         kept = np.arange(count) if end else np.flatnonzero(~starts[1:])
         after = self._matrix(end, n) if end else x[1:]
         for block in (*blocks, after):
-            if len(block) not in (count, count - (not end)):
+            if len(block) not in (count, count if end else count - 1):
                 raise BadInputError(
                     f"x has {count} rows, another matrix {len(block)}; give a row of each for each "
                     "sample"
@@ -446,19 +465,19 @@ class _Source:
         follows = np.zeros(len(kept), dtype=bool)
         if end != "x_rate":
             follows[1:] = (ends[:-1] == x[kept][1:]).all(axis=1)
-        factors = np.ones(begins.shape[1])
+        factors = np.ones(begins.shape[1])  # to the units of the game; d has none
         factors[: n + m] /= np.concatenate(self._scales())
         return Transitions(
             begins=begins * factors,
             ends=ends * factors[:n],
             follows=follows,
             rounding=_last_digits(begins) * factors,
-            hold=None if end == "x_rate" else self._hold(starts, bool(end)),
+            hold=None if end == "x_rate" else self._hold(starts, end),
             notes=tuple(self.notes),
         )
 
     def _matrix(self, key: str, columns: int) -> np.ndarray:
-        """Return a matrix (N, columns) of finite numbers."""
+        """Return an entry as a matrix (N, columns) of finite numbers; 0 columns for any number."""
         if key not in self.entries:
             raise BadInputError(f"there is no {key}{entries_found(self.entries)}; add it")
         values = checked_matrix(key, self.entries[key], LARGEST, None)
@@ -472,7 +491,10 @@ class _Source:
         return values
 
     def _scales(self) -> FileScales:
-        """Return the factors from the game's units to those of the data, and note what is taken."""
+        """Return the factors from the game's units to those of the data.
+
+        Notes tell which other names and missing units are taken as those of the game.
+        """
         for matrix, signal in (("x", "state"), ("u", "input")):
             names = getattr(self.game.names, f"{signal}s")
             units = getattr(self.game.names, f"{signal}_units")
@@ -495,11 +517,15 @@ class _Source:
             starts[1:] |= labels[1:] != labels[:-1]
         return starts
 
-    def _hold(self, starts: np.ndarray, are_apart: bool) -> float | None:
-        """Return the time for which inputs are constant, s, or None of a game in discrete time."""
+    def _hold(self, starts: np.ndarray, end: str) -> float | None:
+        """Return the time for which inputs are constant, s, or None of a game in discrete time.
+
+        starts: whether a row is the first of an episode, (N,)
+        end: "x_next" if each row has its own end, so that the times of rows tell nothing, or ""
+        """
         stated = dt = sample_time(self.entries)
         accuracy = 0.0
-        if "time" in self.entries and not words(self.entries, "time") and not are_apart:
+        if "time" in self.entries and not words(self.entries, "time") and not end:
             times = np.ravel(numbers_in("time", self.entries["time"]))
             if len(times) != len(starts):
                 raise BadInputError(f"time has {len(times)} entries, x has {len(starts)} rows")
@@ -524,10 +550,14 @@ class _Source:
 
 
 def _step_of(times: np.ndarray, starts: np.ndarray) -> tuple[float, float]:
-    """Return the step of the times of successive samples, s, and its accuracy."""
+    """Return the step of the times of successive samples, s, and its accuracy.
+
+    starts: whether a time is the first of an episode, (N,)
+    """
     steps = np.where(starts[1:], np.nan, np.diff(times))
     mean = float(np.nanmean(steps))
-    # Two times, each rounded to half a unit of their last digit, if it is not that of the step.
+    # A step between two times, each rounded to half a unit of its last digit, has an error of this
+    # digit. Times such as 0, 1, 2 s, with a last digit of the size of the step, are exact.
     (rounding,) = _last_digits(times[:, None])
     if 2.0 * rounding > mean:
         rounding = 8.0 * float(np.spacing(np.abs(times).max()))
@@ -542,10 +572,12 @@ def _step_of(times: np.ndarray, starts: np.ndarray) -> tuple[float, float]:
 
 
 def _last_digits(columns: np.ndarray) -> np.ndarray:
-    """Return the unit of the last decimal of each column (N, k), (k,), as of a printed record."""
-    largest = np.abs(columns).max(axis=0, initial=0.0)
-    precision = 4.0 * np.spacing(largest)
+    """Return the unit of the last decimal of each column (N, k) of a printed record, (k,).
+
+    It is 0.01 for 0.5, 1.25, and the floating-point precision for numbers that were not rounded.
+    """
+    unit = 4.0 * np.spacing(np.abs(columns).max(axis=0, initial=0.0))
     for place in range(16, -1, -1):
-        is_rounded = (np.abs(np.round(columns, place) - columns) <= precision).all(axis=0)
-        precision = np.where(is_rounded, np.maximum(precision, 10.0**-place), precision)
-    return precision
+        is_rounded = (np.abs(np.round(columns, place) - columns) <= unit).all(axis=0)
+        unit = np.where(is_rounded, np.maximum(unit, 10.0**-place), unit)
+    return unit

@@ -30,8 +30,6 @@ from hfa_support.errors import (
 from hfa_support.files import Number, regular_file, unpacked
 
 Tensors = Mapping[str, np.ndarray]
-#: Origin of a normalizer, for messages.
-_WHOSE = "of the checkpoint"
 
 
 class Running(NamedTuple):
@@ -238,7 +236,9 @@ def _normalizer(
             mean, spread = (np.ravel(tensors[key]).astype(float) for key in (name, name_of_spread))
             deviation = np.sqrt(spread) if running.is_variance else spread
             variance = (deviation + running.outer) ** 2
-            normalizer = Normalizer(mean, variance, running.inner, running.clip, _WHOSE)
+            normalizer = Normalizer(
+                mean, variance, running.inner, running.clip, "of the checkpoint"
+            )
             return normalizer, notes_on_statistics(mean, spread), (name, name_of_spread)
     return None, (), ()
 
@@ -351,7 +351,7 @@ def _settings_of(data: Mapping[str, Any]) -> dict[str, Any]:
             raise BadInputError(
                 f"policy_kwargs sets {shown(name)}, which is not supported; {_TO_ONNX}"
             )
-    _class_name("features_extractor_class", settings, _EXTRACTORS)
+    _class_name("features_extractor_class", settings, _EXTRACTORS)  # refuses all others
     return settings
 
 
