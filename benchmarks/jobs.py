@@ -164,7 +164,7 @@ def control_points(
 def _evaluated(model: hfa.Model, outputs: tuple[str, ...]) -> Callable[..., np.ndarray]:
     """Return the rates of a model, or these outputs, as a function (t, x, u, params)."""
     vectors = model.layout.symbols("x", "u", "p")
-    parts = model.layout.expressions([ca.vertsplit(vector) for vector in vectors], outputs)
+    parts = model.layout.expressions(vectors, outputs)
     function = BoundFunction(ca.Function("peer", vectors, [parts[len(outputs) > 0]]))
     function.inputs[2][:] = model.p
 

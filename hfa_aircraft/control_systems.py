@@ -10,7 +10,6 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.about import About
-from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import PlantNames, Signal
 from hfa_support.errors import BadInputError
@@ -134,7 +133,7 @@ def to_control(model: Model) -> control.NonlinearIOSystem:
 
     outputs = [*model.states, *model.outputs]
     vectors = model.layout.symbols("x", "u", "p")
-    f, y = model.layout.expressions(list(map(components, vectors)), outputs)
+    f, y = model.layout.expressions(vectors, outputs)
 
     def evaluated(expression: ca.SX) -> Callable[..., np.ndarray]:
         """Return an expression as the function (t, x, u, params) that python-control calls."""
@@ -217,7 +216,7 @@ def _rates_and_outputs(
 def _refuse_time_and_floats(system: control.NonlinearIOSystem, model: Model) -> None:
     """Raise BadInputError if a system depends on time, or turned a symbol into nan."""
     time = ca.SX.sym("t")
-    columns = map(components, model.layout.symbols("x", "u", "p"))
+    columns = map(ca.vertsplit, model.layout.symbols("x", "u", "p"))
     with warnings.catch_warnings(action="ignore", category=FutureWarning):
         # CasADi warns about NumPy functions
         rates, outputs = _rates_and_outputs(system, time, *columns)

@@ -51,6 +51,7 @@ class Layout(NamedTuple):
     names: names of the signals
     replaced: pairs (state, output) of the `Model`: the output is a variable of a trim in place of
         the state
+    variables: names of the variables of a trim, `Model.variables`
     linear: names of the states of linear models
     """
 
@@ -58,19 +59,14 @@ class Layout(NamedTuple):
     equations: Callable[..., Any]
     names: SignalNames
     replaced: tuple[tuple[str, str], ...]
+    variables: tuple[str, ...]
     linear: tuple[str, ...]
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of the variables of a trim: states, or outputs that replace them, then inputs."""
-        instead = dict(self.replaced)
-        return (*(instead.get(name, name) for name in self.names.states), *self.names.inputs)
 
     @property
     def has_nan(self) -> bool:
         """True if the state derivatives contain the constant NaN, as after math.sin of a symbol."""
         vectors = self.symbols("x", "u", "p")
-        rates, _ = self.expressions([components(vector) for vector in vectors], ())
+        rates, _ = self.expressions(vectors, ())
         function = ca.Function("f", vectors, [rates])
         constants = [
             function.instruction_constant(number)
@@ -97,14 +93,6 @@ class Layout(NamedTuple):
                     f"is discrete; declare {name} as a parameter"
                 )
 
-    def record(self, vector: str, values: Any) -> Any:
-        """Return the values of a vector as a named tuple, with the names of the signals as fields.
-
-        vector: "x", "u", "p" or "w"
-        values: values of the components, in order
-        """
-        return record(getattr(self.names, VECTORS[vector]))(*values)
-
     def symbols(self, *vectors: str) -> list[ca.SX]:
         """Return new CasADi symbols, one column for each of the given vectors.
 
@@ -117,15 +105,15 @@ class Layout(NamedTuple):
     ) -> tuple[ca.SX, ca.SX]:
         """Return the rates f (n,) and the chosen outputs or states (k,) as CasADi expressions.
 
-        vectors: components of x, u and p, numbers or expressions
+        vectors: x, u and p, each a CasADi column, or a sequence of numbers and expressions
         outputs: names of outputs or states
-        w: components of the disturbances; None for 0
+        w: the disturbances, in the same form; None for 0
 
         Raises BadInputError if the equations are faulty.
         """
         symbols, f, output_expressions = symbolic(self, undisturbed=w is None)
         x, *_ = symbols
-        known = {**output_expressions, **dict(zip(self.names.states, components(x), strict=True))}
+        known = {**output_expressions, **dict(zip(self.names.states, ca.vertsplit(x), strict=True))}
         y = ca.densify(column(known[name] for name in outputs))
         columns = [column(vector) for vector in (vectors if w is None else [*vectors, w])]
         f_there, y_there = ca.substitute([f, y], symbols, columns)
@@ -139,17 +127,19 @@ class Layout(NamedTuple):
         A state in `replaced` is computed from the output y that replaces it: with y affine in the
         state x, x = (y - y(0)) / (dy/dx).
 
-        values: variable of the trim -> value, a number or an expression
+        values: variable of the trim -> value, a number or an expression; 0 for others
         p: parameters
         outputs: names of outputs or states
 
         Raises BadInputError if a replacing output does not depend on its state in an affine way.
         """
         replaced_symbols = {state: ca.SX.sym(state) for state, _ in self.replaced}
-        x: list[Any] = [replaced_symbols.get(name, values.get(name)) for name in self.names.states]
-        u = [values[name] for name in self.names.inputs]
+        x: list[Any] = [
+            replaced_symbols.get(name, values.get(name, 0.0)) for name in self.names.states
+        ]
+        u = [values.get(name, 0.0) for name in self.names.inputs]
         replacing = [output for _, output in self.replaced]
-        f, y_and_replacing = self.expressions((x, u, components(p)), (*outputs, *replacing))
+        f, y_and_replacing = self.expressions((x, u, p), (*outputs, *replacing))
         y = y_and_replacing[: len(outputs)]
         parts: Any = [column(map(ca.SX, x)), column(u), f, y]
         for row, (state, output) in enumerate(self.replaced, start=len(outputs)):
@@ -161,18 +151,15 @@ class Layout(NamedTuple):
                     f"{self.name}: {output} replaces {state} and must depend affinely on {state}"
                 )
             at_zero = ca.substitute(expression, symbol, 0)
-            parts = ca.substitute(parts, [symbol], [(values[output] - at_zero) / slope])
+            parts = ca.substitute(parts, [symbol], [(values.get(output, 0.0) - at_zero) / slope])
         return [ca.densify(part) for part in parts]
 
 
-def column(entries: Iterable[Any]) -> ca.SX:
-    """Return numbers and expressions as a column, which is of SX even if it is empty."""
+def column(entries: Iterable[Any] | ca.SX | ca.DM) -> ca.SX:
+    """Return numbers and expressions, or a CasADi column of them, as SX, also if there are none."""
+    if isinstance(entries, ca.SX | ca.DM):
+        return ca.vec(ca.SX(entries))  # a part without entries of a column may be a row
     return ca.vertcat(ca.SX(0, 1), *entries)
-
-
-def components(vector: Any) -> list[Any]:
-    """Return the components of a CasADi column as a list."""
-    return ca.vertsplit(vector) if vector.numel() else []
 
 
 class Linearization(NamedTuple):
@@ -210,8 +197,7 @@ def linearized(
     w = ca.SX.sym("w", len(disturbances))
     for name in disturbances:
         refuse_unknown("unknown disturbance", name, layout.names.disturbances)
-    vectors = [components(vector) for vector in (x, u, p)]
-    f, y = layout.expressions(vectors, outputs)
+    f, y = layout.expressions((x, u, p), outputs)
     A = ca.jacobian(f, x)
     B = ca.jacobian(f, u)
     columns = [layout.names.states.index(name) for name in layout.linear]
@@ -221,7 +207,7 @@ def linearized(
     if disturbances:
         winds = dict(zip(disturbances, ca.vertsplit(w), strict=True))
         every_wind = [winds.get(name, 0.0) for name in layout.names.disturbances]
-        for expression in layout.expressions(vectors, outputs, every_wind):
+        for expression in layout.expressions((x, u, p), outputs, every_wind):
             parts.append(ca.substitute(ca.jacobian(expression, w), w, 0))
     else:
         parts += [ca.SX(f.numel(), 0), ca.SX(y.numel(), 0)]
@@ -266,12 +252,12 @@ def symbolic(layout: Layout, *, undisturbed: bool) -> _Symbolic:
     if undisturbed and not layout.names.disturbances:
         with_empty_w = symbolic(layout, undisturbed=False)
         return with_empty_w._replace(symbols=with_empty_w.symbols[:3])
-    names = list(VECTORS)
-    symbols = layout.symbols(*(names[:3] if undisturbed else names))
-    values = [components(vector) for vector in symbols]
+    symbols = layout.symbols(*("xup" if undisturbed else VECTORS))
+    values = [ca.vertsplit(vector) for vector in symbols]
     if undisturbed:
         values.append([0.0 for _ in layout.names.disturbances])
-    arguments = [layout.record(name, vector) for name, vector in zip(names, values, strict=True)]
+    # layout.names also has the outputs, which are no arguments
+    arguments = [record(of)(*vector) for of, vector in zip(layout.names[:4], values, strict=True)]
     rates, returned = _called(layout, arguments)
     f = [_scalar(layout, "rate of", name, rates[name]) for name in layout.names.states]
     outputs = {

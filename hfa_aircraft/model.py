@@ -17,13 +17,12 @@ from hfa_aircraft.layout import (
     Layout,
     Linearization,
     SignalNames,
-    components,
     linearized,
     linearized_rows,
     symbolic,
 )
 from hfa_aircraft.recognition import altitudes, meant_by, recognized, usual_modes
-from hfa_aircraft.signals import AIRSPEEDS, ISA, VECTORS, Signal, declared_signals
+from hfa_aircraft.signals import AIRSPEEDS, ISA, VECTORS, Signal, declared_signals, record
 from hfa_support.errors import (
     BadInputError,
     NotFiniteError,
@@ -223,14 +222,15 @@ class Model(Reported):
     @cached_property
     def variables(self) -> tuple[str, ...]:
         """Names of the variables of a trim: states, or outputs that replace them, then inputs."""
-        return self.layout.variables
+        states = (self.replaced.get(name, name) for name in self.states)
+        return (*states, *self.inputs)
 
     def state_places(self, names: Iterable[str]) -> list[int]:
         """Return the indices of the named states among all states."""
         places = []
         for name in names:
             refuse_unknown("unknown state", name, self.states)
-            places.append(self.state_names.index(name))
+            places.append(list(self.states).index(name))
         return places
 
     def input_places(self, names: Iterable[str]) -> list[int]:
@@ -238,7 +238,7 @@ class Model(Reported):
         places = []
         for name in names:
             refuse_unknown("unknown input", name, self.inputs)
-            places.append(self.input_names.index(name))
+            places.append(list(self.inputs).index(name))
         return places
 
     @cached_property
@@ -510,11 +510,6 @@ class Model(Reported):
         return self.source.native or self
 
     @property
-    def is_converted(self) -> bool:
-        """Whether the model was converted to SI units from its declared ones."""
-        return self.source.native is not None
-
-    @property
     def changed(self) -> dict[str, float]:
         """Parameters that are not as the model was loaded: name -> value as loaded."""
         native = self.native
@@ -536,6 +531,8 @@ class Model(Reported):
         given = np.asarray(values, dtype=float)
         if given.shape[-1:] != (len(names),):
             raise BadInputError(f"values has shape {given.shape}; give {len(names)} in each row")
+        if self.native is self:
+            return given
         return given / [self.native_factor(name) for name in names]
 
     # Parameters.
@@ -581,8 +578,14 @@ class Model(Reported):
     def layout(self) -> Layout:
         """Equations and signal names of the model, without the values of its parameters."""
         groups = (self.states, self.inputs, self.parameters, self.disturbances, self.outputs)
-        names = SignalNames(*map(tuple, groups))
-        return Layout(self.name, self.equations, names, tuple(self.replaced.items()), self.linear)
+        return Layout(
+            self.name,
+            self.equations,
+            SignalNames(*map(tuple, groups)),
+            tuple(self.replaced.items()),
+            self.variables,
+            self.linear,
+        )
 
     def functions(self, outputs: Sequence[str] | None = None) -> ca.Function:
         """Return the CasADi function (x, u, p) -> fields of a `Linearization`, at w = 0.
@@ -679,12 +682,15 @@ class Model(Reported):
         self._refuse_vectors(x, u)
         numbers = [[float(value) for value in vector] for vector in (x, u, self.p)]
         still_air = [0.0 for _ in self.disturbances]
-        records = map(self.layout.record, VECTORS, (*numbers, still_air))
+        names = self.layout.names[:4]  # of x, u, p and w
+        records = [
+            record(of)(*values) for of, values in zip(names, (*numbers, still_air), strict=True)
+        ]
         try:
-            return self.layout.equations(*records)
+            return self.equations(*records)
         except (RuntimeError, ArithmeticError):
             # Some CasADi functions (pw_lin) accept only symbols, and numbers in Python raise
             # exceptions for which CasADi returns inf or nan.
             f, y = self.functions()(*numbers)[:2]
             rates = dict(zip(self.states, ca.vertsplit(f), strict=True))
-            return rates, dict(zip(self.outputs, components(y), strict=True))
+            return rates, dict(zip(self.outputs, ca.vertsplit(y), strict=True))

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import casadi as ca
 
-from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS
 from hfa_support.errors import BadInputError, shown
@@ -42,7 +41,7 @@ def fingerprint(model: Model, sources: str) -> str:
     sources: hash of the source files
     """
     vectors = model.layout.symbols(*VECTORS)
-    *given, w = map(components, vectors)
+    *given, w = vectors
     f, y = model.layout.expressions(given, tuple(model.outputs), w)
     function = ca.Function("f", vectors, [f, y])
     digest = hashlib.sha256(sources.encode())

@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 
 from hfa_aircraft.about import Domain, Source
-from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.layout import Layout
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import AIRSPEEDS, VECTORS, Signal, record
 from hfa_support.units import (
@@ -54,7 +54,7 @@ def notes_on_degrees(model: Model) -> list[str]:
 def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
     """Return pairs (signal, "sin", "cos" or "tan" of it or of a sum with it in the equations)."""
     vectors = layout.symbols("x", "u", "p")
-    f, y = layout.expressions([components(vector) for vector in vectors], layout.names.outputs)
+    f, y = layout.expressions(vectors, layout.names.outputs)
     program = ca.Function("equations", vectors, [f, y])
     found: dict[tuple[str, str], None] = {}
     #: Index in memory -> signals in degrees whose sum or difference is stored there.
@@ -247,7 +247,7 @@ def in_units_of(model: Model, value: Any, unit: str) -> Any:
     model: the model, possibly converted to SI
     value: value in the English unit `unit`
     """
-    return value * si_factor(unit) if model.is_converted else value
+    return value * si_factor(unit) if model.source.native else value
 
 
 def unit_of(model: Model, unit: str) -> str:
@@ -256,4 +256,4 @@ def unit_of(model: Model, unit: str) -> str:
     model: the model, possibly converted to SI
     unit: the English unit
     """
-    return si_unit(unit) if model.is_converted else unit
+    return si_unit(unit) if model.source.native else unit

@@ -24,7 +24,6 @@ from controller.expansion.series import (
 from controller.game.basis import TO_DEGREE, Basis, basis as named_basis
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
-from hfa_aircraft.layout import components
 from hfa_support.errors import BadInputError, NoSolutionError, shown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
@@ -83,8 +82,8 @@ def rates_about_trim(linear: LinearModel) -> ca.Function:
     model = linear.model
     z = ca.SX.sym("z", len(linear.states))
     u = ca.SX.sym("u", len(linear.inputs))
-    deviations = dict(zip(linear.states, components(z), strict=True))
-    deviations |= zip(linear.inputs, components(u), strict=True)
+    deviations = dict(zip(linear.states, ca.vertsplit(z), strict=True))
+    deviations |= zip(linear.inputs, ca.vertsplit(u), strict=True)
     states = [value + deviations.get(name, 0.0) for name, value in point.states._asdict().items()]
     inputs = [value + deviations.get(name, 0.0) for name, value in point.inputs._asdict().items()]
     rates, _ = model.layout.expressions((states, inputs, model.p.tolist()), ())  # no outputs

@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 
 import hfa
+from hfa_aircraft.signals import record
 from hfa_model import Input, State
 
 _AIRCRAFT = hfa.aircraft()
@@ -28,7 +29,7 @@ def random_points(count, seed):
 def wind_of(values=(), **named):
     """Return a record of all winds, ft/s: values in the order of `WINDS`, or named ones."""
     values = [*values] or [named.get(name, 0.0) for name in WINDS]
-    return _AIRCRAFT.layout.record("w", values)
+    return record(WINDS)(*values)
 
 
 def equations(x, u, p, dynamics, wind=None):
@@ -43,6 +44,7 @@ def rates_function(layout, rates_of):
     rates_of: function of the named x, u, p and w that returns the rates by name
     """
     vectors = layout.symbols(*"xupw")
-    x, *rest = map(layout.record, "xupw", map(ca.vertsplit, vectors))
+    named = zip(layout.names[:4], vectors, strict=True)
+    x, *rest = [record(names)(*ca.vertsplit(vector)) for names, vector in named]
     found = rates_of(x, *rest)
     return ca.Function("rates", vectors, [ca.vertcat(*map(found.get, x._fields))])

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.layout import Layout
 from hfa_aircraft.limits import SLACK
 from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
@@ -347,7 +347,7 @@ def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -
     # v are the variables of a trim, from which states and inputs follow, and f the rates of all
     # states. The derivatives are those by the free variables. Those of `zero` are 0.
     x, u, p = layout.symbols("x", "u", "p")
-    f, _ = layout.expressions([components(vector) for vector in (x, u, p)], ())
+    f, _ = layout.expressions((x, u, p), ())
     A = ca.densify(ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS])
     B = ca.densify(ca.jacobian(f, u)[LINEAR_ROWS, :])
     entries = ca.vertcat(ca.vec(A), ca.vec(B))

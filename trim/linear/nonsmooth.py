@@ -14,7 +14,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import Layout, Linearization, components
+from hfa_aircraft.layout import Layout, Linearization
 from hfa_aircraft.model import Model
 from hfa_support.native.bound import RowFunction
 
@@ -154,7 +154,7 @@ def _rate_scales(model: Model) -> np.ndarray:
 def rates_of(layout: Layout) -> ca.Function:
     """Return the CasADi Function (x, u, p) -> rates of the states."""
     vectors = layout.symbols("x", "u", "p")
-    rates, _ = layout.expressions([components(vector) for vector in vectors], ())
+    rates, _ = layout.expressions(vectors, ())
     return ca.Function("rates", vectors, [rates])
 
 

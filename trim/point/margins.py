@@ -10,7 +10,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import components
 from hfa_aircraft.limits import NEAR
 from hfa_aircraft.model import Model
 from hfa_aircraft.recognition import recognized
@@ -189,7 +188,7 @@ def stalled(
     is_declared = {*_LARGEST} <= {*model.outputs}
     symbols = model.layout.symbols("x", "u", "p")
     names = ("lift", *(_LARGEST if is_declared else ()))
-    _, outputs = model.layout.expressions([components(vector) for vector in symbols], names)
+    _, outputs = model.layout.expressions(symbols, names)
     lift = outputs[0]
     # reserve: negative beyond the stall
     if is_declared:

@@ -266,7 +266,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     def _refuse_other(self, model: Model) -> None:
         """Raise BadInputError if the point was not trimmed with this model's units and dynamics."""
-        if self.model.is_converted != model.is_converted:
+        if bool(self.model.source.native) != bool(model.source.native):
             raise BadInputError(
                 "the operating point and the model have different units; trim this model"
             )

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
 from hfa_support.errors import BadInputError, NotFiniteError
 from hfa_support.matrices import LinearTable
 from hfa_support.units import si_factor, si_unit
@@ -148,7 +148,7 @@ class TrimProblem:
         """Return advice to hold or free, in place of an output, what it depends on."""
         layout = self.model.layout
         x, u, p = layout.symbols("x", "u", "p")
-        _, output = layout.expressions([components(x), components(u), components(p)], (name,))
+        _, output = layout.expressions((x, u, p), (name,))
         used = ca.which_depends(output, ca.vertcat(p, x, u), 1, False)
         names = (*layout.names.parameters, *layout.variables)
         deciding = [name for name, is_used in zip(names, used, strict=True) if is_used]
@@ -183,9 +183,10 @@ class TrimProblem:
             return self._last[key]
         rows = self.system.equations.point_rows(z[None], self.c)
         x, u, y, residual, jacobian = (part[0] for part in rows)
-        states = self.model.layout.record("x", x.tolist())
-        inputs = self.model.layout.record("u", u.tolist())
-        self.model.domain.refuse_outside(states)
+        states = record(tuple(self.model.states))(*x.tolist())
+        inputs = record(tuple(self.model.inputs))(*u.tolist())
+        if check := self.model.domain.check:
+            check(states)
         if not np.isfinite(np.concatenate(rows, axis=1)).all():
             self.model.at(states, inputs)  # raises an error that names the rate
             raise NotFiniteError(f"{self.model.name}: an output is not a finite number")

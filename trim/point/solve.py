@@ -251,7 +251,7 @@ def trim(
     40.27
     """
     condition = condition or usual_condition(model)
-    if condition.model.is_converted != model.is_converted:
+    if bool(condition.model.source.native) != bool(model.source.native):
         raise BadInputError(OTHER_UNITS)
     held = {**(hold or {}), **held}
     if at is not None:

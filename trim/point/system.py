@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import Layout, column, components
+from hfa_aircraft.layout import Layout, column
 from hfa_aircraft.model import Model
 from hfa_support.matrices import LinearTable
 from hfa_support.native.bound import RowFunction
@@ -134,7 +134,7 @@ class TrimEquations:
         """
         x, u = self.layout.symbols("x", "u")
         p = self.c[len(self.constants) :]
-        f, _ = self.layout.expressions([components(x), components(u), components(p)], ())
+        f, _ = self.layout.expressions((x, u, p), ())
         derivatives = [ca.jacobian(f, x), ca.jacobian(f, u)]
         jacobians = ca.substitute(derivatives, [x, u], [self.x, self.u])
         A, B = (ca.vec(jacobian.T) for jacobian in jacobians)
@@ -230,17 +230,17 @@ def _expressions(structure: Structure) -> _Expressions:
     (p,) = layout.symbols("p")
     given = {name: ca.SX.sym(name) for name in structure.given}
     free = {unknown.name: ca.SX.sym(unknown.name) for unknown in structure.unknowns}
-    variables = {**dict.fromkeys(layout.variables, ca.SX(0)), **given, **free}
+    variables = {**given, **free}
     # A variable whose effect a zero parameter switches off is in no equation.
     parameters = column(
         ca.SX(0) if name in structure.zero else symbol
-        for name, symbol in zip(layout.names.parameters, components(p), strict=True)
+        for name, symbol in zip(layout.names.parameters, ca.vertsplit(p), strict=True)
     )
     outputs = [row.name for row in structure.rows if not row.is_rate]
     watched = [signal.name for signal in structure.watched]
     x, u, f, signals = layout.in_variables(variables, parameters, (*outputs, *watched))
-    rates = dict(zip(layout.names.states, components(f), strict=True))
-    signal_by_name = dict(zip((*outputs, *watched), components(signals), strict=True))
+    rates = dict(zip(layout.names.states, ca.vertsplit(f), strict=True))
+    signal_by_name = dict(zip((*outputs, *watched), ca.vertsplit(signals), strict=True))
     residuals = []
     for row in structure.rows:
         value = rates[row.name] if row.is_rate else signal_by_name[row.name]
@@ -286,7 +286,7 @@ def equations(structure: Structure) -> TrimEquations:
         affected_count=len(affected),
         constants=(*structure.given, *idle),
         z=z,
-        c=column((*e.given.values(), *(e.free[name] for name in idle), *components(e.p))),
+        c=column((*e.given.values(), *(e.free[name] for name in idle), *ca.vertsplit(e.p))),
         x=x,
         u=u,
         y=ca.densify(y),

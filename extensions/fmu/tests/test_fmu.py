@@ -18,7 +18,6 @@ from cli import SCRIPT, assert_refused, hfa as run
 from scipy.integrate import solve_ivp
 
 import hfa
-from hfa_aircraft.layout import components
 
 COMPILER = shutil.which("cc") or ""
 REFERENCE = os.environ.get("REFERENCE_FMUS")
@@ -490,7 +489,7 @@ def test_parameters_of_an_fmu_are_identified():
 def rates_of(model):
     """Return the function (x, u, p) -> rates."""
     symbols = model.layout.symbols("x", "u", "p")
-    rates, _ = model.layout.expressions([components(each) for each in symbols], ())
+    rates, _ = model.layout.expressions(symbols, ())
     return ca.Function("rates", symbols, [rates])
 
 

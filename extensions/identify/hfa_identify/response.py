@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.batch_simulation import rk4
-from hfa_aircraft.layout import column, components
+from hfa_aircraft.layout import column
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.records import Record
@@ -123,21 +123,19 @@ class Responses:
     def _expressions(self, x: ca.SX, u: ca.SX, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Return the rates and the recorded quantities, of recorded inputs u and unknowns θ."""
         model = self.model
-        unknowns = dict(zip(self.free, components(theta), strict=True))
+        unknowns = dict(zip(self.free, ca.vertsplit(theta), strict=True))
         bias_of = {column: unknowns[name] for name, column in self._biases.items()}
         parameters = [
             unknowns.get(name, ca.SX(signal.start)) for name, signal in model.parameters.items()
         ]
         true_inputs = [
             recorded - bias_of.get(name, 0.0)
-            for name, recorded in zip(model.inputs, components(u), strict=True)
+            for name, recorded in zip(model.inputs, ca.vertsplit(u), strict=True)
         ]
-        rates, true = model.layout.expressions(
-            [components(x), true_inputs, parameters], self.measured
-        )
+        rates, true = model.layout.expressions((x, true_inputs, parameters), self.measured)
         recorded = [
             value + bias_of.get(name, 0.0)
-            for name, value in zip(self.measured, components(true), strict=True)
+            for name, value in zip(self.measured, ca.vertsplit(true), strict=True)
         ]
         return rates, ca.densify(column(recorded))
 

@@ -292,7 +292,7 @@ def _model_report(model: LinearModel) -> Report:
     """Return the report of the linear model at an angle."""
     report = linear_model_report(model)
     printed = printed_at(model.point)
-    if printed is None or model.point.model.is_converted:  # printed values are in feet
+    if printed is None or model.point.model.source.native:  # printed values are in feet
         return report
     beside: tuple[Part, ...] = printed_comparison_tables(model, printed)
     return replace(report, parts=(*beside, _COLORS, *report.parts[len(beside) :]))

@@ -20,7 +20,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import flow_rates, rotation, wind_axes
-from hfa_aircraft.signals import VECTORS, Signal
+from hfa_aircraft.signals import VECTORS, Signal, record
 from hfa_flight.air.gusts import UPDRAFT, state_of
 from hfa_support.units import conversion_factor
 
@@ -240,8 +240,8 @@ class _InGusts:
 
         x, u, p, w: states, inputs, parameters and disturbances, each an attribute by its name
         """
-        layout = self.model.layout
-        declared = layout.record("w", [getattr(w, name) for name in self.model.disturbances])
+        names = self.model.layout.names
+        declared = record(names.disturbances)(*(getattr(w, name) for name in names.disturbances))
         gust = dict.fromkeys(ADDED, 0.0)  # the model's own equations have the declared ones
         gust |= {name: _SIGN.get(name, 1.0) * getattr(w, ADDED[name]) for name in self.added}
         # Motion over the ground, V and ω, and relative to the air, V_a and ω_a.
@@ -256,11 +256,11 @@ class _InGusts:
         in_air |= zip(_RATES.values(), ca.vertsplit(rates_in_air), strict=True)
         motion_in_air = {name: in_air.get(name, angle) for name, angle in motion.items()}
         # The model at V_a and ω_a.
-        x_in_air = {name: getattr(x, name) for name in self.model.states}
+        x_in_air = {name: getattr(x, name) for name in names.states}
         for name, state in standard.items():
             x_in_air[state.name] = motion_in_air[name] / state.size
         rates_of_model, outputs = self.model.equations(
-            layout.record("x", x_in_air.values()), u, p, declared
+            record(names.states)(*x_in_air.values()), u, p, declared
         )
         # From V' = a - ω_a x V_a of the model to V' = a - ω x V.
         acceleration = _acceleration(

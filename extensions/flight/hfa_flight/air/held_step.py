@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.batch_simulation import rk4
-from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.layout import Layout
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_support.matrices import spectral_radius
@@ -155,7 +155,7 @@ def rate_in_push(layout: Layout, linear: tuple[str, ...], winds: tuple[str, ...]
     if winds:
         wind = dict(zip(winds, ca.vertsplit(push)[len(linear) :], strict=True))
         every_wind = [wind.get(name, 0.0) for name in names.disturbances]
-    unpushed, _ = layout.expressions([components(vector) for vector in (X, U, p)], (), every_wind)
+    unpushed, _ = layout.expressions((X, U, p), (), every_wind)
     rates = [
         rate + (push[linear.index(name)] if name in linear else 0.0)
         for name, rate in zip(names.states, ca.vertsplit(unpushed), strict=True)

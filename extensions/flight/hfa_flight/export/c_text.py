@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.policy import DeployedPolicy
 from hfa_flight.policies.estimate import (
@@ -349,7 +348,7 @@ def _rates(model: Model) -> ca.Function:
     """Return the CasADi Function (x, u, w, p) -> dx, the equations of motion."""
     vectors: Any = model.layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", max(1, len(model.disturbances)))  # C has no arrays without entries
-    winds = components(w)[: len(model.disturbances)]
+    winds = w[: len(model.disturbances)]
     no_outputs = ()
-    rates, _ = model.layout.expressions(tuple(map(components, vectors)), no_outputs, winds)
+    rates, _ = model.layout.expressions(vectors, no_outputs, winds)
     return ca.Function("rates", [vectors[0], vectors[1], w, vectors[2]], [rates])

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import ActuatorBank, Scenario
 from hfa_flight.export.c_text import filter_sample
@@ -199,9 +198,8 @@ def exported_loop(
     trim_of_Y[: len(point.states)] = point.states
     now = loop.at(t, Y - ca.DM(trim_of_Y), held)
     U = now.inputs + ca.DM(point.u)
-    X = ca.vertsplit(Y[: len(point.states)])
-    vectors = X, components(U), model.p.tolist()
-    _, h = model.layout.expressions(vectors, tuple(model.outputs), components(w))
+    vectors = Y[: len(point.states)], U, model.p
+    _, h = model.layout.expressions(vectors, tuple(model.outputs), w)
     outputs = [Channel(name, signal.unit) for name, signal in model.outputs.items()]
     if steering.sets_inputs:
         h = ca.vertcat(U, h)

@@ -12,7 +12,6 @@ import numpy as np
 
 from controller.game.linear_game import default_weight, game, matrix_text
 from controller.riccati.gare import solve
-from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.policies.policy import deviations_of
@@ -94,7 +93,7 @@ class FlightProblem:
         An example is the altitude.
         """
         every = ca.SX.sym("x", len(self.model.states))
-        vectors = ca.vertsplit(every), list(self.point.inputs), components(ca.DM(self.model.p))
+        vectors = every, self.point.inputs, self.model.p
         every_rate, _ = self.model.layout.expressions(vectors, ())
         depends = ca.DM(ca.jacobian(every_rate, every).sparsity(), 1).full() != 0.0
         followed = set(self.places)
@@ -203,8 +202,7 @@ class FlightProblem:
             X[place] += float(of_states[row]) * column[row]
         for row, place in enumerate(self.moved):
             U[place] += float(of_inputs[row]) * column[len(self.followed) + row]
-        vectors = X, U, components(ca.DM(self.model.p))
-        every_rate, _ = self.model.layout.expressions(vectors, (), None)
+        every_rate, _ = self.model.layout.expressions((X, U, self.model.p), ())
         rates = ca.densify(every_rate[self.followed_places] / ca.DM(of_states))
         return ca.Function("rates", [column], [rates], {"cse": True})
 

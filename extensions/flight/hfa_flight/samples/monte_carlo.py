@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS
@@ -178,7 +177,7 @@ def _equations_identity(model: Model) -> tuple[str, ...]:
     if model.source.text:
         return model.source.text, model.source.digest
     vectors = model.layout.symbols(*VECTORS)
-    *given, w = map(components, vectors)
+    *given, w = vectors
     rates = model.layout.expressions(given, (), w)[0]
     return (hashlib.sha256(ca.Function("f", vectors, [rates]).serialize().encode()).hexdigest(),)
 

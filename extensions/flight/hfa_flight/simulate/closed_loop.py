@@ -15,7 +15,6 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.batch_simulation import Cost
-from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
@@ -115,11 +114,11 @@ class NonlinearPlant(Plant):
         """
         model = self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
         outputs = [ANGLE_OF_ATTACK] if winds and has_angle_of_attack(model) else []
-        X = components(ca.DM(self.point.x) + x)
+        X = ca.DM(self.point.x) + x
         U = ca.SX.sym("U", len(model.inputs))
-        p = components(parameters) if self.uncertain else model.p.tolist()
+        p = parameters if self.uncertain else model.p
         w = [winds.get(name, 0.0) for name in model.disturbances]
-        rates, angles = model.layout.expressions((X, components(U), p), outputs, w)
+        rates, angles = model.layout.expressions((X, U, p), outputs, w)
         if ca.depends_on(angles, U):
             raise BadInputError(
                 f"{model.name}: output {ANGLE_OF_ATTACK} depends on an input and is therefore "

@@ -16,6 +16,7 @@ import numpy as np
 from hfa_aircraft.batch_simulation import RESOLVED, FlightOutcome, has_decayed
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
 from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, limited_names
 from hfa_flight.air.signals import Deviations
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
@@ -121,8 +122,9 @@ def flight_envelope(
     trim is outside the envelope.
     """
     pairs = {name: (signal.min, signal.max) for name, signal in model.states.items()}
-    parameters = model.layout.record("p", model.p.tolist())
-    pairs |= model.domain.limits_about(point.states, parameters)
+    if model.domain.envelope is not None:
+        parameters = record(tuple(model.parameters))(*model.p.tolist())
+        pairs |= model.domain.envelope(point.states, parameters)
     for key, pair in (changes or {}).items():
         name = ALPHA if key == ANGLE_OF_ATTACK else key
         refuse_unknown("the envelope has no state", name, tuple(model.states))

@@ -99,9 +99,7 @@ def digest_of_equations(model: Model) -> str:
         return ""
     layout = model.layout
     x, u, p, w = layout.symbols("x", "u", "p", "w")
-    vectors = [ca.vertsplit(vector) if vector.numel() else [] for vector in (x, u, p)]
-    disturbances = ca.vertsplit(w) if w.numel() else []
-    rates, outputs = layout.expressions(vectors, tuple(model.outputs), disturbances)
+    rates, outputs = layout.expressions((x, u, p), tuple(model.outputs), w)
     graph = ca.Function("equations", [x, u, p, w], [ca.densify(rates), ca.densify(outputs)])
     names = repr((tuple(map(tuple, layout.names)), layout.replaced))
     return hashlib.sha256(f"{names} {digest_of(graph, model.name)}".encode()).hexdigest()

@@ -23,7 +23,6 @@ import numpy as np
 
 from controller.critic.features import RESERVED, expressions, symbols_for
 from hfa_aircraft.batch_simulation import saturated
-from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployment import Deployment
@@ -183,11 +182,8 @@ class Deployed:
         """Return the expressions of all states, inputs and outputs in still air, by name."""
         model = self.model
         p = trim[len(model.states) + len(model.inputs) :]
-        vectors = [components(vector) for vector in (X, U, p)]
-        outputs = tuple(model.outputs)
-        _, y = model.layout.expressions(vectors, outputs)
-        columns = [*vectors[0], *vectors[1], *components(y)]
-        return dict(zip(self.names, columns, strict=True))
+        _, y = model.layout.expressions((X, U, p), tuple(model.outputs))
+        return dict(zip(self.names, ca.vertsplit(ca.vertcat(X, U, y)), strict=True))
 
     def at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
         """Return the expressions of all states, inputs and outputs at the trim, by name."""
