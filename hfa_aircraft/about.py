@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from hfa_support.errors import BadInputError, pair_of, shown
 from hfa_support.public_arguments import check_fields
 
 if TYPE_CHECKING:
@@ -94,30 +93,6 @@ class Domain(_Declared):
     reference: Mapping[str, float] = field(default_factory=dict)
     by_speed: tuple[str, ...] = ()
     flown: Callable[[Any, Any, Any], str] | None = None
-
-    def __post_init__(self) -> None:
-        """Check the fields. Raises BadInputError for a wrong one."""
-        super().__post_init__()
-        for name, entry in self.range.items():
-            match entry:
-                case (lowest, highest, str()):
-                    pair_of(f"range of {name}", (lowest, highest))
-                case _:
-                    raise BadInputError(
-                        f"range of {name} is {shown(entry)}; give (lowest, highest, source)"
-                    )
-
-    def limits_about(self, x: Any, p: Any) -> Mapping[str, tuple[float, float]]:
-        """Return the limits of the states in flight about a trim that `envelope` changes.
-
-        x, p: state and parameters of the trim, with fields by name
-        """
-        return {} if self.envelope is None else self.envelope(x, p)
-
-    def refuse_outside(self, x: Any) -> None:
-        """Raise BadInputError for a state outside the domain, with fields by name."""
-        if self.check is not None:
-            self.check(x)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -28,6 +27,9 @@ class Limits:
     highest: (k,), inf without a limit
     least: (k,), lowest values that count as within, `lowest` minus a tolerance
     most: (k,), highest values that count as within, `highest` plus a tolerance
+    low: (k,), highest values that count as at the lowest limit, nan without a limit
+    high: (k,), lowest values that count as at the highest limit, nan without a limit
+    assumed: (k,), whether no data of the aircraft and no user state the limits
     """
 
     model: Model
@@ -36,6 +38,9 @@ class Limits:
     highest: np.ndarray
     least: np.ndarray
     most: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    assumed: np.ndarray
 
     @staticmethod
     def of(
@@ -47,18 +52,19 @@ class Limits:
 
         changes: name -> (lowest, highest), instead of the declared min and max; None for no changes
         """
-        changed = [(name, lowest, highest) for name, (lowest, highest) in (changes or {}).items()]
-        return _limits(model, tuple(names), tuple(changed))
-
-    @property
-    def assumed(self) -> np.ndarray:
-        """Mask (k,) of the limits that no data of the aircraft and no user states."""
+        rows = []
         are_assumed = []
-        for name, lowest, highest in zip(self.names, self.lowest, self.highest, strict=True):
-            signal = self.model.signal(name)
-            is_declared = (signal.min, signal.max) == (lowest, highest)
-            are_assumed.append(signal.assumed and is_declared)
-        return np.array(are_assumed)
+        for name in names:
+            signal = model.signal(name)
+            declared = (signal.min, signal.max)
+            lowest, highest = (changes or {}).get(name, declared)
+            low_size, high_size = (signal.nominal + abs(end) for end in (lowest, highest))
+            within = (lowest - SLACK * low_size, highest + SLACK * high_size)
+            at_limit = (lowest + NEAR * low_size, highest - NEAR * high_size)
+            rows.append((lowest, highest, *within, *at_limit))
+            are_assumed.append(signal.assumed and (lowest, highest) == declared)
+        columns = np.array(rows).reshape(-1, 6).T
+        return Limits(model, tuple(names), *columns, np.array(are_assumed, dtype=bool))
 
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) that are within their limits, up to `SLACK`.
@@ -70,11 +76,11 @@ class Limits:
 
     def at_lowest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) at or below their lowest limit, up to `NEAR`."""
-        return np.asarray(values) <= self.lowest + NEAR * self._measure(self.lowest)
+        return np.asarray(values) <= self.low
 
     def at_highest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) at or above their highest limit, up to `NEAR`."""
-        return np.asarray(values) >= self.highest - NEAR * self._measure(self.highest)
+        return np.asarray(values) >= self.high
 
     def between(self, name: str) -> str:
         """Return the limits of one signal as text: "-60 deg and 60 deg"."""
@@ -98,24 +104,3 @@ class Limits:
                 f"{self.between(name)}"
             )
         return sentences
-
-    def _measure(self, limit: np.ndarray) -> np.ndarray:
-        """Return nominal + |limit| of each signal, 0 where it has no limit, (k,)."""
-        nominal = self.model.nominal(self.names)
-        return np.where(np.isfinite(limit), nominal + np.abs(limit), 0.0)
-
-
-@lru_cache(maxsize=64)
-def _limits(
-    model: Model, names: tuple[str, ...], changes: tuple[tuple[str, float, float], ...]
-) -> Limits:
-    """Return the limits of the named signals, with changes as (name, lowest, highest)."""
-    changed = {name: (lowest, highest) for name, lowest, highest in changes}
-    rows = []
-    for name in names:
-        signal = model.signal(name)
-        lowest, highest = changed.get(name, (signal.min, signal.max))
-        least = lowest - SLACK * (signal.nominal + abs(lowest))
-        most = highest + SLACK * (signal.nominal + abs(highest))
-        rows.append((lowest, highest, least, most))
-    return Limits(model, names, *np.array(rows).reshape(-1, 4).T)

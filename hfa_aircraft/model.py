@@ -21,13 +21,14 @@ from hfa_aircraft.layout import (
     linearized_rows,
     symbolic,
 )
-from hfa_aircraft.recognition import altitudes, meant_by, recognized, usual_modes
+from hfa_aircraft.recognition import meant_by, recognized, usual_modes
 from hfa_aircraft.signals import AIRSPEEDS, ISA, VECTORS, Signal, declared_signals, record
 from hfa_support.errors import (
     BadInputError,
     NotFiniteError,
     is_finite,
     numbers_in,
+    pair_of,
     refuse_unknown,
     shortened,
     shown,
@@ -117,6 +118,14 @@ class Model(Reported):
                 raise BadInputError(
                     f"{self.name}: trim imposes {name} = {value}; give a finite number"
                 )
+        for name, entry in self.domain.range.items():
+            match entry:
+                case (lowest, highest, str()):
+                    pair_of(f"range of {name}", (lowest, highest))
+                case _:
+                    raise BadInputError(
+                        f"range of {name} is {shown(entry)}; give (lowest, highest, source)"
+                    )
         if self.source.reload is None:
             symbolic(self.layout, undisturbed=True)
 
@@ -142,6 +151,7 @@ class Model(Reported):
             ("modes names the unknown state", named["modes"], self.states),
             ("parts names the unknown linear state", named["parts"], self.linear),
             ("trim imposes the unknown variable", self.trim, self.holdable),
+            ("domain.range names the unknown signal", self.domain.range, self.limits),
         ):
             for name in names:
                 refuse_unknown(f"{self.name}: {meaning}", name, declared)
@@ -253,7 +263,7 @@ class Model(Reported):
         They are kcas, keas, ktas and mach of an aircraft with an altitude. An output with such a
         name is the model's own. The result is {} for other models.
         """
-        if not altitudes(self.states):
+        if "altitude" not in recognized(self.states):
             return {}
         return {
             name: self.outputs.get(name, signal)

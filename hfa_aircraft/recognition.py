@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 _ANGLE = ("rad", "deg")
 _RATE = ("rad/s", "deg/s")
 _LENGTH = ("ft", "m", "km")
-#: Names of the altitude.
-_ALTITUDES = ("altitude", "alt", "h", "height")
 _SPEED = ("ft/s", "m/s", "kt", "kts", "knot", "km/h")
 #: State -> names, in lower case, and units by which it is recognized.
 _RECOGNIZED = {
@@ -24,6 +22,7 @@ _RECOGNIZED = {
     "p": (("p", "roll_rate"), _RATE),
     "r": (("r", "yaw_rate"), _RATE),
     "phi": (("phi", "roll", "bank", "roll_angle", "bank_angle"), _ANGLE),
+    "altitude": (("altitude", "alt", "h", "height"), _LENGTH),
 }
 #: Usual word or symbol -> name of another variable in the models of this project.
 _WORDS = {
@@ -49,31 +48,21 @@ _MODES = {
 def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
     """Return role -> name of each state recognized by name and unit.
 
-    The roles are alpha, q, speed, theta, beta, p, r and phi. A state of a part, such as the
-    body_speed of an FMU, has the role if no state has the name itself and no other part has one.
+    The roles are alpha, q, speed, theta, beta, p, r, phi and altitude. A state of a part, such as
+    the body_speed of an FMU, has the role if no state has the name itself and no other part has
+    one. Only an aircraft has an altitude: other models may have a height, but no speed and alpha.
     """
     found: dict[str, str] = {}
     for role, (names, units) in _RECOGNIZED.items():
-        named = _named(states, names, units)
-        if named:
-            found[role] = named[0]
+        with_unit = [name for name, signal in states.items() if signal.unit in units]
+        named = [name for name in with_unit if name.lower() in names]
+        ends = tuple(f"_{name}" for name in names if len(name) > 1)
+        of_parts = [name for name in with_unit if name.lower().endswith(ends)]
+        if named or len(of_parts) == 1:
+            found[role] = (named or of_parts)[0]
+    if not {"speed", "alpha"} <= {*found}:
+        found.pop("altitude", None)
     return found
-
-
-def _named(states: Mapping[str, Signal], names: Sequence[str], units: Sequence[str]) -> list[str]:
-    """Return the states with one of the names and units, or else the only one of a part."""
-    with_unit = [name for name, signal in states.items() if signal.unit in units]
-    named = [name for name in with_unit if name.lower() in names]
-    ends = tuple(f"_{name}" for name in names if len(name) > 1)
-    of_parts = [name for name in with_unit if name.lower().endswith(ends)]
-    return named or (of_parts if len(of_parts) == 1 else [])
-
-
-def altitudes(states: Mapping[str, Signal]) -> list[str]:
-    """Return the names of the states that are recognized as altitudes of an aircraft."""
-    if not {"speed", "alpha"} <= {*recognized(states)}:
-        return []
-    return _named(states, _ALTITUDES, _LENGTH)
 
 
 def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
@@ -100,6 +89,4 @@ def meant_by(word: str, states: Mapping[str, Signal]) -> str:
     for role, state in recognized(states).items():
         if plain in _RECOGNIZED[role][0]:
             return state
-    if plain in _ALTITUDES:
-        return next(iter(altitudes(states)), "")
     return _WORDS.get(plain, "")

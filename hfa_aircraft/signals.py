@@ -146,6 +146,11 @@ def _check_signal(where: str, signal: Any) -> None:
             f"{where}: nominal, rate, start are {shown(numbers)}; give finite numbers, nominal and "
             "rate positive"
         )
+    if not isinstance(signal.assumed, bool) or not is_finite(signal.full) or signal.full < 0.0:
+        raise BadInputError(
+            f"{where}: assumed, full are {shown((signal.assumed, signal.full))}; give True or "
+            "False, and an angle of at least 0 deg"
+        )
     lowest, highest = pair_of(f"{where}: min, max", (signal.min, signal.max))
     if not lowest <= highest:
         raise BadInputError(

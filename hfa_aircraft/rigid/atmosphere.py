@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.recognition import altitudes, recognized
+from hfa_aircraft.recognition import recognized
 from hfa_aircraft.signals import AIRSPEEDS, ISA
 from hfa_support.errors import BadInputError
 from hfa_support.units import (
@@ -213,10 +213,11 @@ def with_airspeed(model: Model, imposed: Mapping[str, Any]) -> Model:
     """
     names = [name for name in model.airspeeds if name in imposed]
     is_needed = len(names) == 1 and names[0] not in model.outputs
-    if not (is_needed and {*_OF_AIR} <= {*model.outputs}) or altitudes(model.states)[0] in imposed:
+    roles = recognized(model.states)
+    if not (is_needed and {*_OF_AIR} <= {*model.outputs}) or roles["altitude"] in imposed:
         return model
     (name,) = names
-    speed = recognized(model.states)["speed"]
+    speed = roles["speed"]
     factors = [_factor_to_model(model, output, unit) for output, unit in _OF_AIR.items()]
     equations = _with_output(
         model.equations, name, speed, (*factors, _factor_to_model(model, speed, "kt"))
@@ -262,7 +263,8 @@ def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
     names = [name for name in model.airspeeds if name in imposed]
     if not names:
         return dict(imposed)
-    speed, altitude = recognized(model.states)["speed"], altitudes(model.states)[0]
+    roles = recognized(model.states)
+    speed, altitude = roles["speed"], roles["altitude"]
     for airspeed in names:
         least = np.min(imposed[airspeed])
         if not least > 0.0:

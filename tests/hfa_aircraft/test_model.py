@@ -57,6 +57,10 @@ def cart(**declared):
         ({"states": {"x": Signal(3)}}, "x: the unit is 3; give the unit as text"),
         ({"modes": 3.0}, "Model: modes is of type float; give a dictionary"),
         ({"domain": None}, "Model: domain is of type NoneType; give a Domain"),
+        ({"domain": Domain({"x": (0.0, 1.0)})}, r"range of x is .*; give \(lowest, highest, so"),
+        ({"domain": Domain({"x": (0.0, "1", "")})}, "range of x is .*; give two numbers"),
+        ({"domain": Domain({"q": (0.0, 1.0, "")})}, "domain.range names the unknown signal 'q'"),
+        ({"states": {"x": Signal(full="20")}}, "x: assumed, full are .*; give True or False, and"),
     ],
 )
 def test_wrong_declarations_are_refused(declared, message):
@@ -69,8 +73,6 @@ def test_wrong_declarations_are_refused(declared, message):
     ("declare", "message"),
     [
         (lambda: About(notes=(3,)), "About: notes is of type tuple of int; give a list of"),
-        (lambda: Domain(range={"x": (0.0, 1.0)}), r"range of x is .*; give \(lowest, highest, so"),
-        (lambda: Domain(range={"x": (0.0, "1", "")}), "range of x is .*; give two numbers"),
         (
             lambda: Domain(envelope=lambda x: {}),
             "envelope is of .*; give a function of 2 arguments",
@@ -78,7 +80,7 @@ def test_wrong_declarations_are_refused(declared, message):
     ],
 )
 def test_wrong_words_on_a_model_are_refused(declare, message):
-    """Each faulty text, range or function is refused with a message that names the fault."""
+    """Each faulty text or function is refused with a message that names the fault."""
     with pytest.raises(BadInputError, match=message):
         declare()
 

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.recognition import altitudes
 from hfa_aircraft.signals import ISA
 from hfa_support.errors import printable
 from hfa_support.reporting.rows import Row
@@ -103,7 +102,7 @@ def changing_lines(trimmed: Trimmed) -> list[str]:
     of the motion, the altitude and the heading, which may change in steady flight.
     """
     point, model = trimmed.point, trimmed.point.model
-    of_flight = {*trimmed.roles.values(), *altitudes(model.states), "yaw"}
+    of_flight = {*trimmed.roles.values(), "yaw"}
     balanced = point.trim_problem.asked.rates
     changing = [
         f"{name} by {value_text(model, f'{name}_dot', rate)}"
@@ -202,7 +201,8 @@ def _path_words(trimmed: Trimmed) -> Iterator[str]:
         tolerance = 0.0 if "turn_rate" in imposed else BALANCE * nominal
         if abs(imposed.get("turn_rate", trimmed["turn_rate"])) > tolerance:
             yield f"turn {value_text(model, 'turn_rate', trimmed['turn_rate'])}"
-    if not all(_is_steady(trimmed, name) for name in trimmed.roles.values()):
+    moving = [name for role, name in trimmed.roles.items() if role != "altitude"]
+    if not all(_is_steady(trimmed, name) for name in moving):
         yield "accelerated"
 
 

@@ -11,7 +11,6 @@ from typing import Any
 from hfa_aircraft.control_systems import is_linear_plant
 from hfa_aircraft.model import Model
 from hfa_aircraft.readers.derivatives.published import unusual
-from hfa_aircraft.recognition import altitudes
 from hfa_aircraft.rigid.aircraft import inertia_warning
 from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -261,7 +260,7 @@ def _compared(trimmed: Trimmed) -> Iterator[float]:
         factor = conversion_factor(model.unit("gravity"), "m/s^2") or math.nan
         gravity = model.parameters["gravity"].start * factor
     yield weight / (_configured_in(trimmed, "mass", "kg") * gravity)
-    altitude = next(iter(altitudes(trimmed.model.states)), "")
+    altitude = trimmed.roles.get("altitude", "")
     density = 2.0 * value("dynamic_pressure", "N/m^2") / speed**2
     ratio = density / float(air_at(value(altitude, "m") if altitude else 0.0, "si").density)
     yield ratio if altitude else max(1.0, ratio)  # at an unknown altitude, air may be thin

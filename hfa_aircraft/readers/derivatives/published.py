@@ -6,9 +6,8 @@ import csv
 import math
 from collections.abc import Callable, Mapping
 from functools import cache, partial
-from importlib.resources import files
 from operator import itemgetter
-from typing import NamedTuple
+from pathlib import Path
 
 from hfa_support.units import STANDARD_GRAVITY
 
@@ -74,31 +73,10 @@ FIGURES: Mapping[str, Callable[[Values], float]] = {
 }
 
 
-class Usual(NamedTuple):
-    """Lowest and highest value of a figure of published aircraft."""
-
-    low: float
-    high: float
-
-    def has(self, value: float) -> bool:
-        """Return whether a value is at most `_BEYOND` times beyond the published ones, or nan."""
-        low = self.low * _BEYOND if self.low < 0.0 else self.low / _BEYOND
-        high = self.high * _BEYOND if self.high > 0.0 else self.high / _BEYOND
-        return not (value < low or value > high)
-
-
-@cache
-def usual(figure: str) -> Usual:
-    """Return the lowest and highest value of a figure among the published aircraft."""
-    values = [FIGURES[figure](of) for of in _published()]
-    known = [value for value in values if math.isfinite(value)]
-    return Usual(min(known), max(known))
-
-
 @cache
 def _published() -> list[Values]:
     """Return the entries of each published aircraft."""
-    text = files(__package__).joinpath("published.csv").read_text("utf-8")
+    text = Path(__file__).with_name("published.csv").read_text("utf-8")
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     return [
         Values(
@@ -109,23 +87,34 @@ def _published() -> list[Values]:
     ]
 
 
+def _is_usual(value: float, low: float, high: float) -> bool:
+    """Return whether a value is at most `_BEYOND` times beyond published ones, low to high, or nan.
+
+    The permitted range is wider than the published one at both ends, also where an end is below 0.
+    """
+    lowest = low * _BEYOND if low < 0.0 else low / _BEYOND
+    highest = high * _BEYOND if high > 0.0 else high / _BEYOND
+    return not (value < lowest or value > highest)
+
+
 def unusual(figure: str, value: float) -> str:
     """Return a sentence if the value of a figure is outside those of published aircraft, or "".
 
     The sentence has the value, the published ones, and the sign or unit that would be usual.
     """
-    published = usual(figure)
-    if published.has(value):
+    values = (FIGURES[figure](entries) for entries in _published())
+    known = [published for published in values if math.isfinite(published)]
+    low, high = min(known), max(known)
+    if _is_usual(value, low, high):
         return ""
-    low, high = published
     says = f"{figure} is {value:.3g}, of published aircraft {low:.3g} to {high:.3g}"
     is_entry = figure in _ENTRIES
-    if published.has(-value):
+    if _is_usual(-value, low, high):
         return f"{says}; {'its' if is_entry else 'a'} sign may be wrong" + (
             "" if is_entry else ", or entries are exchanged"
         )
     if is_entry:
         for factor, unit in ((_DEGREE, "deg"), (1.0 / _DEGREE, "rad")):
-            if published.has(factor * value):
+            if _is_usual(factor * value, low, high):
                 return f"{says}; it may be given per {unit} (a factor of 57.3)"
     return f"{says}; check it"

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.recognition import altitudes, recognized
+from hfa_aircraft.recognition import recognized
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.units import conversion_factor, si_factor
 from trim.point.operating_point import OperatingPoint
@@ -57,8 +57,6 @@ def state_of(model: Model, name: str) -> str:
     """
     if name in model.states or name in model.outputs:
         return name
-    if name == "altitude":
-        return next(iter(altitudes(model.states)), "")
     return recognized(model.states).get(_ROLES.get(name, name), "")
 
 
