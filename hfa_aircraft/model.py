@@ -620,7 +620,7 @@ class Model(Reported):
         Raises BadInputError for vectors of another length and as `linearized` does, and
         NotFiniteError if a result is not finite.
         """
-        self._refuse_vectors(x, u)
+        self.refuse_vectors(x, u)
         for name in outputs:
             if name not in self.states and name not in self.outputs:
                 refuse_unknown("unknown output", name, (*self.outputs, *self.states))
@@ -678,7 +678,7 @@ class Model(Reported):
         rates, _ = self._numbers_at(x, u)
         return {name: float(rates[name]) for name in self.states}
 
-    def _refuse_vectors(self, x: Any, u: Any) -> None:
+    def refuse_vectors(self, x: Any, u: Any) -> None:
         """Raise BadInputError unless x is (n,) and u (m,)."""
         for vector, values, names in (("x", x, self.states), ("u", u, self.inputs)):
             shape = numbers_in(vector, values).shape
@@ -689,7 +689,7 @@ class Model(Reported):
         self, x: Sequence[float], u: Sequence[float]
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         """Return rates and outputs by name at x (n,) and u (m,), without disturbance."""
-        self._refuse_vectors(x, u)
+        self.refuse_vectors(x, u)
         numbers = [[float(value) for value in vector] for vector in (x, u, self.p)]
         still_air = [0.0 for _ in self.disturbances]
         names = self.layout.names[:4]  # of x, u, p and w

@@ -6,6 +6,8 @@ The constants are the standard's: the identified parameters depend on them. Thos
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import casadi as ca
 
 from hfa_aircraft.rigid.atmosphere import HEAT_RATIO
@@ -24,18 +26,34 @@ _TROPOPAUSE = 11_000.0  # m, geopotential
 _KILOGRAM_PER_SLUG = 14.593902937206364
 
 
-def density(altitude: Quantity) -> Quantity:
-    """Return the density ρ(h) = p(H) / (R T(H)), slug/ft^3, at the geopotential altitude H = r h /
-    (r + h).
+class Air(NamedTuple):
+    """Air at an altitude.
 
-    p is the pressure, T the temperature, R the gas constant of air, and r the radius of the earth.
+    density: ρ, slug/ft^3
+    sound: speed of sound, ft/s
+    """
 
-    altitude: geometric altitude h, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression
+    density: Quantity
+    sound: Quantity
+
+
+def air_at(altitude: Quantity) -> Air:
+    """Return the air at a geometric altitude h.
+
+    ρ = p / (R T) and the speed of sound sqrt(1.4 R T), with the pressure p, the gas constant R of
+    air and the temperature T = T_0 - λ min(H, 11 km) at the geopotential altitude H = r h / (r + h)
+    over an earth of radius r.
+
+    altitude: h, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression
 
     Raises BadInputError for a number outside this range. Source: U.S. Standard Atmosphere, 1976,
-    Eqs. 18, 23, 33a, 33b, 42.
+    Eqs. 18, 23, 33a, 33b, 42, 50.
     """
-    geopotential, kelvin = _geopotential_and_temperature(altitude)
+    if not isinstance(altitude, (ca.SX, ca.MX)):
+        refuse_beyond_the_atmosphere(altitude)
+    height = altitude * FOOT
+    geopotential = EARTH_RADIUS * height / (EARTH_RADIUS + height)
+    kelvin = _SEA_LEVEL_TEMPERATURE - _LAPSE_RATE * ca.fmin(geopotential, _TROPOPAUSE)
     above = ca.fmax(geopotential - _TROPOPAUSE, 0.0)
     exponent = STANDARD_GRAVITY / (_GAS_CONSTANT * _LAPSE_RATE)
     pressure = (
@@ -43,7 +61,10 @@ def density(altitude: Quantity) -> Quantity:
         * (kelvin / _SEA_LEVEL_TEMPERATURE) ** exponent
         * ca.exp(-STANDARD_GRAVITY * above / (_GAS_CONSTANT * kelvin))
     )
-    return pressure / (_GAS_CONSTANT * kelvin) * FOOT**3 / _KILOGRAM_PER_SLUG
+    return Air(
+        density=pressure / (_GAS_CONSTANT * kelvin) * FOOT**3 / _KILOGRAM_PER_SLUG,
+        sound=ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * kelvin) / FOOT,
+    )
 
 
 def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
@@ -59,23 +80,3 @@ def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
             raise BadInputError(
                 f"altitude is {height:g} ft; give an altitude from 0 to {HIGHEST_ALTITUDE:g} ft"
             )
-
-
-def speed_of_sound(altitude: Quantity) -> Quantity:
-    """Return the speed of sound a(h) = sqrt(1.4 R T(h)), ft/s, with the gas constant R of air.
-
-    altitude: as for `density`
-
-    Source: U.S. Standard Atmosphere, 1976, Eq. 50.
-    """
-    _, kelvin = _geopotential_and_temperature(altitude)
-    return ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * kelvin) / FOOT
-
-
-def _geopotential_and_temperature(altitude: Quantity) -> tuple[Quantity, Quantity]:
-    """Return H = r h / (r + h), m, and T_0 - λ min(H, 11 km), K, at a geometric altitude in ft."""
-    if not isinstance(altitude, (ca.SX, ca.MX)):
-        refuse_beyond_the_atmosphere(altitude)
-    height = altitude * FOOT
-    geopotential = EARTH_RADIUS * height / (EARTH_RADIUS + height)
-    return geopotential, _SEA_LEVEL_TEMPERATURE - _LAPSE_RATE * ca.fmin(geopotential, _TROPOPAUSE)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.model import Model
-from hfa_model.atmosphere import density
+from hfa_model.atmosphere import air_at
 from hfa_model.declaration import check_in_range, parameters_of, rigid_panels, variant_of
 from hfa_model.dynamics import Loads, aircraft_loads
 from hfa_model.parameters import INPUTS, STATES, Input, Parameters, State, default_parameters
 from hfa_model.variants import Variant, variant_named
-from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
+from hfa_support.errors import BadInputError, is_finite, shown
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import without_rounding
 from hfa_support.units import si_factor
@@ -30,16 +30,13 @@ def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
 
     Raises BadInputError for another shape, or if the state is out of range (`check_in_range`).
     """
-    for vector, values, names in (("x", x, STATES), ("u", u, INPUTS)):
-        shape = numbers_in(vector, values).shape
-        if shape != (len(names),):
-            raise BadInputError(f"{vector} has shape {shape}; give {len(names)} numbers")
+    model.refuse_vectors(x, u)
     native = model.native
     state = State(*model.native_values(STATES, x).tolist())
     control = Input(*model.native_values(INPUTS, u).tolist())
     check_in_range(state)
-    air = density(state.altitude)
-    in_lbf = aircraft_loads(state, control, air, parameters_of(native), variant_of(native))
+    density = air_at(state.altitude).density
+    in_lbf = aircraft_loads(state, control, density, parameters_of(native), variant_of(native))
     return in_lbf if native is model else _loads_in_si(in_lbf)
 
 

@@ -13,10 +13,10 @@ import numpy as np
 from hfa_aircraft.about import About, Domain, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
+from hfa_model.atmosphere import air_at, refuse_beyond_the_atmosphere
 from hfa_model.dynamics import aircraft_loads, rates_from_loads
 from hfa_model.kinematics import DISTURBANCES, winds_of
-from hfa_model.outputs import OUTPUTS, Instant, outputs_of
+from hfa_model.outputs import OUTPUTS, Instant
 from hfa_model.parameters import (
     FIELDS,
     INPUT_SIGNALS,
@@ -52,9 +52,11 @@ class VariantEquations:
         w: disturbances, in the order of `DISTURBANCES`
         """
         winds = winds_of(w)
-        loads = aircraft_loads(x, u, density(x.altitude), p, self.variant, winds)
+        air = air_at(x.altitude)
+        loads = aircraft_loads(x, u, air.density, p, self.variant, winds)
         rates = rates_from_loads(x, loads, p, self.variant)
-        return rates._asdict(), outputs_of(Instant(x, u, p, winds, loads, rates))
+        now = Instant(x, u, p, winds, air, loads, rates)
+        return rates._asdict(), {name: output(now) for name, (_, output) in OUTPUTS.items()}
 
 
 def check_in_range(x: State) -> None:
@@ -174,6 +176,7 @@ def rigid_panels(
 
     describe_trim: as in `Trimming`
     """
+    paper = published_data()["trim"]
     return Model(
         name=variant.name,
         # Named tuples of signals, whose classes become those of the vectors.
@@ -191,7 +194,17 @@ def rigid_panels(
         outputs={
             name: Signal(unit, _TYPICAL.get(unit, 1.0)) for name, (unit, _) in OUTPUTS.items()
         },
-        trim=_level_flight(),
+        # The paper's level flight (Section 5.1), but with a flat wing.
+        trim={
+            "speed": paper["speed"],
+            "alpha": math.radians(paper["alpha_deg"]),
+            "altitude": paper["altitude"],
+            "gamma": 0.0,
+            "pitch_rate": paper["pitch_rate"],
+            "dihedral": 0.0,
+            "dihedral_rate": paper["dihedral_rate"],
+            "aileron_center": 0.0,
+        },
         steady=tuple(name for name in STATES if name != "altitude"),
         linear=LINEAR_STATES,
         schedule="dihedral",
@@ -213,21 +226,6 @@ def rigid_panels(
         trimming=Trimming(describe=describe_trim),
         about=hfa_about(variant.name),
     )
-
-
-def _level_flight() -> dict[str, float]:
-    """Return the paper's level flight (Section 5.1) with a flat wing, variable -> value."""
-    paper = published_data()["trim"]
-    return {
-        "speed": paper["speed"],
-        "alpha": math.radians(paper["alpha_deg"]),
-        "altitude": paper["altitude"],
-        "gamma": 0.0,
-        "pitch_rate": paper["pitch_rate"],
-        "dihedral": 0.0,
-        "dihedral_rate": paper["dihedral_rate"],
-        "aileron_center": 0.0,
-    }
 
 
 def is_hfa(model: Model) -> bool:

@@ -228,7 +228,8 @@ def rates_from_loads(
         + x.pitch_rate
         + p.gravity * ca.cos(gamma) / x.speed
     )
-    gyroscopic = 2 * _bending_inertia(p) * sin_eta * cos_eta * x.dihedral_rate * x.pitch_rate
+    c1, c2 = pitch_inertias(p)
+    gyroscopic = 2 * c2 * sin_eta * cos_eta * x.dihedral_rate * x.pitch_rate
     descent_rate = speed_rate * sin_alpha + x.speed * cos_alpha * alpha_rate
     inertial = p.panel_mass * p.panel_span / 2 * cos_eta * descent_rate
     spread = p.inertia_pitch - p.inertia_yaw - p.panel_mass * p.panel_span**2 / 12
@@ -240,22 +241,16 @@ def rates_from_loads(
         alpha=alpha_rate,
         altitude=x.speed * ca.sin(gamma),
         pitch=x.pitch_rate,
-        pitch_rate=(loads.pitching_moment - gyroscopic) / pitch_inertia(x.dihedral, p),
+        pitch_rate=(loads.pitching_moment - gyroscopic) / (c1 + c2 * sin_eta**2),
         dihedral=x.dihedral_rate,
         dihedral_rate=about_hinge / variant.hinge_inertia(x.dihedral, p),
     )
 
 
-def pitch_inertia(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-    """Return the inertia of the aircraft about its pitch axis, c1 + c2 sin² η, slug ft^2.
+def pitch_inertias(p: Parameters[Quantity]) -> tuple[Quantity, Quantity]:
+    """Return c1 and c2 of the aircraft's inertia about its pitch axis, c1 + c2 sin² η, slug ft^2.
 
-    dihedral: η, rad
-    p: parameters
+    η is the dihedral.
     """
     c1 = 3 * p.inertia_pitch
-    return c1 + _bending_inertia(p) * ca.sin(dihedral) ** 2
-
-
-def _bending_inertia(p: Parameters[Quantity]) -> Quantity:
-    """Return c2, by which the pitch inertia grows from a dihedral of 0 to 90 deg, slug ft^2."""
-    return 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
+    return c1, 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6

@@ -160,14 +160,17 @@ def center_velocity(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> 
     w_c = V sin α + (s/3) cos η η' + w cos θ + h sin θ,
 
     with the updraft w and headwind h at the center panel, the pitch rate q, the dihedral η, the
-    span s of a panel, and z_c as in `center_height`. Source: Gibson et al. 2011, Eqs. 75-76.
+    span s of a panel, and z_c as in `center_height`. The hinges, at the ends of this panel, have
+    the same velocity. Source: Gibson et al. 2011, Eqs. 75-76.
 
     x: states
     p: parameters
     wind: wind at the center panel
     """
     forward = _forward(x, wind) + x.pitch_rate * center_height(x.dihedral, p)
-    return Velocity(forward, 0.0, hinge_descent(x, p, wind))
+    descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
+    downward = descent + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
+    return Velocity(forward, 0.0, downward)
 
 
 def outer_velocity(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Velocity:
@@ -178,14 +181,15 @@ def outer_velocity(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> V
     w_o = w_h cos η - o sin η - (s/2) η',
 
     with the updraft w, headwind h and outward wind o at the outer panels, the pitch rate q, the
-    dihedral η, the span s of a panel, z_o as in `outer_height`, and w_h as in `hinge_descent`.
+    dihedral η, the span s of a panel, z_o as in `outer_height`, and the downward velocity w_h of
+    the hinge relative to the air at the outer panels.
     Source: Gibson et al. 2011, Eqs. 69, 77-78.
 
     x: states
     p: parameters
     wind: wind at the outer panels
     """
-    hinge = hinge_descent(x, p, wind)
+    hinge = center_velocity(x, p, wind).downward  # which moves like the center panel
     sin_eta = ca.sin(x.dihedral)
     cos_eta = ca.cos(x.dihedral)
     forward = _forward(x, wind) + x.pitch_rate * outer_height(x.dihedral, p)
@@ -215,17 +219,3 @@ def _forward(x: State[Quantity], wind: Wind) -> Quantity:
     return (
         x.speed * ca.cos(x.alpha) - wind.updraft * ca.sin(x.pitch) + wind.headwind * ca.cos(x.pitch)
     )
-
-
-def hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
-    """Return the downward velocity of a hinge relative to the air in body axes, ft/s.
-
-    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ, with the speed V over ground, the span s of
-    a panel, and the updraft w and headwind h.
-
-    x: states
-    p: parameters
-    wind: wind at the hinge
-    """
-    descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
-    return descent + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from hfa_model.atmosphere import density, speed_of_sound
+from hfa_model.atmosphere import Air
 from hfa_model.dynamics import Loads
 from hfa_model.kinematics import (
     PanelWinds,
@@ -36,6 +36,7 @@ class Instant(NamedTuple):
     u: inputs
     p: parameters
     winds: winds at the panels
+    air: air at the altitude
     loads: loads on the aircraft
     rates: dx/dt
     """
@@ -44,13 +45,9 @@ class Instant(NamedTuple):
     u: Input[Quantity]
     p: Parameters[Quantity]
     winds: PanelWinds
+    air: Air
     loads: Loads[Quantity]
     rates: State[Quantity]
-
-
-def outputs_of(at: Instant) -> dict[str, Quantity]:
-    """Return the outputs of the aircraft at one instant, name -> value, for all of `OUTPUTS`."""
-    return {name: output(at) for name, (_, output) in OUTPUTS.items()}
 
 
 def _center_load_factor(at: Instant) -> Quantity:
@@ -143,7 +140,7 @@ OUTPUTS: dict[str, tuple[str, Callable[[Instant], Quantity]]] = {
     # Lift of wing and tail of one panel.
     "lift_center": ("lbf", lambda at: at.loads.center.lift),
     "lift_outer": ("lbf", lambda at: at.loads.outer.lift),
-    "dynamic_pressure": ("lbf/ft^2", lambda at: density(at.x.altitude) * at.x.speed**2 / 2),
+    "dynamic_pressure": ("lbf/ft^2", lambda at: at.air.density * at.x.speed**2 / 2),
     # Loads on the entire aircraft; the moment is about the center of mass.
     "lift": ("lbf", lambda at: at.loads.lift),
     "drag": ("lbf", lambda at: at.loads.drag),
@@ -152,5 +149,5 @@ OUTPUTS: dict[str, tuple[str, Callable[[Instant], Quantity]]] = {
     "weight": ("lbf", lambda at: 3 * at.p.panel_mass * at.p.gravity),
     "reference_area": ("ft^2", lambda at: 3 * at.p.panel_span * at.p.chord),  # without tails
     "reference_chord": ("ft", lambda at: at.p.chord),
-    "mach": ("1", lambda at: at.x.speed / speed_of_sound(at.x.altitude)),
+    "mach": ("1", lambda at: at.x.speed / at.air.sound),
 }

@@ -333,7 +333,7 @@ def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
 
     A change consists of the value, the identified value and the unit.
     """
-    identified = default_parameters().values
+    identified = load_parameters("identified").values
     changes = {}
     for name, spec in FIELDS._asdict().items():
         value = getattr(parameters.values, name)

@@ -35,13 +35,13 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from hfa_aircraft.signals import Signal
-from hfa_model.atmosphere import density
+from hfa_model.atmosphere import air_at
 from hfa_model.declaration import hfa_about, rigid_panels
 from hfa_model.dynamics import (
     Loads,
     PanelLoads,
     panel_loads,
-    pitch_inertia,
+    pitch_inertias,
     rates_from_loads,
     sum_of_panels,
 )
@@ -52,12 +52,11 @@ from hfa_model.kinematics import (
     center_height,
     center_velocity,
     flow_of,
-    hinge_descent,
     outer_height,
     outer_velocity,
     winds_of,
 )
-from hfa_model.outputs import Instant, outputs_of
+from hfa_model.outputs import OUTPUTS, Instant
 from hfa_model.parameters import (
     LINEAR_STATES,
     STATE_SIGNALS,
@@ -173,21 +172,22 @@ def unsteady_equations(
     w: disturbances, a subset of `DISTURBANCES`
     """
     winds = winds_of(w)
-    air_density = density(x.altitude)
+    air = air_at(x.altitude)
     center = _center_panel(x, p, winds.center)
     outer = _outer_panel(x, p, winds.outer)
-    on_center = _lagged_panel(center, x, u, p, air_density)
-    on_outer = _lagged_panel(outer, x, u, p, air_density)
+    on_center = _lagged_panel(center, x, u, p, air.density)
+    on_outer = _lagged_panel(outer, x, u, p, air.density)
     on_panels = sum_of_panels(x, u, on_center.loads, on_outer.loads, p, NEWTON)
-    tip_moment, tip_rates = _tip_moment(x, p, flow_of(outer.calm).speed, air_density)
+    tip_moment, tip_rates = _tip_moment(x, p, flow_of(outer.calm).speed, air.density)
     circulatory = on_panels._replace(hinge_moment=on_panels.hinge_moment + tip_moment)
-    loads = _with_apparent_mass(x, circulatory, (center, outer), p, air_density)
+    loads = _with_apparent_mass(x, circulatory, (center, outer), p, air.density)
     rates = rates_from_loads(x, loads, p, NEWTON)
     lift_coefficient = (on_center.lift_coefficient + 2 * on_outer.lift_coefficient) / 3
     steady_downwash = 2 * lift_coefficient / (math.pi * _aspect_ratio(p))
     downwash_rate = x.speed / p.boom_length * (steady_downwash - x.downwash)
     lag_state_rates = {**on_center.rates, **on_outer.rates, **tip_rates, "downwash": downwash_rate}
-    outputs = outputs_of(Instant(x, u, p, winds, loads, rates))
+    now = Instant(x, u, p, winds, air, loads, rates)
+    outputs = {name: output(now) for name, (_, output) in OUTPUTS.items()}
     # The reaction of the apparent mass to accelerations is inertia, not lift.
     outputs["lift"] = circulatory.lift
     outputs["pitching_moment"] = circulatory.pitching_moment
@@ -363,7 +363,9 @@ def _with_apparent_mass(
     descent_rate = base.speed * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * base.alpha
     accelerations = ca.vertcat(descent_rate, base.pitch_rate, base.dihedral_rate)
     hinge_inertia = 2 * NEWTON.hinge_inertia(x.dihedral, p)
-    inertia = ca.diag(ca.vertcat(3 * p.panel_mass, pitch_inertia(x.dihedral, p), hinge_inertia))
+    c1, c2 = pitch_inertias(p)
+    pitch_inertia = c1 + c2 * ca.sin(x.dihedral) ** 2
+    inertia = ca.diag(ca.vertcat(3 * p.panel_mass, pitch_inertia, hinge_inertia))
     # Both matrices are symmetric and their sum is positive definite. The L D L' factorization is
     # more accurate than a symbolic QR. forces = M_a a = M_a (a_0 - (M + M_a)⁻¹ M_a a_0).
     factors = ca.ldl(inertia + all_air.mass)
@@ -417,13 +419,13 @@ def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
 def _normal_acceleration(plate: _Plate, panel: _Panel, x: Any, p: Any) -> tuple[ca.SX, Quantity]:
     """Return `slopes` (3,) and `steady` of w' = slopes · (w_b', q', η'') + steady of a plate."""
     # w is the normal velocity of its mid-chord, in a constant headwind h, and w_b = V sin α.
-    # With the descent w_h of the hinge (`hinge_descent`), its arm r, the panel span s, and the
+    # With the descent w_h of the hinge (`center_velocity`), its arm r, the panel span s, and the
     # distance `aft` of the mid-chord behind the wing's quarter chord,
     # w = (w_h + aft q) cos(panel) - r η', and w_h' = w_b' + (s/3) (cos η η')' + h cos θ q.
     cos_eta = ca.cos(x.dihedral)
     third = p.panel_span / 3
     headwind = _headwind(panel.wind)
-    descent = hinge_descent(x, p, headwind)
+    descent = center_velocity(x, p, headwind).downward
     steady_descent_rate = (
         third * ca.sin(x.dihedral) * -(x.dihedral_rate**2)
         + headwind.headwind * ca.cos(x.pitch) * x.pitch_rate

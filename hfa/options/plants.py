@@ -104,10 +104,10 @@ def loaded_aircraft(request: AircraftOptions) -> LoadedAircraft:
         if request.mass is not None:
             raise BadInputError("--mass applies only to an AVL file; give --aircraft FILE.st")
         from hfa_model.choice import aircraft
-        from hfa_model.parameters import changed_parameters, default_parameters, load_parameters
+        from hfa_model.parameters import changed_parameters, load_parameters
 
         file, dynamics = request.parameters, request.dynamics or "published"
-        parameters = default_parameters() if file is None else load_parameters(file)
+        parameters = load_parameters("identified" if file is None else file)
         model = aircraft(dynamics, parameters.values)
         source = {
             "dynamics": dynamics,

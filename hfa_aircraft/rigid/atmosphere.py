@@ -40,9 +40,10 @@ _GAS_CONSTANT = GAS_CONSTANT / FOOT / FOOT / 1.8
 SEA_LEVEL_PRESSURE = 2116.228
 #: Lowest and highest altitude of aircraft, ft.
 ALTITUDES = (-1000.0, 150000.0)
+_SEA_LEVEL_TEMPERATURE = 518.67
 #: Lower ends of the layers: geopotential altitude, ft, and temperature, degrees Rankine.
 _LAYERS = (
-    (0.0, 518.67),
+    (0.0, _SEA_LEVEL_TEMPERATURE),
     (36089.2388, 389.97),
     (65616.7979, 389.97),
     (104986.8766, 411.57),
@@ -194,7 +195,12 @@ def _pressure_ratio(base_temperature: float, lapse: float, climb: Any) -> Any:
     )
 
 
-SEA_LEVEL = Air(*(float(value) for value in vars(air_at(ca.DM(0.0), "english")).values()))
+SEA_LEVEL = Air(
+    _SEA_LEVEL_TEMPERATURE,
+    SEA_LEVEL_PRESSURE,
+    SEA_LEVEL_PRESSURE / (_GAS_CONSTANT * _SEA_LEVEL_TEMPERATURE),
+    math.sqrt(HEAT_RATIO * _GAS_CONSTANT * _SEA_LEVEL_TEMPERATURE),
+)
 
 
 #: ft/s.

@@ -370,7 +370,7 @@ class Trimmed:
         names = [name for name in _SLOPED if name in self.model.outputs]
         found, _ = linearization_at(self.model, self.coherent.states, self.coherent.inputs, names)
         outputs = zip(names, zip(found.C, found.D, strict=True), strict=True)
-        return Slopes(self.model.state_names, found.A, found.B, dict(outputs))
+        return Slopes(tuple(self.model.states), found.A, found.B, dict(outputs))
 
     @cached_property
     def linear_A(self) -> np.ndarray:
