@@ -376,7 +376,7 @@ class TrimSystem:
         quarter_turns = [
             _QUARTER_TURN.get(model.unit(name), math.inf) for name in self.limits.names
         ]
-        are_weak = are_missing | self.limits.assumed.astype(bool)
+        are_weak = are_missing | self.limits.assumed
         self.quarter_turn = np.where(are_weak, quarter_turns, math.inf) / self.scales
         self.watched = condition.limits_on([signal.name for signal in self.structure.watched])
         self.affected_count = self.equations.affected_count

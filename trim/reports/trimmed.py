@@ -408,11 +408,11 @@ class Trimmed:
         """Return the indices of the lags: linear states that are no motion, such as those of
         engines and unsteady lift; none if they have no steady state.
         """
-        # States of motion are those that `recognized` names, the altitude, and each position, whose
-        # rate is one other state, with this state.
+        # States of motion are those that `recognized` names, and each position, whose rate is one
+        # other state, with this state.
         slopes = self.slopes
         names = slopes.states
-        of_motion = {*self.roles.values(), "altitude"}
+        of_motion = {*self.roles.values(), "altitude"}  # also of a model that is no aircraft
         for position, row in enumerate(slopes.A):
             depends_on = np.flatnonzero(row)
             is_integral = len(depends_on) == 1 and depends_on[0] != position
@@ -536,7 +536,7 @@ class Trimmed:
         if self.fault:
             return "a derivative is not a number"
         by_states, by_inputs = self.slopes.outputs[name]
-        of_motion = {*self.roles.values(), "altitude"}
+        of_motion = {*self.roles.values(), "altitude"}  # also of a model that is no aircraft
         for state, slope in zip(model.states, by_states, strict=True):
             if slope and state not in of_motion:  # a state of the engine, which lags its lever
                 return f"the thrust follows the state {state}"
