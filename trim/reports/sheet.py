@@ -336,7 +336,7 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool)
     if levels:
         chosen, why = chosen_airplane(trimmed, airplane)
         worst = max(levels.values(), key=lambda row: row.level or 0)
-        named = [name for name, row in levels.items() if row.level == worst.level > 1]
+        named = [name for name, row in levels.items() if row.level == worst.level != 1]
         rows += [
             Row("airplane class", chosen.class_, note=why, rare=True),
             Row("flight phase category", chosen.category, rare=True),
