@@ -170,7 +170,7 @@ def _evaluated(model: hfa.Model, outputs: tuple[str, ...]) -> Callable[..., np.n
 
     def at(t: float, x: np.ndarray, u: np.ndarray, params: Any) -> np.ndarray:
         function.inputs[0][:], function.inputs[1][:] = x, u
-        function()
+        function.evaluate()
         return function.results[0].copy()
 
     return at

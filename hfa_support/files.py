@@ -25,11 +25,11 @@ LARGEST = 2**28
 #: Suffixes of the files that `hfa_support/arrays/read.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
-#: Largest depth of elements, folders and keys. Readers of elements call themselves for each level.
+#: Largest depth of elements, folders and keys: readers are recursive.
 _DEEPEST = 150
 #: Largest number of elements and attributes of an XML file. Each needs up to 1 kB.
 _MOST_ELEMENTS = 2**20
-#: Entities in XML files are short names of numbers.
+#: Largest length of an XML entity, which is a short name of a number.
 _LONGEST_ENTITY = 100
 #: A key of TOML with too many parts. The time of `tomllib` is quadratic in their number.
 _DEEP_KEY = re.compile(
@@ -103,7 +103,9 @@ def folder_written_whole(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def _moved_whole(target: Path) -> Iterator[Path]:
-    """Yield a path beside a file or folder, which takes its place after the `with` block."""
+    """Yield a path beside a file or folder. What the `with` block writes there is moved to the file
+    or folder, or deleted after an error.
+    """
     temporary = target.with_name(f".hfa-{os.urandom(8).hex()}")
     try:
         yield temporary
@@ -111,7 +113,8 @@ def _moved_whole(target: Path) -> Iterator[Path]:
     except OSError as error:
         own_names = (str(target), str(temporary))
         if error.filename is not None and str(error.filename) not in own_names:
-            raise  # an error of another file, in the `with` block
+            raise  # of another file, in the `with` block
+        # A folder in which the temporary file was made is writable, but full.
         which = "another" if temporary.exists() else "a writable"
         raise BadInputError(
             f"cannot write {target}: {error.strerror}; choose {which} folder"
@@ -200,26 +203,23 @@ def unpacked(content: bytes) -> dict[str, bytes]:
                 raise ValueError(f"it unpacks to more than {LARGEST >> 20} MiB")
             members = {}
             for entry in entries:
-                _refuse_name(entry.filename)
+                name = entry.filename
+                parts = PurePosixPath(name).parts
+                if name.startswith("/") or ".." in parts or len(parts) > _DEEPEST:
+                    raise ValueError(
+                        f"the member {shortened(name)} is outside the file, or in more than "
+                        f"{_DEEPEST} folders"
+                    )
                 if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                    raise ValueError(f"{shortened(entry.filename)} is not compressed by deflate")
+                    raise ValueError(f"{shortened(name)} is not compressed by deflate")
                 with archive.open(entry) as stream:
-                    # A size makes zipfile unpack no more, also of a member that states less.
-                    members[entry.filename] = stream.read(entry.file_size)
+                    # A member that unpacks to more than it states is not read further.
+                    members[name] = stream.read(entry.file_size)
             return members
     except Exception as error:  # a damaged file makes zipfile raise nearly anything
         raise BadInputError(
             f"this is not a readable zip file ({_reason(error)}); save it again, without a password"
         ) from error
-
-
-def _refuse_name(name: str) -> None:
-    """Raise ValueError for the name of a member outside the folders of a zip file, or too deep."""
-    parts = PurePosixPath(name).parts
-    if name.startswith("/") or ".." in parts or len(parts) > _DEEPEST:
-        raise ValueError(
-            f"the member {shortened(name)} is outside the file, or in more than {_DEEPEST} folders"
-        )
 
 
 def read_xml(
@@ -306,6 +306,7 @@ def xml_root(content: bytes, file: str) -> ElementTree.Element:
 
 
 def _reason(error: Exception) -> str:
+    """Return the text of an error, or its kind if it has no text."""
     return shortened(str(error) or type(error).__name__, _LONGEST_REASON)
 
 
@@ -352,9 +353,11 @@ POSITIVE = Number(0.0, above=True)
 def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
     """Return a value of a user's file, with numbers converted to floats.
 
-    where: the file, for the message
-    value: the value
-    declared: declaration of the value
+    where: the file, for the message value: the value declared: declaration of the value: a
+        `Number`; `str` for any text; a tuple of permitted texts; a
+        list with the declaration of all its items; for a table, name -> declaration of its entry,
+        where "name*" is required, `str` stands for all other names, and ... permits these
+        unchecked; or None for any value
     entry: name of the entry, for the message
 
     Raises BadInputError, with the file, the entry and the requirement, if the value does not match
@@ -363,21 +366,17 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
     if isinstance(declared, Number):
         number = declared.of(value)
         if number is None:
-            raise BadInputError(f"{where}: {entry} is {shown(value)}; give {declared}")
+            raise _refusal(where, entry, value, declared)
         return number
     if declared is str or isinstance(declared, tuple):
         words = declared if isinstance(declared, tuple) else ()
         if not isinstance(value, str) or (words and value not in words):
             wanted = ", ".join(words) or "a text in quotes"
-            if len(words) > 1:
-                wanted = f"one of {wanted}"
-            raise BadInputError(f"{where}: {entry} is {shown(value)}; give {wanted}")
+            raise _refusal(where, entry, value, f"one of {wanted}" if len(words) > 1 else wanted)
         return value
     if isinstance(declared, list):
         if not isinstance(value, list):
-            raise BadInputError(
-                f"{where}: {entry} is {shown(value)}; give a list of {_words(declared[0])}"
-            )
+            raise _refusal(where, entry, value, f"a list of {_words(declared[0])}")
         return [
             checked(where, item, declared[0], f"{entry}[{index}]")
             for index, item in enumerate(value)
@@ -387,13 +386,17 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
     return value
 
 
+def _refusal(where: str, entry: str, value: Any, wanted: object) -> BadInputError:
+    """Return the error that an entry of a file has a wrong value."""
+    return BadInputError(f"{where}: {shortened(entry)} is {shown(value)}; give {wanted}")
+
+
 def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict[str, Any]:
-    """Return a table of a file, with each entry checked."""
+    """Return a table of a file, with each entry checked (`checked`)."""
     if not isinstance(value, dict):
         wanted = f"a table [{entry}]" if entry else "a table"
-        raise BadInputError(f"{where}: {entry or 'file'} is {shown(value)}; give {wanted}")
+        raise _refusal(where, entry or "file", value, wanted)
     prefix = f"{entry}." if entry else ""
-    of_other_names = declared.get(str)
     takes_other_names = str in declared or ... in declared
     of_names = {
         name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)
@@ -405,8 +408,8 @@ def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict
             raise BadInputError(
                 f"{where}: unknown entry {prefix}{unknown}; {choice_of(name, of_names)}"
             )
-        kind = of_names.get(name, of_other_names)
-        entries[name] = checked(where, item, kind, f"{prefix}{shortened(name)}")
+        kind = of_names.get(name, declared.get(str))
+        entries[name] = checked(where, item, kind, f"{prefix}{name}")
     for name, kind in of_names.items():
         if f"{name}*" in declared and name not in entries:
             what = "the table" if isinstance(kind, dict) else "this entry"
@@ -415,7 +418,7 @@ def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict
 
 
 def _words(declared: Any) -> str:
-    """Return what the entries of a list are called: "lists of numbers"."""
+    """Return what the items of a list with this declaration are called: "lists of numbers"."""
     if isinstance(declared, list):
         return f"lists of {_words(declared[0])}"
     return "numbers" if isinstance(declared, Number) else "names in quotes"

@@ -21,7 +21,7 @@ from hfa_support.errors import OWN, BadInputError, numbers_in
 
 #: Names of arrays in annotations.
 _ARRAYS = {"ArrayLike", "np.ndarray"}
-#: Attributes of arrays, of numbers and of sequences, which no text has in common.
+#: Attributes of arrays, of numbers and of sequences: an array may be given as any of these.
 _NUMBERS = ("__array__", "__float__", "__iter__")
 #: Name in an annotation -> whether a type of arguments is of this kind.
 _KINDS: dict[str, Callable[[type], bool]] = {
@@ -55,8 +55,8 @@ _WORDS = {
 class _Alternative(NamedTuple):
     """One kind of a union in an annotation.
 
-    name: its name, "Sequence" of Sequence[str]
-    elements: the kind of its elements, "str" of Sequence[str] and of tuple[str, ...], else ""
+    name: name of the kind, "Sequence" of Sequence[str]
+    elements: kind of its elements, "str" of Sequence[str] and of tuple[str, ...], else ""
     arguments: number of the arguments of a function, 2 of Callable[[Any, Any], float], else None
     """
 
@@ -77,7 +77,7 @@ class _Alternative(NamedTuple):
         if not _is_of(type(value), self.name, module):
             return False
         if self.name in ("int", "float"):
-            return getattr(value, "ndim", 0) == 0  # an array of one number is none
+            return getattr(value, "ndim", 0) == 0  # an array of one number is not a number
         if self.arguments is not None:
             return _takes(value, self.arguments)
         has_texts = self.elements == "str" and isinstance(value, Collection)
@@ -95,7 +95,7 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
 
     The returned function raises BadInputError for an argument of another kind.
     """
-    accepted: dict[str, set[Any]] = {}
+    accepted: dict[str, set[Any]] = {}  # argument -> kinds that need no further check
 
     @wraps(function)
     def called(*args: Any, **options: Any) -> Any:
@@ -104,7 +104,8 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
         if not accepted:
             accepted.update({name: set() for name in inspect.signature(function).parameters})
         for name, value in chain(zip(accepted, args, strict=False), options.items()):
-            # An array has elements of its type, other collections any; those of a text are texts.
+            # The type of an array states that of its elements; another collection is checked each
+            # time, except a text.
             kind = value.dtype if type(value) is np.ndarray else type(value)
             if name in accepted and kind not in accepted[name]:
                 _check(name, value, function.__annotations__.get(name, "Any"), function, makers)
@@ -140,18 +141,21 @@ _with_checks: set[type] = set()
 
 
 def check_fields(made: Any) -> None:
-    """Raise BadInputError if a field of a dataclass is of another kind than its annotation.
+    """Raise BadInputError if a field of a new object of a dataclass, given by a user, is of another
+    kind than its annotation.
 
-    As in `checked`, the project's own objects are not checked.
+    As in `checked`, calls of the project's own code are not checked.
     """
-    level, passed_by = 1, (type(made).__module__, "dataclasses")
-    while (caller := sys._getframe(level).f_globals.get("__name__", "")) in passed_by:
+    # Below this call are `__post_init__`, the generated `__init__`, and for a changed copy
+    # `dataclasses.replace`; who makes the object calls these.
+    level, of_class = 1, (type(made).__module__, "dataclasses")
+    while (caller := sys._getframe(level).f_globals.get("__name__", "")) in of_class:
         level += 1
     if caller.startswith(OWN):
         return
     for field in fields(made):
         value = getattr(made, field.name)
-        if value is not field.default:  # a default need not be of the kind that users give
+        if value is not field.default:  # which need not be of the kind that users give
             _check(field.name, value, str(field.type), type(made))
 
 
@@ -162,10 +166,14 @@ def _check(
     owner: Callable[..., Any],
     makers: Callable[[str], str] = lambda _: "",
 ) -> None:
-    """Raise BadInputError if an argument is not of a kind of its annotation."""
+    """Raise BadInputError if an argument is not of a kind of its annotation.
+
+    owner: the function, or the class of a field, for the message
+    makers: as in `checked`
+    """
     kinds = _alternatives(annotation)
     accepting = {kind.name for kind in kinds if kind.accepts(value, owner.__module__)}
-    if accepting and accepting <= _ARRAYS and not hasattr(value, "loc"):  # of pandas
+    if accepting and accepting <= _ARRAYS and not hasattr(value, "loc"):  # frames are read later
         numbers_in(name, value)
     if accepting:
         return
@@ -175,7 +183,7 @@ def _check(
 
 
 def _type_of(value: Any) -> str:
-    """Return the name of a type, and that of an element which is not a text: "list of int"."""
+    """Return the name of the type of a value: "float", "list of int" for a list with an int."""
     kind = type(value).__name__
     if kind not in ("list", "tuple"):
         return kind
@@ -228,7 +236,10 @@ def _takes(function: Any, count: int) -> bool:
 
 
 def _is_of(kind: type, name: str, module: str) -> bool:
-    """Return whether a type is of the kind that a name in an annotation of a module states."""
+    """Return whether a type is of the kind that a name in an annotation states.
+
+    module: name of the module with the annotation
+    """
     if name in _KINDS:
         return _KINDS[name](kind)
     if any(base.__name__ == name.rpartition(".")[2] for base in kind.__mro__):
@@ -237,8 +248,9 @@ def _is_of(kind: type, name: str, module: str) -> bool:
 
 
 def _fits(kind: type, annotated: Any) -> bool:
-    """Return whether a type is of the kind of the object that an annotation names."""
-    # The object is a union, a type, or a protocol, whose public members the type must define.
+    """Return whether a type is of the kind of the object that an annotation names: a union, a type,
+    or a protocol, whose public members the type must define.
+    """
     if isinstance(annotated, UnionType):
         return any(_fits(kind, alternative) for alternative in get_args(annotated))
     annotated = get_origin(annotated) or annotated
@@ -260,7 +272,9 @@ def _has(kind: type, attributes: Sequence[str]) -> bool:
 
 
 def _defines(kind: type, attribute: str) -> bool:
-    """Return whether objects of a type have an attribute; the type itself can be called, too."""
+    """Return whether objects of a type have an attribute by their class: `hasattr` would say that a
+    type has `__call__` if the type itself can be called.
+    """
     return any(attribute in vars(base) for base in kind.__mro__)
 
 

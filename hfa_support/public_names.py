@@ -12,7 +12,6 @@ from types import FunctionType
 TYPE_CHECKING = False  # known to mypy; importing typing would take 3 ms of `hfa --version`
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
-    from types import ModuleType
     from typing import Any
 
 
@@ -55,10 +54,19 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         """
         if name == "__all__":
             return installed()
-        module, name_there = origin(name)
-        if not name_there:
-            return module
-        found = getattr(module, name_there)
+        if name not in _origins(stub):
+            message = f"module {package!r} has no attribute {name!r}"
+            raise AttributeError(message, name=name, obj=sys.modules[package])
+        module_name, name_there = _origins(stub)[name]
+        try:
+            module = import_module(module_name, package)
+        except ModuleNotFoundError as error:
+            if error.name != module_name.partition(".")[0]:
+                raise  # the module exists, and what it imports does not
+            raise AttributeError(
+                f"{package}.{name} requires the package {error.name}; install this package"
+            ) from None
+        found = getattr(module, name_there) if name_there else module
         return with_checks(found) if isinstance(found, FunctionType | type) else found
 
     @cache
@@ -72,7 +80,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         return found
 
     def makers(kind: str) -> str:
-        """Return which public functions make an object of a class, or ""."""
+        """Return advice on the public functions that return objects of a class, or ""."""
         offered = [(name, get(name)) for name in installed() if name != kind]
         made = [
             f"{package}.{name}"
@@ -80,22 +88,6 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
             if isinstance(function, FunctionType) and function.__annotations__["return"] == kind
         ]
         return f"a {kind} is returned by {' and by '.join(made)}" if made else ""
-
-    @cache
-    def origin(name: str) -> tuple[ModuleType, str]:
-        """Return the module that defines a public name, and the name in this module."""
-        if name not in _origins(stub):
-            message = f"module {package!r} has no attribute {name!r}"
-            raise AttributeError(message, name=name, obj=sys.modules[package])
-        module_name, name_there = _origins(stub)[name]
-        try:
-            return import_module(module_name, package), name_there
-        except ModuleNotFoundError as error:
-            if error.name != module_name.partition(".")[0]:
-                raise
-            raise AttributeError(
-                f"{package}.{name} requires the package {error.name}; install this package"
-            ) from None
 
     def installed() -> list[str]:
         """Return the public names that can be imported, because their packages are installed."""
@@ -107,8 +99,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
 
 @cache
 def _origins(stub: str) -> dict[str, tuple[str, str]]:
-    """Return the origin of each public name: (module that defines it, name in this module)."""
-    # The second name is "" if the public name is a module.
+    """Return public name -> (module that defines it, its name there; "" for the module itself)."""
     import ast
 
     origins = {}
@@ -123,7 +114,7 @@ def _origins(stub: str) -> dict[str, tuple[str, str]]:
                     origins[public] = (dots + alias.name, "")
                 else:
                     origins[public] = (dots + statement.module, alias.name)
-        elif isinstance(statement, ast.Assign):
+        elif isinstance(statement, ast.Assign):  # other = known, a second name
             other, known = statement.targets[0], statement.value
             origins[other.id] = origins[known.id]  # type: ignore[attr-defined]  # names
     return origins

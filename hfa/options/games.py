@@ -40,6 +40,7 @@ from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, without_empty
 from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 
 if TYPE_CHECKING:
     from controller.riccati.gare import Solution
@@ -268,7 +269,8 @@ def game_at(
     deployment: CriticFile | None = None,
 ) -> NamedGame:
     """Return the game on the linear model of an aircraft at a trim (`weighted_game`)."""
-    linear = trimmed(given).linearize()
+    point = trimmed(given)
+    linear = linearize(point.model, point)
     named = weighted_game(weights, linear, inputs, deployment)
     warnings = (*linear.point.warnings, *linear.nonsmooth_points, *named.warnings)
     return replace(named, warnings=warnings, source=given.source)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
 import casadi as ca
@@ -30,9 +29,9 @@ def of_rows(
 def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
     """Return a Function that applies each operation of `function` to all rows in one loop, or None.
 
-    An argument or result of k numbers becomes a matrix (rows, k). The results are equal to the
-    results of `function` bit by bit. The result is None unless `function` is an SX Function of
-    scalar operations.
+    An argument or result of k numbers becomes a matrix (rows, k), whose entries equal those of
+    `function` bit by bit. None is returned unless `function` is an SX Function of scalar
+    operations.
 
     function: dense Function of one row
     rows: number of rows
@@ -45,7 +44,9 @@ def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
     arguments = [ca.MX.sym("rows", rows, size) for size in sizes]
     columns = [ca.horzsplit(argument) if argument.numel() else [] for argument in arguments]
     results = [[ca.MX()] * function.numel_out(index) for index in range(function.n_out())]
-    memory: dict[int, ca.MX] = {}  # cell -> column that it contains
+    # An instruction has cells of the memory of `function` as sources and targets, or the numbers of
+    # an argument or result and of its entry. Each cell becomes a column: its values in all rows.
+    memory: dict[int, ca.MX] = {}
     for k, operation in enumerate(operations):
         sources = function.instruction_input(k)
         targets = function.instruction_output(k)
@@ -65,21 +66,19 @@ def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
         else:
             left, right = (memory[source] for source in sources)
             memory[cell] = ca.MX.binary(operation, left, right)
-    tables = [_side_by_side(result, rows) for result in results]
+    tables = []
+    for entries in results:  # columns (rows, 1), or (1, 1) of a constant
+        full = [ca.repmat(column, rows // column.numel(), 1) for column in entries]
+        tables.append(ca.densify(ca.horzcat(ca.MX(rows, 0), *full)))
     return ca.Function(function.name(), arguments, tables)
-
-
-def _side_by_side(columns: Sequence[ca.MX], rows: int) -> ca.MX:
-    """Return the dense matrix (rows, k) of k columns, each (rows, 1), or (1, 1) if constant."""
-    full = [ca.repmat(column, rows // column.numel(), 1) for column in columns]
-    return ca.densify(ca.horzcat(ca.MX(rows, 0), *full))
 
 
 class BoundFunction:
     """A dense CasADi Function with fixed memory. A call has an overhead of about a microsecond.
 
     inputs, results: a flat array for each argument and result, with matrices stored by columns. The
-      arrays belong to this object, and each call overwrites the results.
+      arrays belong to this object.
+    evaluate: function without arguments that writes the results at `inputs` to `results`
 
     An object must not be shared by threads.
     """
@@ -92,16 +91,12 @@ class BoundFunction:
         ):
             raise ValueError(f"{function.name()}: an argument or a result is sparse; call densify")
         buffer: Any
-        buffer, self._evaluate = function.buffer()
+        buffer, self.evaluate = function.buffer()
         for index, array in enumerate(self.inputs):
             buffer.set_arg(index, array.data)
         for index, array in enumerate(self.results):
             buffer.set_res(index, array.data)
         self._buffer = buffer  # keeps the memory used by the evaluation alive
-
-    def __call__(self) -> None:
-        """Evaluate the Function with the values in `inputs` and write the results to `results`."""
-        self._evaluate()
 
     def at(self, *arguments: Any) -> list[np.ndarray]:
         """Return copies of the Function's results, one flat array for each result.
@@ -110,11 +105,11 @@ class BoundFunction:
         """
         for memory, argument in zip(self.inputs, arguments, strict=True):
             memory[:] = argument
-        self._evaluate()
+        self.evaluate()
         return [result.copy() for result in self.results]
 
 
-#: Lock: expressions are built and compiled by one thread at a time.
+#: Lock of threads that build and compile expressions: one at a time.
 MAKING = threading.RLock()
 #: Numbers of rows in a block. The largest that is at most twice the number of rows is used.
 _BLOCK_SIZES = (250, 16)
@@ -124,9 +119,11 @@ _MANY = 2000
 
 
 class _Block(NamedTuple):
-    """Bound Function of several rows, with views (rows, entries) of its arguments and results."""
+    """Function that evaluates several rows, with views (rows, entries) of its arguments and
+    results.
+    """
 
-    evaluate: BoundFunction
+    bound: BoundFunction
     inputs: list[np.ndarray]
     results: list[np.ndarray]
 
@@ -162,21 +159,21 @@ class RowFunction(threading.local):
             before = self._rows_so_far
             self._rows_so_far += count
             if before < _MANY <= self._rows_so_far:
-                self._blocks.clear()  # new blocks are made more slowly and evaluated faster
+                self._blocks.clear()  # for blocks by `by_columns`
             block_size = next((size for size in _BLOCK_SIZES if size <= 2 * count), 1)
-        evaluate, inputs, results = self._blocks.get(block_size) or self._bind(block_size)
+        bound, inputs, results = self._blocks.get(block_size) or self._bind(block_size)
         if count == block_size:
             for memory, table in zip(inputs, tables, strict=True):
                 memory[:] = table
-            evaluate()
+            bound.evaluate()
             return [rows.copy() for rows in results]
         tables_out = [np.empty((count, rows.shape[1])) for rows in results]
         for first in range(0, count, block_size):
             last = min(first + block_size, count)
             for memory, table in zip(inputs, tables, strict=True):
                 memory[: last - first] = table[first:last]
-                memory[last - first :] = table[last - 1]  # a last block is filled up
-            evaluate()
+                memory[last - first :] = table[last - 1]  # fills up a last block
+            bound.evaluate()
             for memory, table in zip(results, tables_out, strict=True):
                 table[first:last] = memory[: last - first]
         return tables_out

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hfa_support.reporting.results import Entries
 from hfa_support.reporting.rows import Group, Sheet
 from hfa_support.reporting.text import Table
 
@@ -79,9 +78,6 @@ class Contents:
     head: Mapping[str, str] = field(default_factory=dict)
     anchor: str = ""
     sheet: Sheet = field(default_factory=Sheet)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "data", Entries(self.data))
 
     @property
     def is_book(self) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, imported, printable, refuse_unknown, shortened
 from hfa_support.reporting.parts import Contents, Part, Picture
-from hfa_support.reporting.results import Entries, Result
+from hfa_support.reporting.results import Entries, Result, storable
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import (
     WIDTH,
@@ -25,10 +25,6 @@ from hfa_support.reporting.text import (
     numbered,
     wrapped,
 )
-
-if TYPE_CHECKING:
-    pass
-
 
 #: Relation between value and limit -> function. A value of nan satisfies none.
 RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
@@ -224,7 +220,7 @@ class Report(Contents):
         """Return the data of the report as JSON text. Numbers that are not finite become null."""
         from hfa_support.reporting.results import json_text
 
-        return json_text(self.data).rstrip()
+        return json_text(storable(self.data)).rstrip()
 
     def save(self, path: str | Path, document: str = "") -> None:
         """Write the report to a file, completely or not at all, with data in full precision.
@@ -260,7 +256,7 @@ class Report(Contents):
 
             write_pdf(self, Path(path))
         else:
-            save_data(Path(path), self.data, self.records)
+            save_data(Path(path), storable(self.data), self.records)
 
     def _issued(self) -> Report:
         """Return the report with the date of its provenance, or today's, in its head."""

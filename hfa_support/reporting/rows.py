@@ -49,7 +49,7 @@ class NamedArray(np.ndarray):
         keys = index if isinstance(index, tuple) else (index,)
         if str not in map(type, keys):
             return values[index]
-        numbers = []
+        numbers = []  # a name becomes the number of its entry
         for key, names in zip(keys, self.names[-len(keys) :], strict=True):
             if isinstance(key, str):
                 refuse_unknown("unknown name", key, names)
@@ -120,11 +120,11 @@ class ByName(tuple[Named, ...]):
         return self.keys()
 
     def values(self) -> Any:
-        """Return this tuple, as the entries of a mapping."""
+        """Return the entries, which are this tuple, as `dict.values` does."""
         return self
 
     def items(self) -> Any:
-        """Return the pairs (name, entry), as the view of a dictionary."""
+        """Return the pairs (name, entry), as `dict.items` does."""
         return dict(self).items()
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -133,7 +133,9 @@ class ByName(tuple[Named, ...]):
         rows = []
         for entry in self:
             fields = entry._asdict() if hasattr(entry, "_asdict") else vars(entry)
-            rows.append({n: value for n, value in fields.items() if not isinstance(value, dict)})
+            rows.append(
+                {key: field for key, field in fields.items() if not isinstance(field, dict)}
+            )
         return pandas.DataFrame(rows).set_index("name")
 
     def _repr_html_(self) -> str | None:
@@ -150,6 +152,15 @@ _LONGEST = 24
 #: Gap between two columns, and least width of the column of notes.
 _GAP = "  "
 _LEAST_NOTE = 24
+
+
+class RowText(NamedTuple):
+    """Row of a sheet as it is printed, with angles in degrees and without the unit 1."""
+
+    name: str
+    value: str
+    unit: str
+    note: str
 
 
 @dataclass(frozen=True)
@@ -189,14 +200,11 @@ class Row(Result):
             note=self.note or None, level=self.stated_level
         )
 
-    def cells(self) -> tuple[str, str, str, str]:
-        """Return name, value, unit and note as text, with angles in degrees.
-
-        A sentence as a value is a note.
-        """
+    def cells(self) -> RowText:
+        """Return the row as it is printed; a sentence as a value is printed as its note."""
         value = self.value
         if isinstance(value, str) and len(value) > _LONGEST and not self.note:
-            return self.name, "", "", value
+            return RowText(self.name, "", "", value)
         if isinstance(value, (str, int)):
             text = str(value)
         elif isinstance(value, complex):
@@ -205,18 +213,13 @@ class Row(Result):
             text = f"<= {self.least:g}"
         else:
             text = short_number(value, self.unit if self.in_degrees else "", self.digits)
-        return self.name, text, self.printed_unit, self.note
+        unit = shown_unit(self.unit) if self.in_degrees else self.unit
+        return RowText(self.name, text, "" if unit == "1" else unit, self.note)
 
     @property
     def stated_level(self) -> int | str | None:
         """Level of flying qualities, with "> 3" for none of the three."""
         return BELOW_LEVEL_3 if self.level is not None and self.level > 3 else self.level
-
-    @property
-    def printed_unit(self) -> str:
-        """Return the unit as a sheet prints it, with degrees for angles, or "" for none."""
-        unit = shown_unit(self.unit) if self.in_degrees else self.unit
-        return "" if unit == "1" else unit
 
 
 class Lacking(NamedTuple):
@@ -236,39 +239,41 @@ class Group(NamedTuple):
     def table(self) -> Table:
         """Return the rows as a table. The column of notes is left out if no row has a note."""
         cells = [row.cells() for row in self.rows]
-        width = 4 if any(row[3] for row in cells) else 3
+        width = 4 if any(row.note for row in cells) else 3
         header = (self.title, "value", "unit", "note")
         return Table(header[:width], [row[:width] for row in cells])
 
     def text(self, color: bool = False, width: int | None = WIDTH) -> str:
         """Return the rows and the sentences as text. Notes are wrapped in a column of their own, or
-        stand below their rows where a narrow one has no room for them.
+        stand below their rows if the width leaves no room for the column.
         """
         lines: list[str] = []
         if self.rows:
             header = (self.title, "value", "unit", "")
             cells = [header, *(row.cells() for row in self.rows)]
             texts = [[printable(cell) for cell in row] for row in cells]
-            of_name, of_value, of_unit, _ = (
+            of_name, of_value, of_unit, _ = (  # widths of the columns
                 max(map(len, column)) for column in zip(*texts, strict=True)
             )
-            for (name, value, unit, note), tone in zip(
-                texts, ("", *(row.tone for row in self.rows)), strict=True
-            ):
+            tones = ("", *(row.tone if color else "" for row in self.rows))
+            for (name, value, unit, note), tone in zip(texts, tones, strict=True):
                 line = _GAP.join((name.ljust(of_name), value.rjust(of_value), unit.ljust(of_unit)))
-                lines += _with_note(line, note, TONES.get(tone if color else "", ""), width)
+                lines += _with_note(line, note, TONES.get(tone, ""), width)
         lines += [wrapped(printable(line, lines=True), width) for line in self.lines]
         return "\n".join(lines)
 
 
-def _with_note(line: str, note: str, tone: str, width: int | None) -> Iterator[str]:
-    """Yield the line of a row with its note wrapped beside it, or below it if there is no room."""
+def _with_note(line: str, note: str, color: str, width: int | None) -> Iterator[str]:
+    """Yield the line of a row with its note wrapped beside it, or below it if there is no room.
+
+    color: code of the color of the note on a terminal, or ""
+    """
     begin = len(line) + len(_GAP)
     is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE)
     indent = begin if is_beside else len(_GAP)
     note_lines = [note] if width is None else textwrap.wrap(note, width - indent)
-    if tone:
-        note_lines = [f"\033[{tone}m{note_line}\033[0m" for note_line in note_lines]
+    if color:
+        note_lines = [f"\033[{color}m{note_line}\033[0m" for note_line in note_lines]
     if is_beside and note_lines:
         first, *note_lines = note_lines
         line += _GAP + first
@@ -296,13 +301,11 @@ class Sheet(ByName[Row]):
 
         first: title of the group that keeps its names
         """
-        stated = [*groups]
-        taken_names = {
-            figure.name for title, rows, _ in stated if title == first for figure in rows
-        }
+        given = [*groups]
+        taken_names = {figure.name for title, rows, _ in given if title == first for figure in rows}
         lacking: dict[str, str] = {}
         completed = []
-        for title, figures, lines in stated:
+        for title, figures, lines in given:
             rows = []
             names_lacking: dict[str, list[str]] = {}  # reason -> names
             for figure in figures:
@@ -345,7 +348,7 @@ class Sheet(ByName[Row]):
 
 
 def numbers_of(row: Row) -> Iterator[tuple[str, Any]]:
-    """Yield name and value of each number or text of a row: parts of a complex number apart."""
+    """Yield name and value of a row; of a complex number, name and value of each part."""
     if isinstance(row.value, complex):
         yield f"{row.name} real", row.value.real
         yield f"{row.name} imaginary", row.value.imag
@@ -372,13 +375,14 @@ def matrix_of(sheets: Sequence[Sheet]) -> Table:
 
 
 def _cells_by_heading(sheet: Sheet) -> dict[str, Any]:
-    """Return heading -> cell of the row of a sheet in `matrix_of`."""
+    """Return heading -> cell of the line of a sheet in `matrix_of`."""
     cells: dict[str, Any] = {}
     for row in sheet:
+        unit = row.cells().unit
         for name, value in numbers_of(row):
             if isinstance(value, float) and row.in_degrees:
                 value = float(shown_values(value, row.unit)) + 0.0  # 0 in place of -0
-            cells[f"{name} [{row.printed_unit}]" if row.printed_unit else name] = value
+            cells[f"{name} [{unit}]" if unit else name] = value
         if row.level is not None:
             cells[f"{row.name} level"] = row.stated_level
     return cells

@@ -14,7 +14,7 @@ from hfa_support.errors import printable
 
 #: Smaller numbers, as a fraction of their nominal size, are rounding errors and are shown as 0: a
 #: computed 0 is the sum of terms up to 1e4 times that size, with roundings of 1e4 eps = 2e-12.
-_ROUNDING = 1e-12
+SHOWN_AS_ZERO = 1e-12
 #: Range of the largest entry for which a matrix is shown with four decimals.
 _LEAST = 0.1
 _MOST = 1e7
@@ -66,7 +66,7 @@ def matrix_table(
 ) -> Table:
     """Return a table of a matrix, with the names of its rows and columns and four decimals.
 
-    An entry that rounds to 0 is printed with an exponent, unless it is 0 (`is_zero`). All entries
+    An entry that rounds to 0 is printed with an exponent, unless it is `SHOWN_AS_ZERO`. All entries
     are printed with an exponent if the largest magnitude is nonzero and below `_LEAST`, or at least
     `_MOST`.
 
@@ -144,17 +144,12 @@ def in_degrees(angle: float) -> float:
     return round(math.degrees(angle), 10)
 
 
-def is_zero(value: Any, nominal: Any = 1.0) -> Any:
-    """Return whether a number, or each of an array, is shown as 0, because it is rounding.
-
-    nominal: nominal size of such numbers, or of each
-    """
-    return abs(value) < _ROUNDING * nominal
-
-
 def without_rounding(value: float, nominal: float = 1.0) -> float:
-    """Return a number, or 0 in place of rounding."""
-    return 0.0 if is_zero(value, nominal) else value
+    """Return a number, or 0 in place of rounding.
+
+    nominal: nominal size of such numbers
+    """
+    return 0.0 if abs(value) < SHOWN_AS_ZERO * nominal else value
 
 
 def shown_unit(unit: str) -> str:
@@ -193,7 +188,7 @@ def with_unit(value: float, unit: str, nominal: float = 1.0) -> str:
     An angle in radians above a full turn may have been meant in degrees. Such an angle is therefore
     also printed in radians: "859.437 deg (15 rad)".
 
-    nominal: nominal size of the value; of a value far below it, 0 is printed (`is_zero`)
+    nominal: nominal size of the value; of a value far below it, 0 is printed
     """
     value = without_rounding(value, nominal)
     text = beside_unit(shown_value(value, unit), unit)
@@ -247,7 +242,7 @@ def digits_with_unit(value: float, unit: str, count: int = 3, nominal: float = 1
     """Return a value with `count` significant digits and its unit, "40,000 ft", in the unit that
     reports print.
 
-    nominal: nominal size of the value (`is_zero`)
+    nominal: nominal size of the value; of a value far below it, 0 is printed
     """
     value = without_rounding(value, nominal)
     return beside_unit(digits(float(shown_value(value, unit, ".12g")), count), unit)
@@ -270,7 +265,7 @@ def eigenvalue_text(value: complex) -> str:
 def _entry_text(value: float) -> str:
     """Return the entry of a matrix with four decimals, or an exponent where these show only 0."""
     text = four_decimals(value)
-    return f"{value:.1e}" if text == "0.0000" and not is_zero(value) else text
+    return f"{value:.1e}" if text == "0.0000" and without_rounding(value) else text
 
 
 def four_decimals(value: float) -> str:

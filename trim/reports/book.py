@@ -20,11 +20,11 @@ from hfa_support.reporting.text import (
     Cell,
     Table,
     beside_unit,
-    is_zero,
     short_number,
     shown_value,
     shown_values,
     with_shown_unit,
+    without_rounding,
     wrapped,
 )
 from trim.point.margins import Margin
@@ -284,7 +284,7 @@ def _used_controls(conditions: Sequence[Condition]) -> list[str]:
         margin.name
         for point in points
         for margin in point.margins.values()
-        if not is_zero(margin.value, margin.scale)
+        if without_rounding(margin.value, margin.scale)
     }
     return [name for point in points[:1] for name in point.model.inputs if name in used]
 

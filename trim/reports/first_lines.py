@@ -16,7 +16,6 @@ from hfa_support.reporting.text import (
     beside_unit,
     digits,
     digits_with_unit,
-    is_zero,
     shown_value,
     without_rounding,
 )
@@ -229,8 +228,8 @@ def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
         in_order = sorted(engines, key=lambda name: (len(name), name))
         out = {}
         for name, match in engines.items():
-            above = values[name] - max(signals[name].min, 0.0)
-            if name in held and is_zero(max(above, 0.0), signals[name].nominal):
+            above = max(values[name] - max(signals[name].min, 0.0), 0.0)
+            if name in held and not without_rounding(above, signals[name].nominal):
                 side = match["number"]  # a number or a side
                 engine = in_order.index(name) + 1 if side.isdigit() else side
                 out[name] = f"engine {engine} out ({name})"
@@ -253,7 +252,9 @@ def title_with_controls(trimmed: Trimmed, rows: Iterable[Row]) -> str:
             trimmed.point[alpha], model.unit(alpha), nominal=model.signal(alpha).nominal
         )
         words.append(f"{alpha} {angle}")
-    moved = [name for name in model.inputs if not is_zero(margins[name].value, margins[name].scale)]
+    moved = [
+        name for name in model.inputs if without_rounding(margins[name].value, margins[name].scale)
+    ]
     words += [_of_limits(margins[name]) for name in moved or model.inputs]
     words += [f"L/D {digits(row.value)}" for row in rows if row.name == "L/D"]
     return f"{first_lines(trimmed)}\n{_listed(words, ', ')}".rstrip()

@@ -561,11 +561,10 @@ def _shortened(group: Group) -> Group:
     """Return a group with the rows that are read first: of the variables those that are not 0."""
     rows = []
     for row in group.rows:
-        _, value, _, _ = row.cells()
         if group.title == VARIABLES:
-            is_read_first = value != "0"
+            is_read_first = row.cells().value != "0"
         elif row.name == "load factor":
-            is_read_first = value != "1"
+            is_read_first = row.cells().value != "1"
         else:
             named = row.name in _READ_FIRST.get(group.title, ())
             is_read_first = named or bool(row.tone) or row.name.endswith(_READ_FIRST_TOO)

@@ -16,7 +16,7 @@ from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import ROUNDING
 from hfa_support.reporting.rows import Lacking, Row
-from hfa_support.reporting.text import digits, is_zero, shown_value
+from hfa_support.reporting.text import digits, shown_value, without_rounding
 from hfa_support.units import STANDARD_GRAVITY, conversion_factor
 from trim.point.condition import release
 from trim.point.solve import trim
@@ -159,7 +159,7 @@ def _steep(trimmed: Trimmed) -> str:
     without_air = [
         name
         for name in _OF_AIR
-        if name in model.outputs and is_zero(point[name], model.outputs[name].nominal)
+        if name in model.outputs and not without_rounding(point[name], model.outputs[name].nominal)
     ]
     words = [named_value_text(point, trimmed.roles["alpha"])]
     words += [f"{name} {value_text(model, name, 0.0)}" for name in without_air]

@@ -20,11 +20,11 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack, storable
 from hfa_support.reporting.rows import ByName
 from hfa_support.reporting.text import (
+    SHOWN_AS_ZERO,
     RowsMade,
     Table,
     beside_unit,
     eigenvalue_text,
-    is_zero,
     numbered,
     shown_unit,
     shown_value,
@@ -385,7 +385,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return a table of alpha, of inputs that are not always 0, and of stalls and limits."""
         model = self.model
         nominal = model.nominal(model.inputs)
-        moved = ~is_zero(np.nan_to_num(self.inputs), nominal).all(axis=0)
+        moved = (np.abs(np.nan_to_num(self.inputs)) >= SHOWN_AS_ZERO * nominal).any(axis=0)
         inputs = [name for name, is_moved in zip(model.inputs, moved, strict=True) if is_moved]
         alpha = recognized(model.states).get("alpha", "")
         names = [name for name in (alpha, *inputs) if name and name not in self.variables]

@@ -135,7 +135,7 @@ class Rates:
 
         def rates(numbers: np.ndarray, _: float) -> np.ndarray:
             state[:] = numbers.reshape(rows.shape)
-            bound()
+            bound.evaluate()
             if not (bound.results[1] <= self._largest).all():
                 raise FloatingPointError
             return rate.ravel()

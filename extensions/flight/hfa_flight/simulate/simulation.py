@@ -163,7 +163,7 @@ class RungeKutta:
             steps_left = max(1, math.ceil((end - time) / self._next))
             seconds = (end - time) / steps_left
             t[0], h[0], before[0] = time, seconds, self._largest
-            self._function()
+            self._function.evaluate()
             ratio = float(error_ratio[0])
             if ratio <= 1.0:
                 self._next = min(self._longest, _step_factor(ratio) * seconds)
