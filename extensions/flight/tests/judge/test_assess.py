@@ -29,14 +29,15 @@ from hfa_flight import Deployed
 def test_the_cost_ratio_is_that_of_the_closed_form():
     """The ratio of costs is that of a policy and of the exact gain in closed form.
 
-    The cost of v' = v + f, with f = -8 v held for 20 ms, is a geometric series of samples.
-    The cost of the optimum is (1 + sqrt 2) v(0)^2.
+    The cost of v' = v + f, with f = -8 v held for 20 ms and Q = R = 1, is a geometric series of
+    samples. The cost of the optimum is (1 + sqrt 2) v(0)^2.
     """
     k, dt = 8.0, 0.02
     model = scalar(lambda v, f: v + f, 10.0, 50.0)
     eager = deployed(lambda v: -k * v, dt, [-50.0, 50.0])
 
     def held(t):
+        """Return v(t) / v(0) in a sample, with f = -k v(0)."""
         return math.exp(t) - k * (math.exp(t) - 1.0)
 
     of_first_sample = quad(lambda t: held(t) ** 2 + k**2, 0.0, dt)[0]
@@ -144,9 +145,13 @@ def stiff_case():
 
 
 def stiff_cost(v, K, sample):
-    """Return the cost of 30 s by SciPy, with the tail z'Pz. sample: s, or 0 without a hold."""
+    """Return the cost of 30 s by SciPy, with the tail z'Pz.
+
+    sample: duration for which f = -K v is held, s, or 0 without a hold
+    """
 
     def rate(t, y, u):
+        """Return the rates of v and of the cost; u is the held f, or None without a hold."""
         force = -K * y[0] if u is None else u
         return [-y[0] - 40.0 * y[0] ** 3 + force, y[0] ** 2 + force**2]
 
@@ -181,7 +186,7 @@ def test_samples_with_delay_equal_scipys_integration():
     """With a delay of 1.5 samples, the command of two samples ago acts in the first half of a sample
     and that of one sample ago in the second. The flight is that of SciPy with these commands.
     """
-    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]  # the GTM at 45 m/s
     deployment = stored_deployment("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.03})
     off = dict(zip(model.states, (1.0, 0.02, 0.05, -0.03), strict=True))
     flight = hfa.fly(model, point, deployment, 0.2, initial=off, predict=False)
@@ -201,7 +206,8 @@ def test_samples_with_delay_equal_scipys_integration():
 def test_the_first_departure_is_reported():
     """The flight that leaves first is reported, with its initial state, its time and its limit.
 
-    v' = v leaves at 2 after ln(2 / v) s. The first of 20 begins beyond half the box, at 1.
+    v' = v leaves at |v| = 2 after ln(2 / |v(0)|) s. The first of 20 begins beyond half the box, 1 m/s.
+    With a disturbance pulse, the time differs.
     """
     model = scalar(lambda v, f: v + f, 2.0)
     deployment = deployed(lambda v: 0.0 * v, 0.01)
@@ -242,7 +248,7 @@ def test_a_flight_whose_rate_is_not_a_number_leaves_then(dt):
 
 
 def test_a_flight_without_limits_leaves_where_it_overflows():
-    """v' = v + v^3 is infinite after ln(1 + 1 / v^2) / 2 s, on the side of its start."""
+    """From v(0) = v, v' = v + v^3 is infinite after ln(1 + 1 / v^2) / 2 s, with the sign of v(0)."""
     model = scalar(lambda v, f: v + v**3 + f)
     sides = set()
     for seed in (0, 2):
@@ -257,7 +263,7 @@ def test_a_flight_without_limits_leaves_where_it_overflows():
 
 
 def test_unmet_requirements_are_listed():
-    """A required delay, margin or cost that one of the trims does not have is unmet."""
+    """A delay, margin or cost that a test policy of the GTM does not have at 45 or 60 m/s is unmet."""
     told = assess(aircraft("ppo_gtm"), FOLDER / "ppo_gtm.toml", [45.0, 60.0], samples=0)
     assert replace(told, needs={"delay": 0.01, "margin": 0.1, "cost": 1000.0}).unmet == []
     for needs in ({"delay": 0.02}, {"margin": 0.5}, {"cost": 50.0}):
@@ -294,6 +300,7 @@ def test_a_finding_names_its_trims_or_their_range(sign, where):
 
 
 def gain_of_gtm(**tables):
+    """Return a deployment on the GTM whose actions are 0.1 times the deviations of alpha and q."""
     o = ca.SX.sym("o", 4)
     return gtm_deployment({"file": ca.Function("gain", [o], [0.1 * o[1:3]])}, **tables)
 
@@ -330,6 +337,7 @@ def test_what_cannot_be_assessed_is_refused(given, said):
 
 @pytest.mark.parametrize("judge", [hfa.assess, hfa.environment])
 def test_a_trim_at_the_edge_of_the_envelope_is_refused(judge):
+    """A trim at 45 m/s is refused if this is the lowest speed: each flight would leave at once."""
     model = model_of(GTM)
     speed = model.states["speed"]._replace(min=45.0)
     edged = replace(model, states={**model.states, "speed": speed})

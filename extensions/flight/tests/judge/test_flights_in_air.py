@@ -11,6 +11,7 @@ from hfa.main import main
 from hfa_flight import Uncertainty
 
 NOISE = Uncertainty(noise={"pitch_rate": 0.02})
+#: Standard deviations of the sensors of the GTM's four states: m/s, rad, rad/s.
 SENSORS = {"speed": 0.1, "alpha": 0.002, "pitch": 0.002, "pitch_rate": 0.002}
 
 
@@ -48,8 +49,10 @@ def test_flights_in_python_are_those_of_the_command(capsys):
 
 
 def test_a_deployment_flies_behind_its_filter_and_is_assessed_without_it():
-    """Its sensors are those of [filter], and `assess` names the command that flies behind it."""
-    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
+    """Sensors of the flights are those of [filter]. `assess` leaves the filter out, and notes the
+    command that flies behind it.
+    """
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]  # the GTM at 45 m/s
     filtered = stored_deployment("ppo_gtm").changed(filter={"noise": SENSORS})
     noisy = hfa.Scenario(0.5, uncertainty=Uncertainty(noise=SENSORS))
     flown = hfa.fly(model, point, filtered, scenario=noisy, samples=1)
@@ -75,13 +78,16 @@ def test_a_deployment_flies_behind_its_filter_and_is_assessed_without_it():
     ],
 )
 def test_wrong_arguments_of_many_flights_are_refused(options, said):
+    """A scenario with noise that is not drawn requires samples; what applies to one flight only, or
+    to several only, is refused with the others.
+    """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     with pytest.raises(hfa.BadInputError, match=said):
         hfa.fly(model, point, scenario=hfa.Scenario(0.1, uncertainty=NOISE), **options)
 
 
-def test_the_advice_on_noise_leads_on(capsys):
-    """`assess --noise` is refused and names `fly --policy FILE`, which flies in this noise."""
+def test_assess_names_the_command_of_flights_in_noise(capsys):
+    """`assess --noise` is refused with the advice `fly --policy FILE`, which flies in this noise."""
     assert main(["assess", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, "--noise", "x"]) == 2
     assert "hfa fly --policy DEPLOYMENT.toml" in capsys.readouterr().err
     words = ["fly", "--policy", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, "--at", "45"]

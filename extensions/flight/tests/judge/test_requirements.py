@@ -10,6 +10,7 @@ import hfa
 
 #: v' = v + f with |f| <= 0.5: flights from |v| > 0.5 leave the limits.
 UNSTABLE = scalar(lambda v, f: v + f, 2.0, 0.5)
+#: v' = f - 0.1 v with |v| <= 2 and |f| <= 0.5.
 SLOW = scalar(lambda v, f: f - 0.1 * v, 2.0, 0.5)
 
 
@@ -21,8 +22,8 @@ def deployment(gain, offset=0.0):
 
 def test_every_flight_must_converge_or_the_required_share():
     """With v' = v + f and |f| <= 0.5 only flights from |v| < 0.5 converge, about half, although the
-    linear loop is stable. They pass if the required share is at most theirs, and not if every flight
-    must converge.
+    linear loop is stable. The policy passes if the required share is at most this share, and not if
+    every flight must converge.
     """
     found = hfa.assess(UNSTABLE, deployment(4.0), samples=12)
     (point,) = found.points
@@ -38,6 +39,8 @@ def test_every_flight_must_converge_or_the_required_share():
 
 
 def test_wrong_requirements_are_refused_before_any_flight():
+    """A wrong share, an unknown requirement, and a cost without weights are refused at once."""
+
     def flown(*_):
         raise AssertionError("a flight was flown")
 
@@ -55,8 +58,8 @@ def test_wrong_requirements_are_refused_before_any_flight():
     [(0.01, True), (0.2, False), pytest.param(-0.2, False, marks=pytest.mark.slow)],
 )
 def test_a_policy_passes_only_if_every_flight_returns_to_the_trim(offset, passes):
-    """Every flight converges to the equilibrium. With a large steady-state error, not every flight
-    returns to the trim, and the error has the sign of the offset.
+    """Every flight converges to the equilibrium of f = offset - v. With a large steady-state error, not
+    every flight returns to the trim, and the error has the sign of the offset.
     """
     found = hfa.assess(SLOW, deployment(1.0, offset), samples=6)
     (point,) = found.points
@@ -103,9 +106,9 @@ def test_an_equilibrium_beyond_the_limits_fails_without_flights(offset, passes):
     assert (found.ok, point.holds, bool(point.beyond)) == (passes, passes, not passes)
 
 
-def test_a_flight_that_departs_again_has_not_converged():
+def test_flights_that_slowly_diverge_have_not_converged():
     """v' = .005 v grows by 5 % in the last ten seconds: no flight has converged, also from initial
-    conditions near 0. With a gain of .2, each flight converges.
+    conditions near 0. With a gain of .2, every flight converges.
     """
     model = scalar(lambda v, f: 0.005 * v + f, 50.0)
     for gain, converged in ((0.0, 0), (0.2, 20)):

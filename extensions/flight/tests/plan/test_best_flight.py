@@ -9,8 +9,12 @@ from carts import cart
 
 import hfa
 
+#: Gain of the LQR of the cart with Q = I and R = 1.
+LQR_GAIN = np.array([[1.0, np.sqrt(3.0)]])
+
 
 def best_of_cart(start, **more):
+    """Return the best flight of the cart with Q = I and R = 1, and a force of at most 1 N."""
     model = cart()
     point = hfa.trim(model)
     weights = np.eye(2)
@@ -20,20 +24,20 @@ def best_of_cart(start, **more):
 def test_saturated_double_integrator_cost_equals_closed_form():
     """The best cost of a saturated double integrator agrees with its closed form within 0.1 %.
 
-    The force of the trim is 0.5 N, from which its limits are 1 N away. State and costate are
-    polynomials in time, backwards from a point at which the LQR saturates.
-    The problem is convex. Pontryagin's conditions are therefore sufficient. The force is reported as
-    saturated, and the costs of both meshes differ by less than 5 %.
+    The force of the trim is 0.5 N, from which its limits are 1 N away. State and costate λ are
+    polynomials in time, backwards from a point at which the LQR saturates, with λ' = -∂H/∂x and
+    u = -λ2 / 2, saturated at -1. The problem is convex. Pontryagin's conditions are therefore
+    sufficient.
     """
     P = np.array([[np.sqrt(3.0), 1.0], [1.0, np.sqrt(3.0)]])
     switch = np.array(
         [3.0, (1.0 - 3.0) / np.sqrt(3.0)]
     )  # P[1] @ switch = 1, the limit of the force
-    x2 = np.polynomial.Polynomial([switch[1], -1.0])
+    x2 = np.polynomial.Polynomial([switch[1], -1.0])  # before t = 0, with the force -1 N
     x1 = x2.integ() + switch[0]
     lambda1 = -2.0 * x1.integ() + 2.0 * P[0] @ switch
     lambda2 = -2.0 * x2.integ() - lambda1.integ() + 2.0 * P[1] @ switch
-    begin = -1.5
+    begin = -1.5  # s
     assert (lambda2(np.linspace(begin, 0.0, 50)) >= 2.0 - 1e-12).all()
     running = x1**2 + x2**2 + 1.0
     cost = -running.integ()(begin) + switch @ P @ switch
@@ -54,11 +58,10 @@ def test_saturated_double_integrator_cost_equals_closed_form():
 
 def test_policies_in_any_form_are_compared_with_the_best_flight():
     """Three forms of one saturated gain cost the same; a cart without a force does not stop."""
-    K = np.array([[1.0, np.sqrt(3.0)]])
     policies = {
-        "gain": K,
-        "critic": hfa.Critic(K),
-        "function": lambda t, X: np.clip(-K @ list(X), -1.0, 1.0),
+        "gain": LQR_GAIN,
+        "critic": hfa.Critic(LQR_GAIN),
+        "function": lambda t, X: np.clip(-LQR_GAIN @ list(X), -1.0, 1.0),
         "none": None,  # no force
     }
     best = best_of_cart({"position": 2.0, "velocity": 0.5}, policies=policies)
@@ -78,12 +81,11 @@ def test_a_flight_that_leaves_and_comes_back_does_not_converge():
     point = hfa.trim(model)
     limits = {"velocity": (-0.5, 1.0)}
     start = {"position": 2.0, "velocity": 0.0}
-    K = np.array([[1.0, np.sqrt(3.0)]])
-    best = hfa.optimize(model, point, start, limits=limits, policies={"gain": K})
+    best = hfa.optimize(model, point, start, limits=limits, policies={"gain": LQR_GAIN})
     left = best.policies[-1]
     np.testing.assert_allclose(best.compared[-1].states[-1], point.x, atol=1e-2)
     assert (left.converges, left.over_best, left.departure.state) == (False, None, "velocity")
-    saturated = lambda t, X: np.clip(-K @ list(X), -1.0, 1.0)  # noqa: E731
+    saturated = lambda t, X: np.clip(-LQR_GAIN @ list(X), -1.0, 1.0)  # noqa: E731
     flown = hfa.fly(
         model, point, saturated, 9.0, initial=start, envelope=limits, weights=(best.Q, best.R)
     )
@@ -130,9 +132,9 @@ def test_unusable_arguments_are_refused(start, more, says):
     assert "\n" not in str(caught.value)
 
 
-def test_a_candidate_through_a_kink_is_confirmed():
-    """v' = u - .3 |v|: the flight of the exact equations costs what the smooth copy promised, and at
-    most as much as the linear optimum.
+def test_a_candidate_through_a_nonsmooth_point_is_confirmed():
+    """v' = u - .3 |v|: the flight of the exact equations costs as much as the candidate, for which the
+    optimizer smoothed |v|, and at most as much as the linear optimum.
     """
     model = replace(
         cart(),

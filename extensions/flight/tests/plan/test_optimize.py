@@ -17,7 +17,8 @@ PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 @pytest.mark.slow
 @pytest.mark.parametrize("dihedral", ["5", "15"])
 def test_the_hfa_leaves_the_envelope_with_exact_policy(dihedral, capsys):
-    """From the paper's x(0), the pitch rate leaves the envelope with the exact policy.
+    """From the paper's x(0), 5 ft/s and 0.05 rad, the pitch rate leaves the envelope with the exact
+    policy.
 
     A flight that left has no cost, though at 15 deg it is at the trim at its end. At 5 deg its
     modes become too fast for the integration after it has left. The linear cost is less than half of
@@ -65,7 +66,9 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(fold
 
 
 def test_a_flight_between_trims_begins_at_the_held_value_and_ends_at_that_of_to(capsys):
-    """The best flight of a pendulum begins at the held 5 deg, and its trim is the upright one."""
+    """The best flight of the pendulum begins at the trim of --hold, 5 deg, and ends at that of --to,
+    the upright one.
+    """
     words = ["optimize", "--aircraft", PENDULUM, "--hold", "angle=5", "--to", "angle=0"]
     assert main([*words, "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
@@ -74,10 +77,8 @@ def test_a_flight_between_trims_begins_at_the_held_value_and_ends_at_that_of_to(
 
 
 def test_optimize_counts_and_summarizes_initial_conditions(folder, capsys):
-    """Initial conditions are within 0.9 of the nearer limit, 0.3, and the median and the worst cost ratio of a
-    policy are those of its listed flights.
-
-    No flight of the linear optimum is cheaper than the best flight.
+    """Initial conditions reach up to 0.9 of the nearer limit, 0.3, and not beyond. The median and the
+    worst cost ratio of a policy are those of its listed flights, none of which is below 1.
     """
     np.savez("plant.npz", A=[[0.0, 1.0], [-2.0, -0.3]], B=[[0.0], [3.0]])
     np.savez("K.npz", K=[[0.2, 0.5]])
@@ -109,4 +110,5 @@ def test_optimize_counts_and_summarizes_initial_conditions(folder, capsys):
     ],
 )
 def test_wrong_options_are_refused(words, says):
+    """Options that are missing, contradict each other or name no state are refused in one line."""
     assert_refused(run("optimize", "--aircraft", PENDULUM, *words.split()), 2, says)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa as hfa_command
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm, solve_continuous_are, solve_discrete_are
+from scipy.linalg import block_diag, expm, solve_continuous_are, solve_discrete_are
 from scipy.optimize import lsq_linear
 
 import hfa
@@ -23,7 +23,7 @@ from hfa_flight.policies.policy import NextSample
 EXAMPLES = Path(__file__).parents[4] / "examples"
 PENDULUM_FILE = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 PENDULUM = hfa.load_model(PENDULUM_FILE)
-UPRIGHT = hfa.trim(PENDULUM)
+UPRIGHT = hfa.trim(PENDULUM)  # unstable, with a torque of at most 0.7 N m
 #: Cart of unit mass on a track, with a limited force and a limited speed.
 CART = hfa.Model(
     "cart",
@@ -37,30 +37,28 @@ CART = hfa.Model(
     trim={"position": 0.0},
 )
 AT_REST = hfa.trim(CART)
-WEIGHTS = np.eye(2), np.eye(1)
+WEIGHTS = np.eye(2), np.eye(1)  # Q of both states, R of the one input
 #: Without a budget of time, plans do not depend on how busy the machine is.
 predictive = partial(hfa.predictive, budget=math.inf)
 LAWS = {"predictive": predictive, "state-dependent": hfa.state_dependent}
 
 
 def made(law="predictive", **settings):
+    """Return a policy of the cart with the weights `WEIGHTS`."""
     return LAWS[law](CART, AT_REST, *WEIGHTS, **settings)
 
 
-def moved(A, B, Q, R, h):
-    """Return Ad, Bd and the exact cost Qd, Nd, Rd over a hold, by a sum over fine steps."""
+def over_hold(A, B, Q, R, h):
+    """Return A, B of a hold of h seconds, and Q, N, R of its exact cost by Gauss quadrature."""
     n, m = B.shape
     rates = np.block([[A, B], [np.zeros((m, n + m))]])
-    weight = np.zeros((n + m, n + m))
-    weight[:n, :n], weight[n:, n:] = Q, R
-    nodes, shares = np.polynomial.legendre.leggauss(20)
-    W = sum(
-        0.5 * h * share * (over.T @ weight @ over)
-        for node, share in zip(nodes, shares, strict=True)
-        for over in [expm(rates * 0.5 * h * (1.0 + node))]
-    )
-    over = expm(rates * h)
-    return over[:n, :n], over[:n, n:], W[:n, :n], W[:n, n:], W[n:, n:]
+    weight = block_diag(Q, R)
+    W = np.zeros((n + m, n + m))
+    for node, share in zip(*np.polynomial.legendre.leggauss(20), strict=True):
+        transition = expm(rates * 0.5 * h * (1.0 + node))
+        W += 0.5 * h * share * (transition.T @ weight @ transition)
+    end = expm(rates * h)
+    return end[:n, :n], end[:n, n:], W[:n, :n], W[:n, n:], W[n:, n:]
 
 
 def gradient(policy):
@@ -79,9 +77,9 @@ def gain_of_holds(A, B, holds):
     """Return the optimal gain of the first hold, by backward Riccati from P of SciPy."""
     P = solve_continuous_are(A, B, *WEIGHTS)
     for h in holds[::-1]:
-        over, forced, Qd, N, Rd = moved(A, B, *WEIGHTS, h)
-        K = np.linalg.solve(Rd + forced.T @ P @ forced, forced.T @ P @ over + N.T)
-        P = Qd + over.T @ P @ over - (over.T @ P @ forced + N) @ K
+        Ah, Bh, Q, N, R = over_hold(A, B, *WEIGHTS, h)
+        K = np.linalg.solve(R + Bh.T @ P @ Bh, Bh.T @ P @ Ah + N.T)
+        P = Q + Ah.T @ P @ Ah - (Ah.T @ P @ Bh + N) @ K
     return K
 
 
@@ -94,18 +92,17 @@ def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds():
     plant = np.array(linear.A), np.array(linear.B)
     K = gain_of_holds(*plant, policy.holds)
     np.testing.assert_allclose(gradient(policy), K, rtol=1e-5)
-    A, B, Qd, N, Rd = moved(*plant, *WEIGHTS, policy.dt)
-    P = solve_discrete_are(A, B, Qd, Rd, s=N)
-    forever = np.linalg.solve(Rd + B.T @ P @ B, B.T @ P @ A + N.T)
+    A, B, Q, N, R = over_hold(*plant, *WEIGHTS, policy.dt)
+    P = solve_discrete_are(A, B, Q, R, s=N)
+    forever = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A + N.T)
     np.testing.assert_allclose(policy.K, forever, rtol=1e-9)
 
 
-def test_one_quadratic_program_makes_the_last_plan_the_optimum_of_another_state():
-    """At a second sample whose state is not the predicted one, the input of a linear model is that
-    of the exact gain of the holds, and not that of the old plan.
+def test_one_program_finds_the_exact_input_where_the_state_is_not_that_of_the_plan():
+    """At the second sample, the state differs from the plan of the first. One quadratic program then
+    finds the optimal input -K z of the linear cart (`gain_of_holds`), not that of the first plan.
     """
-    # The limits of the position are not reached, but the linear policy, which does not know them,
-    # must not take over at the second sample.
+    # With this limit, at 1 m, a plan and not the linear policy acts at the second sample.
     policy = predictive(
         CART, AT_REST, *WEIGHTS, horizon=1.6, margin=0.0,
         limits={"position": (-1.0, 1.0)},
@@ -113,10 +110,10 @@ def test_one_quadratic_program_makes_the_last_plan_the_optimum_of_another_state(
     linear = hfa.linearize(CART, AT_REST)
     K = gain_of_holds(np.array(linear.A), np.array(linear.B), policy.holds)
     policy(0.0, [0.97, -0.1])
-    # The input of the second sample in the first plan, N: v is in units of sizes[1].
+    # The force of the second sample in the first plan, N: v is in nominal values.
     planned = float(policy.samples.first.v[1, 0]) * policy.problem.nominal.inputs[0]
     elsewhere = np.array([0.95, -0.3])
-    assert abs(planned + (K @ elsewhere).item()) > 0.05
+    assert abs(planned + (K @ elsewhere).item()) > 0.05  # the exact force differs by this, N
     np.testing.assert_allclose(policy(policy.dt, elsewhere), -K @ elsewhere, rtol=1e-5)
     assert (policy.samples.planned, policy.samples.refused) == (2, 0)
 
@@ -165,12 +162,13 @@ def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs(sta
     policy = predictive(CART, AT_REST, Q, R, limits=wide, horizon=horizon)
     linear = hfa.linearize(CART, AT_REST)
     plant = np.array(linear.A), np.array(linear.B), Q, R
+    policy(0.0, start)
+    # The states before a hold are `free + forced @ inputs`, with the inputs of all holds.
     free, forced = np.array(start), np.zeros((2, len(policy.holds)))
-    policy(0.0, free)
     rows, known = [], []
     for number, h in enumerate(policy.holds):
-        A, B, Qd, N, Rd = moved(*plant, h)
-        root = np.linalg.cholesky(np.block([[Qd, N], [N.T, Rd]])).T
+        A, B, Qh, N, Rh = over_hold(*plant, h)
+        root = np.linalg.cholesky(np.block([[Qh, N], [N.T, Rh]])).T
         input_row = np.eye(len(policy.holds))[[number]]
         rows.append(root @ np.vstack([forced, input_row]))
         known.append(root @ np.append(free, 0.0))
@@ -194,8 +192,10 @@ def unstable(square, cube):
     )
 
 
-def test_a_plan_that_diverges_begins_anew():
-    """After a jump of x, from which x diverges with the inputs of the last plan, the flight converges."""
+def test_a_new_plan_replaces_one_that_diverges_after_a_jump():
+    """x' = x + x³ + u: after a jump of x by 0.9, x would diverge with the inputs of the last plan,
+    |u| <= 10. The flight converges.
+    """
     model = unstable(0.0, 1.0)
     policy = predictive(model, hfa.trim(model), [[1.0]], [[1.0]])
     x = np.array([1.0])
@@ -207,10 +207,10 @@ def test_a_plan_that_diverges_begins_anew():
 
 
 def test_the_exact_gain_waits_until_its_own_flight_costs_the_value():
-    """At x = 1 the plan costs the linear value, although the gain's own flight costs 16 % more. The
+    """At x = 1 the plan costs the linear value, although the flight of u = -K x costs 16 % more. The
     flight of the policy costs at most 1 % more than the plan.
     """
-    model = unstable(-3.0, 3.91)
+    model = unstable(-3.0, 3.91)  # 3.91 makes the plan from x = 1 cost (1 + √2) x²
     point = hfa.trim(model)
     policy = predictive(model, point, [[1.0]], [[1.0]])
     flight = hfa.fly(
@@ -224,20 +224,20 @@ def test_the_exact_gain_waits_until_its_own_flight_costs_the_value():
     assert flight.cost < 1.01 * plan.cost
 
 
-def test_garbage_of_the_quadratic_program_leaves_the_old_plan(
-    monkeypatch,
-):
-    """If every program returns garbage, the first guess is flown, and the pendulum converges."""
-
+def test_wrong_solutions_of_the_quadratic_program_leave_the_old_plan(monkeypatch):
+    """If every program returns a wrong step that promises a lower cost (planted), all steps are
+    refused. The first guess is flown, and the pendulum converges.
+    """
     true = ca.conic
 
     def conic(*arguments):
+        """Return a solver whose every step is 1000 in all unknowns, for a cost of -1e9."""
         solve = true(*arguments)
         names = solve.name_in(), solve.name_out()
         given = [ca.MX.sym(name, solve.sparsity_in(name)) for name in names[0]]
         results = [ca.MX(solve.sparsity_out(name)) for name in names[1]]
-        results[:2] = [ca.MX(ca.DM.ones(*solve.size_out("x")) * 1e3), ca.MX(-1e9)]
-        return ca.Function("garbage", given, results, *names)
+        results[:2] = [ca.MX(ca.DM.ones(*solve.size_out("x")) * 1e3), ca.MX(-1e9)]  # x, cost
+        return ca.Function("wrong", given, results, *names)
 
     monkeypatch.setattr(ca, "conic", conic)
     policy = predictive(PENDULUM, UPRIGHT, *WEIGHTS)
@@ -278,8 +278,8 @@ def test_a_flight_costs_little_more_than_the_best_flight():
 
 
 def test_a_delay_is_bridged_by_the_commands_under_way():
-    """With a delay, the flight costs its drift until the first command acts, and the cost from
-    there, as long as the equations are linear.
+    """With a delay of two samples, the cart drifts without a force until the first command acts. The
+    flight costs this drift, and what a flight without delay costs from the state at its end.
     """
     dt = 0.1
     start, delay = np.array([1.0, 0.3]), 0.2
@@ -289,27 +289,30 @@ def test_a_delay_is_bridged_by_the_commands_under_way():
         tick=0.01, step=0.01, delay=delay,
     )  # fmt: skip
     A, B = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
-    over, _, drift, _, _ = moved(A, B, *WEIGHTS, delay)
-    after = dict(zip(CART.states, (over @ start).tolist(), strict=True))
+    transition, _, cost_of_drift, _, _ = over_hold(A, B, *WEIGHTS, delay)
+    after = dict(zip(CART.states, (transition @ start).tolist(), strict=True))
     prompt, _, _ = flown(policy, CART, AT_REST, after, 15.0, tick=0.01, step=0.01)
-    assert late == pytest.approx(start @ drift @ start + prompt, rel=5e-4)
+    assert late == pytest.approx(start @ cost_of_drift @ start + prompt, rel=5e-4)
 
 
-def test_the_game_of_a_finite_delta_is_at_the_end():
-    """Near the trim, K is that of the game with held inputs, by SciPy; it acts harder than the LQR."""
+def test_near_the_trim_the_gain_of_a_finite_delta_is_that_of_the_sampled_game():
+    """Near the trim, K is that of the game with held inputs and a disturbance of each state (E = I),
+    by SciPy's Riccati equation with the weight -dt δ² of a disturbance. Each entry exceeds the LQR's.
+    """
     linear = hfa.linearize(PENDULUM, UPRIGHT)
     delta = 1.5 * hfa.solve(hfa.game(linear, Q=WEIGHTS[0], R=WEIGHTS[1], delta=1e3)).delta_min
-    calm = predictive(PENDULUM, UPRIGHT, *WEIGHTS)
-    tense = predictive(PENDULUM, UPRIGHT, *WEIGHTS, delta=delta)
-    dt, plant = tense.dt, np.array(linear.A)
-    A, B, Q, N, R = moved(plant, np.array(linear.B), *WEIGHTS, dt)
-    both = np.hstack([B, moved(plant, np.eye(2), np.eye(2), np.eye(2), dt)[1]])
+    lqr = predictive(PENDULUM, UPRIGHT, *WEIGHTS)
+    of_game = predictive(PENDULUM, UPRIGHT, *WEIGHTS, delta=delta)
+    dt, plant = of_game.dt, np.array(linear.A)
+    A, B, Q, N, R = over_hold(plant, np.array(linear.B), *WEIGHTS, dt)
+    _, E, _, _, _ = over_hold(plant, np.eye(2), np.eye(2), np.eye(2), dt)
+    both = np.hstack([B, E])
     weight = np.diag([R[0, 0], -dt * delta**2, -dt * delta**2])
     cross = np.hstack([N, np.zeros((2, 2))])
     P = solve_discrete_are(A, both, Q, weight, s=cross)
     K = np.linalg.solve(weight + both.T @ P @ both, both.T @ P @ A + cross.T)
-    np.testing.assert_allclose(tense.K, K[:1], rtol=1e-6)
-    assert (tense.K > 1.01 * calm.K).all()
+    np.testing.assert_allclose(of_game.K, K[:1], rtol=1e-6)
+    assert (of_game.K > 1.01 * lqr.K).all()
 
 
 @pytest.mark.parametrize(
@@ -319,6 +322,8 @@ def test_the_game_of_a_finite_delta_is_at_the_end():
 def test_limits_are_those_of_the_next_sample_that_a_filter_predicts(shift, deviation, fastest):
     """The limit of the speed, 1 m/s, is moved by what the air adds to the speed, and narrowed by 4
     standard deviations, at most to its half. The margin narrows it by 1 %.
+
+    fastest: 0.99 m/s - shift - 4 deviation, at least 0.5 m/s
     """
     following = NextSample(np.array([0.0, shift]), np.array([0.0, deviation]))
     policy, x, speeds = made(), np.array([-8.0, 0.0]), []
@@ -389,17 +394,22 @@ def test_a_wrong_sample_changes_no_flight(law):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_copy_in_flight_flies_on_as_the_policy_does(law):
-    """A policy is a value with a state: a copy flies on, and does not change the original. It grows
-    by less than 20 bytes a sample, those of a number and a time in a pickle.
+def test_copies_made_in_flight_continue_it_like_the_policy(law):
+    """Copies of a policy after two samples give the same next inputs, and neither changes what the
+    other copies and the policy give: each has its own memory of the flight.
     """
-    model = hfa.load_model(PENDULUM_FILE)
-    policy = LAWS[law](model, hfa.trim(model), *WEIGHTS)
+    policy = LAWS[law](PENDULUM, UPRIGHT, *WEIGHTS)
     for number, angle in enumerate((0.5, 0.48)):
         policy(number * policy.dt, [angle, -0.4])
-    others = copy(policy), deepcopy(policy), pickle.loads(pickle.dumps(policy)), policy
-    flown = [[policy(0.0, X).item() for X in ([0.46, -0.45], [0.43, -0.5])] for policy in others]
-    np.testing.assert_allclose(flown, [flown[0]] * 4, rtol=1e-9)
+    each = copy(policy), deepcopy(policy), pickle.loads(pickle.dumps(policy)), policy
+    inputs = [[one(0.0, X).item() for X in ([0.46, -0.45], [0.43, -0.5])] for one in each]
+    np.testing.assert_allclose(inputs, [inputs[0]] * 4, rtol=1e-9)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_sample_adds_at_most_its_time_to_the_memory_of_a_policy(law):
+    """The pickle of a policy grows by less than 20 bytes a sample, those of one computing time."""
+    policy = LAWS[law](PENDULUM, UPRIGHT, *WEIGHTS)
     sizes = []
     for number in range(200):
         policy(number * policy.dt, policy.point.x)
@@ -456,8 +466,8 @@ def test_a_flight_of_the_command_does_not_depend_on_the_machine(capsys, monkeypa
     "law", ["predictive", pytest.param("state-dependent", marks=pytest.mark.slow)]
 )
 def test_laws_fly_and_are_compared_on_the_command_line(law, capsys):
-    """A flight costs the same by `fly --policy` and `optimize --policy`, near the best flight. The
-    saturated linear optimum costs 2e-4 more.
+    """A flight costs the same by `fly --policy` and `optimize --policy`, and at most 2 % more than the
+    best flight.
     """
     words = ["--aircraft", PENDULUM_FILE, "--policy", law, "--json"]
     assert main(["fly", *words, "--initial", "angle=70", "--duration", "5"]) == 0
@@ -492,8 +502,8 @@ def test_what_the_command_refuses(words, named):
 
 @pytest.mark.slow
 def test_the_flexible_aircraft_converges_inside_its_envelope_from_the_papers_start():
-    """From x(0) at 10 deg, where the exact policy leaves the envelope, the flight stays inside at
-    1.02 times the best flight, which costs 4560.
+    """From x(0) at 10 deg, where the exact policy leaves the envelope, the flight stays inside and
+    costs at most 2 % more than the best flight that `hfa optimize` finds, 4560.
     """
     model = hfa.aircraft()
     point = hfa.trim(model, dihedral=np.radians(10.0))

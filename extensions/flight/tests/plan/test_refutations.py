@@ -1,6 +1,4 @@
-"""What refutes a proposed flight, attacked by planted errors in the candidate and in the search, and
-in the steps of a predictive policy.
-"""
+"""What refutes a proposed flight: planted errors in the candidate and in the search."""
 
 import json
 
@@ -18,6 +16,7 @@ from hfa_flight.plan.search import BestFlights, refutation
 
 
 def best_of_cart(start):
+    """Return the best flight of the cart with Q = I and R = 1, |force| <= 1 N, |position| <= 20 m."""
     model = cart()
     return hfa.optimize(model, hfa.trim(model), start, np.eye(2), np.eye(1))
 
@@ -36,7 +35,7 @@ def test_the_simulation_confirms_or_refutes_a_candidate(best):
     candidate = best.found.candidate
     search = BestFlights(best.problem)
     flights = search.flights
-    flown = flights.follow(candidate, 1.25 * best.seconds)
+    flown = flights.follow(candidate, 1.25 * best.seconds)  # with the linear policy at the end
     assert refutation(flown, candidate) == ""
     assert "off the proposed" in refutation(flown, candidate._replace(cost=0.95 * candidate.cost))
     assert refutation(flown, candidate._replace(cost=1.05 * candidate.cost)) == ""
@@ -103,24 +102,24 @@ def test_a_candidate_on_a_flight_that_leaves_is_solved_with_a_wider_margin(monke
     """If the flight of the first candidate leaves (planted), the next candidate keeps 3 margins, and
     its flight is the best one.
     """
-    asked = []
-    solve = Transcription.solve
+    margins = []  # of the candidates, relative to the usual margin
+    solve, follow = Transcription.solve, Flights.follow
 
-    def noted(self, *arguments):
-        asked.append(arguments[4] / MARGIN if len(arguments) > 4 else 1.0)
-        return solve(self, *arguments)
-
-    follow = Flights.follow
+    def noted(self, start, lengths, z, v, margin=MARGIN):
+        """Solve for a candidate, and note its margin."""
+        margins.append(margin / MARGIN)
+        return solve(self, start, lengths, z, v, margin)
 
     def beyond(self, candidate, seconds):
+        """Fly after a candidate; with the usual margin, from far outside the limits."""
         flown = follow(self, candidate, seconds)
-        return flown if asked[-1] > 1.0 else self.fly(self._tracking, 99.0 * candidate.start, 1.0)
+        return flown if margins[-1] > 1.0 else self.fly(self._tracking, 99.0 * candidate.start, 1.0)
 
     monkeypatch.setattr(Transcription, "solve", noted)
     monkeypatch.setattr(Flights, "follow", beyond)
     best = best_of_cart({"position": 5.0})
     assert best.reason is None
-    assert sorted(set(asked)) == pytest.approx([1.0, 3.0])
+    assert sorted(set(margins)) == pytest.approx([1.0, 3.0])
 
 
 @pytest.mark.slow

@@ -35,9 +35,9 @@ def test_the_command_solves_the_riccati_equation_of_the_state():
     assert policy(0.0, state) == pytest.approx(-P[1] @ state, abs=1e-9)
 
 
-def test_at_the_trim_it_is_the_exact_policy_of_the_game():
-    """The gradient at the trim is the game's K for a finite delta too, and a smaller delta than the
-    least is refused with it.
+def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_game():
+    """The gradient at the trim is K of the exact solution for a finite delta too. Half the smallest
+    delta is refused with a message that states the smallest.
     """
     game = hfa.game(hfa.linearize(GTM, LEVEL), Q=np.eye(4), R=np.eye(2), delta=50.0)
     exact = hfa.solve(game)
@@ -48,7 +48,9 @@ def test_at_the_trim_it_is_the_exact_policy_of_the_game():
 
 
 def test_the_command_does_not_depend_on_the_unit_of_the_cost():
-    """The command is the same for 32 times Q and R, which the weight of the kept pitch rate follows."""
+    """The command is the same for 32 times Q and R: the weight of the pitch rate, which is added where
+    its limit is near, is relative to R.
+    """
     start = LEVEL.x + 0.05
     commands = [
         hfa.state_dependent(GTM, LEVEL, unit * np.eye(4), unit * np.eye(2))(0.0, start)
@@ -79,7 +81,7 @@ def test_the_filter_keeps_a_rate_inside_its_limit():
 
 
 def test_a_policy_that_needs_no_filter_is_unchanged():
-    """Inside all limits, the filtered policy flies the same states and inputs."""
+    """Inside all limits, a policy behind `keep_inside` flies the same states and inputs."""
     policy = GainPolicy("gain", np.array([[1.0, 1.0]]))
     kept = hfa.keep_inside(policy, DUFFING, AT_REST)
     flights = [duffing_flight(flown, {"position": 0.5}) for flown in (policy, kept)]
@@ -117,8 +119,8 @@ def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state():
 @pytest.mark.slow
 @pytest.mark.parametrize("delta", [np.inf, 200.0])
 def test_the_flexible_aircraft_converges_inside_its_envelope(delta):
-    """From x(0) at 10 deg, the flight passes at less than 1.2 times the cost of the best flight, 4560,
-    and the game of every state is solved.
+    """From x(0) at 10 deg, the flight stays inside and costs less than 1.2 times the best flight that
+    `hfa optimize` finds, 4560. The game has a solution at every sample.
     """
     model = hfa.aircraft()
     point = hfa.trim(model, dihedral=np.radians(10.0))
