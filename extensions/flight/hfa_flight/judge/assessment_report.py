@@ -306,8 +306,8 @@ def loop_rows(point: AssessedPoint) -> list[Row]:
 
 
 def _exists(value: Any) -> bool:
-    """Return whether a figure is there, and no number that is not finite."""
-    return value is not None and not (isinstance(value, float) and not math.isfinite(value))
+    """Return whether a figure is neither None nor a number that is not finite."""
+    return value is not None and (not isinstance(value, float) or math.isfinite(value))
 
 
 def flight_rows(point: AssessedPoint) -> list[Row]:

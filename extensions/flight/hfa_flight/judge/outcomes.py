@@ -259,7 +259,8 @@ class CaseFlights:
         least, most = self._least[flown.flights, None], self._most[flown.flights, None]
         within = is_within(lows, least, most) & is_within(highs, least, most)
         inside = within & np.isfinite(states).all(axis=2)
-        for row in np.flatnonzero(~inside.all(axis=1)):
+        left: np.ndarray = ~inside.all(axis=1)
+        for row in np.flatnonzero(left):
             step = int(inside[row].argmin())
             flight = flown.flights[row]
             self.left_at[flight] = flown.first + step
@@ -268,7 +269,7 @@ class CaseFlights:
             low, high = lows[row, step], highs[row, step]
             extreme = np.where((low < least[row, 0]) | np.isneginf(low), low, high)
             self.left_with[flight] = states[row, step] if within[row, step] else extreme
-        return np.asarray(~inside.all(axis=1))
+        return left
 
     def distance(self, flown: History) -> np.ndarray:
         """Return the largest distance of each flight from its equilibrium in a window, (N,).

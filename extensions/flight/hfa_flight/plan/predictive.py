@@ -122,7 +122,7 @@ class Predictive(SampledPolicy):
             "unsolved": done.unsolved,
             "late": done.late,
             "linear": done.linear,
-            "wrong": self.controller.wrong,  # samples in whose place the prediction was used
+            "wrong": self.controller.measured.wrong,  # samples in whose place the prediction was used
         }
         times: dict[str, float | None] = {"median_seconds": None, "seconds_99": None}
         if len(done.seconds):
@@ -160,7 +160,7 @@ class Predictive(SampledPolicy):
             lines.append(
                 f"HPIPM ended {done.unsolved} programs before its tolerance. Flights judged them."
             )
-        return (*lines, *wrong_samples_note(self.controller.wrong))
+        return (*lines, *wrong_samples_note(self.controller.measured.wrong))
 
     def _time_text(self) -> str:
         """Return the processor time of the samples, and what the budget did, as a sentence."""

@@ -95,12 +95,7 @@ class RecedingHorizon:
         delay: time after which inputs act, s
         """
         self._memory = _Memory(self.planner.room)
-        self._measured = Measured(self.planner.model, delay)
-
-    @property
-    def wrong(self) -> int:
-        """Number of samples since the last reset in whose place the prediction was used."""
-        return self._measured.wrong
+        self.measured = Measured(self.planner.model, delay)
 
     @property
     def samples(self) -> FlownSamples:
@@ -117,7 +112,7 @@ class RecedingHorizon:
         self.reset(delay)
         if following is not None:
             self._memory.room = self.planner.room_of(following)
-        self._begin_plan(self._measured.when_acting(z))
+        self._begin_plan(self.measured.when_acting(z))
         self._memory.waits = True
 
     def rehearse(self) -> None:
@@ -140,16 +135,16 @@ class RecedingHorizon:
         memory = self._memory
         now: np.ndarray | None = z
         if following is None:
-            now = self._measured.checked(z)
+            now = self.measured.checked(z)
         else:
             memory.room = self.planner.room_of(following)
         planned, first = memory.samples.planned, memory.samples.first
         v = np.zeros(self.planner.scaled.counts.inputs)  # trim, if nothing is known of the states
         if now is not None:
             with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
-                then = self._measured.when_acting(now)
+                then = self.measured.when_acting(now)
                 v = self._input(then, began + self.budget)
-        self._measured.command(v)
+        self.measured.command(v)
         # The time of the first plan is recorded apart, as `first_seconds`.
         if memory.samples.planned > planned and first is not None:
             memory.samples.seconds.append(time.thread_time() - began)

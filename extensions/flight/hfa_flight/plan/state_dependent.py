@@ -84,7 +84,7 @@ class StateDependent(SampledPolicy):
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy, with the number of samples without a solution."""
-        counts = {"unsolved": self.unsolved, "wrong_samples": self.scaled.wrong}
+        counts = {"unsolved": self.unsolved, "wrong_samples": self.scaled.measured.wrong}
         return {**super().data(model), "dt": self.dt, **counts}
 
     def notes(self) -> tuple[str, ...]:
@@ -98,7 +98,7 @@ class StateDependent(SampledPolicy):
             lines.append(
                 f"At {self.unsolved} samples the game has no solution; P of the trim was used."
             )
-        return (*lines, *wrong_samples_note(self.scaled.wrong))
+        return (*lines, *wrong_samples_note(self.scaled.measured.wrong))
 
 
 class RiccatiPolicy:
@@ -142,30 +142,25 @@ class RiccatiPolicy:
         """Machine code of (z, v) -> the derivatives of the rates by both."""
         return BoundFunction(machine_code(smooth_slopes(self._scaled.problem)))
 
-    @property
-    def wrong(self) -> int:
-        """Number of samples since the last reset in whose place the prediction was used."""
-        return self._measured.wrong
-
     def reset(self, delay: float) -> None:
         """Begin a flight.
 
         delay: time after which inputs act, s
         """
-        self._measured = Measured(self.nearest.model, delay)
+        self.measured = Measured(self.nearest.model, delay)
         self.unsolved = 0
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Return the inputs (m,) from the measured states z (n,)."""
-        now = self._measured.checked(z)
+        now = self.measured.checked(z)
         v = np.zeros(self._scaled.counts.inputs)  # trim, while nothing is known about the states
         if now is not None:
-            then = self._measured.when_acting(now)  # states when v acts, after the delay
+            then = self.measured.when_acting(now)  # states when v acts, after the delay
             K = self.gain_at(then)
             of_linear_model = then[: K.shape[1]]  # the first states; carried ones have no gain
             v = np.clip(-K @ of_linear_model, *self._scaled.input_limits)
             v = self.nearest(then, v)
-        self._measured.command(v)
+        self.measured.command(v)
         return v
 
     def gain_at(self, z: np.ndarray) -> np.ndarray:
