@@ -94,8 +94,8 @@ class CandidateFlight(NamedTuple):
         times: s, (T,)
         """
         ends = self.ends
-        count = len(self.lengths)
-        interval = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, count - 1)
+        last = len(self.lengths) - 1
+        interval = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, last)
         tau = (times - ends[interval]) / self.lengths[interval]
         z = np.einsum("ij,ijk->ik", _lagrange(collocation_points(), tau), self.nodes[interval])
         v = self.v[interval] + tau[:, None] * (self.v[interval + 1] - self.v[interval])

@@ -292,7 +292,7 @@ class Flights:
         z = symbols_for([function], len(problem.states))
         u = type(z).zeros(len(problem.model.inputs))
         u[problem.moved] = function(z)
-        lowest, highest = (np.zeros(len(problem.model.inputs)) for _ in range(2))
+        lowest, highest = np.zeros((2, len(problem.model.inputs)))
         lowest[problem.moved], highest[problem.moved] = problem.input_limits
         policy = FunctionPolicy(name, ca.Function("policy", [z], [u]), lowest, highest)
         return self.compiled(policy)

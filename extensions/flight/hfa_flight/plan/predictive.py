@@ -112,8 +112,8 @@ class Predictive(SampledPolicy):
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy.
 
-        They contain the counts of `FlownSamples`, quantiles of the computing times in s, and the
-        cost `first_plan`.
+        They contain the counts of `FlownSamples`, the number of wrong samples in whose place the
+        prediction was used, quantiles of the computing times in s, and the cost `first_plan`.
         """
         done = self.samples
         counts: dict[str, Any] = {
@@ -122,7 +122,7 @@ class Predictive(SampledPolicy):
             "unsolved": done.unsolved,
             "late": done.late,
             "linear": done.linear,
-            "wrong": self.controller.measured.wrong,  # samples in whose place the prediction was used
+            "wrong": self.controller.measured.wrong,
         }
         times: dict[str, float | None] = {"median_seconds": None, "seconds_99": None}
         if len(done.seconds):
