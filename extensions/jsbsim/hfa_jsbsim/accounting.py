@@ -36,7 +36,7 @@ _MOST = 3
 _AIRSPEEDS = {"speed", *AIRSPEEDS}
 #: Least unbalanced force that is reported, relative to the weight, and least angular acceleration,
 #: rad/s².
-_SOME = 1e-6
+_LEAST_REPORTED = 1e-6
 
 
 def explain(
@@ -57,29 +57,30 @@ def explain(
     solve: function (held, free) -> values by name, or None. It solves the same condition with the
         values `held` imposed and the equations `free` dropped.
     """
-    held = [name for name, own in commands.items() if own in imposed]
-    advice = [f"--free {' or '.join(held[:_MOST])} solves for a command that no file sets"] * bool(
-        held
-    )
-    if not set(inputs) - {*commands.values()}:
-        return "; ".join(["no input of the pilot changes a force or a moment", *advice])
+    held = [full_name for full_name, name in commands.items() if name in imposed]
+    advice = f"--free {' or '.join(held[:_MOST])} solves for a command that no file sets"
     throttles = [name for name in inputs if name.startswith("throttle") and name not in imposed]
-    reasons = [*_of_thrust(parts, throttles, solve), *of_engine_files(parts)]
-    if not (reasons or "elevator" in inputs or {*commands.values()} - {*imposed}):
-        reasons = ["no input changes pitch_rate"]
-    reasons = reasons or [*_of_lift(throttles, imposed, solve)] or [*_of_moment(solve)]
-    return "; ".join([*reasons, *advice])
+    has_free_command = not imposed.keys() >= {*commands.values()}
+    if not set(inputs) - {*commands.values()}:
+        reasons = ["no input of the pilot changes a force or a moment"]
+    else:
+        reasons = [*_of_thrust(parts, throttles, solve), *of_engine_files(parts)]
+        if not (reasons or "elevator" in inputs or has_free_command):
+            reasons = ["no input changes pitch_rate"]
+        reasons = reasons or [*_of_lift(throttles, imposed, solve)] or [*_of_moment(solve)]
+    return "; ".join([*reasons, advice] if held else reasons)
 
 
 def _of_thrust(parts: Parts, throttles: Sequence[str], solve: Solve) -> Iterator[str]:
     """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle."""
-    full = None
-    if parts.engines and throttles:
-        full = solve(dict.fromkeys(throttles, 1.0), ("speed_dot",))
+    if not (parts.engines and throttles):
+        return
+    # Solutions of all equations but that of the speed, whose rate is the unbalanced thrust.
+    full = solve(dict.fromkeys(throttles, 1.0), ("speed_dot",))
     if full is None:
         return
     mass = full["weight"] / SLUG_TO_LB
-    least = _SOME * full["weight"]
+    least = _LEAST_REPORTED * full["weight"]
     missing = -full["speed_dot"] * mass
     if missing > least:
         thrust = full["thrust"]
@@ -105,6 +106,7 @@ def _of_lift(throttles: Sequence[str], imposed: Mapping[str, float], solve: Solv
     balanced = _greatest_lift(throttles, solve, ("alpha_dot", "speed_dot"))
     if balanced is None or balanced.to_weight >= 1.0:
         return
+    # Without balance of the pitching moment, the lift may reach the weight.
     any_moment = _greatest_lift(throttles, solve, ("alpha_dot", "speed_dot", "pitch_rate_dot"))
     greatest = max(balanced, any_moment or balanced)
     what = "the greatest lift is"
@@ -123,7 +125,7 @@ class _Lift(NamedTuple):
 
 
 def _greatest_lift(throttles: Sequence[str], solve: Solve, free: tuple[str, ...]) -> _Lift | None:
-    """Return the greatest lift at half throttle without the equations `free`, or None."""
+    """Return the greatest lift over alpha at half throttle, without the equations `free`."""
     lifts = []
     for alpha in _ANGLES.tolist():
         values = solve({"alpha": alpha, **dict.fromkeys(throttles, 0.5)}, free)
@@ -133,12 +135,15 @@ def _greatest_lift(throttles: Sequence[str], solve: Solve, free: tuple[str, ...]
 
 
 def _of_moment(solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the unbalanced pitching moment if all other equations have a solution."""
+    """Yield a sentence on the unbalanced pitching moment if all other equations have a solution.
+
+    The thrust is not balanced either if it cannot be.
+    """
     for free in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
         values = solve({}, free)
         if values is not None:
             pitch = values["pitch_rate_dot"]
-            if abs(pitch) > _SOME:
+            if abs(pitch) > _LEAST_REPORTED:
                 yield f"the elevator cannot balance the pitching moment: {pitch:.3g} rad/s^2 remain"
             return
 
@@ -255,7 +260,7 @@ def _notes_on_constants(parts: Parts, equations: Equations) -> list[Note]:
             notes.append(Note(_FROZEN, f"{shortened(full_name)} ({start:g})", where))
         if symbol.element_hash() not in used:
             continue
-        is_stored = full_name.startswith(_STORED) and not of_component(full_name)
+        is_stored = full_name.startswith(_STORED) and not of_component(full_name)  # 0 until set
         if access(full_name, parts.thrusters) and not is_stored:
             raise BadInputError(
                 f"{where}: {shortened(full_name)} is a property that JSBSim computes internally, "
@@ -297,7 +302,7 @@ def _reason_to_omit(parent: Element, child: Element) -> str:
         return _NO_FORCE  # it sets properties that are not read
     is_named = parent.name in ("function", "table", "t")
     if is_named and not any(inner.taken for inner in parent.children):
-        return _NO_FORCE  # those of engines are read by name
+        return _NO_FORCE  # one of an engine, marked as read by name only
     if any(other.name == name and other.taken for other in parent.children):
         return _NOT_READ if name not in _REPEATED else _NO_FORCE
     known = _elements().get(parent.name)
@@ -347,7 +352,7 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
         if reason:
             notes.append(Note(f"set {reason}", shortened(name), in_files[-1].where, MOTION))
             continue
-        if of_component(name):
+        if of_component(name):  # 0 is no failure
             if not all(is_zero(writer.compute()) for writer in in_files):
                 fault = (
                     f"{shortened(name)} is a failure or limit of a component, which cannot be set"
@@ -358,7 +363,8 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
                 in_files[-1],
                 f"{shortened(name)} moves a force in JSBSim and cannot be set here",
             )
-        if "-cmd-norm" in name and name in properties.names_read and len(writers) > len(in_files):
+        is_also_of_pilot = "-cmd-norm" in name and len(writers) > len(in_files)
+        if is_also_of_pilot and name in properties.names_read:
             notes.append(Note(_SET_TWICE, shortened(name), in_files[-1].where))
     return notes
 

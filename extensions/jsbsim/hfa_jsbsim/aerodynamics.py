@@ -76,11 +76,12 @@ class Aerodynamics:
             self._properties.define_initial(f"aero/alpha-{name}-rad", value)
         alpha = self._motion.alpha
         warning: Any = 0.0
-        if ends["max"]:
+        if ends["max"]:  # JSBSim warns from 85 % of the largest alpha on
             level = 10.0 * (alpha / ends["max"] - 0.85)
             warning = ca.if_else(alpha > 0.85 * ends["max"], level, 0.0)
         self._properties.define("systems/stall-warn-norm", warning)
         stall: Any = 0.0
+        # The flow separates above the highest alpha of the band, and attaches below the lowest.
         band = self._limits("hysteresis_limits")
         if band is not None and band["min"] and band["max"]:
             stall = ca.if_else(alpha > band["max"], 1.0, 0.0)
@@ -100,7 +101,11 @@ class Aerodynamics:
         return {name: element.need(name).number() * factor for name in ("min", "max")}
 
     def _sum(self, component: int, at_center: bool) -> ca.SX:
-        """Return one component of the aerodynamic force or moment, as the sum of its functions."""
+        """Return one component of the aerodynamic force or moment, as the sum of its functions.
+
+        component: 0 to 2 of the force, 3 to 5 of the moment
+        at_center: whether those that act at the center of gravity are summed, or the others
+        """
         total = ca.SX(0.0)
         for function in self._functions.get(component, ()):
             if _acts_at_center(function) == at_center:
@@ -116,7 +121,7 @@ class Aerodynamics:
         return ca.SX.eye(3)
 
     def _force(self, at_center: bool) -> ca.SX:
-        """Return the force at the reference point or at the center of gravity, body axes, lb."""
+        """Return the force that acts at the center of gravity, or the other one, body axes."""
         # Except in the frame BODY, the first component is positive aft and the third up.
         sums = ca.vertcat(*(self._sum(component, at_center) for component in range(3)))
         if self._force_frame != "BODY":
@@ -125,13 +130,13 @@ class Aerodynamics:
 
     def _lift(self) -> Any:
         """Return the lift, lb: the upward force normal to the airflow."""
-        if self._force_frame == "WIND":
+        if self._force_frame == "WIND":  # the third sum is the lift
             return self._sum(2, at_center=False) + self._sum(2, at_center=True)
         force = self._force(at_center=False) + self._force(at_center=True)
-        return -ca.dot(self._motion.wind_to_body[:, 2], force)
+        return -ca.dot(self._motion.wind_to_body[:, 2], force)  # the third wind axis is down
 
     def loads(self) -> Loads:
-        """Return the aerodynamic force and moment."""
+        """Return the aerodynamic force, and the moment about the center of gravity."""
         force = self._force(at_center=False)
         sums = ca.vertcat(*(self._sum(component, at_center=False) for component in range(3, 6)))
         moment = ca.mtimes(self._to_body(self._moment_frame), sums)
@@ -139,8 +144,8 @@ class Aerodynamics:
         arm = self._body.mass.arm(self._body.reference_point(where))
         shift = None if self.element is None else self.element.find("aero_ref_pt_shift_x")
         if shift is not None:
-            back = function_value(shift.need("function"), self._properties) * self._wings.chord
-            arm = arm - ca.vertcat(back, 0.0, 0.0)
+            aft = function_value(shift.need("function"), self._properties) * self._wings.chord
+            arm = arm - ca.vertcat(aft, 0.0, 0.0)
         return Loads(force + self._force(at_center=True), moment + ca.cross(arm, force))
 
 
@@ -218,7 +223,7 @@ class Reactions:
 
     def _set_initial(self, names: list[str], vector: np.ndarray | None) -> None:
         """Set the initial values of three properties to the components of a vector (3,)."""
-        # Without a vector, a property that has no value is set to 0.
+        # Without a vector in the file, they are 0, unless something else has set a value.
         values = np.zeros(3) if vector is None else vector
         for name, value in zip(names, values, strict=True):
             self._initial[name] = value
@@ -226,8 +231,12 @@ class Reactions:
                 self._properties.define_initial(name, value)
 
     def _define(self, element: Element, axes: str) -> None:
-        """Define the properties for the magnitude and direction of a force or moment."""
-        element.attributes.get("frame")  # is read, though it acts only if the magnitude is not 0
+        """Define the properties for the magnitude and direction of a force or moment.
+
+        axes: letters of the components, "xyz" or "lmn"
+        """
+        # Without a magnitude, no frame is used. Then the attribute is not an unsupported one.
+        element.attributes.taken.add("frame")
         magnitude = f"{_prefix(element)}/{_magnitude_name(element)}"
         if not self._properties.is_known(magnitude):
             self._properties.define_initial(magnitude, 0.0)
@@ -252,7 +261,7 @@ class Reactions:
     def _force_or_moment(self, element: Element, axes: str, motion: Motion) -> ca.SX:
         """Return an external force, lb, or moment, ft lb, in body axes, (3,)."""
         names = [f"{_prefix(element)}/{axis}" for axis in axes]
-        self._properties.names_read.update(names)
+        self._properties.names_read.update(names)  # also if the magnitude is 0
         magnitude = self._magnitude(element)
         if is_zero(magnitude):
             return ca.SX.zeros(3)

@@ -22,6 +22,7 @@ from hfa_support.units import FOOT, KNOT
 
 #: Knot, ft/s.
 KNOT_IN_FEET = KNOT / FOOT
+#: Sutherland's temperature, °R, and factor of the viscosity of air, slug/(ft s √°R).
 _SUTHERLAND = 198.72
 _VISCOSITY = 2.269690e-08
 
@@ -83,7 +84,7 @@ def motion_of(x: Any, winds: Winds, warmer: Any) -> Motion:
     warmer: deviation of the temperature from that of the standard atmosphere, K
     """
     to_body = rotation(x.roll, x.pitch, x.yaw).T
-    wind_axes_of_states = wind_axes(x.alpha, x.beta)
+    wind_axes_of_states = wind_axes(x.alpha, x.beta)  # columns are the axes; the first is forward
     velocity = x.speed * wind_axes_of_states[:, 0]
     over_ground = velocity + ca.mtimes(to_body, winds.steady)
     ned = ca.mtimes(to_body.T, over_ground)
@@ -132,9 +133,9 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
     uvw_over_ground = ca.vertsplit(motion.over_ground)
     north, east, down = ca.vertsplit(motion.ned)
     air = motion.air
-    total_temperature = air.temperature * (1.0 + 0.2 * motion.mach**2)
+    total_temperature = air.temperature * (1.0 + 0.2 * motion.mach**2)  # 0.2 = (1.4 - 1) / 2
     viscosity = _VISCOSITY * air.temperature**1.5 / (_SUTHERLAND + air.temperature)
-    ground_speed = ca.sqrt(ca.fmax(north**2 + east**2, 1e-12))
+    ground_speed = ca.sqrt(ca.fmax(north**2 + east**2, 1e-12))  # with a finite slope at 0
     track = ca.atan2(east, north)
     turning = turn_rate(x)
     values = {

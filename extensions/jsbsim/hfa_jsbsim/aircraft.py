@@ -127,22 +127,7 @@ class Equations:
         aerodynamics = Aerodynamics(section, self.properties, parts.wings, self.motion, self)
         reactions = Reactions(parts.section("external_reactions"), self.properties)
         self._define_totals("external", lambda: [reactions.loads(self.motion, self.mass.arm)])
-        self._mounted = [
-            MountedEngine(
-                **vars(file),
-                properties=self.properties,
-                motion=self.motion,
-                body=self,
-                states=x,
-                tanks=parts.tanks,
-                parameters=self.parameters,
-            )
-            for file in parts.engines
-        ]
-        self._engines = list(map(add_engine, self._mounted))
-        if self._engines:
-            self._define_totals("prop", self._effects)
-        self._reach_throttles()
+        self._mount_engines(x)
         if section is not None:
             self._use_surface_positions(section)
         self.effects = self._effects()
@@ -161,6 +146,32 @@ class Equations:
         ):
             self.notes.append(aerodynamics.hysteresis)
         self.notes += self.properties.notes
+
+    def _mount_engines(self, x: SimpleNamespace) -> None:
+        """Define the properties of the engines and of their total force and moment.
+
+        Throttle positions become the inputs, with a note, where throttle commands have no effect.
+        """
+        self._mounted = [
+            MountedEngine(
+                **vars(file),
+                properties=self.properties,
+                motion=self.motion,
+                body=self,
+                states=x,
+                tanks=self.parts.tanks,
+                parameters=self.parameters,
+            )
+            for file in self.parts.engines
+        ]
+        self._engines = list(map(add_engine, self._mounted))
+        if self._engines:
+            self._define_totals("prop", self._effects)
+        for file in self.parts.engines:
+            throttle = self.inputs[self._throttle_of(file)].symbol
+            note = reach_throttle(file.number, self.properties, throttle)
+            if note is not None:
+                self.notes.append(note)
 
     def used_symbols(self) -> set[int]:
         """Return the hashes of the symbols on which rates or outputs depend."""
@@ -354,7 +365,7 @@ class Equations:
         return height / self.parts.wings.span
 
     def _define_totals(self, of: str, parts: Callable[[], Sequence[Loads | Effect]]) -> None:
-        """Define the properties of the total force and moment of parts."""
+        """Define the properties of the total force and moment of parts, "prop" or "external"."""
         for axis, (along, turn) in enumerate(zip("xyz", "lmn", strict=True)):
             for kind, name in (
                 ("force", f"forces/fb{along}-{of}-lbs"),
@@ -362,17 +373,10 @@ class Equations:
             ):
 
                 def total(kind: str = kind, axis: int = axis) -> Any:
+                    """Return the sum of one component over all parts."""
                     return sum((getattr(part, kind)[axis] for part in parts()), start=ca.SX(0.0))
 
                 self._define_lazily(name, total)
-
-    def _reach_throttles(self) -> None:
-        """Use throttle positions as inputs, with a note, where throttle commands have no effect."""
-        for file in self.parts.engines:
-            throttle = self._throttle_of(file)
-            note = reach_throttle(file.number, self.properties, self.inputs[throttle].symbol)
-            if note is not None:
-                self.notes.append(note)
 
     def _define_functions(self) -> None:
         """Define the properties set by <property value="..."> and by named functions."""
@@ -408,9 +412,9 @@ class Equations:
                 f"{shortened(element.text)} is a read-only JSBSim property; remove this <property>"
             )
         if rights and "value" in element.attributes:
-            held = self.properties.writer(element.text)
-            symbol = held.compute() if held is not None and not held.is_of_file else None
-            parameter = next((name for name, own in self.parameters.items() if own is symbol), "")
+            own = self.properties.writer(element.text)  # of JSBSim itself, such as a lever's symbol
+            symbol = own.compute() if own is not None and not own.is_of_file else None
+            parameter = next((name for name, p in self.parameters.items() if p is symbol), "")
             is_command = any(pilot_input.symbol is symbol for pilot_input in self.inputs.values())
             if parameter and parameter not in ("mixture", "advance"):  # engines run best with 1
                 self.starts[parameter] = value
@@ -429,6 +433,7 @@ class Equations:
             name = f"propulsion/engine[#]/{name}"
 
         def compute() -> Any:
+            """Return the value, and mark the element as read."""
             element.take()
             if element.name == "function":
                 return function_value(element, self.properties, number)
@@ -467,7 +472,7 @@ class Equations:
         over_ground = velocity_rate - ca.cross(motion.rates, wind)
         self._angle_rates = flow_rates(motion.air_velocity, over_ground)[1:]
         weight = mass.slugs * self.parameters["gravity"]
-        # Lift, drag and moment are those of steady flow, without rates of alpha and beta.
+        # Lift, drag and moment in the outputs are those of steady alpha and beta.
         rates = ca.vertcat(*self.rate_symbols)
         loads = ca.vertcat(ca.mtimes(motion.wind_to_body.T, air.force), air.moment)
         steady = ca.substitute(loads, rates, ca.SX.zeros(2))
@@ -512,10 +517,11 @@ class Equations:
 
     def _solve_rates_of_angles(self) -> None:
         """Solve for the time derivatives of alpha and beta, on which forces may depend."""
-        # One Newton step is exact for linear equations, and three suffice for quadratic ones.
+        # Newton's method. One step is exact for linear equations, and three suffice for quadratic
+        # ones. The 2 x 2 system is solved by Cramer's rule.
         symbols = ca.vertcat(*self.rate_symbols)
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())
-        wanted = ca.vertcat(*self._angle_rates)
+        wanted = ca.vertcat(*self._angle_rates)  # functions of the symbols
         if not ca.depends_on(values, symbols):
             return
         slopes = ca.jacobian(wanted, symbols) - ca.SX.eye(2)
@@ -534,7 +540,7 @@ class Equations:
         """Make what nothing sets a parameter, or an input where it alone commands an axis."""
         constants, used = self.properties.constants, self.used_inputs()
         axes = [axis for axis, command in _TURNED_BY.items() if command not in used]
-        turning = ca.vertcat(*(self.rates[axis] for axis in axes))
+        turning = ca.vertcat(*(self.rates[axis] for axis in axes))  # that no command changes
         for full_name, constant in constants.items():
             if full_name in self.properties.frozen:
                 self._substitute(constant.symbol, ca.SX(constant.start))
@@ -542,9 +548,11 @@ class Equations:
             name = identifier(full_name, "constant", taken)
             self.constants[full_name] = name
             self.starts[name] = constant.start
-            one = ca.SX(1.0)
-            in_control = full_name in self.properties.in_control
-            if axes and in_control and ca.sparsify(ca.jtimes(turning, constant.symbol, one)).nnz():
+            is_command = False
+            if axes and full_name in self.properties.in_control:
+                effect = ca.jtimes(turning, constant.symbol, ca.SX(1.0))
+                is_command = ca.sparsify(effect).nnz() > 0
+            if is_command:
                 self.inputs[name] = PilotInput(constant.symbol, limits=(-math.inf, math.inf))
             else:
                 self.parameters[name] = constant.symbol

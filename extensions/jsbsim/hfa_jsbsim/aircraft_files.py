@@ -43,7 +43,7 @@ def find_aircraft(text: str) -> tuple[Path, Folders]:
     else:
         path = resolved(text)
     data = None if root is None else resolved(root)
-    shared = [path.parent.parent.parent]
+    shared = [path.parent.parent.parent]  # of ROOT/aircraft/NAME/NAME.xml
     if data is not None and data not in shared:
         shared.append(data)
     return path, Folders(path.parent, tuple(shared), data)

@@ -116,7 +116,10 @@ class Tank:
         ]
 
     def moments(self, contents: Any) -> list[Any]:
-        """Return three moments of inertia, slug ft², of contents (`FGTank::CalculateInertias`)."""
+        """Return three moments of inertia, slug ft², of contents, lb (`FGTank::CalculateInertias`).
+
+        They are those of a solid sphere, 2/5 m r², times a factor of the file.
+        """
         return [contents / SLUG_TO_LB * self.inertia_factor * 0.4 * self.radius**2] * 3
 
     def body(self, contents: Any) -> Body:
@@ -194,9 +197,10 @@ def read_tanks(propulsion: Element | None) -> list[Tank]:
 
 
 def _tank(element: Element) -> Tank:
+    """Return the tank that a <tank> element describes, with JSBSim's defaults."""
     contents = element.value_of("contents", 0.0, "LBS")
     capacity = element.value_of("capacity", 0.00001, "LBS")
-    if capacity == 0.0:
+    if capacity == 0.0:  # JSBSim divides by it
         capacity = 0.00001
         contents = 0.0
     fuel = element.find("type")
@@ -221,10 +225,10 @@ def _tank(element: Element) -> Tank:
         density,
         unusable,
         int(element.value_of("priority", 1.0)),
-        location,
-        location if drain is None else drain.vector("IN"),
-        element.value_of("radius", 0.0, "IN") / 12.0,
-        element.value_of("inertia_factor", 1.0),
+        full=location,
+        drain=location if drain is None else drain.vector("IN"),
+        radius=element.value_of("radius", 0.0, "IN") / 12.0,
+        inertia_factor=element.value_of("inertia_factor", 1.0),
     )
 
 
@@ -260,10 +264,10 @@ def mass_of(empty: Body, others: Sequence[Body]) -> Mass:
     moment = sum((_column(body.location) * body.weight for body in bodies), start=ca.SX.zeros(3))
     center = moment / weight
     inertia = ca.SX.zeros(3, 3)
-    for body in bodies:
+    for body in bodies:  # by the parallel axis theorem
         arm = structural_to_body(_column(body.location) - center)
-        parallel = ca.dot(arm, arm) * ca.SX.eye(3) - ca.mtimes(arm, arm.T)
-        inertia += ca.SX(body.inertia) + body.weight / SLUG_TO_LB * parallel
+        of_unit_mass = ca.dot(arm, arm) * ca.SX.eye(3) - ca.mtimes(arm, arm.T)
+        inertia += ca.SX(body.inertia) + body.weight / SLUG_TO_LB * of_unit_mass
     return Mass(weight, center, inertia)
 
 
@@ -319,7 +323,7 @@ def _point_mass(element: Element) -> PointMass:
     location = element.need("location").vector("IN")
     form = element.find("form")
     if form is None:
-        return PointMass(weight, location, _inertia(element), False)
+        return PointMass(weight, location, _inertia(element), has_form=False)
     radius = form.value_of("radius", 0.0, "FT")
     length = form.value_of("length", 0.0, "FT")
     slender = length**2 / 12.0
@@ -332,6 +336,7 @@ def _point_mass(element: Element) -> PointMass:
     }
     if shape not in shapes:
         raise form.error(f"the shape {shortened(shape)!r} is unknown; use {', '.join(shapes)}")
-    along, across = shapes[shape]
+    along, across = shapes[shape]  # moments about the axis x and across it, of a unit mass
     mass = weight / SLUG_TO_LB
-    return PointMass(weight, location, mass * np.diag([along, across, across]), True)
+    inertia = mass * np.diag([along, across, across])
+    return PointMass(weight, location, inertia, has_form=True)

@@ -41,12 +41,13 @@ def access(name: str, engines: Sequence[tuple[str, str]]) -> str:
     """
     if of_component(name):
         return "RW"
+    # Such as "RW piston_engine propeller"; without kinds, all engines have the property.
     rights, *kinds = _properties().get(without_numbers(name), "").split() or [""]
     engine = _OF_ENGINE.match(name)
     if engine is None:
         return rights
-    own = engines[int(engine[1] or 0) :][:1]
-    has_it = own and (not kinds or not {*kinds}.isdisjoint(own[0]))
+    number = int(engine[1] or 0)
+    has_it = number < len(engines) and not (kinds and {*kinds}.isdisjoint(engines[number]))
     return rights if has_it else ""
 
 

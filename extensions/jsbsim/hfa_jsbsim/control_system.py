@@ -29,7 +29,7 @@ from hfa_support.errors import shortened
 
 
 def parameter(element: Element, name: str, properties: Properties, default: float) -> Any:
-    """Return the value of a child of a component, given as a number or as the name of a property.
+    """Return the value of a child of an element, given as a number or as the name of a property.
 
     default: value without such a child
     """
@@ -48,11 +48,6 @@ def coefficients(component: Element, properties: Properties, count: int) -> list
     return [properties.value(child.text, child) for child in children]
 
 
-def inputs_of(component: Element, properties: Properties) -> list[Any]:
-    """Return the values of all inputs of a component."""
-    return [_input(child, properties) for child in component.all("input")]
-
-
 def input_of(component: Element, properties: Properties) -> Any:
     """Return the value of a component's first input."""
     return _input(component.need("input"), properties)
@@ -68,12 +63,6 @@ def _input(child: Element, properties: Properties) -> Any:
 def min_and_max(element: Element) -> tuple[float, float]:
     """Return the numbers in <min> and <max> of an element."""
     return element.need("min").number(), element.need("max").number()
-
-
-def _takes_time(component: Element) -> bool:
-    """Return whether at least one <setting> of a <kinematic> has a travel time greater than 0."""
-    settings = component.need("traverse").all("setting")
-    return any(setting.need("time").number() > 0.0 for setting in settings)
 
 
 def after_deadband(value: Any, width: Any) -> Any:
@@ -157,13 +146,14 @@ def _add_component(component: Element, properties: Properties, commands: ca.SX, 
     names += [output.text for output in outputs]
 
     def compute() -> Any:
+        """Return the output, and mark the component as read, unless a loop prevents its use."""
         component.take()
         for child in component.all("output"):
             child.take()
         try:
             return _output(component, properties, commands)
         except LoopError:
-            component.taken = False  # its output is not used
+            component.taken = False
             raise
 
     writer = Writer(compute, component.where, order, component, is_of_file=True)
@@ -173,7 +163,7 @@ def _add_component(component: Element, properties: Properties, commands: ca.SX, 
 
 def _join_units(properties: Properties) -> None:
     """Define surface positions in radians from degrees or vice versa, and their magnitude."""
-    # If a component sets both units, the later one in the order of evaluation is used.
+    # If components set both units, the later one in the order of evaluation is used.
     for surface in SURFACES:
         in_rad = f"fcs/{surface}-pos-rad"
         in_deg = f"fcs/{surface}-pos-deg"
@@ -181,7 +171,8 @@ def _join_units(properties: Properties) -> None:
         orders = [writer.order if writer else -1 for writer in writers]
         if max(orders) < 0:
             continue
-        source, target = (in_rad, in_deg) if orders[0] >= orders[1] else (in_deg, in_rad)
+        is_rad_later = orders[0] >= orders[1]
+        source, target = (in_rad, in_deg) if is_rad_later else (in_deg, in_rad)
         join_surface(properties, surface, source, target, max(orders) + 1)
 
 
@@ -240,7 +231,8 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
 
 def _summer(component: Element, properties: Properties) -> Any:
     """Return the output of a <summer>: the sum of its inputs and its bias."""
-    return sum(inputs_of(component, properties), start=component.value_of("bias", 0.0))
+    inputs = [_input(child, properties) for child in component.all("input")]
+    return sum(inputs, start=component.value_of("bias", 0.0))
 
 
 def _gain(component: Element, properties: Properties) -> Any:
@@ -265,7 +257,7 @@ def _aerosurface_scale(component: Element, properties: Properties) -> Any:
     centered = component.find("zero_centered")
     if centered is not None and centered.text in ("0", "false"):
         scaled = out_lowest + (value - lowest) / (highest - lowest) * (out_highest - out_lowest)
-    else:
+    else:  # slopes for positive and negative inputs
         up = out_highest / highest if highest else 0.0
         down = out_lowest / lowest if lowest else 0.0
         scaled = value * up if up == down else value * ca.if_else(value > 0.0, up, down)
@@ -281,7 +273,8 @@ def _kinematic(component: Element, properties: Properties) -> Any:
     if component.find("noscale") is None:
         value = value * highest
     target = saturated(ca.SX(value), lowest, highest)
-    if _takes_time(component):
+    settings = component.need("traverse").all("setting")
+    if any(setting.need("time").number() > 0.0 for setting in settings):
         properties.travels.append((component, target))
     return target
 
@@ -382,6 +375,7 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
     differentiates = "differentiates the input, which is not supported; give a value other than 0"
     _refuse_zero(component, "c3", c3, differentiates)
     state = properties.add_state(component)
+    # (c1 s + c2) / (c3 s + c4) = c1 / c3 + (c2 - c1 c4 / c3) / (c3 s + c4); a state for the latter
     properties.set_rate(state, lambda: (c2 / c3 - c1 * c4 / c3**2) * value - c4 / c3 * state)
     return c1 / c3 * value + state
 
@@ -404,12 +398,12 @@ def _switch(component: Element, properties: Properties) -> Any:
                 "attribute value, or remove the <test>"
             )
         holds = _holds(test, properties)
-        at_start = properties.at_start(holds)
+        at_start = properties.at_start(holds)  # with the values in the files; None if it varies
         if is_constant(holds) and not at_start:
             continue
         try:
             of_test = properties.value(test.attributes["value"], test)
-        except LoopError:
+        except LoopError:  # the loop is closed only if the test may be true
             if at_start != 0.0:
                 raise
             properties.freeze(holds)
@@ -456,7 +450,7 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
 
 
 def _controller(component: Element, properties: Properties, commands: ca.SX) -> Any:
-    """Return the output of a <pid> or an <integrator> with the input u (`FGPID`)."""
+    """Return the output of a <pid> or an <integrator> with the input u, before limits (`FGPID`)."""
     # - <pid>: kp u + ki ∫ u dt + kd u'
     # - <pid> of type "standard": kp (u + ki ∫ u dt + kd u')
     # - <integrator>: the formula of a <pid> with ki = c1
@@ -483,13 +477,14 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
 def _integral(
     component: Element, properties: Properties, value: Any, gain: Any, commands: ca.SX
 ) -> Any:
-    """Return the integral of gain times value, constant while <trigger> is not 0."""
-    # The integral is 0 if filters are not states, or if <trigger> is always negative.
-    # Raises LoopError if filters are not states, the value depends on the pilot's commands, and
-    # `properties.centered` is False.
+    """Return the integral of gain times value: a state, or 0 if filters are not states.
+
+    Raises LoopError if a pilot's command would move the integral without end.
+    """
+    # As in JSBSim, <trigger> stops the integral unless it is 0, and a negative one sets it to 0.
     try:
         trigger = ca.SX(parameter(component, "trigger", properties, 0.0))
-    except LoopError:  # it stops the integral while the output is at a limit
+    except LoopError:  # a trigger that depends on the output itself acts at a limit of the output
         trigger = ca.SX(0.0)
     if is_constant(trigger) and float(trigger) < 0.0:
         return 0.0
@@ -498,7 +493,7 @@ def _integral(
         rate = ca.if_else(ca.fabs(trigger) < 1e-6, gain * value, 0.0)
         properties.set_rate(state, lambda: rate)
         return state
-    if ca.depends_on(value, commands) and not properties.centered:
+    if ca.depends_on(value, commands) and not properties.centered:  # all commands are not 0
         raise LoopError(component.where, "the integrator has no steady-state value")
     properties.leave_out(component, "its integral is 0")
     return 0.0

@@ -292,7 +292,7 @@ def orientation(mounted: MountedEngine) -> ca.SX:
     """Return the rotation matrix (3, 3) from the thruster's axes to body axes."""
     turned = mounted.thruster_mount.find("orient")
     angles = [0.0, 0.0, 0.0] if turned is None else list(turned.vector("RAD"))
-    for axis, name in ((1, "pitch"), (2, "yaw")):
+    for axis, name in ((1, "pitch"), (2, "yaw")):  # a system may vector the thrust
         angles[axis] = mounted.own(f"{name}-angle-rad", angles[axis])
     return ca.SX(rotation(*angles))
 
@@ -371,7 +371,8 @@ def lag_rates(mounted: MountedEngine) -> dict[str, Any]:
     if mounted.kind == "turbine_engine":
         if state is not None:
             rates[mounted.lag] = _spool_rate(mounted, state)
-        unread = ("N1Spool",) if rates else ("N1Spool", "N2Spool")  # no force depends on them
+        # Functions on which no force depends, so that `accounting.py` lists them as omitted.
+        unread = ("N1Spool",) if rates else ("N1Spool", "N2Spool")
         for function in mounted.engine.children:
             if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(unread):
                 function.taken = False
@@ -383,7 +384,7 @@ def lag_rates(mounted: MountedEngine) -> dict[str, Any]:
 def _generator_rate(mounted: MountedEngine, speed: ca.SX) -> Any:
     """Return the acceleration of a turboprop's gas generator, %/s (`FGTurboProp`)."""
     # It is the error of the speed divided by a time that depends on its sign and on whether the
-    # engine runs.
+    # engine runs. The factors are those of JSBSim.
     delay = mounted.engine.value_of("n1idle_max_delay", 1.0)
     is_on = running(mounted)
     on = _generator_speed(mounted)
@@ -401,18 +402,19 @@ def _generator_speed(mounted: MountedEngine) -> Any:
 
 def _spool_rate(mounted: MountedEngine, speed: ca.SX) -> Any:
     """Return the acceleration of a turbine's n2 shaft, %/s (`FGTurbine::Seek`)."""
-    # The acceleration is at a limit until the target can be reached within one frame.
+    # The acceleration is at a limit until the target can be reached within one frame. The factors
+    # are those of JSBSim.
     low, high = mounted.shaft("n2")
     is_on = running(mounted)
     power = ca.fmin((speed - low) / (high - low) + 0.1, 1.0)
     sigma = mounted.read("atmosphere/sigma")
     slowness = 1.0 + 3.0 * (1.0 - power) ** 3 + (1.0 - sigma)
-    delay = 90.0 / (mounted.engine.value_of("bypassratio", 0.0) + 3.0) / slowness
-    up = _value_of_function(mounted, "N2SpoolUp", delay)
-    down = _value_of_function(mounted, "N2SpoolDown", 3.0 * delay)
+    usual = 90.0 / (mounted.engine.value_of("bypassratio", 0.0) + 3.0) / slowness  # %/s
     least = 0.0 if mounted.engine.value_of("disable-windmill", 0.0) else 0.1
-    up = ca.if_else(is_on, up, 0.5 * speed + least)
-    down = ca.if_else(is_on, down, speed / mounted.engine.value_of("n2spindown", 2.0))
+    up_if_on = _value_of_function(mounted, "N2SpoolUp", usual)
+    down_if_on = _value_of_function(mounted, "N2SpoolDown", 3.0 * usual)
+    up = ca.if_else(is_on, up_if_on, 0.5 * speed + least)
+    down = ca.if_else(is_on, down_if_on, speed / mounted.engine.value_of("n2spindown", 2.0))
     return ca.fmin(ca.fmax(spool_error(mounted) / STEP, -down), up)
 
 
@@ -430,7 +432,7 @@ def turbine_thrust(mounted: MountedEngine) -> Any:
     idle = military * idle_share
     power = ca.fmin(position, 1.0)
     speed = mounted.lag_state
-    if speed is not None:
+    if speed is not None:  # of the n2 shaft
         low, high = mounted.shaft("n2")
         power = (speed - low) / (high - low)
     dry = idle + (military - idle) * military_share * power**2
@@ -448,19 +450,14 @@ def _with_afterburner(mounted: MountedEngine, dry: Any, bled: Any, strongest: An
     engine = mounted.engine
     position = mounted.throttle
     method = int(engine.value_of("augmethod", 0.0))
-    lit: Any = 0.0
-    if method == 1:
+    if method == 1 and engine.value_of("augmented", 0.0) == 1.0:  # lit by full throttle
         speed = mounted.lag_state
         if speed is None:
             speed = commanded_speed(mounted, "n2")
-        lit = ca.logic_and(position > 0.99, speed > 97.0)
-    if method == 2:
-        lit = position > 1.0
-    if method == 1 and engine.value_of("augmented", 0.0) == 1.0:
-        return ca.if_else(lit, strongest, bled)
-    if method == 2:
+        return ca.if_else(ca.logic_and(position > 0.99, speed > 97.0), strongest, bled)
+    if method == 2:  # throttle positions from 1 to 2
         wet = dry + ca.fmin(position - 1.0, 1.0) * (strongest - dry)
-        return ca.if_else(lit, wet, bled)
+        return ca.if_else(position > 1.0, wet, bled)
     return bled
 
 
@@ -510,7 +507,7 @@ def turboprop_power(mounted: MountedEngine) -> Any:
         factor = table_value(tables["EnginePowerVC"], mounted.properties, mounted.number)
     power = ca.fmin(power * factor, engine.need("maxpower").number())
     power = _within_torque(mounted, power)
-    dragged = ca.if_else(mounted.rpm > 5.0, -0.012, 0.0)
+    dragged = ca.if_else(mounted.rpm > 5.0, -0.012, 0.0)  # friction in JSBSim, hp
     return ca.if_else(running(mounted), power, dragged)
 
 

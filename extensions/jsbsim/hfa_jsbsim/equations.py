@@ -31,12 +31,15 @@ class EquationsOfMotion:
         self._outputs = outputs
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the rates by state and the outputs by name."""
+        """Return the rates by state and the outputs by name.
+
+        x, u, p, w: sequences of numbers or expressions; w are the gusts
+        """
         is_still = all(is_zero(gust) for gust in w)
         vectors = (x, u, p) if is_still else (x, u, p, w)
         columns = [ca.vertcat(*vector) if len(vector) else ca.DM(0, 1) for vector in vectors]
         rates, outputs = (self.still if is_still else self._gusty())(*columns)
-        if isinstance(rates, ca.DM):
+        if isinstance(rates, ca.DM):  # of numbers
             split = [column.full().ravel().tolist() for column in (rates, outputs)]
         else:
             split = [ca.vertsplit(column) for column in (rates, outputs)]

@@ -41,8 +41,8 @@ def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Return a logarithm that is minus infinity where the argument is not positive."""
 
     def value(argument: Any) -> Any:
-        positive = argument > 0.0
-        return ca.if_else(positive, function(ca.if_else(positive, argument, 1.0)), -math.inf)
+        is_positive = argument > 0.0  # elsewhere the argument is 1: if_else evaluates both values
+        return ca.if_else(is_positive, function(ca.if_else(is_positive, argument, 1.0)), -math.inf)
 
     return value
 
@@ -56,7 +56,7 @@ def _unless_zero(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], An
     """Return a function of two arguments that is infinite if the second is 0, as in JSBSim."""
 
     def value(one: Any, other: Any) -> Any:
-        is_zero = other == 0.0
+        is_zero = other == 0.0  # then the second is 1: if_else evaluates both values
         return ca.if_else(is_zero, math.inf, function(one, ca.if_else(is_zero, 1.0, other)))
 
     return value
@@ -68,7 +68,7 @@ def _is_true(value: Any) -> Any:
 
 
 def _truth(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return a function of two arguments: 1 if a comparison of the arguments is true, else 0."""
+    """Return the function of two arguments that is 1 if their comparison is true, and else 0."""
     return lambda one, other: ca.if_else(compare(one, other), 1.0, 0.0)
 
 
@@ -167,7 +167,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
         raise element.error(
             f"the operation <{shortened(name)}> is not supported; use other operations"
         )
-    operation, fewest, most = _OPERATIONS[name]
+    operation, fewest, most = _OPERATIONS[name]  # numbers of arguments
     values = [
         _value(child.take(), properties, number)
         for child in element.children
@@ -236,6 +236,8 @@ class Table:
             return interpolate(self.values, self.breakpoints, arguments)
         values_of_parts = [table.at(properties, arguments[:-1]) for table in self.parts]
         (points,) = self.breakpoints
+        # Mask of the cell that contains the last argument, distance from its begin, and the value
+        # and slope of each cell there.
         in_cell, offset = interpolate.cell(ca.SX(arguments[-1]), points)
         levels, slopes = lines_of_cells(ca.vertcat(*values_of_parts), points)
         return ca.dot(in_cell, levels) + offset * ca.dot(in_cell, slopes)
@@ -281,19 +283,19 @@ def _stacked(nested: list[Element]) -> Table:
             "the <tableData> elements have different numbers of axes; give the same axes in all "
             "<tableData>"
         )
-    alike = all(
-        len(one) == len(other) and np.array_equal(one, other)
+    have_same_points = all(
+        np.array_equal(one, other)
         for table in tables
         for one, other in zip(table.breakpoints, first.breakpoints, strict=True)
     )
-    if alike and not any(table.parts for table in tables):
+    if have_same_points and not any(table.parts for table in tables):
         values = np.stack([table.values for table in tables], axis=-1)
         return Table(values, [*first.breakpoints, points])
-    return Table(points, [points], tables)
+    return Table(values=np.zeros(0), breakpoints=[points], parts=tables)  # values are not used
 
 
 def _rows(data: Element) -> Table:
-    """Return the table in the text of an element."""
+    """Return the table in the text of an element, with one axis or two."""
     # - If all rows have two numbers, each is a pair (breakpoint, value).
     # - Otherwise the first row contains the breakpoints of the columns. Each further row contains a
     #   breakpoint and the values.
@@ -352,7 +354,7 @@ def table_value(element: Element, properties: Properties, number: int | None = N
         name = numbered(variable, variable.text, number)
         place = _AXES[axis]
         arguments[place] = properties.read(name, variable.where)
-        if place < table.dimensions:
+        if place < table.dimensions:  # the range of an argument spans those of all its tables
             low, high = table.ends(place)
             before = properties.ranges.get(canonical(name), (low, high))
             properties.ranges[canonical(name)] = min(low, before[0]), max(high, before[1])

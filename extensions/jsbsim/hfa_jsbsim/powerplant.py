@@ -103,6 +103,7 @@ def piston_power(mounted: MountedEngine) -> PistonPower:
     friction = ca.if_else(runs, _friction_pressure(engine, piston_speed), 0.0)
     pumping = (throttled - ambient) * efficiency
     cycles = engine.value_of("cycles", 4.0)
+    # In hp: 22371 = 60 s/min x 745.7 W/hp / (2 strokes per turn)
     of_pressures = (pumping + friction) * displacement * speed / (cycles * 22371)
     power = indicated + of_pressures - _boost_loss(engine, throttled, manifold, volume_flow)
     return PistonPower(power, {"map-pa": manifold, "map-inhg": manifold / _INHG_TO_PA}, rates)
@@ -118,6 +119,7 @@ def _exhaust_factor(engine: Element, ambient: Any, manifold: Any) -> Any:
     """Return the fraction of the cylinder that exhaust gas leaves free for fresh air."""
     compression = engine.value_of("compression-ratio", 8.5)
     back_ratio = ca.fmin(ambient / ca.fmax(manifold, 1.0), compression)
+    # 1.3: ratio of the specific heats
     return 0.3 / 1.3 + (compression - back_ratio) / (1.3 * (compression - 1.0))
 
 
@@ -127,8 +129,8 @@ def _power_of_fuel(mounted: MountedEngine, breathing: _Breathing, air_flow: Any)
     position = f"fcs/mixture-pos-norm[{mounted.number}]"
     mixture = mounted.properties.read_or(position, lever, mounted.mount.where)
     ambient = mounted.motion.air.pressure * _PSF_TO_PA
-    fuel_share = 1.3 * mixture * 101325.0 / ambient / 14.7
-    fuel_flow = air_flow * fuel_share * 2.2046 * 3600.0
+    fuel_share = 1.3 * mixture * 101325.0 / ambient / 14.7  # 14.7: stoichiometric air-fuel ratio
+    fuel_flow = air_flow * fuel_share * 2.2046 * 3600.0  # lb/h
     consumption = _own_consumption(mounted.engine, breathing)
     power = fuel_flow / mounted.own("bsfc-lbs_hphr", consumption)
     return power * _mixture_efficiency(mounted, fuel_share)
@@ -146,7 +148,12 @@ def _settable(mounted: MountedEngine, name: str, default: float) -> Any:
 
 
 class _Breathing:
-    """Flow resistance of the air box and throttle of a piston engine."""
+    """Flow resistance of the air box and throttle of a piston engine.
+
+    The pressure behind the throttle is that before the air box times the share of the cylinders'
+    impedance in the sum of impedances. `air_box` gives the manifold pressure `maxmp` at the rated
+    speed with open throttle, `throttle` gives `minmp` at idle.
+    """
 
     def __init__(self, engine: Element) -> None:
         self.stroke = engine.value_of("stroke", 4.375, "IN")
@@ -174,6 +181,7 @@ class _Breathing:
 
 def _own_consumption(engine: Element, breathing: _Breathing) -> float:
     """Return the specific fuel consumption, lb/(hp h), from the engine's file or rated power."""
+    # From the rated power with JSBSim's numbers: fuel flow at full throttle over indicated power.
     stated = engine.value_of("bsfc", -1.0, "LBS/HP*HR")
     if stated >= 0.0:
         return stated
@@ -223,7 +231,7 @@ def _boosted(mounted: MountedEngine, throttled: Any, ambient: Any, speed: Any) -
             manifold = ca.fmin(manifold, cap)
         manifolds.append(manifold)
     if int(engine.value_of("boostmanual", 0.0)) == 1:
-        chosen = ca.SX(mounted.own("boost-speed", 0.0))
+        chosen = ca.SX(mounted.own("boost-speed", 0.0))  # 0 to 1: the first gear
         result = manifolds[-1]
         for number in range(len(manifolds) - 2, -1, -1):
             result = ca.if_else(chosen < number + 1, manifolds[number], result)
@@ -281,12 +289,13 @@ def _standard_pressure(altitude: float) -> float:
 
 def _boost_loss(engine: Element, throttled: Any, manifold: Any, volume_flow: Any) -> Any:
     """Return the power consumed by the supercharger, hp."""
+    # That of isentropic compression times a factor, with JSBSim's ratio of the specific heats.
     factor = engine.value_of("boost-loss-factor", 0.0)
     if factor <= 0.0:
         return 0.0
     ratio = 1.414
     compression = (manifold / throttled) ** ((ratio - 1.0) / ratio) - 1.0
-    return throttled * volume_flow * ratio / (ratio - 1.0) * compression * factor / 745.7
+    return throttled * volume_flow * ratio / (ratio - 1.0) * compression * factor / 745.7  # W to hp
 
 
 #: Fraction of the remaining angle by which the blades feather in each of JSBSim's frames.
@@ -395,7 +404,10 @@ def _blade(mounted: MountedEngine) -> tuple[Any, dict[str, Any]]:
 
 
 def _coefficient(mounted: MountedEngine, name: str, flow: _Flow, blade: Any) -> Any:
-    """Return C_T or C_P with its factor and Mach correction."""
+    """Return C_T or C_P of a propeller, by the name of its table, with factor and Mach correction.
+
+    blade: blade angle, deg, an argument of the table unless it is fixed
+    """
     prop = mounted.thruster
     tables = {table.attributes.get("name", ""): table for table in prop.all("table")}
     if name not in tables:
@@ -411,7 +423,10 @@ def _coefficient(mounted: MountedEngine, name: str, flow: _Flow, blade: Any) -> 
 
 
 def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) -> Any:
-    """Return the induced velocity according to momentum theory, ft/s."""
+    """Return the induced velocity w of momentum theory, ft/s: w = (-V + √(V² + 2 T / (ρ A))) / 2.
+
+    speed: axial velocity V, ft/s; its sign, and that of the root's argument, is kept as in JSBSim
+    """
     area = 0.25 * math.pi * diameter**2
     squared = speed * ca.fabs(speed) + 2.0 * thrust / (density * area)
     root = ca.sqrt(ca.fmax(ca.fabs(squared), 1e-12))
@@ -426,7 +441,7 @@ def _acting_location(
     factor = mounted.thruster_mount.value_of("p_factor", 0.0)
     if factor <= 0.0001:
         return location
-    across = ca.sqrt(ca.fmax(local[1] ** 2 + local[2] ** 2, 1e-8))
+    across = ca.sqrt(ca.fmax(local[1] ** 2 + local[2] ** 2, 1e-8))  # not 0: a divisor
     shift = sense * factor * ca.atan2(across, local[0] + induced) / across
     return location + ca.vertcat(0.0, shift * local[2], shift * local[1])
 
@@ -454,9 +469,9 @@ def engine_effect(mounted: MountedEngine) -> Effect:
 
 def _effect_without_lag(mounted: MountedEngine) -> Effect:
     """Return the `Effect` of an engine, without the rates of `lag_rates`."""
-    drive = propeller_effect if mounted.has_propeller else jet
+    drive = propeller_effect if mounted.has_propeller else jet  # of ft lb/s, or of lb
     if mounted.kind == "turbine_engine":
-        # For a propeller, its lb are interpreted as ft lb/s.
+        # On a propeller, its lb count as ft lb/s. On a jet, ft lb/s of other engines count as lb.
         return drive(mounted, turbine_thrust(mounted))
     if mounted.kind == "rocket_engine":
         return jet(mounted, rocket_thrust(mounted))

@@ -84,6 +84,8 @@ _TIMES = (0.37, 5.3, 61.7, 1234.5)
 def depends_on_time(rates: ca.SX, time: ca.SX, symbols: Sequence[ca.SX]) -> bool:
     """Return whether time derivatives in a typical steady flight change with the simulation time.
 
+    They are compared at times of different orders of magnitude.
+
     rates: time derivatives, expressions of `time` and `symbols`
     symbols: all other symbols in `rates`
     """
@@ -305,9 +307,10 @@ class Properties:
         Raises LoopError if the value depends on itself or on all forces, and BadInputError for text
         that is not a name.
         """
-        key = name.removeprefix("-")
-        if key != name and key[:1] != "-" and not key[:1].isspace():
-            return -self.read(key, where)
+        positive = name.removeprefix("-")
+        has_sign = positive != name and positive[:1] != "-" and not positive[:1].isspace()
+        if has_sign:
+            return -self.read(positive, where)
         key = canonical(name)
         if not _NAME.fullmatch(key):
             fault = f"{where}: {shortened(name)!r} is neither a number nor a property name"
@@ -315,19 +318,21 @@ class Properties:
         self.names_read.add(key)
         writers = self.writers.get(key)
         if not writers:
-            if key not in self._initial:
-                if key.startswith(_OF_ALL_FORCES):
-                    if not self.centered:
-                        raise LoopError(
-                            where, f"the property {shortened(key)} depends on all forces"
-                        )
-                elif not _ON_GROUND.fullmatch(key):
-                    self.define_constant(key, 0.0, where)
-            if key in self.constants and any(writer.component for writer in self._running):
-                self.in_control.add(key)
-            return self._initial.get(key, 0.0)
+            return self._value_without_writer(key, where)
         before = [writer for writer in writers if writer.order < self._order]
         return self.value_of(before[-1] if before else writers[-1], key, where)
+
+    def _value_without_writer(self, key: str, where: str) -> Any:
+        """Return the initial value of a property that nothing sets, by default a new constant."""
+        if key not in self._initial:
+            if key.startswith(_OF_ALL_FORCES):
+                if not self.centered:
+                    raise LoopError(where, f"the property {shortened(key)} depends on all forces")
+            elif not _ON_GROUND.fullmatch(key):
+                self.define_constant(key, 0.0, where)
+        if key in self.constants and any(writer.component for writer in self._running):
+            self.in_control.add(key)
+        return self._initial.get(key, 0.0)
 
     def value_of(self, writer: Writer, name: str, where: str) -> Any:
         """Return the value that a writer gives to a property, computed only once.
@@ -343,7 +348,7 @@ class Properties:
         if writer in self._running:
             if self.centered:
                 return 0.0
-            loop = self._running[self._running.index(writer) :]
+            loop = self._running[self._running.index(writer) :]  # from this writer to itself
             place = writer.where or where
             fault = f"{shortened(name)} depends on itself"
             if any(looping.component for looping in loop):
@@ -391,7 +396,7 @@ class Properties:
         self.centered = True
         try:
             value = ca.SX(self.read(name, ""))
-        finally:
+        finally:  # the values that were computed with `centered` are forgotten
             self.centered = False
             for writer, before in zip(every, values, strict=True):
                 writer.value = before

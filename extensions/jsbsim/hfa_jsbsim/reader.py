@@ -234,6 +234,7 @@ class _Declaration:
         throttles = self._throttles()
 
         def is_moved(values: list[float]) -> bool:
+            """Return whether a rate differs between idle and full throttle, for parameters p."""
             idle, full = (
                 self._still(x, [end * (name in throttles) for name in self.inputs], values)[0]
                 for end in (0.0, 1.0)
@@ -244,7 +245,7 @@ class _Declaration:
             return ""
         full_names = {name: full_name for full_name, name in self.equations.constants.items()}
         for place, name in enumerate(self.parameters):
-            other = 1.0 - p[place]
+            other = 1.0 - p[place]  # 0 for 1, 1 for 0
             is_switch = name in full_names or name.startswith("engine")
             if is_switch and is_moved([*p[:place], other, *p[place + 1 :]]):
                 return (
@@ -274,6 +275,7 @@ class _Declaration:
         function = ca.Function("configuration", arguments.vectors, [values_at])
 
         def configuration(x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
+            """Return name -> (value, unit)."""
             numbers = np.asarray(function(x, u, p)).ravel().tolist()
             units = (unit for _, unit in values.values())
             return dict(zip(values, zip(numbers, units, strict=True), strict=True))
@@ -287,7 +289,7 @@ class _Declaration:
             if full_name in self.equations.properties.ranges:
                 low, high = (factor * end for end in self.equations.properties.ranges[full_name])
                 before = ranges.get(name, (low, high, ""))
-                ends = min(low, before[0]), max(high, before[1])
+                ends = min(low, before[0]), max(high, before[1])  # alpha is read in rad and in deg
                 ranges[name] = (*ends, "the range of the tables")
         return ranges
 
@@ -336,8 +338,11 @@ class _Declaration:
         return ordered | dict.fromkeys(filters, Signal())
 
     def _rpm(self, file: EngineFile, is_alone: bool) -> Signal:
-        """Return the signal of a propeller's speed, without a highest speed."""
-        lowest = 10.0 if is_alone else 0.0
+        """Return the signal of a propeller's speed, without a highest speed.
+
+        is_alone: whether the aircraft has no other engine
+        """
+        lowest = 10.0 if is_alone else 0.0  # one of several engines may stand still
         if is_alone and file.kind == "piston_engine":
             lowest = 0.8 * file.engine.value_of("idlerpm", 600.0) / file.gear_ratio
         usual = _stated_speed(file) or _usual_propeller_speed(file, self.usual_speed)
@@ -408,7 +413,7 @@ class _Declaration:
         return signals
 
     def _angle_at_full(self, lever: str) -> float:
-        """Return the position, deg, of what a lever moves at 1, if proportional to it, else 0."""
+        """Return the surface position, deg, at the lever position 1, or 0 if not proportional."""
         properties, symbol = self.equations.properties, self.parameters[lever]
         name = f"fcs/{lever}-pos-deg"
         if properties.writer(name) is None:
@@ -472,6 +477,7 @@ class _Declaration:
         row = list(self.equations.rates).index(name)
 
         def rates(speeds: np.ndarray) -> np.ndarray:
+            """Return the acceleration of the propeller at speeds (N,), rpm/s."""
             tables = [np.tile(np.reshape(column, (-1, 1)), len(speeds)) for column in columns]
             states, *_ = tables
             states[row] = speeds
@@ -480,10 +486,10 @@ class _Declaration:
 
         fastest = _FASTEST * self._rpm(file, True).start
         speeds = fastest * np.linspace(1.0, 0.0, _SPEEDS_TRIED) ** 2  # finer near 0
-        (steady,) = np.nonzero(rates(speeds) >= 0.0)
-        if len(steady) == 0:
+        (not_slowing,) = np.nonzero(rates(speeds) >= 0.0)
+        if len(not_slowing) == 0:
             return 0.0
-        first = steady[0]
+        first = not_slowing[0]
         if first == 0:
             return fastest
         from scipy.optimize import brentq
@@ -495,6 +501,7 @@ class _Declaration:
 
         @cache
         def gusty() -> ca.Function:
+            """Return the function with gusts, built when the first gust is not 0."""
             equations = Equations(self.parts, gusty=True)
             self._add_outputs(equations)
             return self._function(equations, outputs, list(equations.gusts.values()))
@@ -522,18 +529,14 @@ class _Declaration:
         """Return the arguments x, u and p of the aircraft's functions."""
         # Inputs and parameters without an effect are replaced by constants. Commands that surface
         # positions replace as inputs are 0 in the filters that they still reach.
-        inputs = {name: pilot_input.symbol for name, pilot_input in equations.inputs.items()}
-        kept_inputs = [inputs.pop(name) for name in self.inputs]
-        parameters = dict(equations.parameters)
-        kept_parameters = [parameters.pop(name) for name in self.parameters]
-        left_out = [*inputs.values(), *parameters.values()]
-        usual = self.equations.starts
-        constants = [
-            1.0 if name.startswith("engine") else usual.get(name, 0.0)
-            for name in (*inputs, *parameters)
-        ]
+        others = {name: pilot_input.symbol for name, pilot_input in equations.inputs.items()}
+        kept_inputs = [others.pop(name) for name in self.inputs]
+        others |= equations.parameters
+        kept_parameters = [others.pop(name) for name in self.parameters]
+        starts = self.equations.starts
+        constants = [1.0 if name.startswith("engine") else starts.get(name, 0.0) for name in others]
         zeros = [*equations.rate_symbols, *equations.replaced_commands]
-        left_out += zeros
+        left_out = [*others.values(), *zeros]
         constants += [0.0] * len(zeros)
         vectors = [
             column(equations.states.values()),
@@ -617,7 +620,7 @@ class _Declaration:
                 return {}
             density = _density(altitude, imposed.get(ISA, 0.0))
             lift_coefficient = 0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density
-            # A typical lift coefficient is 0.25 + 5 alpha.
+            # A typical lift coefficient is 0.25 + 5 alpha, and 0.5 at sea level at `usual_speed`.
             alpha = np.clip(0.2 * (lift_coefficient - 0.25), -0.05, 0.25)
             values = {"speed": speed, "alpha": alpha, "pitch": alpha + imposed.get("gamma", 0.0)}
             for file in propellers:

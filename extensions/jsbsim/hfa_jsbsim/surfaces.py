@@ -59,14 +59,14 @@ def use_surface_positions(
         loop = _loop_of(name, properties)
         if loop is None:
             continue
-        surface = _AROUND.sub("", name.rpartition("/")[2])
+        surface = _AROUND.sub("", name.rpartition("/")[2])  # such as left-aileron
         key = surface.removeprefix("left-").removeprefix("right-").replace("-", "_")
         if key not in inputs:
             properties.replace(name, properties.read_centered(name, commands))
             statement = "these have their values for centered controls"
             notes.append(Note(statement, f"{name} ({loop.cause})", loop.where))
             continue
-        sign = -1.0 if surface.startswith("right-aileron") else 1.0
+        sign = -1.0 if surface.startswith("right-aileron") else 1.0  # opposite to the left one
         if key not in positions:
             unit = "rad" if name.endswith(("-rad", "-deg")) else "1"
             limits = _limits(name, surface, properties, sign)
@@ -79,7 +79,7 @@ def use_surface_positions(
 
 
 def _loop_of(name: str, properties: Properties) -> LoopError | None:
-    """Return the loop for which a property has no steady-state value, or None."""
+    """Return the error of a loop for which a property has no steady-state value, or None."""
     if properties.writer(name) is not None:
         try:
             properties.read(name, "")
@@ -91,6 +91,7 @@ def _loop_of(name: str, properties: Properties) -> LoopError | None:
 def _limits(name: str, surface: str, properties: Properties, sign: float) -> tuple[float, float]:
     """Return the limits of a surface input, as given by the component that sets the surface."""
     # Unknown limits are infinite. The limits of an angle are in rad.
+    # sign: of the surface's position relative to the input
     for source in (name, f"fcs/{surface}-pos-rad", f"fcs/{surface}-pos-deg"):
         writer = properties.writer(source)
         if writer is not None and writer.component is not None:
@@ -115,9 +116,10 @@ def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) 
 
 
 def reach_throttle(engine: int, properties: Properties, throttle: ca.SX) -> Note | None:
-    """Set the throttle position of an engine to the input if the control system leaves them apart.
+    """Set the throttle position of an engine to the input, unless the control system derives it
+    from the input.
 
-    Returns a note for the user, or None if the position follows the input by itself.
+    Returns a note for the user, or None if nothing was set.
 
     engine: index of the engine
     throttle: symbol of the input

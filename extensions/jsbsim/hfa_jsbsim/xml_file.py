@@ -201,7 +201,7 @@ _FACTORS = {
 
 def number_of(text: str) -> float | None:
     """Return the number in a text in the format of C, or None if the text is no such number."""
-    try:
+    try:  # float() also accepts 1_000 and digits of other scripts
         return float(text) if text.isascii() and "_" not in text else None
     except ValueError:
         return None
@@ -225,6 +225,7 @@ def parsed(text: bytes, file: str) -> Element:
         open_elements.append(element)
 
     def characters(piece: str, line: int) -> None:
+        """Append a piece of text to the open element."""
         open_elements[-1].lines.append((line, piece))
 
     read_xml(text, file, start, lambda _: _strip(open_elements.pop()), characters)
@@ -302,6 +303,7 @@ class Folders:
         document.take()
         both = [*document.children, *element.children]
         attributes = Attributes({**document.attributes, **element.attributes})
+        # An attribute that is read from the result counts as read in both elements.
         document.attributes.taken = element.attributes.taken = attributes.taken
         return Element(element.name, attributes, document.file, document.line, element.parent, both)
 
