@@ -199,6 +199,7 @@ def odd_in_sideslip(half):
 
     half: table with columns for sideslip from 0 to 30 deg
     """
+    # The columns for 30 to 5 deg, negated, then those for 0 to 30 deg.
     return np.hstack([-half[:, :0:-1], half])
 
 
@@ -230,6 +231,7 @@ def weights(x, first, last, count):
         ramps = [ca.fmax(0, at - knot) for knot in knots[1:-1]]
         return ca.vertcat(1.0, at - first, *ramps)
 
+    # Weights w with which sum(w f(knot)) is exact for each basis function f.
     at_knots = [basis(knot).full().ravel() for knot in knots]
     return ca.mtimes(np.linalg.inv(at_knots).T.round(12), basis(x))
 

@@ -48,6 +48,7 @@ def planned_rows(env: gymnasium.Env, flights: int, steps: int = 100) -> tuple[np
         planner.reset()
         for _ in range(steps):
             inputs = planner(0.0, info["X"])
+            # An action is the deviation from the trim, in half ranges of the input.
             action = np.clip((inputs - point.u) / half_ranges, -1.0, 1.0)
             observations.append(observation)
             actions.append(action)

@@ -62,7 +62,7 @@ def fit(
     # Samples in the unit box, denser near 0, and their states.
     y = rng.uniform(-1.0, 1.0, (n, points)) * rng.uniform(0.0, 1.0, points) ** 0.5
     z = box[:, None] * y
-    slopes = 2.0 * exact.P @ z * box[:, None]
+    slopes = 2.0 * exact.P @ z * box[:, None]  # dV/dy of V = z'Pz
     target = {
         "V": np.sum(z * (exact.P @ z), axis=0)[None],
         "gradient": slopes,
@@ -110,7 +110,7 @@ def fit(
         for begin, end, shape in zip(ends[:-1], ends[1:], shapes, strict=True)
     ]
 
-    # The last layer is scaled to the unit of the target.
+    # The last layer is scaled to the unit of the target; dV/dz is dV/dy divided by the box.
     arrays[-2] = arrays[-2] * unit
     arrays[-1] = arrays[-1] * unit
     if of == "gradient":

@@ -44,25 +44,30 @@ from trim.linear.linearize import level_model
 from trim.point.halving import newton
 from trim.point.system import TrimSystem
 
-#: Parameters not determined by the printed matrices: value, source and reason.
-ASSUMED: dict[str, tuple[float, str, str]] = {
-    "chord": (
+
+class Assumption(NamedTuple):
+    """Value of a parameter that the fit does not change, with its source and the reason."""
+
+    value: float
+    source: str
+    reason: str
+
+
+#: Parameters not determined by the printed matrices.
+ASSUMED: dict[str, Assumption] = {
+    "chord": Assumption(
         8.0,
         "assumed",
-        (
-            "the printed matrices determine area times coefficient only; Gibson et al. 2011, Table"
-            " 1, has a chord of 8 ft"
-        ),
+        "the printed matrices determine area times coefficient only; Gibson et al. 2011, Table"
+        " 1, has a chord of 8 ft",
     ),
-    "thrust_per_throttle": (
+    "thrust_per_throttle": Assumption(
         1.0,
         "assumed",
-        (
-            "the printed matrices determine forces per mass; counting throttle in lbf of total"
-            " thrust fixes the mass scale"
-        ),
+        "the printed matrices determine forces per mass; counting throttle in lbf of total"
+        " thrust fixes the mass scale",
     ),
-    "gravity": (32.2, "print", "A(speed, pitch) is printed as -32.2"),
+    "gravity": Assumption(32.2, "print", "A(speed, pitch) is printed as -32.2"),
 }
 IDENTIFIED: tuple[str, ...] = tuple(name for name in Parameters._fields if name not in ASSUMED)
 # Rough guess: a 200 ft flying wing of 1000 lbf by textbook formulas, which is deliberately not the
@@ -188,9 +193,10 @@ class Identification(Reported):
             words = "  ".join(
                 f"{direction[i]:+.2f} {IDENTIFIED[i]}" for i in largest if abs(direction[i]) > 0.1
             )
+            # Rounding errors have the standard deviation 1/√3 half units.
             combinations.append((f"{value:.3g}", f"{100 / (value * np.sqrt(3)):.2g} %", words))
         tried = [
-            (each.description, *(f"{number:.4g}" for number in each[1:]))
+            (each.description, f"{each.sum_of_squares:.4g}", f"{each.largest:.4g}")
             for each in self.structures
         ]
         return Report(
@@ -319,7 +325,7 @@ def fit(
     from scipy.optimize import least_squares
 
     problem = _Problem(models, structure)
-    guess = np.array(list(ROUGH.values()))
+    guess = np.array(list(ROUGH.values()))  # the unknowns y are θ relative to it
     start = np.exp(noise) if noise is not None else np.ones(len(guess))
     tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": _MAX_EVALUATIONS}
     solution = least_squares(
@@ -352,22 +358,26 @@ class _Problem:
         self._dihedrals = np.array([model.dihedral for model in models])
         self._system = TrimSystem(own, level_flight(models[0].dihedral), ("dihedral",))
         self._free = [own.variables.index(name) for name in _FREE_INPUTS]
-        #: The rows of pitch and dihedral are equal for every aircraft.
+        # The rows of pitch and dihedral are equal for every aircraft.
         moved = [i for i, name in enumerate(LINEAR_STATES) if name not in ("pitch", "dihedral")]
         self._rows = [LINEAR_ROWS[i] for i in moved]
+        #: Places of the other rows among all entries of [A, B], counted column by column.
         self._entries = [
             i + len(LINEAR_STATES) * j for j in range(len(LINEAR_STATES + INPUTS)) for i in moved
         ]
         self._printed = [np.hstack([m.A, m.B]).ravel("F")[self._entries] for m in models]
         half_units = [np.hstack([m.half_unit_A, m.half_unit_B]).ravel("F") for m in models]
         self._half_units = [each[self._entries] for each in half_units]
-        self._p = np.array([ASSUMED.get(name, (0.0,))[0] for name in Parameters._fields])
+        #: All parameters: the assumed ones, and θ as soon as `trim_inputs` has written it.
+        self._p = np.array(
+            [ASSUMED[name].value if name in ASSUMED else 0.0 for name in Parameters._fields]
+        )
         self._known = [Parameters._fields.index(name) for name in IDENTIFIED]
         self._last: tuple[np.ndarray, _Errors] | None = None
 
     def trim_inputs(self, theta: np.ndarray) -> list[np.ndarray]:
         """Return the free trim inputs for each printed matrix pair, by Newton's method."""
-        self._p[self._known] = theta
+        self._p[self._known] = theta  # for `errors`, too
         values = dict(zip(Parameters._fields, self._p, strict=True))
         columns = {name: np.full(len(self._held), value) for name, value in values.items()}
         columns["dihedral"] = self._dihedrals
@@ -408,15 +418,15 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
     covariance = estimator @ rounding @ estimator.T * np.outer(sizes, sizes)
     # Structural zeros depend on no parameter: other entries move by more than .001 half units.
     depends = np.abs(relative).max(axis=1) > 1e-3
-    values = {name: value for name, (value, _, _) in ASSUMED.items()}
+    values = {name: assumed.value for name, assumed in ASSUMED.items()}
     values |= dict(zip(IDENTIFIED, theta.tolist(), strict=True))
     parameters = ParameterSet(
         values=Parameters(**values),
         sources={
-            name: ASSUMED[name][1] if name in ASSUMED else "identified"
+            name: ASSUMED[name].source if name in ASSUMED else "identified"
             for name in Parameters._fields
         },
-        notes={name: note for name, (_, _, note) in ASSUMED.items()},
+        notes={name: assumed.reason for name, assumed in ASSUMED.items()},
         covariance=(covariance + covariance.T) / 2,
     )
     return Fit(
@@ -446,6 +456,6 @@ def _rounding_covariance(relative: np.ndarray) -> np.ndarray:
 
     relative: derivatives of the entries, in half units, by relative parameters, (N, k)
     """
-    distance = np.abs(relative[:, None, :] - relative[None, :, :]).max(axis=2)
+    distance = np.abs(relative[:, None, :] - relative[None, :, :]).max(axis=2)  # of two entries
     same = distance < 1e-6 * np.abs(relative).max(axis=1)
     return np.where(same | np.eye(len(relative), dtype=bool), 1 / 3, 0.0)

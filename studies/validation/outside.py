@@ -24,7 +24,7 @@ from trim.point.condition import release
 from trim.point.solve import trim
 
 SCHEMA = "hfa.validation/1"
-#: Difference -> (limit, unit in messages). Eigenvalues are printed to 1e-5.
+#: Difference of a trim -> (limit, unit in messages). Eigenvalues are printed to 1e-5.
 _DIFFERENCES = {"deflection": (5e-5, "rad"), "thrust": (3e-3, "of it"), "eigenvalue": (1e-4, "1/s")}
 #: The error of a truncated number is up to two half units, and of a rounded number one.
 MOST_HALF_UNITS = 2.0
@@ -244,6 +244,7 @@ def model_at(aircraft: Model, released: ReleasedTrim) -> LinearModel:
 def _trim_difference(released: ReleasedTrim, model: LinearModel) -> TrimDifference:
     """Return the differences between a released trim and that of a linear model."""
     thrust, *deflections = np.abs(np.array(model.point.inputs) - np.array(released.inputs)).tolist()
+    # A set, so that a real eigenvalue, which equals its conjugate, counts once.
     eigenvalues = [value for root in released.eigenvalues for value in {root, root.conjugate()}]
     errors = eigenvalue_errors(np.linalg.eigvals(model.A), np.array(eigenvalues))
     return TrimDifference(

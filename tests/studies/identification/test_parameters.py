@@ -56,6 +56,7 @@ def changed(matrix, row, column):
 
 
 def errors_in_standard_errors(found, truth):
+    """Return the error of each identified parameter, divided by its standard error."""
     errors = found.parameters.standard_errors
     return np.array(
         [

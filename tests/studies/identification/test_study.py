@@ -35,7 +35,7 @@ def test_the_study_writes_the_packaged_parameters(folder, capsys):
         if row["standard_error"]
     }
     assert errors == pytest.approx(found.standard_errors, rel=1e-12)
-    assert len(data["entries"]) == 132
+    assert len(data["entries"]) == 132  # of A (6, 6) and B (6, 5), at two angles
     assert np.sum([entry["half_units"] ** 2 for entry in data["entries"]]) == pytest.approx(
         data["sum_of_squares"]
     )

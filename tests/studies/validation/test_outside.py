@@ -100,9 +100,10 @@ def test_the_tolerance_is_half_a_unit(published_aircraft):
 
 
 def test_released_parameters_pass_with_their_air_density():
-    """The parameters of the released simulation pass with the air density of this simulation.
+    """The parameters of the released simulation pass with the air density of this simulation, whose
+    constants differ from the standard atmosphere: at 40,000 ft, it is 1.61e-5 thinner.
 
-    In the standard atmosphere, they fail four checks.
+    With the density of the standard atmosphere, they fail four checks.
     """
     gravity, gas, radius = (
         32.17405,
@@ -138,7 +139,7 @@ ANGLES = (0, 15, 30, 45)
 class FreeFactor(Published):
     """The published dynamics with the hinge inertia d3 of Gibson et al., Eq. (46), times a factor.
 
-    The factor of (m s²/6) cos² η is identified from the printed pairs (A, B).
+    The factor of (m s²/6) cos² η, 0.039211, is identified from the printed pairs (A, B).
     """
 
     def hinge_inertia(self, dihedral, p):
@@ -147,6 +148,7 @@ class FreeFactor(Published):
 
 
 def failed(found):
+    """Return the names of the checks that fail."""
     return {check.name for check in found.checks if not check.ok}
 
 
@@ -158,8 +160,8 @@ def off_at(dihedral, degrees, size):
 def test_cos_squared_fits_the_print_and_fails_outside(parameters, published_aircraft):
     """An inertia with cos² η fits the print at both angles, and fails the checks at other angles.
 
-    The two printed angles determine the two constants of the inertia. At 45 deg, only the
-    dihedral-rate row of A differs.
+    The two printed angles determine the two constants of the inertia, 0.039211 and I_roll 9840.2. At
+    45 deg, only the dihedral-rate row of A differs.
     """
     other_aircraft = hfa.aircraft(FreeFactor(), parameters._replace(inertia_roll=9840.2))
     misses = [
@@ -168,11 +170,9 @@ def test_cos_squared_fits_the_print_and_fails_outside(parameters, published_airc
         for entry in compare(level_model(other_aircraft, model.dihedral), model)
     ]
     assert np.abs(misses).max() < 1.25
-    assert (
-        {"gibson_fig_7_fast_root", "third_printed_model_half_units"}
-        < failed(validate(other_aircraft))
-        > {f"eigenvalue_{speed}_ft_s" for speed in (30, 64, 68)}
-    )
+    at_other_angles = failed(validate(other_aircraft))
+    assert at_other_angles >= {"gibson_fig_7_fast_root", "third_printed_model_half_units"}
+    assert at_other_angles >= {f"eigenvalue_{speed}_ft_s" for speed in (30, 64, 68)}
     # The models differ only in the dihedral-rate row, which contains d3.
     farthest = max(released_trims(), key=lambda each: each.dihedral)
     difference = np.abs(

@@ -122,7 +122,7 @@ def export(request: ExportRequest, given: GivenTrim) -> Outcome:
     target = request.output
     assert target is not None  # required
     if target.suffix.lower() == ".m":
-        return _listed([_write_function(target)], given)
+        return _outcome_of([_write_matlab_function(target)], given)
     is_fmu = target.suffix.lower() == ".fmu"
     if not is_fmu:
         refuse(request, ("actuators",), "applies only to an FMU; remove this option")
@@ -135,7 +135,7 @@ def export(request: ExportRequest, given: GivenTrim) -> Outcome:
     _check_filter(request)
     point = trimmed(given)
     write = _write_fmu if is_fmu else _write_source
-    return _listed(write(request, target, given, point), given, point.warnings)
+    return _outcome_of(write(request, target, given, point), given, point.warnings)
 
 
 def _check_filter(request: ExportRequest) -> None:
@@ -149,8 +149,8 @@ def _check_filter(request: ExportRequest) -> None:
         raise BadInputError("--filter cannot be combined with a deployment; remove --filter")
 
 
-def _write_function(target: Path) -> Path:
-    """Write the MATLAB and Octave function."""
+def _write_matlab_function(target: Path) -> Path:
+    """Write the function for MATLAB and Octave, and return its path."""
     if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
         raise BadInputError(
             f"{target}: the file name is not a name of a function; give a letter, then letters, "
@@ -163,7 +163,9 @@ def _write_function(target: Path) -> Path:
 def _write_fmu(
     request: ExportRequest, target: Path, given: GivenTrim, point: OperatingPoint
 ) -> list[Path]:
-    """Write the aircraft as an FMU, with a policy if an option names it or its filter."""
+    """Write the aircraft as an FMU, with a policy if an option names it or its filter, and return
+    the paths of the written files.
+    """
     from hfa_flight.export.exported_loop import (
         behind_a_filter,
         exported_loop,
@@ -189,7 +191,9 @@ def _write_fmu(
 def _write_source(
     request: ExportRequest, target: Path, given: GivenTrim, point: OperatingPoint
 ) -> list[Path]:
-    """Write the aircraft with a policy as C source, or a deployed policy alone."""
+    """Write the aircraft with a policy as C source, or a deployed policy alone, and return the paths
+    of the written files.
+    """
     from hfa_flight.policies.deployment.policy import flown_deployment
 
     origin = f"{provenance(request, given.source).text()}\n{request.line}"
@@ -214,7 +218,7 @@ def _filtered(
     return filter(linear, noise, air).policy(policy, fade=request.fade)
 
 
-def _listed(written: list[Path], given: GivenTrim, notes: Iterable[str] = ()) -> Outcome:
+def _outcome_of(written: list[Path], given: GivenTrim, notes: Iterable[str] = ()) -> Outcome:
     """Return the outcome with the list of the written files and their sizes."""
     rows = [(str(path), path.stat().st_size) for path in written]
     table = Table(("file", "bytes"), [(printable(name), str(size)) for name, size in rows])

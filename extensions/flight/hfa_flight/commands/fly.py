@@ -241,6 +241,7 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
         first, *rest = report.title.split("\n")
         report = replace(report, title="\n".join([f"{first}; {_end_of(result)}", *rest]))
     if tracking is not None:
+        # The same gain about the same reference, without the feedforward of the inputs.
         loop = replace(loop, policy=GainPolicy(policy.name, tracking.K))
         without_feedforward = simulated_loop(loop, envelope, predict=predict, progress=progress)
         report = with_tracking_errors(report, tracking, result, without_feedforward)
@@ -350,7 +351,11 @@ def _steering(
     commands: Mapping[str, list[tuple[float, float]]],
     limits: Mapping[str, tuple[float, float]],
 ) -> _Steering:
-    """Return the policy that the options specify, with its reference and tracking."""
+    """Return the policy that the options specify, with its reference and tracking.
+
+    commands: name -> steps (time, value) of --command
+    limits: state -> (lowest, highest) of --envelope
+    """
     model = given.model
     if request.flown == NONE:
         if request.policy is None:
@@ -384,7 +389,9 @@ def _steering(
 
 
 def _end_of(result: Flight) -> str:
-    """Return the end of the first line of a policy that plans: return, cost, ratio."""
+    """Return the end of the first line of a policy that plans: whether the flight returned, and its
+    cost, also relative to that of its first plan.
+    """
     ended = "returned" if result.returned else "not returned"
     first = result.loop.policy.data(result.model).get("samples", {}).get("first_plan")
     ratio = f", {result.cost / first:.4g} times its first plan" if first else ""

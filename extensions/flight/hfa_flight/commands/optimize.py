@@ -38,8 +38,9 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 _MOST_STARTS = 10_000
-#: Name of the policy that solves the game. Without --policy, it does not decide the verdict.
-_EXACT = "exact game policy, saturated"
+#: Name, in reports, of the policy that solves the game. Without --policy, it does not decide the
+#: verdict.
+_EXACT_NAME = "exact game policy, saturated"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,7 +96,7 @@ class OptimizeRequest(Request, TrimOptions, WeightOptions):
     )
 
 
-def _end(request: OptimizeRequest, asked: TrimInput, begin: GivenTrim) -> GivenTrim:
+def _final_trim(request: OptimizeRequest, asked: TrimInput, begin: GivenTrim) -> GivenTrim:
     """Return the trim at which flights end: the given trim, changed by --to."""
     model = asked.model
     held = each_of("--to", model, request.to, quantity)
@@ -115,7 +116,7 @@ def _policy(
     from hfa_flight.policies.given import kind_of_file, policy_of_file
 
     if not isinstance(given, Path):
-        named = _EXACT if given == EXACT else given
+        named = _EXACT_NAME if given == EXACT else given
         return named, None if given == NONE else policy_of_word(given, game, point, limits)
     policy = policy_of_file(given, point, game)
     named = {DEPLOYMENT: "policy", TABLE: "gains"}.get(kind_of_file(given), "critic")
@@ -155,7 +156,7 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
 
     _refuse_contradictions(request)
     given = asked.single()
-    end = _end(request, asked, given)
+    end = _final_trim(request, asked, given)
     model = end.model
     deviations = each_of("--initial", model, request.deviations, linear_state)
     limits = each_of("--limit", model, request.limits, span)
@@ -166,7 +167,7 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     judged = dict(_policy(what, game, point, limits) for what in request.policy)
     policies = judged
     if np.isfinite(game.delta):
-        policies = {_EXACT: policy_of_word(EXACT, game, point, limits), **judged}
+        policies = {_EXACT_NAME: policy_of_word(EXACT, game, point, limits), **judged}
     if request.starts is not None:
         progress = ProgressLine("optimize")
         table = starts_table.optimize_starts(
