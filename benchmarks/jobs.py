@@ -162,10 +162,13 @@ def control_points(
 
 
 def _evaluated(model: hfa.Model, outputs: tuple[str, ...]) -> Callable[..., np.ndarray]:
-    """Return the rates of a model, or these outputs, as a function (t, x, u, params)."""
+    """Return the rates of a model, or these outputs if any, as a function (t, x, u, params).
+
+    python-control gives `params`, which is not used: the parameters are those of the model.
+    """
     vectors = model.layout.symbols("x", "u", "p")
-    parts = model.layout.expressions(vectors, outputs)
-    function = BoundFunction(ca.Function("peer", vectors, [parts[len(outputs) > 0]]))
+    rates, values = model.layout.expressions(vectors, outputs)
+    function = BoundFunction(ca.Function("peer", vectors, [values if outputs else rates]))
     function.inputs[2][:] = model.p
 
     def at(t: float, x: np.ndarray, u: np.ndarray, params: Any) -> np.ndarray:

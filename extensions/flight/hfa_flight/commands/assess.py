@@ -51,8 +51,8 @@ def _half_width(model: Model, name: str, text: str) -> float:
 
 def _deployment_path(text: str) -> Path:
     """Return the typed path of a deployment file, or of a file with a critic."""
-    suffixes = dict.fromkeys((".toml", *critic_suffixes()))  # each once, in this order
-    return input_file(*suffixes)(text)
+    # The dictionary has each suffix once, in this order.
+    return input_file(*dict.fromkeys((".toml", *critic_suffixes())))(text)
 
 
 _FLY = "type `hfa fly --policy DEPLOYMENT.toml --samples 20"

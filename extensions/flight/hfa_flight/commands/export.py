@@ -191,8 +191,8 @@ def _write_fmu(
 def _write_source(
     request: ExportRequest, target: Path, given: GivenTrim, point: OperatingPoint
 ) -> list[Path]:
-    """Write the aircraft with a policy as C source, or a deployed policy alone, and return the paths
-    of the written files.
+    """Write the aircraft with a policy as C source, or a deployed policy alone, and return the
+    paths of the written files.
     """
     from hfa_flight.policies.deployment.policy import flown_deployment
 
