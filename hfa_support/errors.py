@@ -141,8 +141,8 @@ def choice_of(name: str, known: Iterable[str]) -> str:
 def advice(name: str, known: Iterable[str]) -> str:
     """Return a suggestion such as "; did you mean speed?", or "" if no known name is near."""
     *others, last = nearest(name, known) or [""]
-    either = f"{', '.join(others)} or {last}" if others else last
-    return f"; did you mean {either}?" if last else ""
+    names = f"{', '.join(others)} or {last}" if others else last
+    return f"; did you mean {names}?" if last else ""
 
 
 def nearest(name: str, known: Iterable[str]) -> list[str]:
@@ -169,18 +169,16 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
             return longer[:_MOST_MEANT]
     from difflib import SequenceMatcher  # an error is rare
 
-    matcher = SequenceMatcher(b=typed.lstrip("_"))  # leading dashes make no options alike
+    # Leading dashes, which all options have, make no two of them alike.
+    matcher = SequenceMatcher(b=typed.lstrip("_"))
     likeness = {}
     for spelling in name_of:
         matcher.set_seq1(spelling.lstrip("_"))
         if matcher.quick_ratio() >= _LEAST_LIKENESS:  # an upper bound of the ratio
             likeness[spelling] = matcher.ratio()
-    best = max(likeness.values(), default=0.0)
-    if best < _LEAST_LIKENESS:
-        return []
-    return [name_of[spelling] for spelling, ratio in likeness.items() if ratio == best][
-        :_MOST_MEANT
-    ]
+    best = max([_LEAST_LIKENESS, *likeness.values()])
+    similar = [name_of[spelling] for spelling, ratio in likeness.items() if ratio == best]
+    return similar[:_MOST_MEANT]
 
 
 #: Least number of letters that are completed to a longer name, and largest number of suggestions.
@@ -233,7 +231,7 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
     """
     try:
         lowest, highest = ends
-        # A text must fail in the sum, which float() would convert.
+        # The sum refuses a text, which float() would convert.
         return float(lowest + 0.0), float(highest + 0.0)
     except (TypeError, ValueError) as error:
         raise BadInputError(
@@ -252,22 +250,19 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
     """
     import numpy as np  # loaded after the command has set the number of threads
 
-    if hasattr(type(values), "loc"):
+    if hasattr(type(values), "loc"):  # a frame or series
         raise BadInputError(
             f"{what} has labels; give {what}.to_numpy() in the order of the states and inputs"
         )
     if isinstance(values, str):
         raise BadInputError(f"{what} is {shown(values)}; give numbers, as in [1.0, 2.0]")
     try:
-        array = np.asarray(
-            values.detach().cpu() if hasattr(values, "detach") else values
-        )  # PyTorch
+        array = np.asarray(values.detach().cpu() if hasattr(values, "detach") else values)
     except (ValueError, TypeError, RuntimeError):  # rows that differ in length; CasADi
         array = np.empty(0, dtype=object)
-    # A Solution that is given for K has an attribute K.
-    if array.dtype.kind not in "iuf" and hasattr(values, what):
-        raise BadInputError(f"{what} is a {type(values).__name__}; give its {what}")
     if array.dtype.kind not in "iuf":
+        if hasattr(values, what):  # as a Solution that is given for K has an attribute K
+            raise BadInputError(f"{what} is a {type(values).__name__}; give its {what}")
         rule = f"{what} does not consist of rows of real numbers, all of equal length"
         raise BadInputError(rule + _faulty_row(values))
     mask = getattr(values, "_mask", None)  # importing numpy.ma would take 10 ms
@@ -277,8 +272,9 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
 
 
 def _faulty_row(rows: Any) -> str:
-    """Return the end of an error message on a list of lists that is not a matrix."""
-    # For example "; row 2 has 1 number, and row 1 has 2", or "" if no row is faulty.
+    """Return the end of an error message on a list of lists that is not a matrix, "; row 2 has 1
+    number, and row 1 has 2", or "" if no row is faulty.
+    """
     if not (isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows)):
         return ""
     for number, row in enumerate(rows, 1):

@@ -141,15 +141,17 @@ def regular_file(path: str | Path) -> Path:
     """
     file = Path(path)
     if not file.exists():  # also of a name with a zero byte
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
-    if file.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if not file.is_file():
-        raise OSError(errno.EINVAL, "not a regular file", str(path))
-    if file.stat().st_size > LARGEST:
-        raise OSError(errno.EFBIG, f"larger than {LARGEST >> 20} MiB", str(path))
-    note_read(file)
-    return file
+        number, reason = errno.ENOENT, os.strerror(errno.ENOENT)
+    elif file.is_dir():
+        number, reason = errno.EISDIR, os.strerror(errno.EISDIR)
+    elif not file.is_file():
+        number, reason = errno.EINVAL, "not a regular file"
+    elif file.stat().st_size > LARGEST:
+        number, reason = errno.EFBIG, f"larger than {LARGEST >> 20} MiB"
+    else:
+        note_read(file)
+        return file
+    raise OSError(number, reason, str(path))  # Python chooses the subclass by the number
 
 
 def resolved(path: str | Path) -> Path:
@@ -368,21 +370,20 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
         if number is None:
             raise _refusal(where, entry, value, declared)
         return number
-    if declared is str or isinstance(declared, tuple):
-        words = declared if isinstance(declared, tuple) else ()
-        if not isinstance(value, str) or (words and value not in words):
-            wanted = ", ".join(words) or "a text in quotes"
-            raise _refusal(where, entry, value, f"one of {wanted}" if len(words) > 1 else wanted)
-        return value
     if isinstance(declared, list):
+        (of_items,) = declared
         if not isinstance(value, list):
-            raise _refusal(where, entry, value, f"a list of {_words(declared[0])}")
+            raise _refusal(where, entry, value, f"a list of {_words(of_items)}")
         return [
-            checked(where, item, declared[0], f"{entry}[{index}]")
-            for index, item in enumerate(value)
+            checked(where, item, of_items, f"{entry}[{index}]") for index, item in enumerate(value)
         ]
     if isinstance(declared, dict):
         return _table(where, value, declared, entry)
+    if declared is str and not isinstance(value, str):
+        raise _refusal(where, entry, value, "a text in quotes")
+    if isinstance(declared, tuple) and value not in declared:
+        one_of = "one of " if len(declared) > 1 else ""
+        raise _refusal(where, entry, value, one_of + ", ".join(declared))
     return value
 
 

@@ -36,7 +36,7 @@ def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) 
     array = numbers_in(name, value)
     if ndim not in (None, array.ndim):
         raise BadInputError(f"the number of dimensions of {name} is {array.ndim}; give {ndim}")
-    for index in np.argwhere(~(np.abs(array) <= largest))[:1]:
+    for index in np.argwhere(~(np.abs(array) <= largest))[:1]:  # also nan
         entry = array[tuple(index)]
         rule = "give finite entries"
         if np.isfinite(entry):
@@ -75,8 +75,9 @@ def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the balanced form D⁻¹ M D of a matrix M, (n, n), and the diagonal of D, (n,).
 
     Row and column i of the balanced form have lengths within a factor of two, unless one is 0. The
-    diagonal consists of powers of two. The algorithm is that of LAPACK's dgebal (James, Langou,
-    Lowery 2014), with its limit: units that shorten row and column by less than 5 % stay.
+    diagonal consists of powers of two, so that no digit changes. The algorithm is that of LAPACK's
+    dgebal (James, Langou, Lowery 2014), with its limit: a unit that shortens row and column by less
+    than 5 % is not changed.
 
     Raises ValueError if an entry is not finite.
     """
@@ -105,10 +106,8 @@ def power_of_two(sizes: np.ndarray) -> np.ndarray:
 
 
 def labels_of(value: Any) -> list[tuple[str, ...]]:
-    """Return the labels along each axis of a labelled array, () for an axis that is numbered.
-
-    An array of pandas or polars, or of xarray, has labels. Another value has no axes with labels,
-    [].
+    """Return the labels along each axis of an array of pandas, polars or xarray, () for an axis
+    that is numbered, and [] for another value.
     """
     if hasattr(value, "coords") and hasattr(value, "dims"):  # xarray
         axes = [value.coords.get(axis, ()) for axis in value.dims]
@@ -121,7 +120,7 @@ def labels_of(value: Any) -> list[tuple[str, ...]]:
 
 
 def _are_names(labels: Sequence[Any]) -> bool:
-    """Return whether labels of an axis are names, and not numbers."""
+    """Return whether labels of an axis are names, not numbers or the "column_1" of polars."""
     has_texts = any(isinstance(label, str) for label in labels)
     return has_texts and not all(re.fullmatch(r"(column_)?\d+", str(label)) for label in labels)
 
@@ -140,7 +139,7 @@ def in_order(what: str, value: Any, *orders: Sequence[str]) -> Any:
         return value
     numbers = value.to_numpy()
     for axis, (given, order) in enumerate(zip(labels, orders[-len(labels) :], strict=False)):
-        if not given or not order:
+        if not given or not order:  # a numbered axis, or one in any order
             continue
         if sorted(map(str, given)) != sorted(order):
             raise BadInputError(

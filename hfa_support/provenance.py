@@ -53,7 +53,8 @@ class Provenance(Result):
         numbers. Of another aircraft, a hash of the file of the parameters.
     changed: parameter -> its value and the identified value or that of the file, if these differ.
     condition: imposed, free and limited variables of a trim, with angles in radians.
-    flight: changes of the trim condition from the paper's level flight, not stored as data.
+    flight: changes of the trim condition from the paper's level flight, in words; files have
+        `condition`.
     model: file of the plant.
     version: version of the program; in files its identity (`hfa --version`).
     date: date and time in UTC, taken from SOURCE_DATE_EPOCH if it is set.
@@ -73,19 +74,18 @@ class Provenance(Result):
     date: str = field(default_factory=lambda: now())
 
     def _largest_changes(self) -> list[str]:
-        """Return texts on parameters that were changed, largest change first."""
-        # Changes are relative. At most `_MOST_TOLD` parameters are described. If more differ, the
-        # first text contains their number.
-
-        def relative_size(name: str) -> float:
-            change = self.changed[name]
-            return abs(change.value - change.usual) / (abs(change.usual) or 1.0)
-
+        """Return texts on the `_MOST_TOLD` parameters with the largest relative changes; if more
+        differ, the first text is their number.
+        """
+        sizes = {
+            name: abs(change.value - change.usual) / (abs(change.usual) or 1.0)
+            for name, change in self.changed.items()
+        }
         origin = "as loaded" if self.model else "identified"
-        largest = sorted(self.changed, key=relative_size, reverse=True)[:_MOST_TOLD]
+        largest = sorted(sizes, key=sizes.__getitem__, reverse=True)[:_MOST_TOLD]
         descriptions = [f"{name} {self.changed[name].words(origin)}" for name in largest]
-        if len(self.changed) > _MOST_TOLD:
-            descriptions.insert(0, f"{len(self.changed)} parameters differ, most")
+        if len(sizes) > _MOST_TOLD:
+            descriptions.insert(0, f"{len(sizes)} parameters differ, most")
         return descriptions
 
     def text(self) -> str:
@@ -112,7 +112,7 @@ class Provenance(Result):
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         entries = super()._entries()
-        del entries["flight"]  # the condition in words
+        del entries["flight"]
         return entries | {"version": identity()}
 
 

@@ -7,7 +7,7 @@ import builtins
 import inspect
 import os
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import fields
 from functools import cache, wraps
 from importlib import import_module
@@ -21,34 +21,33 @@ from hfa_support.errors import OWN, BadInputError, numbers_in
 
 #: Names of arrays in annotations.
 _ARRAYS = {"ArrayLike", "np.ndarray"}
-#: Attributes of arrays, of numbers and of sequences: an array may be given as any of these.
-_NUMBERS = ("__array__", "__float__", "__iter__")
-#: Name in an annotation -> whether a type of arguments is of this kind.
-_KINDS: dict[str, Callable[[type], bool]] = {
-    "Any": lambda kind: True,
-    "None": lambda kind: kind is type(None),
-    "str": lambda kind: issubclass(kind, str),
-    "Path": lambda kind: issubclass(kind, os.PathLike),
-    "int": lambda kind: kind is not bool and _defines(kind, "__index__"),
-    "bool": lambda kind: issubclass(kind, bool) or kind.__name__ == "bool",  # of NumPy, too
-    "float": lambda kind: kind is not bool and _defines(kind, "__float__"),
-    "Mapping": lambda kind: _defines(kind, "keys"),
-    "Callable": lambda kind: _defines(kind, "__call__"),
-    **dict.fromkeys((*_ARRAYS, "ca.SX"), lambda kind: _has(kind, _NUMBERS)),
-    **dict.fromkeys(("Sequence", "Iterable", "tuple"), lambda kind: _has(kind, ("__iter__",))),
-}
-
-#: Name in an annotation -> the word of a refusal, for kinds that are not classes of the project.
-_WORDS = {
-    "str": "a text",
-    "Path": "a path",
-    "int": "a whole number",
-    "bool": "True or False",
-    "float": "a number",
-    "Mapping": "a dictionary",
-    "Callable": "a function",
-    **dict.fromkeys((*_ARRAYS, "ca.SX"), "an array"),
-    **dict.fromkeys(("Sequence", "Iterable", "tuple"), "a list"),
+#: Types of texts, which are iterable and are no lists.
+_TEXTS = str | bytes
+#: Name in an annotation, of kinds that are not classes of the project -> the word of a refusal, and
+#: whether a type of arguments is of this kind.
+_KINDS: dict[str, tuple[str, Callable[[type], bool]]] = {
+    "Any": ("", lambda kind: True),
+    "None": ("None", lambda kind: kind is type(None)),
+    "str": ("a text", lambda kind: issubclass(kind, str)),
+    "Path": ("a path", lambda kind: issubclass(kind, os.PathLike)),
+    "int": ("a whole number", lambda kind: kind is not bool and _has(kind, "__index__")),
+    "bool": ("True or False", lambda kind: kind.__name__ == "bool"),  # also that of NumPy
+    "float": ("a number", lambda kind: kind is not bool and _has(kind, "__float__")),
+    "Mapping": ("a dictionary", lambda kind: _has(kind, "keys")),
+    "Callable": ("a function", lambda kind: _has(kind, "__call__")),
+    **dict.fromkeys(
+        (*_ARRAYS, "ca.SX"),  # a number and a sequence are converted
+        (
+            "an array",
+            lambda kind: (
+                not issubclass(kind, _TEXTS) and _has(kind, "__array__", "__float__", "__iter__")
+            ),
+        ),
+    ),
+    **dict.fromkeys(
+        ("Sequence", "Iterable", "tuple"),
+        ("a list", lambda kind: not issubclass(kind, _TEXTS) and _has(kind, "__iter__")),
+    ),
 }
 
 
@@ -70,7 +69,8 @@ class _Alternative(NamedTuple):
         what = " of texts" if self.elements == "str" else ""
         if self.arguments is not None:
             what = f" of {self.arguments} argument{'s' * (self.arguments != 1)}"
-        return _WORDS.get(self.name, f"a {self.name.rpartition('.')[2]}") + what
+        word, _ = _KINDS.get(self.name) or (f"a {self.name.rpartition('.')[2]}", None)
+        return word + what
 
     def accepts(self, value: Any, module: str) -> bool:
         """Return whether a value is of this kind, which an annotation of a module names."""
@@ -205,11 +205,10 @@ def _kinds_in(annotation: ast.expr) -> Iterator[_Alternative]:
             yield from _kinds_in(right)
         case ast.Subscript(slice=ast.Name(id="Quantity")):  # its fields may be symbols
             yield _Alternative("Any")
-        case ast.Subscript(value=kind, slice=ast.Name(id=elements)):  # Sequence[str]
-            yield _Alternative(ast.unparse(kind), elements)
         case ast.Subscript(
             value=kind,
-            slice=ast.Tuple(elts=[ast.Name(id=elements), ast.Constant(value=EllipsisType())]),
+            slice=ast.Name(id=elements)  # Sequence[str]
+            | ast.Tuple(elts=[ast.Name(id=elements), ast.Constant(value=EllipsisType())]),
         ):  # tuple[str, ...]
             yield _Alternative(ast.unparse(kind), elements)
         case ast.Subscript(
@@ -225,11 +224,9 @@ def _kinds_in(annotation: ast.expr) -> Iterator[_Alternative]:
 def _takes(function: Any, count: int) -> bool:
     """Return whether a function takes this number of arguments; True if it has no signature."""
     try:
-        signature = inspect.signature(function)
-    except (TypeError, ValueError):
+        inspect.signature(function).bind(*range(count))
+    except ValueError:  # no signature
         return True
-    try:
-        signature.bind(*range(count))
     except TypeError:
         return False
     return True
@@ -241,7 +238,8 @@ def _is_of(kind: type, name: str, module: str) -> bool:
     module: name of the module with the annotation
     """
     if name in _KINDS:
-        return _KINDS[name](kind)
+        _, is_of_kind = _KINDS[name]
+        return is_of_kind(kind)
     if any(base.__name__ == name.rpartition(".")[2] for base in kind.__mro__):
         return True
     return _fits(kind, _annotated_object(name, module))
@@ -255,7 +253,7 @@ def _fits(kind: type, annotated: Any) -> bool:
         return any(_fits(kind, alternative) for alternative in get_args(annotated))
     annotated = get_origin(annotated) or annotated
     if getattr(annotated, "__name__", "") in _KINDS:
-        return _KINDS[annotated.__name__](kind)
+        return _is_of(kind, annotated.__name__, "")
     if not getattr(annotated, "_is_protocol", False):
         return not isinstance(annotated, type) or issubclass(kind, annotated)
     members = [
@@ -263,19 +261,14 @@ def _fits(kind: type, annotated: Any) -> bool:
         for name, member in vars(annotated).items()
         if isinstance(member, FunctionType | property)
     ]
-    return all(_defines(kind, name) for name in members if name == "__call__" or name[0] != "_")
+    return all(_has(kind, name) for name in members if name == "__call__" or name[0] != "_")
 
 
-def _has(kind: type, attributes: Sequence[str]) -> bool:
-    """Return whether objects of a type, other than texts, have one of these attributes."""
-    return not issubclass(kind, str | bytes) and any(_defines(kind, name) for name in attributes)
-
-
-def _defines(kind: type, attribute: str) -> bool:
-    """Return whether objects of a type have an attribute by their class: `hasattr` would say that a
-    type has `__call__` if the type itself can be called.
+def _has(kind: type, *attributes: str) -> bool:
+    """Return whether objects of a type have one of some attributes by their class: `hasattr` would
+    say that a type has `__call__` if the type itself can be called.
     """
-    return any(attribute in vars(base) for base in kind.__mro__)
+    return any(name in vars(base) for base in kind.__mro__ for name in attributes)
 
 
 @cache

@@ -33,55 +33,41 @@ class _Unit(NamedTuple):
     powers: Mapping[str, int]
 
 
-_LENGTH = {"m": 1}
-_MASS = {"kg": 1}
-_TIME = {"s": 1}
-_ANGLE = {"rad": 1}
-_TEMPERATURE = {"K": 1}
-_SPEED = {"m": 1, "s": -1}
-_FORCE = {"m": 1, "kg": 1, "s": -2}
-_PRESSURE = {"m": -1, "kg": 1, "s": -2}
-_POWER = {"m": 2, "kg": 1, "s": -3}
-_MINUTE, _HOUR, _NAUTICAL_MILE, _MILE = 60.0, 3600.0, 1852.0, 1609.344
-_PSF = _POUND * STANDARD_GRAVITY / FOOT**2
-#: Spelling -> unit, for all units that are converted.
+_MILE, _NAUTICAL_MILE = 1609.344, 1852.0
+_POUND_FORCE = _POUND * STANDARD_GRAVITY
+_PSF = _POUND_FORCE / FOOT**2
+_DEGREE = math.pi / 180.0
+#: Spelling -> unit, for all units that are converted: powers, and the sizes of their units.
 _UNITS = {
-    "1": _Unit(1.0, {}),
-    "m": _Unit(1.0, _LENGTH),
-    "km": _Unit(1000.0, _LENGTH),
-    "cm": _Unit(0.01, _LENGTH),
-    "mm": _Unit(0.001, _LENGTH),
-    **dict.fromkeys(("ft", "feet", "foot"), _Unit(FOOT, _LENGTH)),
-    "in": _Unit(FOOT / 12.0, _LENGTH),
-    "nmi": _Unit(_NAUTICAL_MILE, _LENGTH),
-    "kg": _Unit(1.0, _MASS),
-    "lbm": _Unit(_POUND, _MASS),
-    "slug": _Unit(_SLUG, _MASS),
-    **dict.fromkeys(("us", "µs", "μs"), _Unit(1e-6, _TIME)),
-    "ms": _Unit(1e-3, _TIME),
-    "s": _Unit(1.0, _TIME),
-    "min": _Unit(_MINUTE, _TIME),
-    "h": _Unit(_HOUR, _TIME),
-    "day": _Unit(24.0 * _HOUR, _TIME),
-    "rad": _Unit(1.0, _ANGLE),
-    **dict.fromkeys(("deg", "°", "degree", "degrees"), _Unit(math.pi / 180.0, _ANGLE)),
-    "N": _Unit(1.0, _FORCE),
-    "kN": _Unit(1000.0, _FORCE),
-    "lbf": _Unit(_POUND * STANDARD_GRAVITY, _FORCE),
-    **dict.fromkeys(("kt", "kts", "kn", "knot", "knots"), _Unit(_NAUTICAL_MILE / _HOUR, _SPEED)),
-    "mph": _Unit(_MILE / _HOUR, _SPEED),
-    "Pa": _Unit(1.0, _PRESSURE),
-    **dict.fromkeys(("hPa", "mbar"), _Unit(100.0, _PRESSURE)),
-    "kPa": _Unit(1000.0, _PRESSURE),
-    "bar": _Unit(1e5, _PRESSURE),
-    "psf": _Unit(_PSF, _PRESSURE),
-    "psi": _Unit(144.0 * _PSF, _PRESSURE),
-    "inHg": _Unit(3386.389, _PRESSURE),
-    "W": _Unit(1.0, _POWER),
-    "kW": _Unit(1000.0, _POWER),
-    "hp": _Unit(550.0 * FOOT * _POUND * STANDARD_GRAVITY, _POWER),
-    "K": _Unit(1.0, _TEMPERATURE),
-    "degR": _Unit(5.0 / 9.0, _TEMPERATURE),
+    spelling: _Unit(size, powers)
+    for powers, sizes in (
+        ({}, {"1": 1.0}),
+        (
+            {"m": 1},
+            {"m": 1.0, "km": 1000.0, "cm": 0.01, "mm": 0.001}
+            | {"ft": FOOT, "feet": FOOT, "foot": FOOT, "in": FOOT / 12.0, "nmi": _NAUTICAL_MILE},
+        ),
+        ({"kg": 1}, {"kg": 1.0, "lbm": _POUND, "slug": _SLUG}),
+        (
+            {"s": 1},
+            {"us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ms": 1e-3}
+            | {"s": 1.0, "min": 60.0, "h": 3600.0, "day": 24.0 * 3600.0},
+        ),
+        ({"rad": 1}, {"rad": 1.0} | dict.fromkeys(("deg", "°", "degree", "degrees"), _DEGREE)),
+        ({"m": 1, "kg": 1, "s": -2}, {"N": 1.0, "kN": 1000.0, "lbf": _POUND_FORCE}),
+        (
+            {"m": 1, "s": -1},
+            dict.fromkeys(("kt", "kts", "kn", "knot", "knots"), KNOT) | {"mph": _MILE / 3600.0},
+        ),
+        (
+            {"m": -1, "kg": 1, "s": -2},
+            {"Pa": 1.0, "hPa": 100.0, "mbar": 100.0, "kPa": 1000.0, "bar": 1e5}
+            | {"psf": _PSF, "psi": 144.0 * _PSF, "inHg": 3386.389},
+        ),
+        ({"m": 2, "kg": 1, "s": -3}, {"W": 1.0, "kW": 1000.0, "hp": 550.0 * FOOT * _POUND_FORCE}),
+        ({"K": 1}, {"K": 1.0, "degR": 5.0 / 9.0}),
+    )
+    for spelling, size in sizes.items()
 }
 
 
