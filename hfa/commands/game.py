@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,10 +32,7 @@ from hfa_support.progress import with_progress
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 
-if TYPE_CHECKING:
-    from controller.riccati.gare import Solution
-
-#: Largest number of games of a gain table. Each takes about a tenth of a second.
+#: Largest number of games of a gain table. Each takes about .1 s.
 _MOST_BREAKPOINTS = 1000
 #: Options of `hfa solve` that apply to one trim of an aircraft.
 _OF_ONE_TRIM = ("order", "reference")
@@ -75,7 +72,8 @@ def given_games(request: SolveRequest) -> GivenGames:
     if request.plant is not None:
         refuse(request, _OF_ONE_TRIM, "requires the equations of an aircraft; remove --model")
     typed = request.dihedral or request.at or ""
-    if request.plant is not None or not ("," in typed or ":" in typed):
+    is_single = not ("," in typed or ":" in typed)  # neither a list nor a range
+    if request.plant is not None or is_single:
         named = given_game(request)
         return GivenGames([named], None, named.source)
     trims, source = given_trims(request, _MOST_BREAKPOINTS)
@@ -103,7 +101,7 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
     from controller.riccati import gare
 
     if given.at is not None:
-        return _solved_table(given.games, given.at, given.source)
+        return _gain_table(given.games, given.at, given.source)
     (named,) = given.games
     reference = reference_of(request.reference, named) if request.reference else None
     with named.hinting_at_discrete_time():
@@ -130,33 +128,26 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
     )
 
 
-def _solved_table(games: list[NamedGame], at: np.ndarray, source: Mapping[str, Any]) -> Outcome:
-    """Return the outcome of a gain table."""
+def _gain_table(games: list[NamedGame], at: np.ndarray, source: Mapping[str, Any]) -> Outcome:
+    """Return the outcome of the exact solutions at several values of the scheduling variable.
+
+    at: the values, (G,), rad for angles
+    """
     from controller.riccati import gare
 
     solutions = [gare.solve(named.game) for named in with_progress(games, ProgressLine("solve"))]
-    notes = dict.fromkeys(note for named in games for note in named.warnings)
-    return Outcome(report=_table_report(at, games, solutions), source=source, notes=notes)
-
-
-def _table_report(
-    breakpoints: np.ndarray, games: list[NamedGame], solutions: list[Solution]
-) -> Report:
-    """Return the report of a gain table."""
     linear = games[0].linear
     assert linear is not None  # the games of a table are those of an aircraft
     model = linear.model
-    by = model.schedule
-    in_degrees = np.degrees(breakpoints)
+    by, is_angle = model.schedule, model.is_typed_in_degrees
     rows = []
-    for value, solution in zip(breakpoints.tolist(), solutions, strict=True):
-        abscissa = solution.poles().real.max()
+    for value, solution in zip(at.tolist(), solutions, strict=True):
         margin = solution.disk_margin
         rows.append(
             (
                 model.describe(by, value),
                 f"{solution.delta_min:.6g}",
-                f"{abscissa:.4g}",
+                f"{solution.poles().real.max():.4g}",
                 "none" if margin is None else f"{margin.disk:.4g}",
             )
         )
@@ -173,13 +164,17 @@ def _table_report(
     data = {
         "schema": "hfa.gain-table/1",
         "plant": model.title,
-        model.schedule_key: in_degrees.round(10) if model.is_typed_in_degrees else breakpoints,
+        model.schedule_key: np.degrees(at).round(10) if is_angle else at,
         "K": np.array([solution.K for solution in solutions]),
         "P": np.array([solution.P for solution in solutions]),
         "delta_min": [solution.delta_min for solution in solutions],
     }
     report = Report(title, (games[0].weights_line(), Table(columns, rows)))
-    return report.with_data(games[0], data)
+    return Outcome(
+        report=report.with_data(games[0], data),
+        source=source,
+        notes=dict.fromkeys(note for named in games for note in named.warnings),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -188,16 +183,16 @@ class LearnRequest(Request, GameOptions, LearningOptions):
 
 
 def given_learning(request: LearnRequest) -> NamedGame:
-    """Return the game of the options: of a plant, or with recorded data of its cost alone."""
-    is_plant = (request.plant, request.aircraft, request.at, request.dihedral) != (None,) * 4
-    if is_plant or not request.data:
+    """Return the game on the plant of the options, or with A = 0 that of --data without a plant."""
+    plants = (request.plant, request.aircraft, request.at, request.dihedral)
+    if plants != (None,) * 4 or not request.data:
         return given_game(request)
     refuse(request, OF_THE_TRIM, "applies only to the aircraft; remove this option")
     from controller.learning.recording import game_of_data
 
     weights = given_weights(request, None)
     game = game_of_data(list(request.data), **weights)
-    sources = weight_sources(weights, (), ())
+    sources = weight_sources(weights, deployed=(), of_file=())
     return NamedGame(game, weights_from=sources, source={"model": str(request.data[0])})
 
 
@@ -219,7 +214,7 @@ def learn(request: LearnRequest, named: NamedGame) -> Outcome:
     law, data = request.law or DEFAULT_LAW, list(request.data) or None
     run = learn(named.game, law, request.seed, data=data, progress=ProgressLine("learn"))
     report = run.report()
-    if not named.game.A.any():  # that of `game_of_data`
+    if not named.game.A.any():  # the game of `game_of_data`, whose plant is unknown
         parts = (f"{named.weights_line()}; not compared: no plant is given", *report.parts)
         report = replace(report, parts=parts).with_data(named)
         return Outcome(report=report, source=named.source)
@@ -232,7 +227,7 @@ def learn(request: LearnRequest, named: NamedGame) -> Outcome:
     title = report.title
     if verdict.ok:
         parts = (verdict.headline, *parts)
-    else:
+    else:  # the first line says that the weights are wrong
         title = f"{verdict.headline}\n{title}"
     report = replace(report, title=title, parts=parts).with_data(named, judged)
     return Outcome(report=report, ok=verdict.ok, source=named.source, notes=named.warnings)

@@ -80,7 +80,7 @@ def linearize(request: LinearizeRequest, given: TrimInput) -> Outcome:
 
 
 def _signals(request: LinearizeRequest, model: Model) -> dict[str, tuple[str, ...] | None]:
-    """Return the names of states, inputs and outputs that the options choose, or None for each."""
+    """Return "states", "inputs", "outputs" -> names of the option, or None for the usual ones."""
     chosen = {kind: getattr(request, kind) for kind in ("states", "inputs", "outputs")}
     return {
         kind: names and tuple(map(model.about.name_of, names)) for kind, names in chosen.items()

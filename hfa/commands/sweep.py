@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,39 +63,43 @@ def sweep(request: SweepRequest, given: TrimInput) -> Outcome:
     return _in_store(request, store, points)
 
 
-def _plan(points: GivenPoints, stored: bool) -> SweepPlan:
-    """Return the plan of the sweep."""
-    model = points.trims.model
-    condition = points.condition()
-    by = model.schedule
-    if points.trims.rows and not points.axes:
+def _plan(points: GivenPoints, axes: Mapping[str, Any]) -> SweepPlan:
+    """Return the plan of the sweep.
+
+    axes: those of the points, as arrays or as ranges
+    """
+    model, names = points.trims.model, tuple(row.name for row in points.trims.rows)
+    if points.trims.rows and not axes:
         raise BadInputError(
             "the conditions have different columns, free variables or limits; `hfa trim "
             "--conditions FILE` trims them, and a sweep requires the same columns in each row"
         )
-    if not points.axes:
+    if not axes:
         raise BadInputError(
             f"no variable is swept; give --{at_name(model)} RANGE, --hold NAME=RANGE or "
             "--conditions FILE.csv"
         )
-    is_named = by in (*points.axes, *points.constants, *condition.free)
-    if not points.listed and model.about.names_schedule and not is_named:
+    condition, by = points.condition(), model.schedule
+    is_hfa = model.about.names_schedule  # at a dihedral of 0 by default
+    if is_hfa and not points.listed and by not in (*axes, *points.constants, *condition.free):
         warn(f"no --{by} is given: every point is at 0 deg")
-    axes: dict[str, Any] = dict(points.axes)
-    if not stored:
-        axes = {name: array_of(name, values, MOST_POINTS) for name, values in axes.items()}
-    names = tuple(row.name for row in points.trims.rows)
     return SweepPlan(
-        axes, model, condition, points.trims.start, points.listed, names if any(names) else ()
+        axes=axes,
+        model=model,
+        condition=condition,
+        start=points.trims.start,
+        listed=points.listed,
+        names=names if any(names) else (),
     )
 
 
 def _in_memory(request: SweepRequest, points: GivenPoints) -> Outcome:
     """Return the outcome of a sweep whose results are printed."""
-    result = run_plan(_plan(points, stored=False), progress=ProgressLine("sweep"))
+    axes = {name: array_of(name, values, MOST_POINTS) for name, values in points.axes.items()}
+    result = run_plan(_plan(points, axes), progress=ProgressLine("sweep"))
     report = result.report()
     figure: Callable[[], Figure] | None = result.figure
-    notes = list(report.notes)
+    notes = list(report.notes)  # printed on standard error, not below the table
     if request.picture is not None and not result.trimmed.any():
         notes.append(f"nothing to draw: {request.picture} is not written")
         figure = None
@@ -106,7 +110,7 @@ def _in_memory(request: SweepRequest, points: GivenPoints) -> Outcome:
         report=replace(report, notes=()),
         ok=bool(result.trimmed.any()),
         source=points.source(),
-        notes=notes,  # on standard error, so that standard output contains only the table
+        notes=notes,
         figure=figure,
         write=write,
     )
@@ -118,7 +122,7 @@ def _in_store(request: SweepRequest, store: Path, points: GivenPoints) -> Outcom
 
     source = points.source()
     report = reported_sweep(
-        _plan(points, stored=True),
+        _plan(points, points.axes),  # whose ranges need not fit into memory
         store,
         workers=request.workers,
         resume=request.resume,

@@ -36,16 +36,16 @@ if TYPE_CHECKING:
 
 #: Largest number of sheets.
 _MOST_SHEETS = 100
-#: Number of an airplane class -> its Roman number; class II alone is that on land.
 _ROMAN = {"1": "i", "2": "ii", "3": "iii", "4": "iv"}
-_ON_LAND = {"ii": "ii-l"}
 
 
 def _airplane_class(text: str) -> str:
-    """Return the class of an airplane, "iii", "3" or "2", in upper case and Roman numbers."""
-    number, dash, letter = text.partition("-")
-    roman = f"{_ROMAN.get(number, number)}{dash}{letter}"
-    return one_of(*(name.lower() for name in CLASSES))(_ON_LAND.get(roman, roman)).upper()
+    """Return the class of an airplane, typed as "iii", "III" or "3": "III"."""
+    number, dash, letter = text.partition("-")  # "2-C" is II-C, of airplanes on carriers
+    word = f"{_ROMAN.get(number, number)}{dash}{letter}"
+    if word.lower() == "ii":
+        word = "ii-l"  # on land
+    return one_of(*(name.lower() for name in CLASSES))(word).upper()
 
 
 def _category(text: str) -> str:
@@ -86,14 +86,15 @@ class TrimRequest(Request, PointOptions):
 def trim(request: TrimRequest, given: TrimInput) -> Outcome:
     """Trim the aircraft and print a sheet: variables, limits, configuration, loads, performance,
     stability, modes and their levels by MIL-F-8785C. Several values give one sheet each."""
-    is_several = any(len(values) > 1 for values in (*given.hold.values(), given.at or ()))
+    swept = (*given.hold.values(), given.at or ())  # the values of each variable
+    is_several = any(len(values) > 1 for values in swept)
     if is_several or (given.rows and request.row is None):
         return _several(request, given_points(request, given))
     return _single(request, given)
 
 
 def _single(request: TrimRequest, given: TrimInput) -> Outcome:
-    """Return the outcome of the only trim: its sheet."""
+    """Return the outcome of a single trim: its sheet, printed in short unless --full or --json."""
     one = given.single()
     point = trimmed(one)
     name = given.rows[0].name if given.rows else ""
@@ -101,7 +102,8 @@ def _single(request: TrimRequest, given: TrimInput) -> Outcome:
     if not (request.full or request.json):
         short = _with_name(brief(point, Airplane(request.class_, request.category)), name)
     report = short
-    if report is None or request.output is not None:
+    if report is None or request.output is not None:  # files contain the whole sheet
+        # What is stated is a row of --conditions, or the values of --at and --hold.
         at = {} if one.at is None else {one.model.schedule: one.at}
         row = given.rows[0] if given.rows else ListedCondition("", {**one.hold, **at}, (), {})
         whole = _with_document(_with_name(_sheet(request, point), name), request)
@@ -150,14 +152,15 @@ def _sheet(request: TrimRequest, point: OperatingPoint) -> Report:
 
 
 def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Condition]]:
-    """Return the report of several trims, of which the overview is printed, and the conditions."""
-    # Each has its sheet, or the reason why it has none.
+    """Return the report of several trims, and each condition with its sheet, or with the reason why
+    it has no trim.
+    """
     model = points.trims.model
     is_whole = request.full or request.json or request.output is not None
     airplane = Airplane(request.class_, request.category)
     conditions: list[Condition] = []
     stated: list[dict[str, Any]] = []
-    refused: list[BadInputError] = []
+    refused: list[BadInputError] = []  # with the row of the file
     for row in points.conditions(_MOST_SHEETS):
         stated.append(_stated(points.trims, row))
         point: OperatingPoint | None
@@ -171,14 +174,15 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
             point, report = None, _failed(model, row, error, {"reason": str(error)})
             refused.append(BadInputError(": ".join(filter(None, (row.where, str(error))))))
         conditions.append(Condition(row.name, report, point))
-    if len(refused) == len(conditions):
+    if len(refused) == len(conditions):  # no condition is valid
         raise refused[0]
     reports = [condition.report for condition in conditions]
     results = [condition.result for condition in conditions]
     failed = results.count(UNTRIMMED)
     counts = [f"{results.count(TRIMMED)} of {len(results)} conditions are trimmed"]
-    for result, words in ((STALLED,) * 2, (WARNED,) * 2, (UNTRIMMED, "without a trim")):
+    for result in (STALLED, WARNED, UNTRIMMED):
         if result in results:
+            words = "without a trim" if result == UNTRIMMED else result
             counts.append(f"{results.count(result)} {words}")
     overview = Report(
         title=", ".join(counts),
@@ -200,7 +204,7 @@ def _with_name(report: Report, name: str) -> Report:
 
 
 def _stated(trims: TrimInput, row: ListedCondition) -> dict[str, Any]:
-    """Return the cells that state a condition: name, values, free variables and limits."""
+    """Return heading -> cell of what states a condition: name, values, free variables, limits."""
     name = {NAME: row.name} if row.name else {}
     return name | stated_cells(trims.model, trims.stated(row))
 
@@ -221,20 +225,23 @@ def _overview(conditions: Sequence[Condition]) -> Table:
     for number, condition in enumerate(conditions, start=1):
         rows, cells = condition.rows, [condition.name or str(number), condition.result]
         for figure in _OVERVIEW.values():
-            _, value, unit, _ = rows[figure].cells() if figure in rows else ("",) * 4
+            _name, value, unit, _note = rows[figure].cells() if figure in rows else ("",) * 4
             cells.append(f"{value} {unit}".strip())
         lines.append(tuple(cells))
     return Table(("condition", RESULTS, *_OVERVIEW), lines)
 
 
 def _failed(
-    model: Model, row: ListedCondition, error: Exception, data: Mapping[str, Any]
+    model: Model, row: ListedCondition, reason: Exception, data: Mapping[str, Any]
 ) -> Report:
-    """Return the report of one of several conditions that has no trim: values and reason."""
+    """Return the report of one of several conditions that has no trim: values and reason.
+
+    data: entries of the file, of a failed search those of the nearest point
+    """
     values = [f"{name} {model.describe(name, value)}" for name, value in row.values.items()]
     condition = ", ".join(filter(None, (row.name, *values)))
-    title = f"{condition}: {error}"
-    sheet = Sheet.of([("findings", [Row("failure", str(error))], ())])
+    title = f"{condition}: {reason}"
+    sheet = Sheet.of([("findings", [Row("failure", str(reason))], ())])
     entries: dict[str, Any] = {"name": row.name} if row.name else {}
     entries |= data
     entries["sheet"] = {**data.get("sheet", {}), **sheet.to_dict()}

@@ -43,7 +43,7 @@ _FEW_FLIGHTS = 10
 
 
 def _critics(text: str) -> list[Path]:
-    """Return the path of a critic file, or of all in a folder, ordered by the numbers in names."""
+    """Return the path of a critic file, or of all in a folder, step_2 before step_10."""
     folder = Path(text)
     if not folder.is_dir():
         return [critic_path(text)]
@@ -123,6 +123,7 @@ def given_critics(request: VerifyRequest) -> GivenCritics:
     single_file = next(iter(files.values())) if len(files) == 1 else None
     named = given_game(request, request.inputs, single_file)
     moved = named.game.names.inputs
+    # Of a deployment file that declares only some inputs of the aircraft.
     is_part = named.linear is not None and len(moved) < len(named.linear.model.inputs)
     deployed = [name for name, source in named.weights_from.items() if source == "deployment"]
     notes = list(named.warnings)
@@ -177,6 +178,7 @@ def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
                 limit=request.limit_error,
                 flights=FLIGHTS if len(files) <= _MANY else _FEW_FLIGHTS,
                 linear=named.linear,
+                # The comparison with the nonlinear game takes long.
                 taylor=None if len(files) == 1 else False,
                 progress=ProgressLine("verify"),
             )
@@ -208,7 +210,7 @@ def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Ver
         ((path, verdict),) = verdicts.items()
         about = [named.weights_line()]
         is_near = request.limit_cost is None and verdict.linear_grade() == "near"
-        if is_near and verdict.holds(NEAR):
+        if is_near and verdict.holds(NEAR):  # the nonlinear game may decide otherwise
             about.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
         if verdict.critic.network and not verdict.critic.has_weights:
             about.append("Without sample time, delay and input limits; see hfa assess")

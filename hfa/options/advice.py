@@ -52,37 +52,24 @@ def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
 
 def _advice(given: GivenTrim, failure: TrimError) -> str:
     """Return the imposed values of which one must be free, so that a trim exists, or ""."""
-    # Each is tried: first the rates of lengths and masses, as of altitude in a climb and of fuel,
-    # and with an imposed load factor that of pitch, as in a pull-up. Rates that need each other are
-    # tried together. Values that the user imposed come last. If only one input is too weak, it is
-    # held at its limit, so that the advice is the steepest climb and not a glide. If the equations
-    # balance only with a free rate, and beyond a limit, the advice is this rate and the limit.
-    if failure.attempt._unmoved:
+    if failure.attempt._unmoved:  # no input moves an angular rate: the model is at fault
         return ""
     if advice_on_inputs := _free_inputs(given):
         return advice_on_inputs
+    names = _releasable(given)
+    if together := _rates_together(given, failure, names):
+        return f"a trim exists with {' '.join(f'--free {name}' for name in together)}"
     model, condition = given.model, given.condition
     usual = usual_condition(model).imposed
-    weak = _weak_input(given, failure)  # held at its limit in each trial
+    weak = _weak_input(given, failure)
     options: list[str] = []  # with each of them a trim exists
-    releasable = _releasable(given)
-    unbalanced = [
-        name
-        for name in releasable
-        if abs(failure.attempt.scaled_residuals.get(name.removesuffix("_dot"), 0.0)) > BALANCE
-        and name not in condition.imposed
-    ]
-    if len(unbalanced) > 1 and _exists(given, unbalanced):
-        for name in unbalanced:
-            fewer = [other for other in unbalanced if other != name]
-            unbalanced = fewer if fewer and _exists(given, fewer) else unbalanced
-        return f"a trim exists with {' '.join(f'--free {name}' for name in unbalanced)}"
-    for name in releasable:
+    for name in names:
         is_rate = name not in condition.imposed
         # A value that only the user imposes is freed last: without it, the trim is the default one.
         is_extra = name in given.hold and name not in usual
         if is_extra and options:
             continue
+        # The weak input is held at its limit: the steepest climb is advised, and no glide.
         freed = release(condition, free=(name,), hold={} if is_rate else weak)
         try:
             point = trim(model, freed, given.start)
@@ -93,19 +80,21 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
         except BadInputError:
             continue
         option = f"--free {name}" + " in place of --hold" * (name in given.hold)
-        is_airspeed = name not in point  # kcas, found as the speed
-        found = recognized(model.states)["speed"] if is_airspeed else name
+        # A free airspeed, kcas, is no variable: the speed is found.
+        found = name if name in point else recognized(model.states)["speed"]
+        shown = model.describe(found, point[found])
+        before = usual.get(name)
         if is_rate:
             options.append(option)
-        elif not point._large_angles and (  # advice need not free what is printed as by default
-            not isinstance(before := usual.get(name), float)
-            or model.describe(found, before) != model.describe(found, point[found])
+        # To free what is found at its default value, as printed, would be no advice.
+        elif not point._large_angles and not (
+            isinstance(before, float) and model.describe(found, before) == shown
         ):
             held = "".join(
                 f"--hold {weak_input}={shown_value(value, model.unit(weak_input))} "
                 for weak_input, value in weak.items()
             )
-            options.append(f"{held}{option} ({found} {model.describe(found, point[found])})")
+            options.append(f"{held}{option} ({found} {shown})")
         if len(options) == _MOST_ADVICE:
             break
     return f"a trim exists with {' or '.join(options)}" if options else ""
@@ -113,20 +102,39 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
 
 def _releasable(given: GivenTrim) -> list[str]:
     """Return the rates and imposed values that advice may set free, those of the user last."""
-    # The rates are those of lengths, masses and, with an imposed load factor, of pitch.
+    # The rates are those of lengths (altitude in a climb), of masses (fuel) and, with an imposed
+    # load factor, of pitch (a pull-up).
     model, condition = given.model, given.condition
     changing = [name for name in model.states if si_unit(model.unit(name)) in ("m", "kg")]
     if "load_factor" in condition.imposed:
         changing.append(recognized(model.states).get("theta", ""))
     rates = [f"{name}_dot" for name in changing if name in condition.rates]
-    scheduled = model.schedule if model.about.names_schedule else ""
-    names = [name for name in (*rates, *condition.imposed) if name != scheduled]
+    dihedral = model.schedule if model.about.names_schedule else ""  # of the HFA: always given
+    names = [name for name in (*rates, *condition.imposed) if name != dihedral]
     return sorted(names, key=lambda name: name in given.hold)
+
+
+def _rates_together(given: GivenTrim, failure: TrimError, names: Sequence[str]) -> list[str]:
+    """Return the rates among some names that must all be free so that a trim exists, or []."""
+    residuals = failure.attempt.scaled_residuals  # state -> residual of its rate
+    rates = [
+        name
+        for name in names
+        if abs(residuals.get(name.removesuffix("_dot"), 0.0)) > BALANCE
+        and name not in given.condition.imposed
+    ]
+    if len(rates) < 2 or not _exists(given, rates):
+        return []
+    for name in list(rates):  # leave out what need not be free
+        fewer = [other for other in rates if other != name]
+        if fewer and _exists(given, fewer):
+            rates = fewer
+    return rates
 
 
 def _free_inputs(given: GivenTrim) -> str:
     """Return which inputs to free if the default trim holds all at their start values, or ""."""
-    # As of an FMU. Those that are not 0 are tried first, then all.
+    # So are those of an FMU. Inputs that are not 0 are tried first, then all.
     model = given.model
     usual = usual_condition(model).imposed
     held = [name for name in model.inputs if name in usual and name not in given.hold]

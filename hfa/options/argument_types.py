@@ -117,7 +117,7 @@ def each_of(
         name = model.about.name_of(typed)
         with option_errors(f"{flag} {shortened(name)}"):
             value = kind(model, name, text)
-        if text_of.setdefault(name, text) != text:
+        if text_of.setdefault(name, text) != text:  # by its name and by an alias
             raise BadInputError(f"{flag} {shortened(name)} is given twice; give one value")
         values[name] = value
     return values
@@ -238,7 +238,7 @@ def output_file(
 
     def convert(text: str) -> Path:
         path = Path(text)
-        where = text or "''"
+        where = text or "''"  # in messages
         if folder and text and not path.suffix:
             if not path.is_dir() and (path.exists() or not path.parent.is_dir()):
                 raise BadInputError(
@@ -276,7 +276,8 @@ def value_range(model: Model, name: str, text: str) -> Range:
     Raises BadInputError for text of another form, for different units, for a step that is not
     positive, if stop < start, and for more than `MOST_POINTS` values of a range.
     """
-    if re.fullmatch(r"[-+]?\d{1,3}(,\d{3})*,0\d\d(,\d{3})*\s*\D*", text):  # not a list
+    # "10,050 ft" has a comma of thousands: no number of a list begins with 0 and two digits.
+    if re.fullmatch(r"[-+]?\d{1,3}(,\d{3})*,0\d\d(,\d{3})*\s*\D*", text):
         raise BadInputError(f"is {shortened(text)!r}; write {text.replace(',', '')}")
     parts = text.split(":")
     if len(parts) == 1:
@@ -308,8 +309,11 @@ def value_range(model: Model, name: str, text: str) -> Range:
             f"is a range of {float(count):,.15g} points (maximum {MOST_POINTS:,}); choose a larger "
             "step"
         )
-    spacing = min(step * unit, (stop - start) * unit / (count - 1)) if count > 1 else step * unit
-    while start * unit + spacing * (count - 1) > stop * unit:  # stop may be a limit
+    spacing = step * unit
+    if count > 1:
+        spacing = min(spacing, (stop - start) * unit / (count - 1))
+    # A rounded spacing must not lead beyond stop, which may be a limit of the variable.
+    while start * unit + spacing * (count - 1) > stop * unit:
         spacing = np.nextafter(spacing, 0.0)
     return Steps(start * unit, float(spacing), count)
 
@@ -320,7 +324,7 @@ def _count(start: float, stop: float, step: float) -> int:
     # them.
     from fractions import Fraction
 
-    first, last, width = (Fraction(repr(value)) for value in (start, stop, step))
+    first, last, width = (Fraction(repr(value)) for value in (start, stop, step))  # as typed
     return (last - first) // width + 1
 
 

@@ -36,10 +36,11 @@ class ProgressLine:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._first: tuple[float, float] | None = None
-        self._announced = False
-        self._shown = sys.stderr is not None and sys.stderr.isatty()
-        self._last = ""
+        #: Time and amount done at the first call after the preparation.
+        self._began: tuple[float, float] | None = None
+        self._is_announced = False
+        self._is_terminal = sys.stderr is not None and sys.stderr.isatty()
+        self._last_line = ""
 
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
         """Show the progress as a percentage, and once a note with the remaining time of a long run.
@@ -48,22 +49,22 @@ class ProgressLine:
         what: current step, shown after the percentage
         """
         now = time.monotonic()
-        is_next = self._first is not None and done < self._first[1]  # of several computations
-        if self._first is None or is_next or not done:  # preparation until now
-            self._first = now, done
-        began, before = self._first
-        if not self._announced and now - began >= _TRIAL and done > before:
-            self._announced = True
-            seconds = (now - began) * (total - done) / (done - before)
+        # Nothing is done in the preparation, and less than before when a next computation begins.
+        if self._began is None or done < self._began[1] or not done:
+            self._began = now, done
+        start, done_before = self._began
+        if not self._is_announced and now - start >= _TRIAL and done > done_before:
+            self._is_announced = True
+            seconds = (now - start) * (total - done) / (done - done_before)
             if seconds > _LONG:
                 text = f"about {seconds / 60:.3g} minutes more; Ctrl-C ends it"
                 print_notes([f"{self._name}: {text}"])
         line = f"{self._name}: {int(100 * done / total):3d} %"
         if what:
             line += f"  {what}"
-        if self._shown and line != self._last:
-            self._last = line
-            print_to_stderr(line, end="\r\033[K" if done >= total else "")
+        if self._is_terminal and line != self._last_line:
+            self._last_line = line
+            print_to_stderr(line, end="\r\033[K" if done >= total else "")  # erased at the end
 
 
 def output_option(
@@ -71,7 +72,7 @@ def output_option(
 ) -> Any:
     """Return the option -o, which names a file or store to write.
 
-    more: accepted suffixes besides those of a report
+    more: accepted suffixes besides those of a report (`SUFFIXES`)
     stores: accepted suffixes of stores
     folder: whether a folder is accepted, too
     purpose: text on the additional suffixes for the help
@@ -184,7 +185,7 @@ def with_provenance(request: Request, report: Report, source: Mapping[str, Any])
 
     source: entries of the provenance on the plant
     """
-    if "units" in options_of(type(request)):
+    if "units" in options_of(type(request)):  # not all commands have the option
         report = report.with_data(units=getattr(request, "units", None))
     origin = provenance(request, source)
     return replace(report, source=origin.text()).with_data(provenance=origin)
@@ -195,7 +196,7 @@ def show(request: Request, outcome: Outcome) -> None:
 
     Raises NoSolutionError with the `failure` of the report if this text is not empty.
     """
-    output = None if outcome.is_written else request.output
+    output = None if outcome.is_written else request.output  # otherwise written by the command
     picture = None if outcome.figure is None else request.picture
     if output is not None and outcome.write is not None:
         outcome.write(output)

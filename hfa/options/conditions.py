@@ -68,7 +68,7 @@ def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
                 f"{path}: row {number} has the name of row {number_of[name]}, {shown(name)}; "
                 "rename one"
             )
-        if not listed:
+        if not listed:  # the first row, whose cells tell labels from numbers
             for column in columns:
                 column.refuse_unknown(f"{path}: row {header}", model, row[column.name])
         if name:
@@ -130,23 +130,23 @@ def _table_of(path: Path) -> _Table:
                 f"{path}: row {header} contains a {word}; separate the columns by commas, and "
                 "write numbers with a decimal point"
             )
-    plain = [title.strip() for title in titles]
-    end = plain.index(RESULTS) if RESULTS in plain else len(plain)
-    named = [place for place in range(end) if plain[place]]
+    headings = [title.strip() for title in titles]
+    end = headings.index(RESULTS) if RESULTS in headings else len(headings)  # of what is read
+    named = [place for place in range(end) if headings[place]]
     for number, row in rows:
         if len(row) < end:
             raise BadInputError(
-                f"{path}: row {number} has {len(row)} cells, but row {header} has {len(plain)}; "
+                f"{path}: row {number} has {len(row)} cells, but row {header} has {len(headings)}; "
                 "correct the row"
             )
         for place, cell in enumerate(row):
-            if cell.strip() and not (plain[place] if place < len(plain) else ""):
+            if cell.strip() and not (headings[place] if place < len(headings) else ""):
                 raise BadInputError(
                     f"{path}: row {number}, column {place + 1} has {shown(cell.strip())}, but row "
                     f"{header} has no name there; name the column, or clear the cell"
                 )
     kept = [(number, [row[place].strip() for place in named]) for number, row in rows]
-    return _Table(header, [plain[place] for place in named], kept)
+    return _Table(header, [headings[place] for place in named], kept)
 
 
 class _Column(NamedTuple):
@@ -165,16 +165,18 @@ class _Column(NamedTuple):
     def of(cls, title: str, model: Model) -> _Column:
         """Return the column with a heading such as "gamma", "KCAS [kt]" or "c.g. [%]"."""
         typed, _, unit = (part.strip() for part in title.removesuffix("]").partition("["))
-        typed = typed.removeprefix(f"{HELD} ")  # in a file that was written
+        typed = typed.removeprefix(f"{HELD} ")  # of a file that `hfa trim` has written
         if unit.lower() in model.airspeeds:  # "speed [KCAS]"
             return cls(title, unit.lower(), "")
         return cls(title, _name_of(model, typed), unit)
 
     def refuse_unknown(self, where: str, model: Model, cell: str) -> None:
-        """Raise BadInputError for an unknown column, which may have labels, or a unit without
-        brackets.
+        """Raise BadInputError if the model has no variable of this name.
 
-        cell: text below the heading
+        The message says whether the unit lacks its brackets, or the column contains labels.
+
+        where: file and row of the headings, for the message
+        cell: first cell of the column
         """
         if self.name in (NAME, FREE, LIMIT):
             return
@@ -183,7 +185,8 @@ class _Column(NamedTuple):
         if parts and not self.unit and model.about.name_of(parts[1]) in known:
             title = shown(self.title)
             raise BadInputError(f"{where}: {title} has no brackets; write {parts[1]} [{parts[2]}]")
-        if cell and self.name not in known and not re.match(r"[-+=.\d]|FL\s*\d", cell):
+        is_number = re.match(r"[-+=.\d]|FL\s*\d", cell)  # or a formula, or a flight level
+        if cell and self.name not in known and not is_number:
             raise BadInputError(
                 f"{where}: the column {shown(self.title)} has labels ({shown(cell)}), which are "
                 f"not read; remove it, or call it {NAME}"
@@ -213,9 +216,11 @@ def _imposable(model: Model) -> set[str]:
 
 
 def _name_of(model: Model, typed: str) -> str:
-    """Return the name of a variable or column typed in capitals, with points or blanks: "c.g."."""
-    # An alias becomes the name that it stands for; any other word is returned unchanged.
-    name = model.about.name_of(typed)
+    """Return the name of a variable or column, also if typed in capitals, with points or blanks.
+
+    "C.G." is "cg". An unknown word is returned unchanged.
+    """
+    name = model.about.name_of(typed)  # an alias is replaced
     respelled = model.about.name_of(re.sub(r"\W+", "_", name.replace(".", "")).lower())
     if name in _imposable(model):
         return name
@@ -225,7 +230,11 @@ def _name_of(model: Model, typed: str) -> str:
 def _condition(
     where: str, model: Model, columns: Sequence[_Column], row: Mapping[str, str]
 ) -> ListedCondition:
-    """Return the condition of a row, whose cells are found by name of the column."""
+    """Return the condition of a row.
+
+    where: file, row and name, for messages
+    row: name of the column -> cell
+    """
     values = {}
     for column in columns:
         cell = row[column.name]
@@ -239,13 +248,13 @@ def _condition(
             raise BadInputError(f"{where}: {name} is both free and held; clear one of its cells")
         with option_errors(f"{where}, column {FREE} has"):
             model.refuse_unheld("the unknown variable", name, tuple(model.parameters))
-    in_order = dict(sorted(values.items(), key=lambda entry: entry[0] in model.parameters))
+    parameters_last = dict(sorted(values.items(), key=lambda entry: entry[0] in model.parameters))
     limits = _limits(where, model, row.get(LIMIT, ""))
-    return ListedCondition(row.get(NAME, ""), in_order, free, limits, where)
+    return ListedCondition(row.get(NAME, ""), parameters_last, free, limits, where)
 
 
 def _limits(where: str, model: Model, text: str) -> dict[str, tuple[float, float]]:
-    """Return variable -> limits of a cell "elevator=-10:10 thrust=0:500"."""
+    """Return variable -> (lowest, highest), of a cell "elevator=-10:10 thrust=0:500"."""
     limits = {}
     for word in _words(text):
         typed, equals, ends = word.partition("=")

@@ -60,7 +60,7 @@ def critic_path(text: str) -> Path:
 
     Raises BadInputError if the file does not exist, or if its suffix is not supported.
     """
-    if Path(text).suffix.lower() in MATRIX_FILES:
+    if Path(text).suffix.lower() in MATRIX_FILES:  # known without reading the installed packages
         return input_file(*MATRIX_FILES)(text)
     return input_file(*critic_suffixes())(text)
 
@@ -198,9 +198,9 @@ class GameOptions(WeightOptions, TrimOptions):
 
 
 def given_weights(request: WeightOptions, model: Model | None) -> dict[str, Any]:
-    """Return the weights that options set, name in `game` -> value, in model units.
+    """Return the weights that options set, argument of `controller.game` -> value, in model units.
 
-    model: the aircraft, or None for a plant file, whose sizes are a function of its names
+    model: the aircraft; with None for a plant file, "sizes" is a function of the file's names
     """
     given = {"Q": request.Q, "R": request.R, "delta": request.delta, "N": request.N}
     given = {name: value for name, value in given.items() if value is not None}
@@ -229,7 +229,7 @@ def _positive(size: float, text: str) -> float:
 
 
 def _sizes_of_file(texts: Mapping[str, str], names: PlantNames) -> dict[str, float]:
-    """Return the sizes typed for a plant file, in its units."""
+    """Return name -> size typed for a plant file, in its units; angles are typed in degrees."""
     units = dict(zip(names.states, names.state_units, strict=True))
     units |= zip(names.inputs, names.input_units, strict=True)
     sizes = {}
@@ -290,16 +290,16 @@ def weighted_game(
         not used
     deployment: critic file whose cost is used if it weighs linear states, or None
     """
-    cost: Mapping[str, Any] = {}
+    cost: Mapping[str, Any] = {}  # of the deployment
     if deployment is not None and set(deployment.cost.get("Q", ())) <= set(linear.states):
         cost = deployment.cost
     if deployment is not None and set(deployment.inputs) < set(linear.inputs):
         inputs = inputs or deployment.inputs
-    used = {} if "sizes" in weights else dict(cost)
+    used = {} if "sizes" in weights else dict(cost)  # the sizes define Q and R
     used |= weights
     not_moved = [name for name in linear.inputs if inputs and name not in inputs]
     for name in ("R", "sizes"):
-        if isinstance(used.get(name), Mapping):  # any weight: it is not used
+        if isinstance(used.get(name), Mapping):  # complete, with any weight of inputs not moved
             used[name] = dict.fromkeys(not_moved, 1.0) | used[name]
     game = replace(game_of(linear, **used), names=plant_names(linear))
     about = linear.model.about
@@ -319,10 +319,11 @@ def weighted_game(
 def weight_sources(
     given: Iterable[str], deployed: Iterable[str], of_file: Iterable[str]
 ) -> dict[str, str]:
-    """Return the source of each weight, Q, R, delta and, if it is not 0 by default, N: "default",
-    "file", "deployment", "given", or "sizes" of Q and R.
+    """Return name of a weight -> its source: "default", "file", "deployment", "given" by an option,
+    or "sizes" of Q and R. N has an entry if a source gives it.
 
-    given, deployed, of_file: names of the weights of options, a deployment, the plant's file
+    given, deployed, of_file: names of the weights of options, a deployment, the plant's file; of a
+        weight in several, the first counts
     """
     sources = dict.fromkeys(("Q", "R", "delta"), "default")
     sources |= {name: "file" for name in of_file if name in (*sources, "N")}
@@ -365,8 +366,8 @@ class NamedGame(Result):
     plant_provenance: provenance of a plant read from a file
     linear: linear model of the aircraft, or None for a plant from a file
     has_time: False if the plant file does not state whether time is continuous or discrete
-    weights_from: name -> source (`weight_sources`)
-    source: entries of the provenance
+    weights_from: name of a weight -> its source (`weight_sources`)
+    source: entries of the provenance on the plant
     """
 
     game: Game
@@ -382,7 +383,7 @@ class NamedGame(Result):
         return "; ".join((weights_line(self.game, self.weights_from), *self.sizes_line()))
 
     def sizes_line(self) -> tuple[str, ...]:
-        """Return one line of text with the sizes of --sizes, if they are given."""
+        """Return one line of text with the sizes of --sizes, or () if they are not given."""
         is_sized = self.weights_from.get("Q") == "sizes"
         return (f"Weights 1/size^2: {sizes_text(self.game)}",) if is_sized else ()
 
@@ -413,7 +414,7 @@ class NamedGame(Result):
             from controller.riccati.gare import solve
 
             try:
-                solve(replace(self.game, dt=True))
+                solve(replace(self.game, dt=True))  # in discrete time
             except NoSolutionError:
                 raise failure from None
             raise NoSolutionError(
@@ -449,7 +450,7 @@ def deviation_signal(model: Model, name: str, text: str) -> Waveform:
 
     text: the signal as typed, with angles in degrees
     """
-    typed_unit = linear_state(model, name, "1")
+    typed_unit = linear_state(model, name, "1")  # one degree, or 1 in the unit of the model
     return channel(text).through(np.array([[typed_unit]]))
 
 

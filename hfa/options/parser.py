@@ -95,10 +95,10 @@ def options_of(request: type) -> dict[str, Option]:
     options: dict[str, Option] = {}
     for of_option in fields(request):
         if declared := of_option.metadata.get("option"):
-            usual_name = "--" + of_option.name.strip("_").replace("_", "-")
+            usual_name = "--" + of_option.name.strip("_").replace("_", "-")  # class_: --class
             options[of_option.name] = replace(declared, names=declared.names or (usual_name,))
 
-    places = {
+    places = {  # the first of two options has the smaller place
         name: (
             option.rare,
             bool(option.group),
@@ -111,12 +111,16 @@ def options_of(request: type) -> dict[str, Option]:
 
 
 def is_given(request: Any, name: str) -> bool:
-    """Return whether a field of a request differs from its default."""
+    """Return whether an option was given: whether its field differs from the default.
+
+    name: the field
+    """
     declared = type(request).__dataclass_fields__[name]
     usual = declared.default
     if declared.default_factory is not MISSING:
         usual = declared.default_factory()
     value = getattr(request, name)
+    # A value of another type, such as an array, is not compared.
     return value is not usual and (type(value) is not type(usual) or value != usual)
 
 
@@ -302,7 +306,7 @@ class _Named(argparse.Action):
                 raise argparse.ArgumentError(
                     self, f"{shortened(word)!r} is not NAME=VALUE; give a name and a value"
                 )
-            (before,) = parser._words.setdefault(f"{self.dest} {name}", [text])
+            (before,) = parser._words.setdefault(f"{self.dest} {name}", [text])  # as first typed
             if before != text:
                 twice = (
                     f"is given twice ({shortened(before)} and {shortened(text)}); give one value"

@@ -98,22 +98,24 @@ def given_points(request: PointOptions, given: TrimInput) -> GivenPoints:
             "one value"
         )
     constants = {name: values[0] for name, values in given.hold.items() if len(values) == 1}
-    names = [*rows[0].values] if rows else []
-    is_mixed = any(row.free or row.limits or {*row.values} != {*names} for row in rows)
-    if rows and (is_mixed or not names):
-        if given.at is not None:
-            constants[model.schedule] = given.at[0]
-        return GivenPoints(given, constants, {}, listed=True)
-    columns = {name: tuple(row.values[name] for row in rows) for name in names}
+    columns: dict[str, Range] = {}  # of a file of conditions
+    if rows:
+        names = [*rows[0].values]
+        is_mixed = any(row.free or row.limits or {*row.values} != {*names} for row in rows)
+        if is_mixed or not names:  # the points are no table of numbers
+            if given.at is not None:
+                constants[model.schedule] = given.at[0]
+            return GivenPoints(given, constants, {}, listed=True)
+        columns = {name: tuple(row.values[name] for row in rows) for name in names}
     swept = {*of_options, *columns} - {*constants}
     # A speed in the condition of all points would silently give way to a swept Mach number.
     alternatives = {name for group in model.alternatives if swept & {*group} for name in group}
     # A condition of all points does not contain parameters.
     axis_names = {*swept, *alternatives, *model.parameters}
     axes = {name: values for name, values in of_options.items() if name in axis_names}
-    if not rows:
-        # Figures of a sweep have a line along the last axis.
-        single_first = dict(sorted(axes.items(), key=lambda axis: len(axis[1]) > 1))
-        return GivenPoints(given, constants, single_first, listed=False)
-    repeated = {name: (values[0],) * len(rows) for name, values in axes.items()}
-    return GivenPoints(given, constants, columns | repeated, listed=True)
+    if rows:
+        repeated = {name: (values[0],) * len(rows) for name, values in axes.items()}
+        return GivenPoints(given, constants, columns | repeated, listed=True)
+    # Figures of a sweep have a line along the last axis: axes with a single value come first.
+    single_first = dict(sorted(axes.items(), key=lambda axis: len(axis[1]) > 1))
+    return GivenPoints(given, constants, single_first, listed=False)

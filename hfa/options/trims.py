@@ -34,9 +34,9 @@ from trim.point.solve import trim
 if TYPE_CHECKING:
     from trim.reports.models import AskedTrim, Conditions
 
-#: Options of the trim condition, without the scheduling variable.
+#: Fields of the options of a trim condition, without the scheduling variable.
 OF_THE_TRIM = ("condition", "conditions", "free", "hold", "isa", "limit", "row", "start")
-#: Forms of several values of a variable, for helps.
+#: Forms of one or several values of a variable, for helps.
 SEVERAL = "a number, a list a,b,c or a range start:stop:step"
 
 
@@ -98,11 +98,12 @@ class GivenTrim(NamedTuple):
 
     model: the aircraft, with the parameters that the options set
     condition: condition of the trim, with the value of the scheduling variable
-    common: condition without this value, of the aircraft as loaded
+    common: condition without this value, which all trims of a request have in common; its model is
+        the aircraft as loaded
     at: value of the scheduling variable, or None for that of the condition
     hold: variable or parameter -> value of --hold and --isa
     start: point at which the search begins, or None
-    source: entries of the provenance
+    source: entries of the provenance of the results: aircraft, parameters, condition
     """
 
     model: Model
@@ -118,7 +119,7 @@ class TrimInput(NamedTuple):
     """What the options of a request say about trims, in the units of the model.
 
     model: the aircraft as loaded
-    aircraft: entries of the provenance on the aircraft
+    aircraft: entries of the provenance on the aircraft as loaded
     condition: condition of --condition, or the default of the model
     free: variables of --free
     limits: variable -> (lowest, highest) of --limit
@@ -152,14 +153,15 @@ class TrimInput(NamedTuple):
                 raise BadInputError(f"--row is required for {len(self.rows)} conditions{known}")
             (row,) = self.rows
             with prefix_errors(row.where):
-                return self.for_row(row).single()
+                return self.for_row(row).single()  # without rows
         at = self.at
         if at is not None and len(at) > 1:
             raise _several_values(f"--{at_name(self.model)}", at)
         return self.trim(None if at is None else float(at[0]), self.held())
 
     def for_row(self, row: ListedCondition) -> TrimInput:
-        """Return what the options and a condition say about its trim. A cell replaces an option.
+        """Return the options of the trim of one condition: those of the request, and its cells,
+        which replace them.
 
         Raises BadInputError for a variable that an option and each condition give.
         """
@@ -177,7 +179,7 @@ class TrimInput(NamedTuple):
         )
 
     def rows_replacing_options(self) -> dict[str, list[ListedCondition]]:
-        """Return variable of --hold or --at -> conditions that give it too, if any do."""
+        """Return variable of --hold or --at -> the conditions that give it too, at least one."""
         names = [*self.hold, *([] if self.at is None else [self.model.schedule])]
         stated = {name: [row for row in self.rows if name in row.values] for name in names}
         return {name: rows for name, rows in stated.items() if rows}
@@ -189,7 +191,7 @@ class TrimInput(NamedTuple):
         """
         names = [row.name or str(number) for number, row in enumerate(self.rows, start=1)]
         unnamed = [row._replace(name="", where="") for row in self.rows]
-        firsts = [unnamed.index(condition) for condition in unnamed]
+        firsts = [unnamed.index(condition) for condition in unnamed]  # place of the first alike
         repeated = [
             f"condition {names[place]} is that of condition {names[first]} again"
             for place, first in enumerate(firsts)
@@ -202,12 +204,12 @@ class TrimInput(NamedTuple):
         ]
 
     def trim_of(self, row: ListedCondition) -> GivenTrim:
-        """Return the trim of a condition, of a file or of a grid."""
+        """Return the trim of a condition, of a file or of a grid, which states all values."""
         return self.for_row(row).single() if self.rows else self.trim(None, row.values)
 
     def stated(self, row: ListedCondition) -> StatedValues:
         """Return what a condition, of a file or of a grid, and the options state."""
-        if not self.rows:
+        if not self.rows:  # a point of a grid has the values of the options
             return StatedValues(row.values, self.free, self.limits)
         given = self.for_row(row)
         held = given.held()
@@ -245,9 +247,9 @@ class TrimInput(NamedTuple):
         return {name: float(values[0]) for name, values in self.hold.items()}
 
     def trim(self, at: float | None, hold: Mapping[str, float]) -> GivenTrim:
-        """Return one trim.
+        """Return the trim at one value of each variable.
 
-        at: value of the scheduling variable, or None
+        at: value of the scheduling variable, or None for that of the condition
         hold: variable or parameter -> value
         """
         model = self.model
@@ -256,6 +258,7 @@ class TrimInput(NamedTuple):
         common = self.common_condition(hold)
         return GivenTrim(
             model=_with_parameters(model, changed) if changed else model,
+            # A parameter is part of the model, and not of the condition.
             condition=common.at(None if model.schedule in model.parameters else at),
             common=common,
             at=at,
@@ -312,7 +315,7 @@ class TrimInput(NamedTuple):
 
 @lru_cache(maxsize=16)
 def _with_parameters(model: Model, values: tuple[tuple[str, float], ...]) -> Model:
-    """Return a model with other parameters; conditions that have the same share what it caches."""
+    """Return a model with other values of parameters, one object for the same values."""
     return model.with_parameters(**dict(values))
 
 
@@ -347,7 +350,8 @@ def trim_input(
 ) -> TrimInput:
     """Return what the options say about trims.
 
-    scheduled: function (model, name, text) -> values of the scheduling variable
+    scheduled: function (model, name, text) -> values of the scheduling variable; that of a proof
+        returns the ends of an interval
 
     Raises BadInputError for an unknown name, an invalid value, or options that contradict.
     """
@@ -417,7 +421,7 @@ class GivenTrims(NamedTuple):
     """Trims at each value of the scheduling variable, in the order given.
 
     trims: at least one; without a value of the variable, the trim of the condition
-    source: entries of the provenance on all of them
+    source: entries of the provenance of results on all trims: aircraft and common condition
     """
 
     trims: list[GivenTrim]
@@ -439,8 +443,8 @@ def given_trims(request: SeveralTrims, most: int) -> GivenTrims:
         hold = given.held()
         values = array_of(f"--{at_name(given.model)}", given.at, most)
         trims = [given.trim(value, hold) for value in values.tolist()]
-        source = given.source(trims[0].common, hold)  # of all, which differ in this value alone
-    # All have the same free variables.
+        source = given.source(trims[0].common, hold)
+    # The trims have the same condition but for the scheduling variable: one is checked for all.
     if freed := freed_parameters(trims[0].condition):
         raise _free_parameter(freed[0])
     return GivenTrims(trims, source)
@@ -512,7 +516,7 @@ def _named_condition(name: str, usual: TrimCondition) -> TrimCondition:
 def _start(text: str, model: Model) -> tuple[dict[str, float], OperatingPoint | None]:
     """Return variable -> initial value, and the initial point, of which --start gives one."""
     with option_errors("--start"):
-        if "=" not in text or Path(text).exists():
+        if "=" not in text or Path(text).exists():  # a file, whose name may contain =
             return {}, OperatingPoint.load(Path(text), model)
         begin = {}
         for word in text.split(","):
