@@ -19,7 +19,7 @@ from hfa_aircraft.signals import VECTORS, record
 from hfa_support.errors import BadInputError, refuse_unknown, shown
 from hfa_support.native.bound import RowFunction
 
-#: Exceptions that equations raise if they do not support expressions.
+#: Exceptions that a user's equations raise if they do not support CasADi expressions.
 _FAILURES = (
     AttributeError,
     TypeError,
@@ -84,6 +84,8 @@ class Layout(NamedTuple):
         jacobian: (m, k), with a column for each variable
         names: names of the k variables
         """
+        # CasADi keeps the derivative 0 of a step (floor, >=) as an entry. A variable that is in no
+        # equation has no entry, and is permitted.
         has_entry = ca.DM(jacobian.sparsity(), 1).full().any(axis=0)
         has_slope = ca.DM(ca.sparsify(jacobian).sparsity(), 1).full().any(axis=0)
         for name, entry, slope in zip(names, has_entry, has_slope, strict=True):
@@ -194,7 +196,7 @@ def linearized(
     affects f only in steps, and for faulty equations.
     """
     x, u, p = layout.symbols("x", "u", "p")
-    w = ca.SX.sym("w", len(disturbances))
+    w = ca.SX.sym("w", len(disturbances))  # other disturbances are 0
     for name in disturbances:
         refuse_unknown("unknown disturbance", name, layout.names.disturbances)
     f, y = layout.expressions((x, u, p), outputs)
@@ -224,7 +226,7 @@ def linearized_rows(
     """
     arguments = layout.symbols("x", "u", "p")
     parts = linearized(layout, outputs, disturbances)(*arguments)
-    flat = ca.vertcat(*(ca.vec(part.T) for part in parts))
+    flat = ca.vertcat(*(ca.vec(part.T) for part in parts))  # ca.vec stacks columns
     return RowFunction(ca.Function("linearized_rows", arguments, [flat]))
 
 
@@ -249,11 +251,11 @@ def symbolic(layout: Layout, *, undisturbed: bool) -> _Symbolic:
 
     Raises BadInputError if the equations fail or do not return exactly the declared names.
     """
-    if undisturbed and not layout.names.disturbances:
+    if undisturbed and not layout.names.disturbances:  # one evaluation serves both cases
         with_empty_w = symbolic(layout, undisturbed=False)
         return with_empty_w._replace(symbols=with_empty_w.symbols[:3])
     symbols = layout.symbols(*("xup" if undisturbed else VECTORS))
-    values = [ca.vertsplit(vector) for vector in symbols]
+    values: list[Any] = [ca.vertsplit(vector) for vector in symbols]
     if undisturbed:
         values.append([0.0 for _ in layout.names.disturbances])
     # layout.names also has the outputs, which are no arguments
@@ -263,6 +265,7 @@ def symbolic(layout: Layout, *, undisturbed: bool) -> _Symbolic:
     outputs = {
         name: _scalar(layout, "output", name, returned[name]) for name in layout.names.outputs
     }
+    # Two symbols of one name are different, so symbols are compared by their hashes.
     known = {symbol.element_hash() for symbol in ca.symvar(ca.vertcat(*symbols))}
     for symbol in ca.symvar(ca.SX(ca.vertcat(*f, *outputs.values()))):
         if symbol.element_hash() not in known:
@@ -305,7 +308,10 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
-    """Return a rate or an output as a scalar CasADi expression."""
+    """Return a rate or an output as a scalar CasADi expression.
+
+    kind: "rate of" or "output", for messages
+    """
     try:
         expression = ca.SX(value)
     except (NotImplementedError, TypeError, ValueError) as error:
@@ -321,6 +327,7 @@ def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
 
 def _failure_of_equations(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:
     """Return the error for a model whose equations raised an exception, called with x, u, p, w."""
+    # An unknown field of x, u, p or w raises an AttributeError of that named tuple.
     for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):
         if isinstance(error, AttributeError) and error.obj is vector:
             refuse_unknown(

@@ -52,19 +52,20 @@ class Limits:
 
         changes: name -> (lowest, highest), instead of the declared min and max; None for no changes
         """
+        # The tolerances are relative to the size of a limit, nominal + |limit|: a limit may be 0.
         rows = []
-        are_assumed = []
         for name in names:
             signal = model.signal(name)
             declared = (signal.min, signal.max)
-            lowest, highest = (changes or {}).get(name, declared)
-            low_size, high_size = (signal.nominal + abs(end) for end in (lowest, highest))
-            within = (lowest - SLACK * low_size, highest + SLACK * high_size)
-            at_limit = (lowest + NEAR * low_size, highest - NEAR * high_size)
-            rows.append((lowest, highest, *within, *at_limit))
-            are_assumed.append(signal.assumed and (lowest, highest) == declared)
-        columns = np.array(rows).reshape(-1, 6).T
-        return Limits(model, tuple(names), *columns, np.array(are_assumed, dtype=bool))
+            low_end, high_end = (changes or {}).get(name, declared)
+            low_size, high_size = (signal.nominal + abs(end) for end in (low_end, high_end))
+            within = (low_end - SLACK * low_size, high_end + SLACK * high_size)
+            at_limit = (low_end + NEAR * low_size, high_end - NEAR * high_size)
+            is_assumed = signal.assumed and (low_end, high_end) == declared
+            rows.append((low_end, high_end, *within, *at_limit, is_assumed))
+        lowest, highest, least, most, low, high, assumed = np.array(rows).reshape(-1, 7).T
+        are_assumed = assumed.astype(bool)
+        return Limits(model, tuple(names), lowest, highest, least, most, low, high, are_assumed)
 
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) that are within their limits, up to `SLACK`.

@@ -22,7 +22,16 @@ from hfa_aircraft.layout import (
     symbolic,
 )
 from hfa_aircraft.recognition import meant_by, recognized, usual_modes
-from hfa_aircraft.signals import AIRSPEEDS, ISA, VECTORS, Signal, declared_signals, record
+from hfa_aircraft.signals import (
+    AIRSPEEDS,
+    ISA,
+    VECTORS,
+    Signal,
+    declared_signals,
+    factor_to,
+    record,
+    signals_report,
+)
 from hfa_support.errors import (
     BadInputError,
     NotFiniteError,
@@ -30,13 +39,12 @@ from hfa_support.errors import (
     numbers_in,
     pair_of,
     refuse_unknown,
-    shortened,
     shown,
 )
 from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
-from hfa_support.units import conversion_factor, split_unit, units_like
+from hfa_support.units import conversion_factor, split_unit
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -126,8 +134,8 @@ class Model(Reported):
                     raise BadInputError(
                         f"range of {name} is {shown(entry)}; give (lowest, highest, source)"
                     )
-        if self.source.reload is None:
-            symbolic(self.layout, undisturbed=True)
+        if self.source.reload is None:  # otherwise `reload` has checked the equations
+            symbolic(self.layout, undisturbed=True)  # raises for faulty equations
 
     def _refuse_undeclared(self) -> None:
         """Raise BadInputError if a field of names contains an undeclared name."""
@@ -164,8 +172,6 @@ class Model(Reported):
 
     def report(self) -> Report:
         """Return a report with tables of the signals: units, limits and trim values."""
-        from hfa_aircraft.signals import signals_report
-
         kinds = ("states", "inputs", "outputs", "parameters", "disturbances")
         signals = {kind: getattr(self, kind) for kind in kinds}
         return signals_report(self.title, signals, self.trim, self.about.notes)
@@ -319,7 +325,7 @@ class Model(Reported):
         return {name: value for name, value in imposed.items() if name not in released}
 
     def refuse_unheld(self, meaning: str, name: str, also: Sequence[str] = ()) -> None:
-        """Raise BadInputError unless a trim can impose a quantity.
+        """Raise BadInputError, with advice, unless a trim can impose a quantity.
 
         meaning: beginning of the message
         name: name of the quantity
@@ -346,6 +352,7 @@ class Model(Reported):
             return
         known = dict.fromkeys((*self.holdable, *also, *self.parameters))
         meant = meant_by(name, self.states)
+        # A bank without a turn rate is no equilibrium: the usual trim holds the turn rate at 0.
         if meant == recognized(self.states).get("phi") and "turn_rate" in known:
             raise BadInputError(
                 f"{meaning} {name!r}; give a level turn by --hold {meant}=ANGLE --free turn_rate"
@@ -400,7 +407,7 @@ class Model(Reported):
         """Return the unit of a state's rate, such as ft/s for ft, and ft/s^2 for ft/s."""
         per_time = f"/{self.time_unit}"
         head, slash, power = self.unit(name).rpartition(per_time)
-        if slash and (not power or power[1:].isdigit()):
+        if slash and (not power or power[1:].isdigit()):  # power: "" of ft/s, "^2" of ft/s^2
             return f"{head}{per_time}^{int(power[1:] or 1) + 1}"
         return f"{self.unit(name)}{per_time}"
 
@@ -421,52 +428,30 @@ class Model(Reported):
 
     @cached_property
     def _rates_by_nominal_changes(self) -> dict[str, float]:
-        """State -> largest change of its rate by a nominal change of one signal at the start."""
+        """State -> largest change of its rate by a nominal change of a signal, at the start."""
         start = {name: signal.start for name, signal in self.signals.items()} | {**self.trim}
         x, u = ([start[name] for name in names] for names in (self.states, self.inputs))
         try:
             slopes = self.at(x, u)
         except (BadInputError, ArithmeticError):
-            return {}
+            return {}  # the equations fail at the start values
         changes = np.hstack([slopes.A, slopes.B]) * self.nominal((*self.states, *self.inputs))
         return dict(zip(self.states, np.abs(changes).max(axis=1).tolist(), strict=True))
 
     def factor_of(self, name: str, text: str, unit: str) -> float:
         """Return the factor from a stated unit to the unit of a signal, an airspeed or a rate.
 
-        An angle of what a lever moves is a share of its `Signal.full`. Capitals do not matter where
-        the unit has no other meaning (KT), "%" is a share, and an airspeed may repeat its name (250
-        KCAS).
+        An airspeed may repeat its name (250 KCAS).
 
         text: the value as stated, for the message
+        unit: the stated unit
 
         Raises BadInputError, whose message completes a sentence that begins with the name, if the
         unit is another quantity's.
         """
-        signal, angle = self.signal(name), conversion_factor(unit, "deg")
-        if signal.full and angle is not None:
-            return angle / signal.full
-        declared = signal.unit
-        if unit == "%" and declared in ("1", "chord"):
-            return 0.01
         if name in self.airspeeds and unit.lower() == name:
             return 1.0
-        pounds = (re.sub(r"\blbs?\b", pound, unit) for pound in ("lbm", "lbf"))
-        for spelling in (unit, unit.lower(), *pounds):
-            factor = conversion_factor(spelling, declared)
-            if factor is not None:
-                return factor
-        if declared == "1":
-            is_limited = math.isfinite(signal.max - signal.min)
-            ends = f" from {signal.min:g} to {signal.max:g}" if is_limited else ""
-            advice = f"give a number without a unit{ends}"
-        else:
-            words = declared.replace("rad", "deg")
-            others = ", ".join(unit for unit in units_like(declared) if unit != words)
-            advice = f"give a finite number, in {words}" + f", or with a unit: {others}" * bool(
-                others
-            )
-        raise BadInputError(f"is {shortened(text)!r}; {advice}")
+        return factor_to(self.signal(name), text, unit)
 
     def number(self, name: str, value: Any) -> Any:
         """Return a value of a signal, an airspeed or a rate in the unit of the model.
@@ -541,7 +526,7 @@ class Model(Reported):
         given = np.asarray(values, dtype=float)
         if given.shape[-1:] != (len(names),):
             raise BadInputError(f"values has shape {given.shape}; give {len(names)} in each row")
-        if self.native is self:
+        if self.native is self:  # all factors are 1
             return given
         return given / [self.native_factor(name) for name in names]
 
@@ -563,6 +548,7 @@ class Model(Reported):
                 raise BadInputError(f"{name} is {shown(value)}; give a finite number")
             if not signal.min <= value <= signal.max:
                 which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
+                # A lever in angles: with full = 25, flap=25deg is 1.
                 angle = f", or an angle: {name}={signal.full:g}deg" if signal.full else ""
                 raise BadInputError(
                     f"{name} is {self.describe(name, value)}; give at {which} "
@@ -570,9 +556,10 @@ class Model(Reported):
                 )
             changed[name] = signal._replace(start=float(value))
         native = self.source.native
-        if native is not None:
+        if native is not None:  # a model in SI units changes with its original
             of_native = {name: changed[name].start / self.native_factor(name) for name in values}
             native = native.with_parameters(**of_native)
+        # A value that was changed before keeps its first one as the declared value.
         declared = {name: self.parameters[name].start for name in values} | {**self.source.declared}
         source = replace(self.source, native=native, declared=declared)
         return replace(self, parameters=changed, source=source)
@@ -587,15 +574,10 @@ class Model(Reported):
     @cached_property
     def layout(self) -> Layout:
         """Equations and signal names of the model, without the values of its parameters."""
+        # Models that differ only in values have equal layouts, and share compiled functions.
         groups = (self.states, self.inputs, self.parameters, self.disturbances, self.outputs)
-        return Layout(
-            self.name,
-            self.equations,
-            SignalNames(*map(tuple, groups)),
-            tuple(self.replaced.items()),
-            self.variables,
-            self.linear,
-        )
+        names, replaced = SignalNames(*map(tuple, groups)), tuple(self.replaced.items())
+        return Layout(self.name, self.equations, names, replaced, self.variables, self.linear)
 
     def functions(self, outputs: Sequence[str] | None = None) -> ca.Function:
         """Return the CasADi function (x, u, p) -> fields of a `Linearization`, at w = 0.

@@ -9,9 +9,10 @@ from collections import Counter, namedtuple
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
+from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shortened, shown
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, numbered, shown_unit, shown_value
+from hfa_support.units import conversion_factor, units_like
 
 #: Vectors of a model's equations in CasADi's order -> declarations of their components.
 VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
@@ -156,6 +157,42 @@ def _check_signal(where: str, signal: Any) -> None:
         raise BadInputError(
             f"{where}: min {lowest:g} is above max {highest:g}; exchange the two limits"
         )
+
+
+def factor_to(signal: Signal, text: str, unit: str) -> float:
+    """Return the factor from a stated unit to the unit of a signal.
+
+    An angle of what a lever moves is a share of its `Signal.full`. Capitals do not matter where the
+    unit has no other meaning (KT), and "%" is a share.
+
+    text: the value as stated, for the message
+    unit: the stated unit
+
+    Raises BadInputError, whose message completes a sentence that begins with the name of the
+    signal, if the unit is another quantity's.
+    """
+    degrees = conversion_factor(unit, "deg")
+    if signal.full and degrees is not None:  # a lever, which moves by `full` degrees at 1
+        return degrees / signal.full
+    declared = signal.unit
+    if unit == "%" and declared in ("1", "chord"):
+        return 0.01
+    # "lb" is a mass or a force, whichever the signal is.
+    pounds = (re.sub(r"\blbs?\b", pound, unit) for pound in ("lbm", "lbf"))
+    for spelling in (unit, unit.lower(), *pounds):
+        factor = conversion_factor(spelling, declared)
+        if factor is not None:
+            return factor
+    if declared == "1":
+        is_limited = math.isfinite(signal.max - signal.min)
+        ends = f" from {signal.min:g} to {signal.max:g}" if is_limited else ""
+        advice = f"give a number without a unit{ends}"
+    else:
+        words = declared.replace("rad", "deg")  # angles are typed in degrees
+        advice = f"give a finite number, in {words}"
+        if others := ", ".join(other for other in units_like(declared) if other != words):
+            advice += f", or with a unit: {others}"
+    raise BadInputError(f"is {shortened(text)!r}; {advice}")
 
 
 class StatesAndInputs:
