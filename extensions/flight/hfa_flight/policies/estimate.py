@@ -23,14 +23,15 @@ IMPOSSIBLE = 8.0
 #: After this number of samples in a row with impossible values, the estimate begins anew if most
 #: of them are impossible.
 RESTARTS_AFTER = 10
-#: Largest magnitude of a finite value: CasADi has no function of that name.
+#: Largest magnitude that counts as finite: CasADi has no `isfinite`.
 _FINITE = 1e300
-#: Variance of a predicted state of the aircraft, in that of the stationary filter, above which the
-#: prediction stands still: of the next estimate it is a millionth, and rounding of P another 1e-10.
+#: Ratio of the variance of a predicted state to that of the stationary filter above which the
+#: prediction stands still. It then weighs a millionth in the next estimate, and with larger ones
+#: the rounding errors of P, 1e-16 of them, would exceed 1e-10 of the stationary variance.
 _UNKNOWN = 1e6
-#: Option of a Jacobian that is computed backward: of these equations, two thirds of the code.
+#: Option of a Jacobian in reverse mode, which of these equations has two thirds of the code.
 _BACKWARD = {"helper_options": {"ad_weight": 1.0}}
-#: Options of a function whose code is there once.
+#: Options of a function whose code is exported once, however often it is called.
 _CALLED = {"cse": True, "never_inline": True}
 
 
@@ -83,8 +84,9 @@ def memory_size(known: KalmanFilter) -> int:
 
 
 def known_start(known: KalmanFilter) -> np.ndarray:
-    """Return the memory before the first sample of a flight whose beginning is known: the commands
-    act at once. Zero is that of a flight whose beginning is not.
+    """Return the memory before a flight from known states, in which commands act at once.
+
+    A memory of zeros is that of a filter that is switched on in flight.
     """
     memory = np.zeros(memory_size(known))
     memory[memory_slices(known).share] = 1.0
@@ -121,6 +123,7 @@ def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> tup
     impossible, given = sum(gate.is_impossible, ca.SX(0)), sum(gate.is_given, ca.SX(0))
     missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(given > 0, 0, before.missed))
     is_wrong = ca.logic_and(missed >= RESTARTS_AFTER, 2 * impossible > given)
+    # The first sample, and those after the second one.
     is_first, is_settled = before.begun == 0, before.begun == 2
     in_flight = ca.logic_and(is_first, before.share == 0)
     begins = ca.logic_or(
@@ -129,6 +132,7 @@ def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> tup
     )
     waits = ca.logic_and(in_flight, ca.logic_not(begins))
     new_x, new_P = _at_values(known, before, y, gate.is_given)
+    # The share at the begin: that of the memory (0 in flight, 1 of known states), or 0 again.
     fading = ca.if_else(is_settled, 0.0, before.share) if fade else 1.0
     faded = ca.fmin(before.share + known.dt / fade, 1.0) if fade else 1.0
     begun = ca.if_else(waits, 0, ca.if_else(ca.logic_and(is_first, begins), 1, 2))
@@ -154,7 +158,7 @@ class _Gate(NamedTuple):
 
 def _gate(known: KalmanFilter, before: Estimate, y: ca.SX) -> _Gate:
     """Return which of the measured deviations y, (p,), are used."""
-    gate = _Gate([], [], [])
+    gate = _Gate(is_given=[], is_used=[], is_impossible=[])
     for place, (row, variance) in enumerate(_rows_and_variances(known)):
         deviation = ca.sqrt(before.P[row, row] + variance)
         innovation = ca.fabs(y[place] - before.x[row])
@@ -208,7 +212,8 @@ def _correction(n: int) -> ca.Function:
     sizes = (n * (n + 1) // 2, n, 1, n)
     given = [ca.SX.sym("given", size) for size in sizes]
     triangle, of_row, variance, gain = given
-    # covariance of the corrected states with the innovation, 0 for the optimal gain
+    # P C' - gain variance: covariance of the corrected states and the innovation, 0 for the optimal
+    # gain. Then P⁺ = P - gain (P C')' - (this) gain' for any gain.
     with_innovation = of_row - variance * gain
     P = _symmetric(triangle, n) - ca.mtimes(gain, of_row.T) - ca.mtimes(with_innovation, gain.T)
     return ca.Function("correction", [ca.vertcat(*given)], [_triangle(P)], _CALLED)
@@ -223,6 +228,7 @@ def _at_values(
     """
     k = len(known.states)
     air, flow = slice(k, None), known.sight[:, k:]
+    # The most likely air of given flow angles: their covariance with the air times their inverse.
     of_flow = known.climate @ flow.T @ np.linalg.pinv(flow @ known.climate @ flow.T)
     in_flight = ca.logic_or(before.begun == 2, before.share == 0)
     x, P = ca.SX(before.x), ca.SX(before.P)
@@ -250,7 +256,6 @@ def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX) -> Esti
     """
     is_finite = ca.sumsqr(x) <= _FINITE
     n = Phi.shape[0]
-    # [triangle of P; entries of Φ] -> triangle of Φ P Φ' + Q
     triangle, slopes = ca.SX.sym("P", n * (n + 1) // 2), ca.SX.sym("Phi", Phi.sparsity())
     after = ca.mtimes(ca.mtimes(slopes, _symmetric(triangle, n)), slopes.T) + known.Q
     given = ca.vertcat(triangle, slopes.nz[:])
@@ -263,7 +268,10 @@ def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX) -> Esti
 def _predicted_covariance(
     known: KalmanFilter, prediction: ca.Function, P: ca.SX, Phi: ca.SX, is_finite: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
-    """Return Φ P Φ' + Q and 1, or P and 0 if a variance is too large, or a state not finite."""
+    """Return Φ P Φ' + Q and 1, or P and 0 if a variance is too large, or a state not finite.
+
+    prediction: [triangle of P; entries of Φ] -> triangle of Φ P Φ' + Q
+    """
     after = prediction(ca.vertcat(_triangle(P), Phi.nz[:]))
     later, is_known = _symmetric(after, P.shape[0]), is_finite
     for place in range(len(known.states)):
@@ -284,7 +292,8 @@ def extended_step(known: KalmanFilter, seconds: float) -> ca.Function:
     x, u = ca.SX.sym("x", len(known.Phi)), ca.SX.sym("u", len(model.inputs))
     X = ca.SX(ca.DM(point.x))
     X[rows] += x[:k]
-    rest = ca.vertcat(point.u + u, ca.SX(k, 1), known.winds_at(x), model.p)
+    no_push = ca.SX(k, 1)
+    rest = ca.vertcat(point.u + u, no_push, known.winds_at(x), model.p)
     rate = rate_in_push(layout, model.linear, known.winds)
     rates = rate(ca.densify(ca.vertcat(X, rest)))[rows]
     parts = parts_of_a_sample([point], seconds)
@@ -292,10 +301,12 @@ def extended_step(known: KalmanFilter, seconds: float) -> ca.Function:
     J = ca.jacobian(derivatives, x, _BACKWARD) * (seconds / parts)
     step = step_of_integration(layout, model.linear, known.winds)
     identity, square = ca.SX.eye(len(known.Phi)), ca.mtimes(J, J)
+    # exp(J) = I + J + J² (I/2 + J/6 + J²/24) + ...
     Phi = part = identity + J + ca.mtimes(square, identity / 2 + J / 6 + square / 24)
     for _ in range(parts - 1):
         Phi = ca.mtimes(part, Phi)
     for _ in range(parts):
         X = step(ca.densify(ca.vertcat(X, rest, seconds / parts)))
+    # The air is linear, and the aircraft has no effect on it.
     after = ca.vertcat((X - point.x)[rows], ca.mtimes(Phi[k:, k:], x[k:]))
     return ca.Function("extended", [x, u], [after, Phi])

@@ -150,16 +150,19 @@ class KalmanFilter(Result):
         drift: Mapping[str, float],
         turbulence: Turbulence | None,
     ) -> Self:
-        """Return the filter, computed in units `scale` of the states and `sigma` of the noise."""
+        """Return the filter of a plant.
+
+        It is computed in units of the states, `plant.scale`, and of the noise, `sigma`.
+        """
         sigma = np.array(list(noise.values()))
         A = plant.A * plant.scale / plant.scale[:, None]
         C = plant.C * plant.scale / sigma[:, None]
         unobservable = _unobservable(plant, A, C, tuple(drift), tuple(noise))
         units = np.outer(plant.scale, plant.scale)
         balanced_Phi, drifted = noise_of_sample(A, np.diag((plant.drift / plant.scale) ** 2), dt)
-        air, held_air = np.zeros_like(A), slice(len(drift), None)
-        if turbulence is not None:
-            block = (held_air, held_air)
+        air = np.zeros_like(A)
+        if turbulence is not None:  # of the states of the air, which follow the linear states
+            block = (slice(len(drift), None),) * 2
             _, air[block] = noise_of_sample(A[block], (plant.noise / units)[block], dt)
         Q = air + drifted
         Q = 0.5 * (Q + Q.T)
@@ -222,18 +225,18 @@ class KalmanFilter(Result):
         return ca.mtimes(ca.DM(self.W), x[len(self.states) :])
 
     def seen(self, x: ca.SX) -> ca.SX:
-        """Return the deviations of the linear states, (k,), that a policy sees at some states
-        (n,), as `seen_in_air`.
+        """Return the deviations of the linear states, (k,), that a policy sees at the states x of
+        the filter, (n,): speed and flow angles are those of `seen_in_air`.
         """
+        if not self.winds:
+            return x[: len(self.states)]
         trim = self.point.states._asdict()
-        seen = dict(zip(self.states, ca.vertsplit(x[: len(self.states)]), strict=True))
-        over_ground = {name: trim[name] + seen.get(name, 0.0) for name in trim}
-        winds = (
-            dict(zip(self.winds, ca.vertsplit(self.winds_at(x)), strict=True)) if self.winds else {}
-        )
+        deviations = dict(zip(self.states, ca.vertsplit(x[: len(self.states)]), strict=True))
+        over_ground = {name: trim[name] + deviations.get(name, 0.0) for name in trim}
+        winds = dict(zip(self.winds, ca.vertsplit(self.winds_at(x)), strict=True))
         in_air = seen_in_air(self.point.model, over_ground, trim, winds)
-        seen |= {name: in_air[name] - trim[name] for name in in_air if name in seen}
-        return ca.vertcat(*seen.values())
+        deviations |= {name: in_air[name] - trim[name] for name in in_air if name in deviations}
+        return ca.vertcat(*deviations.values())
 
     @cached_property
     def sight(self) -> np.ndarray:
@@ -261,7 +264,7 @@ class KalmanFilter(Result):
         Phi, Gamma, C, L = self.Phi, self.Gamma, self.C, self.L
         n, k = len(Phi), len(self.states)
         gain = K @ self.sight
-        kept = np.eye(n) - L @ C
+        kept = np.eye(n) - L @ C  # x - x̂ = kept (x - x⁻) - L (noise)
         F = np.block([[Phi - Gamma @ gain, Gamma @ gain @ kept], [np.zeros((n, n)), Phi @ kept]])
         of_noise = np.vstack([-Gamma @ gain @ L, -Phi @ L])
         of_air = np.vstack([np.eye(n), np.eye(n)])
@@ -269,18 +272,12 @@ class KalmanFilter(Result):
         states = np.eye(n)[:k]
         outputs = np.block([[states, np.zeros((k, n))], [-gain, gain @ kept]])
         feed = gain @ L @ self.R @ L.T @ gain.T
-        return _Loop(F, N, outputs, feed, *self._second_order())
-
-    def _second_order(self) -> tuple[int, np.ndarray]:
-        """Return the row of the speed, and the second derivatives by x of what the speed over the
-        ground has more than the seen one, (n, n).
-        """
-        n, speed = len(self.Phi), state_of(self.point.model, "speed")
-        if speed not in self.states:
-            return 0, np.zeros((n, n))
-        x, row = ca.SX.sym("x", n), self.states.index(speed)
-        hessian = ca.hessian((x[: len(self.states)] - self.seen(x))[row], x)[0]
-        return row, ca.Function("hessian", [x], [ca.densify(hessian)])(0.0).full()
+        row, H = 0, np.zeros((n, n))
+        if (speed := state_of(self.point.model, "speed")) in self.states:
+            x, row = ca.SX.sym("x", n), self.states.index(speed)
+            hessian = ca.hessian((x[:k] - self.seen(x))[row], x)[0]
+            H = ca.Function("hessian", [x], [ca.densify(hessian)])(0.0).full()
+        return _Loop(F, N, outputs, feed, row, H)
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -314,7 +311,8 @@ class _Loop(NamedTuple):
     outputs: matrix from s to the linear states and inputs
     feed: covariance of the inputs by the noise of the same sample
     speed: row of the speed in the outputs
-    H: second derivatives by x of what the speed over the ground has more than the seen one, (n, n)
+    H: (n, n), second derivatives by x of the difference of the speed over the ground and the one
+        that the gain sees, or 0 without a speed
     """
 
     F: np.ndarray
@@ -328,8 +326,8 @@ class _Loop(NamedTuple):
         """Return the root mean square of linear states and inputs, (k + m,), over the second half
         of a flight that begins in calm at the trim.
 
-        The speed is that of the linear loop and x'Hx/2, with E[(x'Hx/2)²] = tr(HS)²/4 + tr(HSHS)/2
-        for a normal x of covariance S. The gain does not see this part.
+        The speed is that of the linear loop plus x'Hx/2, which the gain does not see. Its mean
+        square is tr(HS)²/4 + tr(HSHS)/2 for a normal x of covariance S.
         """
         k, n = len(self.outputs) - len(self.feed), len(self.H)
         covariance = np.zeros_like(self.F)
@@ -440,6 +438,7 @@ def _plant(
 def _reaching(A: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Return the indices of the states of x' = A x that act on the outputs C x."""
     reaching = (C != 0.0).any(axis=0)
+    # A state acts through at most all others.
     for _ in range(len(A)):
         reaching |= (A[reaching] != 0.0).any(axis=0)
     return np.flatnonzero(reaching)
@@ -460,13 +459,14 @@ def _unobservable(
     size = np.linalg.norm(A[:k, :k], 2)
     names = []
     for mode in modes_of(plant.A[:k, :k], states):
+        # A mode s is observable unless [A - s I; C] has a zero singular value (Popov, Hautus).
         shifted = A[:k, :k] - mode.eigenvalue * np.eye(k)
         observed = np.linalg.svd(np.vstack([shifted, size * C[:, :k]]), compute_uv=False)[-1]
         if observed > _OBSERVED * size:
             continue
         if mode.eigenvalue.real >= -_OBSERVED * size:
-            missing = {name: mode.participation[name] for name in states if name not in sensors}
-            best = max(missing, key=lambda name: missing[name])
+            unmeasured = [name for name in states if name not in sensors]
+            best = max(unmeasured, key=mode.participation.__getitem__)
             raise BadInputError(
                 f"the sensors {', '.join(sensors)} do not observe the mode {mode.name}, which "
                 f"does not decay; add a sensor of {best}"
