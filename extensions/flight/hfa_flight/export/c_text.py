@@ -153,7 +153,7 @@ def _command(policy: DeployedPolicy) -> ca.Function:
     """Return the function (X, U before) -> U at the policy's trim."""
     model = policy.deployed.model
     command = policy.deployed.command
-    if not command.is_a("SXFunction"):
+    if not command.is_a("SXFunction"):  # only scalar operations become plain C
         command = command.expand()
     X = ca.SX.sym("X", len(model.states))
     U = ca.SX.sym("U", len(model.inputs))
@@ -306,26 +306,28 @@ def _policy_in_c(linear: LinearModel, policy: Policy | None) -> _PolicyInC:
     of_gain = "u = u0 - K z: the policy at x. Nothing is limited."
     if isinstance(policy, FunctionPolicy):
         formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."
-        return _PolicyInC(no_gain, formula, _CALLED, {}, "\n" + _policy_function(policy))
+        function = "\n" + _policy_function(policy)
+        return _PolicyInC(no_gain, formula, _CALLED, tables={}, function=function)
     if policy is None or isinstance(policy, GainPolicy):
         K = no_gain if policy is None else policy.K
-        return _PolicyInC(K, of_gain, _LINEAR, {}, "")
+        return _PolicyInC(K, of_gain, _LINEAR, tables={}, function="")
     assert isinstance(policy, ScheduledGainPolicy)  # of a file without a sample time
     model, schedule = linear.point.model, policy.schedule
     K = schedule.table.at(linear.point.values[model.schedule])
     if len(schedule.breakpoints) == 1:
-        return _PolicyInC(K, of_gain, _LINEAR, {}, "")
+        return _PolicyInC(K, of_gain, _LINEAR, tables={}, function="")
     formula = (
         f"u = u0 - K({model.schedule}) z: the policy at x, K linear between breakpoints "
         "and constant\n   beyond; hfa_K is K at x0. Nothing is limited."
     )
     place = model.state_places((model.schedule,))[0]
+    # `last` is the number of the last cell between two breakpoints.
     body = _SCHEDULED.format(place=place, last=len(schedule.breakpoints) - 2)
     tables = {
         "static const double breakpoint": schedule.breakpoints,
         "static const double gain": schedule.gains,
     }
-    return _PolicyInC(K, formula, body, tables, "")
+    return _PolicyInC(K, formula, body, tables, function="")
 
 
 def _parameters(model: Model) -> str:

@@ -119,13 +119,14 @@ def behind_a_filter(model: Model, policy: FilteredPolicy) -> Steering:
 
 
 def _sampled(policy: FilteredPolicy, y: ca.SX, w: ca.SX, v: ca.SX) -> Sampled:
-    """Return a policy behind a filter as the sampled policy of a loop.
+    """Return a policy behind a filter as the sampled policy of a loop, in flight from known states.
 
-    y: symbols of the states of the loop, whose measured values have noise
-    w, v: symbols of the winds, and of the noise and the held commands
+    y: symbols of the states of the loop
+    w: symbols of the winds
+    v: symbols of the noise of the sensors, then of the held commands
     """
     sensors = policy.filter.sensors
-    memory = ca.SX.sym("memory", memory_size(policy.filter))  # zero before the first sample
+    memory = ca.SX.sym("memory", memory_size(policy.filter))  # of an FMU zero at first
     measured = y[policy.point.model.state_places(sensors)] + v[: len(sensors)]
     known = policy.filter
     before = ca.if_else(memory[memory_slices(known).begun] == 0, ca.DM(known_start(known)), memory)

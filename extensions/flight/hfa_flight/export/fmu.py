@@ -29,11 +29,14 @@ from hfa_support.native.row_code import c_compiler
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.results import json_text
 
-#: Folder and suffix of the library in the FMU, by platform.
+#: Name of the model and of its library.
 IDENTIFIER = "hfa_aircraft"
+#: C sources in the FMU: the loop, the functions of FMI, which are the same for all aircraft, and
+#: sizes and initial values.
 SOURCE = "aircraft_loop.c"
 WRAPPER = "fmi2_aircraft.c"
 SETTINGS = "fmu_settings.h"
+#: Folder and suffix of the library in the FMU, by platform.
 _FOLDERS = {"linux": ("linux64", "so"), "darwin": ("darwin64", "dylib"), "win32": ("win64", "dll")}
 #: Unit -> exponents of base units, factor.
 _BASE = {
@@ -85,7 +88,7 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
 
 def _source(loop: ExportedLoop, origin: Provenance) -> str:
     """Return the C source of a function `fmu_loop` that evaluates the loop."""
-    results = ("dy", "u") if loop.outputs else ("dy",)
+    results = ("dy", "u") if loop.outputs else ("dy",)  # C has no arrays without entries
     one = ca.SX.sym("y", len(loop.states)), ca.SX.sym("v", loop.function.numel_in(1))
     function = ca.Function("loop", [*one], loop.function.call([*one])[: len(results)])
     unused = "" if loop.outputs else "\n    (void)u;"

@@ -95,6 +95,7 @@ def surviving_boxes(
     corners = np.array([*itertools.product((-1.0, 1.0), repeat=k)]) if k <= _CORNERS else sides
     dt = max(flight.dt, _SAMPLE_TIMES[0])  # a constant action needs no shorter samples
     flight = replace(flight, dt=dt, steps_per_sample=parts_of_a_sample(points, dt, [*boxes]))
+    # The policy is the constant action, whatever the states are.
     held = CompiledSamples(
         flight,
         entering=lambda states, _: [states],
@@ -104,6 +105,7 @@ def surviving_boxes(
     reduced = []
     for point, box in zip(points, boxes, strict=True):
         of_sides = _surviving_shares(held, point, box, sides)
+        # A half-width is that of the worse of its two sides.
         alone = np.minimum(of_sides[:k], of_sides[k:]) * box
         joint = _surviving_shares(held, point, alone, np.vstack([corners, inside]))
         reduced.append(_MARGIN * joint.min() * alone)
@@ -209,7 +211,8 @@ class Episode:
         self._envelopes = [flight_envelope(deployed.model, point) for point in points]
         self._trims = np.array([deployed.trim_vector(point) for point in points])
         self._penalties = [
-            self._penalty_of(*at) for at in zip(points, self._envelopes, strict=True)
+            self._penalty_of(point, envelope)
+            for point, envelope in zip(points, self._envelopes, strict=True)
         ]
         self._linear = deployed.model.state_places(deployed.model.linear)
         self.owner = 0
@@ -221,7 +224,7 @@ class Episode:
     def _penalty_of(self, point: OperatingPoint, envelope: Limits) -> float:
         """Return the cost of a sample with each state at its farther limit, and no action."""
         ends = np.array([envelope.lowest, envelope.highest]) - point.x
-        below, above = np.where(np.isfinite(ends), ends, 0.0)
+        below, above = np.where(np.isfinite(ends), ends, 0.0)  # a missing limit costs nothing
         X = point.x + np.where(-below > above, below, above)
         trim = self.deployed.trim_vector(point)
         rate = float(cost_rate(self.deployed)(X, point.u, trim))
@@ -273,7 +276,7 @@ class Episode:
                 setattr(self, name, value)
 
     def __getstate__(self) -> tuple[Any, ...]:
-        """Return the arguments and the present values, without compiled code."""
+        """Return the arguments of the constructor and the present values, without compiled code."""
         return self._arguments, self._present()
 
     def __setstate__(self, kept: tuple[Any, ...]) -> None:

@@ -45,6 +45,7 @@ def kind_of_file(path: Path) -> str:
         return DEPLOYMENT
     if is_network(path):
         return NETWORK
+    # A gain table has a matrix for each breakpoint, (G, m, n).
     return TABLE if np.ndim(entries_in(path).get("K", 0.0)) == 3 else GAIN
 
 
@@ -81,13 +82,13 @@ def policy_of_file(
         at = condition or usual_condition(point.model).at
         return scheduled_gains(f"gains of {path}", schedule, point, at, commands)
     critic = critic_in(path, game or _without_cost(point.linearize()), reading)
-    if game is None and critic.slope_gain is not None:
+    if game is None and critic.slope_gain is not None:  # u = -½ R⁻¹B' ∂V/∂z
         raise BadInputError(
             f"{path}: the policy of this value depends on the cost; give hfa.read_critic(FILE, "
             "game) in place of the file"
         )
     if not critic.has_linear_policy:
-        # notes on a game without a cost say nothing
+        # Without a game, notes of a critic's file compare it with the arbitrary cost.
         declared = critic.declared if game or kind == NETWORK else NOTHING
         return function_policy(f"critic of {path}", critic.policy, point, declared)
     kind = "gain" if critic.slope_gain is None else "weights"
@@ -95,7 +96,7 @@ def policy_of_file(
 
 
 def _without_cost(linear: LinearModel) -> Game:
-    """Return a game with the states and inputs of a linear model, whose cost means nothing."""
+    """Return the game on a linear model with an arbitrary cost, for policies that have none."""
     n, m = np.shape(linear.B)
     return Game(linear.A, linear.B, Q=np.ones(n), R=np.ones(m), names=names_of_linear(linear))
 
@@ -220,7 +221,7 @@ class PythonPolicy(SampledPolicy):
         if isinstance(returned, Mapping):
             for name in returned:
                 refuse_unknown(f"the policy {self.name} returns the unknown input", name, inputs)
-            returned = [*{**inputs, **returned}.values()]
+            returned = [*{**inputs, **returned}.values()]  # the others at trim, in order
         U = numbers_in(f"the result of the policy {self.name}", returned)
         if U.shape != (len(inputs),) or not np.isfinite(U).all():
             raise BadInputError(
@@ -232,7 +233,7 @@ class PythonPolicy(SampledPolicy):
 
 def _python_policy(function: Callable[..., Any], point: OperatingPoint, dt: float) -> PythonPolicy:
     """Return the policy of a function of (t, X), named after the function."""
-    name = getattr(function, "__name__", type(function).__name__)
+    name = getattr(function, "__name__", type(function).__name__)  # of an object, its class
     try:
         inspect.signature(function).bind(0.0, point.states)
     except (TypeError, ValueError):

@@ -129,7 +129,7 @@ class GainPolicy(Policy):
     def __post_init__(self) -> None:
         """Raise BadInputError for an invalid gain, and store it in `held`."""
         K = numbers_in("the gain", self.K)
-        K = K[None] if K.ndim == 1 else K
+        K = K[None] if K.ndim == 1 else K  # of one input
         if K.ndim != 2 or not K.size or not np.all(np.isfinite(K)):
             raise BadInputError(
                 f"the gain has shape {np.shape(self.K)}; give a matrix of finite numbers, "
@@ -374,7 +374,7 @@ class SampledPolicy(Policy):
         Raises BadInputError if the delay is not a whole number of the ticks.
         """
         tick = scenario.tick
-        if in_samples(self.dt, tick).rest:
+        if in_samples(self.dt, tick).rest:  # a sample is not a whole number of these ticks
             tick = self.dt
             if in_samples(scenario.delay, tick).rest:
                 raise BadInputError(

@@ -34,6 +34,8 @@ def table_expression(table: LinearTable, where: ca.SX) -> ca.SX:
     rows = table.values.reshape(len(points), -1)
     if len(points) == 1:
         return ca.SX(ca.DM(rows[0]))
+    # In the cell between two breakpoints the value is level + slope * offset; `chosen` is 1 for the
+    # cell of the argument, and 0 for others.
     levels, slopes = lines_of_cells(rows, points)
     chosen, offset = Interpolator().cell(ca.SX(where), points)
     return ca.mtimes(ca.DM(levels).T, chosen) + offset * ca.mtimes(ca.DM(slopes).T, chosen)

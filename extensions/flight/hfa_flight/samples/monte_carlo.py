@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import threading
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -226,11 +227,12 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     inputs_at_trim = plan.point.u
     time_flown = scenario.duration if result.departure is None else result.departure.time
     end = round(time_flown / scenario.step)  # 0 if turbulence exceeds the envelope at the start
+    # first row of the root mean squares
     begin = end // 2 if scenario.gust is not None and scenario.gust.rises else 0
     errors = deviations.errors[:end]
     inputs = deviations.inputs[:end]
     angles = deviations.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
-    left = cycle = -1  # no index: none
+    left = cycle = -1  # neither a departure nor a limit cycle
     if result.departure is not None:
         limited = limited_names(plan.model, scenario.moving_air)
         left = limited.index(result.departure.state)
@@ -267,7 +269,7 @@ _MEMBER = "member"
 def chunk_of(plan: MonteCarlo) -> int:
     """Return the number of flights of a Monte Carlo plan that one task simulates."""
     steps = MEMBER_STEPS + plan.scenario.ticks * plan.scenario.steps_per_tick
-    return min(-(-CHUNK_STEPS // steps), plan.members)
+    return min(math.ceil(CHUNK_STEPS / steps), plan.members)
 
 
 def run_monte_carlo(
@@ -280,9 +282,11 @@ def run_monte_carlo(
     workers: as for `open_workers`. The number has no effect on the results
     progress: called with (chunks done, number of chunks), first at the start
     """
-    starts = range(0, plan.members, chunk_of(plan))
-    ends = (*starts[1:], plan.members)
-    tasks = [(number, (plan, *ends)) for number, ends in enumerate(zip(starts, ends, strict=True))]
+    size = chunk_of(plan)
+    tasks = [
+        (number, (plan, start, min(start + size, plan.members)))
+        for number, start in enumerate(range(0, plan.members, size))
+    ]
     chunks = {}
     if progress is not None:
         progress(0, len(tasks))  # the first chunk may take long because code is compiled
@@ -302,6 +306,7 @@ def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
     """
 
     def task(start: int, stop: int) -> tuple[MonteCarlo, int, int]:
+        """Return the arguments of `fly_members` for some rows of the store."""
         return plan, start, stop
 
     job = RowJob("Monte Carlo", _MEMBER, _template(plan), fly_members, task)

@@ -84,6 +84,7 @@ def _verdict(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> str:
     """Return the first line: flights within limits, and the share of the others."""
     within, members = outcomes["within_limits"], plan.members
     has_envelope = is_limited(plan.envelope)
+    # The words are those of what was required: limits of all kinds, the envelope, or no divergence.
     if any(outcomes["exceeded"].values()) or any(outcomes["limit_cycle"].values()):
         stay, verb = "stay within limits", "do not"
     elif has_envelope:
@@ -137,12 +138,11 @@ def _all_same(plan: MonteCarlo) -> bool:
 
 def _air_text(scenario: Scenario) -> str:
     """Return the noise and the moving air of a scenario as text, such as " with noise"."""
-    words, turbulence = "", scenario.uncertainty.turbulence
+    turbulence = scenario.uncertainty.turbulence
+    words = "" if scenario.gust is None else " in a gust"
     if turbulence is not None:
         words = f" in {level_text(turbulence)}"
-    elif scenario.gust is not None:
-        words = " in a gust"
-    return words + " with noise" * any(scenario.uncertainty.noise.values())
+    return words + (" with noise" if any(scenario.uncertainty.noise.values()) else "")
 
 
 def _rms_figures(
@@ -171,7 +171,7 @@ def _rms_figures(
 
 def _rms_of_all(flown: Flown) -> list[float]:
     """Return the root mean squares of states and inputs over the time of all flights, (k + m,)."""
-    seconds = flown["flown"]
+    seconds = flown["flown"]  # a flight counts by the time for which it stays inside
     squares = np.hstack([flown["rms_error"], flown["effort"]]) ** 2
     return np.sqrt(seconds @ squares / max(float(seconds.sum()), 1e-9)).tolist()
 

@@ -144,7 +144,7 @@ def _gain_table(
     K: np.ndarray, stored: Mapping[str, Any], scales: FileScales, model: Model
 ) -> GainSchedule:
     """Return the schedule of a stack of gains of a file, (G, m, n), or (m, n, G) of MATLAB."""
-    m, key = len(model.inputs), model.schedule_key
+    m, key = len(model.inputs), model.schedule_key  # such as dihedral_deg
     if key not in stored:
         raise BadInputError(f"{key} is missing; give one value for each gain K of the table")
     breakpoints = np.ravel(numbers_in(key, stored[key]))

@@ -83,7 +83,7 @@ def read_actor(wanted: Wanted) -> Actor:
         raise BadInputError(
             f"policy.file is {shown(source)}; give the path of the file that contains the policy"
         )
-    ((name, function),) = stored.functions.items()
+    ((name, function),) = stored.functions.items()  # only the policy was asked for
     _refuse_sizes(function, origin, wanted)
     declared = stored.declared
     with prefix_errors(origin):
@@ -91,11 +91,13 @@ def read_actor(wanted: Wanted) -> Actor:
     normalizer, notes = _normalizer(declared, wanted)
     return Actor(
         function,
-        "; ".join(filter(None, [stored.chain, str(declared.action)])),
-        declared._replace(action=action, normalizer=normalizer, notes=(*notes, *declared.notes)),
-        stored.rows.get(name),
-        of_gain,
-        notes,
+        chain="; ".join(filter(None, [stored.chain, str(declared.action)])),
+        declared=declared._replace(
+            action=action, normalizer=normalizer, notes=(*notes, *declared.notes)
+        ),
+        rows=stored.rows.get(name),
+        of_gain=of_gain,
+        notes=notes,
     )
 
 
@@ -194,7 +196,7 @@ def _normalizer(declared: Declared, wanted: Wanted) -> tuple[Normalizer | None, 
         raise BadInputError("the policy's file contains a normalizer; remove policy.normalizer")
     if entry is None:
         missing = "the policy was trained behind a VecNormalize; give its file as policy.normalizer"
-        return declared.normalizer, (missing,) * declared.is_normalized
+        return declared.normalizer, (missing,) if declared.is_normalized else ()
     count = 0  # of the observations from which the normalizer was made, 0 if unknown
     normalizer: Normalizer | None
     if isinstance(entry, Mapping):
@@ -207,9 +209,11 @@ def _normalizer(declared: Declared, wanted: Wanted) -> tuple[Normalizer | None, 
             f"deployment file lists {wanted.observations}; give the normalizer of this policy"
         )
     least, most = declared.seen
-    unseen = normalizer and notes_on_statistics(normalizer.mean, normalizer.variance)
+    unseen: tuple[str, ...] = ()
+    if normalizer is not None:
+        unseen = notes_on_statistics(normalizer.mean, normalizer.variance)
     if unseen or count == 0 or least <= count <= most:
-        return normalizer, unseen or ()
+        return normalizer, unseen
     reason = "it was not saved with this policy"
     if count > most:
         reason += ", unless learn() was called several times"

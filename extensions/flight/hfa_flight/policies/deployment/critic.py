@@ -57,7 +57,7 @@ def _critic(path: str | Path, deployment: Deployment, game: Game, reading: Readi
     _refuse_other_inputs(deployed, game)
     command = f"hfa assess {quote(str(path))}"
     by_flights = f"type {command}, with the same aircraft and trim, to judge it as deployed"
-    if deployed.observe.jac_sparsity(0, 1).nnz():
+    if deployed.observe.jac_sparsity(0, 1).nnz():  # of the observations by U, its second argument
         raise BadInputError(f"an observation depends on the inputs; {by_flights}")
     deployed.refuse_undefined_at([linear.point])
     z = symbols_for([deployed.act], len(game.A))
@@ -91,10 +91,11 @@ def _inputs_at(z: ca.SX, deployed: Deployed, linear: LinearModel, names: tuple[s
     """
     point = linear.point
     model = point.model
+    # Matrices from the linear states to all states, and from all inputs to those with the names.
     from_linear = np.eye(len(model.states))[:, model.state_places(linear.states)]
+    named = np.eye(len(model.inputs))[model.input_places(names)]
     X = ca.DM(point.x) + ca.DM(from_linear) @ z
     U = ca.DM(point.u)
     trim = ca.DM(deployed.trim_vector(point))
     commanded = deployed.unlimited_inputs(deployed.act(deployed.observe(X, U, trim)), X, U, trim)
-    named = np.eye(len(model.inputs))[model.input_places(names)]
     return ca.DM(named) @ (commanded - U)

@@ -103,7 +103,7 @@ class Deployed:
     def __post_init__(self) -> None:
         """Check every name of the deployment, its formulas and its cost."""
         with prefix_errors(self.deployment.origin):
-            _ = self.observed
+            _ = self.observed  # reads and checks the formulas
             for name in self.deployment.action:
                 refuse_unknown("action names the unknown input", name, tuple(self.model.inputs))
             _ = self.maps
@@ -206,7 +206,8 @@ class Deployed:
             for point in points:
                 at_trim = (point.x, point.u, self.trim_vector(point))
                 entries = self.deployment.observation
-                o = _refuse_undefined("observation", entries, self.observe, at_trim, (0, 1))
+                by_X_and_U, by_action = (0, 1), (0,)
+                o = _refuse_undefined("observation", entries, self.observe, at_trim, by_X_and_U)
                 a = action
                 if a is None:
                     self._refuse_other_units()
@@ -217,7 +218,8 @@ class Deployed:
                         "and the normalizer of the policy"
                     )
                 inputs = tuple(self.model.inputs)  # those without a map stay at the trim
-                _refuse_undefined("action", inputs, self.unlimited_inputs, (a, *at_trim), (0,))
+                moved = self.unlimited_inputs
+                _refuse_undefined("action", inputs, moved, (a, *at_trim), by_action)
 
     def _refuse_other_units(self) -> None:
         """Raise BadInputError if the file of a gain K has other units than the deployment.
@@ -312,7 +314,7 @@ class Deployed:
         values = self.values(X, U, trim)
         inputs = tuple(self.model.inputs)
         n = len(self.model.states)
-        entries = [trim[n + index] for index in range(len(inputs))]
+        entries = [trim[n + index] for index in range(len(inputs))]  # U0
         for number, (name, formula) in enumerate(zip(self.commanded, self.maps, strict=True)):
             index = inputs.index(name)
             a_and_trim = {ACTION: a[number], TRIM: trim[n + index]}
@@ -370,7 +372,12 @@ def _refuse_undefined(
     arguments: tuple[Any, ...],
     varied: tuple[int, ...],
 ) -> np.ndarray:
-    """Return the values of a function for the entries of a table of the deployment file, (k,)."""
+    """Return the values (k,) of a function, one for each entry of a table of the deployment file.
+
+    varied: places of the arguments by which the derivatives must be finite
+
+    Raises BadInputError that names an entry whose value or derivative is not finite.
+    """
     values = np.array(function(*arguments)).ravel()
     slopes = function.jacobian()(*arguments, function(*arguments))
     by_varied = np.hstack([np.array(slopes[index]) for index in varied])

@@ -71,6 +71,7 @@ _POLICY: dict[Any, Any] = {
     "squash": None,
     "network": str,
 }
+#: Tables of a deployment file -> kinds of their entries. A name with * is required.
 _ENTRIES: dict[Any, Any] = {
     "policy": _POLICY,
     "observation*": {str: _OBSERVED},
@@ -298,7 +299,7 @@ class Deployment(Reported):
                     f"K is a gain of the {key} {', '.join(of_file)}, but [{table}] lists "
                     f"{', '.join(listed)}; list them as the file does, or remove {key} from it"
                 )
-        dt = declared.get("dt")
+        dt = declared.get("dt")  # True: a sample time that is not stated
         if dt not in (None, True) and not math.isclose(float(dt), self.dt, rel_tol=1e-6):
             raise BadInputError(
                 f"K is a gain for dt = {float(dt):g} s, but timing.dt is {self.dt:g} s; give "
@@ -349,7 +350,7 @@ class Deployment(Reported):
         The policy's files are reread only if the table `policy` is replaced.
         """
         changed = replace(self, **changes)
-        if "policy" not in changes and "actor" in self.__dict__:
+        if "policy" not in changes and "actor" in self.__dict__:  # the cached property
             changed.__dict__["actor"] = self.__dict__["actor"]
         return changed
 

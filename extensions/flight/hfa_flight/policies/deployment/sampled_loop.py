@@ -30,6 +30,7 @@ from trim.linear.margins import ClosedLoop, DiskMargin, LoopMargin, disk_of, sin
 from trim.linear.nonsmooth import linearization_at
 from trim.point.operating_point import OperatingPoint
 
+#: Largest numbers of Newton steps of a search, and of halvings of a step.
 _MOST_STEPS = 60
 _MOST_HALVINGS = 30
 #: Residual, in nominal rates, below which a point counts as an equilibrium.
@@ -116,8 +117,10 @@ class EquilibriumSearch:
         model = point.model
         self.model = model
         self.trim = deployed.trim_vector(point)
+        # Places of the linear states in X, and of the commanded inputs in U.
         self.rows = model.state_places(model.linear)
         self.columns = model.input_places(deployed.commanded)
+        # The trim as z = (X; U), and the places in z that the search changes.
         self.base = np.concatenate([point.states, point.inputs])
         self.moving = [*self.rows, *(len(model.states) + column for column in self.columns)]
         self.state_scales = model.nominal(model.linear)
