@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from hfa_aircraft.limits import Limits
@@ -159,17 +160,12 @@ class EquilibriumSearch:
                 return following
         return None
 
-    def _states_and_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return X (n,) and U (m,) of a point z = (X; U)."""
-        n = len(self.model.states)
-        return z[:n], z[n:]
-
-    def _command_and_slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the commanded inputs (m',) at a point z = (X; U) and their slopes.
-
-        The slopes are those by the linear states (m', k) and by the commanded inputs (m', m').
+    def _command_and_slopes(
+        self, X: np.ndarray, U: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the commanded inputs (m',) at X and U, and their slopes by the linear states
+        (m', k) and by the commanded inputs just before the sample (m', m').
         """
-        X, U = self._states_and_inputs(z)
         commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
         u = np.array(commanded).ravel()[self.columns]
         by_linear = np.array(by_states)[np.ix_(self.columns, self.rows)]
@@ -180,13 +176,13 @@ class EquilibriumSearch:
 
         Its Jacobian is that by the scaled linear states and commanded inputs, `moving`.
         """
-        X, U = self._states_and_inputs(z)
+        X, U = np.split(z, [len(self.model.states)])
         count = len(self.moving)
         try:
             plant = self.model.at(X, U)
         except FloatingPointError:
             return _Residual(z, np.full(count, np.nan), np.full((count, count), np.nan))
-        u, by_states, by_inputs = self._command_and_slopes(z)
+        u, by_states, by_inputs = self._command_and_slopes(X, U)
         values = np.concatenate([plant.f[self.rows] - self.steady_rates, U[self.columns] - u])
         A = plant.A[np.ix_(self.rows, self.rows)]
         B = plant.B[np.ix_(self.rows, self.columns)]
@@ -196,12 +192,15 @@ class EquilibriumSearch:
 
     def _linearized_at(self, z: np.ndarray) -> Equilibrium:
         """Return the linearization at a point (X; U), and what is saturated or clipped there."""
-        X, U = self._states_and_inputs(z)
+        X, U = np.split(z, [len(self.model.states)])
         plant, _ = linearization_at(self.model, X, U)
-        _, by_states, by_inputs = self._command_and_slopes(z)
+        _, by_states, by_inputs = self._command_and_slopes(X, U)
         A = plant.A[np.ix_(self.rows, self.rows)]
         B = plant.B[np.ix_(self.rows, self.columns)]
         x, u = self.state_scales, self.input_scales
+        deployed = self.deployed
+        stages = deployed.stages(deployed.observe(X, U, self.trim))
+        normalized, raw, action = (np.array(stage).ravel() for stage in stages)
         return Equilibrium(
             states=X,
             inputs=U,
@@ -212,43 +211,47 @@ class EquilibriumSearch:
                 K=-by_states * x / u[:, None],
                 K_inputs=by_inputs * u / u[:, None],
             ),
-            clips=self._clips(X, U),
-            clipped_observations=self._clipped_observations(X, U),
+            clips=(
+                *self._actions_at_ends(raw),
+                *self._inputs_at_limits(deployed.unlimited_inputs(action, X, U, self.trim)),
+            ),
+            clipped_observations=self._clipped_observations(normalized),
         )
 
-    def _clips(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
-        """Return descriptions of the actions and inputs that are saturated at given X and U."""
-        deployed = self.deployed
-        observation = self._observed(X, U)
-        _, raw, action = (np.array(part).ravel() for part in deployed.stages(observation))
-        low, high = deployed.deployment.box
-        words = []
-        if not deployed.deployment.actor.declared.action.squash:
-            at_ends = ((raw <= low) | (raw >= high)).tolist()
-            for name, is_at_end in zip(deployed.commanded, at_ends, strict=True):
-                if is_at_end:
-                    words.append(f"the action of {name} at the end of its box")
-        unlimited = np.array(deployed.unlimited_inputs(action, X, U, self.trim)).ravel()
-        limits = Limits.of(self.model, tuple(self.model.inputs))
-        is_limited = limits.at_lowest(unlimited) | limits.at_highest(unlimited)
-        for name, column in zip(deployed.commanded, self.columns, strict=True):
-            if is_limited[column]:
-                words.append(f"{name} at its limit")
-        return tuple(words)
+    def _actions_at_ends(self, raw: np.ndarray) -> list[str]:
+        """Return descriptions of the actions that the ends of their boxes clip.
 
-    def _clipped_observations(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
-        """Return the names of the observations that the normalizer clips at given X and U."""
+        raw: output of the network, (m',)
+        """
+        deployment = self.deployed.deployment
+        if deployment.actor.declared.action.squash:  # smooth, so nothing is clipped
+            return []
+        low, high = deployment.box
+        at_ends = zip(self.deployed.commanded, (raw <= low) | (raw >= high), strict=True)
+        return [f"the action of {name} at the end of its box" for name, is_at in at_ends if is_at]
+
+    def _inputs_at_limits(self, unlimited: ca.DM) -> list[str]:
+        """Return descriptions of the commanded inputs that are at a control limit or beyond.
+
+        unlimited: commands before they are clipped, (m,)
+        """
+        U = np.array(unlimited).ravel()
+        limits = Limits.of(self.model, tuple(self.model.inputs))
+        is_at = limits.at_lowest(U) | limits.at_highest(U)
+        commanded = zip(self.deployed.commanded, self.columns, strict=True)
+        return [f"{name} at its limit" for name, column in commanded if is_at[column]]
+
+    def _clipped_observations(self, normalized: np.ndarray) -> tuple[str, ...]:
+        """Return the names of the observations that the normalizer clips.
+
+        normalized: observations before the clip, (k,)
+        """
         normalizer = self.deployed.deployment.normalizer
         if normalizer is None:
             return ()
-        normal = np.array(self.deployed.stages(self._observed(X, U))[0]).ravel()
-        names = [*self.deployed.deployment.observation]
-        clipped = np.flatnonzero(np.abs(normal) >= normalizer.clip).tolist()
-        return tuple(dict.fromkeys(names[number] for number in clipped))
-
-    def _observed(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
-        """Return the inputs of the policy at X and U."""
-        return np.array(self.deployed.observe(X, U, self.trim)).ravel()
+        names = self.deployed.deployment.observation
+        is_clipped = np.abs(normalized) >= normalizer.clip
+        return tuple(name for name, clipped in zip(names, is_clipped, strict=True) if clipped)
 
 
 #: Largest delay that is searched, s.
