@@ -493,7 +493,7 @@ def _with_all(linear: LinearModel, stored: Mapping[str, Any], name: str) -> Line
     output_units = words(stored, "output_units") or ("1",) * k
     outputs = _signals(linear.outputs, output_units, Y0)
     rows = map(OutputRow, outputs.values(), linear.C, linear.D, F)
-    warnings = words(stored, "warnings")
+    warnings = words(stored, "warnings")  # among them, for a plant, the note that it is linear
     of_plant = LINEAR if LINEAR in warnings else LINEAR_WITH_OFFSETS
     model = plant_about(
         name,

@@ -69,7 +69,7 @@ class TrimCondition:
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        """Complete `rates` and check all fields.
+        """Complete `rates`, convert texts such as "250 kt" to numbers, and check all fields.
 
         Raises BadInputError for a faulty field.
         """
@@ -107,7 +107,7 @@ class TrimCondition:
                         f"{name} is {shown(number)}; give a finite number"
                         f" in {model.unit(name)} (hfa.sweep accepts lists)"
                     )
-                if not limits.least[index] <= number <= limits.most[index]:
+                if not limits.least[index] <= number <= limits.most[index]:  # with their tolerance
                     advice = f"give a value between {limits.between(name)}"
                     if limits.assumed[index]:
                         advice += f" (assumed limits; --limit {name}=LOW:HIGH sets others)"
@@ -378,7 +378,7 @@ def stated_cells(model: Model, stated: StatedValues) -> dict[str, Any]:
     limits = []
     for name, ends in stated.limits.items():
         lowest, highest = (exact_cell(end, model.unit(name)) for end in ends)
-        limits.append(f"{name}={lowest}:{highest}".replace(" ", ""))
+        limits.append(f"{name}={lowest}:{highest}".replace(" ", ""))  # spaces separate variables
     texts = {FREE: " ".join(stated.free), LIMIT: " ".join(limits)}
     return cells | {name: text for name, text in texts.items() if text}
 
@@ -443,10 +443,13 @@ def read_condition(name: str, usual: TrimCondition, shipped: Mapping[str, Path])
 
 
 def _variable(model: Model, file: str, key: str, also: Collection[str] = ()) -> tuple[str, float]:
-    """Return the variable of a key such as "alpha_deg", and the factor to its unit."""
+    """Return the variable of a key such as "alpha_deg", and the factor from the file to its unit.
+
+    also: names that are permitted although a trim cannot impose them
+    """
     name = key.removesuffix("_deg")
     model.refuse_unheld(f"{file}: unknown trim variable", name, tuple(also))
-    if name == key:
+    if name == key:  # a file is in the units that the aircraft declares
         return name, model.native_factor(name)
     if not model.unit(name).startswith("rad"):
         raise BadInputError(f"{file}: {key} is not an angle; write {name}, in {model.unit(name)}")
@@ -454,7 +457,10 @@ def _variable(model: Model, file: str, key: str, also: Collection[str] = ()) -> 
 
 
 def _table(model: Model, file: str, key: str, value: Any, factor: float) -> LinearTable:
-    """Return the rows [breakpoint, value], angles in degrees, as a table of converted values."""
+    """Return [breakpoint, value] rows as a table over the scheduling variable.
+
+    Breakpoints that are angles are in degrees in the file; values are multiplied by the factor.
+    """
     rows = checked(file, value, [[NUMBER]], key)
     if not rows or any(len(row) != 2 for row in rows):
         raise BadInputError(f"{file}: {key} is {shown(value)}; give [{model.schedule}, value] rows")

@@ -23,28 +23,28 @@ def freed_parameters(condition: TrimCondition) -> tuple[str, ...]:
 
 @lru_cache(maxsize=16)
 def with_parameters_as_inputs(model: Model, names: tuple[str, ...]) -> Model:
-    """Return the model with some of its parameters as inputs, which a trim may solve for."""
+    """Return the model with some of its parameters as inputs, which a trim can solve for."""
     inputs, parameters = record(tuple(model.inputs)), record(tuple(model.parameters))
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Return rates by state, and outputs by name."""
+        """Return rates by state and outputs by name, with the parameters that u contains."""
         own_u = inputs(*(getattr(u, name) for name in model.inputs))
         own_p = parameters(*(getattr(u if name in names else p, name) for name in model.parameters))
         return model.equations(x, own_u, own_p, w)
 
     def begin(imposed: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the initial values that the model computes."""
+        """Return the initial values that the model computes, at the start values of `names`."""
         loaded = {name: model.parameters[name].start for name in names}
         return model.trimming.initial({**loaded, **imposed})
 
-    trimming = replace(model.trimming, begin=model.trimming.begin and begin)
+    computed = None if model.trimming.begin is None else begin
     declared = {name: value for name, value in model.source.declared.items() if name not in names}
     return replace(
         model,
         inputs={**model.inputs, **{name: model.parameters[name] for name in names}},
         parameters={name: signal for name, signal in model.parameters.items() if name not in names},
         equations=equations,
-        trimming=trimming,
+        trimming=replace(model.trimming, begin=computed),
         source=replace(model.source, declared=declared),
     )
 
@@ -59,10 +59,11 @@ def with_found_parameters(
     found = {name: point[name] for name in freed_parameters(condition)}
     fixed = model.with_parameters(**found)
     problem = None
-    with suppress(BadInputError):  # of a failed trim
+    with suppress(BadInputError):  # a failed trim can have parameters that the model refuses
         kept = () if point.found_by is None else point.found_by.kept
         problem = TrimProblem(fixed, condition, point.values, kept)
     inputs = record(tuple(model.inputs))(*(point[name] for name in model.inputs))
     found_point = replace(point, inputs=inputs, model=fixed, found_by=problem)
-    vars(found_point)["_undetermined"] = point._undetermined  # of the problem that was solved
+    # The parameters found are constants of `problem`; those of the solved problem were unknowns.
+    vars(found_point)["_undetermined"] = point._undetermined
     return found_point

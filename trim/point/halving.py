@@ -43,6 +43,7 @@ def newton(
     """
     if moving is not None or bounded:
         return _halved_steps(system, z, c, moving, bounded)
+    # The usual case: few unknowns, for which full steps converge. Other points are repeated.
     if system.equations.square and z.shape[1] <= FEW:
         end, flags = step_rows(system.equations, system.steps)(z, c)
         converged = flags[:, 0] == 1.0
@@ -59,7 +60,9 @@ def newton(
 
 
 def _full_steps(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> np.ndarray | None:
-    """Return the unknowns (1, k) of one point, or None if a step must be halved or is singular."""
+    """Return the solution (1, k) by Newton's method with full steps from one point, (1, k), or None
+    if a residual increases or a Jacobian is singular.
+    """
     size_before = math.inf
     for _ in range(MOST_TRIALS):
         residual, jacobian = system.residuals(z, c)

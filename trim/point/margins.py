@@ -124,7 +124,7 @@ def all_margins(
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
     roles |= dict.fromkeys(left, "left")
     if set(condition.free) <= set(model.inputs):
-        # All states are held, including those that outputs replace.
+        # No state is free, so that those that outputs replace are held as well.
         roles |= dict.fromkeys(model.replaced, "held")
     named = {*model.variables, *model.trim, *condition.imposed}
     outputs = [
@@ -156,7 +156,8 @@ def _limits_by_state(
     model: Model, x: Any, u: Any, state: str, output: str, limits: tuple[float, float]
 ) -> tuple[float, float]:
     """Return the limits of an output that follow from those of the state it replaces."""
-    # The output is affine in the state: y(value) = y(trim) + slope (value - value at the trim).
+    # The output, such as gamma = pitch - alpha for the pitch, is affine in the state:
+    # y(limit) = y(trim) + slope (limit - value of the state at the trim).
     value = getattr(x, state)
     step = model.states[state].nominal
     moved = x._replace(**{state: value + step})

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "hfa.operating-point/1"
 
-#: Entries of a saved point; files of later versions may contain more.
+#: Entries of a saved point, those with * required; files of later versions may contain more (...).
 _FILE: dict[Any, Any] = {
     "schema*": (SCHEMA,),
     "dynamics*": str,
@@ -178,8 +178,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     @property
     def dihedral_deg(self) -> float | None:
         """Dihedral angle of the flexible aircraft, degrees, or None for other models."""
-        model = self.model
-        return in_degrees(self.values[model.schedule]) if model.about.names_schedule else None
+        is_flexible_aircraft = self.model.about.names_schedule
+        return in_degrees(self.values[self.model.schedule]) if is_flexible_aircraft else None
 
     @property
     def scheduled(self) -> dict[str, float] | None:
@@ -189,7 +189,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         for the paper's aircraft, whose files contain `dihedral_deg` instead.
         """
         name = self.model.schedule
-        if self.model.about.names_schedule:
+        if self.model.about.names_schedule:  # of the paper's aircraft
             return None
         return {name: self.values[name]} if name in self.values else {}
 
@@ -211,8 +211,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         range of validity.
         """
         notes = [*self.model.about.notes]
-        declared = self.model.native
-        if any(signal.unit == "deg" for signal in declared.signals.values()):
+        in_declared_units = self.model.native
+        if any(signal.unit == "deg" for signal in in_declared_units.signals.values()):
             from hfa_aircraft.units import notes_on_degrees
 
             notes += notes_on_degrees(self.model)
@@ -320,6 +320,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         for values in (self.states, self.inputs):
             in_model = {}
             for name, value in values._asdict().items():
+                # None for a unit that is not known, and is therefore not converted
                 factor = conversion_factor(self.model.unit(name), model.unit(name)) or 1.0
                 in_model[name] = value * factor
             converted.append(values._replace(**in_model))

@@ -226,7 +226,7 @@ class TrimProblem:
         z: solution in scaled unknowns, (k,)
         """
         quarter_turn = self.system.quarter_turn
-        revolution = np.where(np.isfinite(quarter_turn), 4.0 * quarter_turn, 1.0)
+        revolution = np.where(np.isfinite(quarter_turn), 4.0 * quarter_turn, 1.0)  # 1: no angle
         reduced = z - revolution * np.round(z / revolution)
         reduced = np.where(np.abs(z) > quarter_turn, reduced, z)
         return reduced if self.solved(reduced) else z
@@ -263,8 +263,8 @@ class TrimProblem:
         far = np.minimum(_FAR, system.quarter_turn)
         lowest = np.where(np.isfinite(system.lowest), system.lowest, guess - far)
         highest = np.where(np.isfinite(system.highest), system.highest, guess + far)
-        polynomial = np.concatenate([[1.0], np.zeros(unknowns - 1), [-1.0, -1.0]])
-        golden = max(np.roots(polynomial).real) ** -np.arange(1.0, unknowns + 1)
+        polynomial = np.concatenate([[1.0], np.zeros(unknowns - 1), [-1.0, -1.0]])  # root φ
+        golden = max(np.roots(polynomial).real) ** -np.arange(1.0, unknowns + 1)  # α
         for number in range(1, STARTS + 1):
             start = lowest + (highest - lowest) * ((0.5 + number * golden) % 1.0)
             try:

@@ -169,7 +169,7 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
     """
     if model.trimming.explain is None:
         return error
-    posed = TrimProblem(model, condition)
+    posed = TrimProblem(model, condition)  # with a speed in place of an airspeed
     equations, unknowns = posed.count
     held = condition.imposed.keys() - model.trim.keys()
     if equations > unknowns and not held.isdisjoint(model.inputs):
@@ -272,7 +272,7 @@ def trim(
         with np.errstate(over="raise"):
             return _unique_trim(problem)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
-        if model.about.failed():
+        if model.about.failed():  # a compiled program, whose error has the reason
             raise BadInputError(f"no trim: {error}") from error
         raise BadInputError(
             f"the equations overflow or divide by zero; use other values or parameters ({error})"
@@ -296,6 +296,8 @@ def _trim_of_parameters(
 
 def _unique_trim(problem: TrimProblem) -> OperatingPoint:
     """Return the trim in which states that no equation determines have their start values."""
+    # With more unknowns than equations, a search would minimize the control effort, and move such
+    # states: they are kept before any search.
     if keepable(problem.system, problem.asked):
         equations, unknowns = problem.count
         found = solution(problem) if unknowns <= equations else None
@@ -387,9 +389,11 @@ def solution(problem: TrimProblem) -> SearchEnd:
 
 
 def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimError:
-    """Return the error of a condition that has no trim."""
-    # nearest: scaled unknowns, which may balance beyond the limits
-    # others: number of other initial points from which the search failed
+    """Return the error of a condition that has no trim.
+
+    nearest: the best scaled unknowns found, (k,), possibly beyond their limits
+    others: number of other initial points from which the search failed
+    """
     message = failure(problem, nearest)
     beyond_limits = ""  # `TrimError.required`
     if problem.balanced(nearest):
@@ -482,7 +486,8 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
 
 def _trim_without_limits(point: OperatingPoint, command: Mapping[str, float]) -> OperatingPoint:
     """Return the trim at a command, whose free variables may exceed their limits."""
-    # A pitch that the model does not hold is reached by changes of gamma.
+    # Where a trim imposes gamma in place of the pitch, gamma = pitch - alpha is changed until the
+    # pitch is the commanded one.
     held = {name: point[name] + deviation for name, deviation in command.items()}
     commanded_pitch = None
     if "pitch" in held and "pitch" not in point.model.holdable:

@@ -157,7 +157,7 @@ def _kept_values(
 def _with_true_speed(
     model: Model, variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> tuple[Model, tuple[str, ...], np.ndarray, TrimCondition]:
-    """Return what the points impose, with the speed, or an output, in place of an airspeed."""
+    """Return the arguments with the speed, or an output, in place of an imposed airspeed (kcas)."""
     condition = condition.freed_for(variables)
     columns = dict(zip(variables, values.T, strict=True))
     given = {**condition.imposed, **columns}
@@ -341,8 +341,10 @@ def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarra
 def _settle_from_neighbors(
     system: TrimSystem, values: np.ndarray, c: np.ndarray, ends: NewtonEnds
 ) -> None:
-    """Search waiting points from their nearest solved neighbors, while there are new ones."""
-    # The solutions are stored in `ends`.
+    """Repeat Newton's method at points that have not converged from their nearest converged ones.
+
+    The solutions are stored in `ends`.
+    """
     from scipy.spatial import cKDTree
 
     spread = np.ptp(values, axis=0)

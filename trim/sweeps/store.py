@@ -217,7 +217,7 @@ def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
     stalls = 0
     for start in range(0, plan.count, CHUNK):
         part = dataset.isel({_POINT: slice(start, start + CHUNK)})
-        totals += np.bincount(part.status.values - MISSING, minlength=len(totals))
+        totals += np.bincount(part.status.values - MISSING, minlength=len(totals))  # first: missing
         changed_points += int(np.count_nonzero(part.nonsmooth_points.values > 0))
         one_by_one += int(np.count_nonzero(part.one_by_one.values))
         stalls += int(np.count_nonzero(part.stalled.values))
